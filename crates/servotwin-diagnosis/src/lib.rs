@@ -1,0 +1,3 @@
+//! From residuals to a diagnosis.
+#![no_std]
+extern crate alloc;

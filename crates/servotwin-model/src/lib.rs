@@ -1,0 +1,3 @@
+//! Physics of electro-hydraulic servo actuators.
+#![no_std]
+extern crate alloc;

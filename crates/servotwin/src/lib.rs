@@ -1,0 +1,1 @@
+//! The hybrid twin of electro-hydraulic servo actuators.
