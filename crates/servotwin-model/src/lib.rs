@@ -1,3 +1,17 @@
 //! Physics of electro-hydraulic servo actuators.
 #![no_std]
 extern crate alloc;
+
+pub mod components;
+pub mod dual;
+pub mod equation;
+pub mod fluid;
+pub mod jacobian;
+pub mod lanes;
+pub mod lu;
+pub mod math;
+pub mod network;
+pub mod program;
+pub mod scalar;
+pub mod spec;
+pub mod wiring;

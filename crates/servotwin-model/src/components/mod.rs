@@ -1,0 +1,101 @@
+//! The catalogue: one file per component, with its equations, its parameters
+//! and its faults.
+//!
+//! A new component is a file here and a line in the list at the end. The line
+//! names the equation blocks that the file defines, so that programs can run
+//! them without indirection.
+
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::Spec;
+use crate::wiring::Wiring;
+
+#[cfg(test)]
+mod contract;
+
+/// A component of the catalogue.
+pub trait Component: Sync {
+    /// What it declares.
+    fn spec(&self) -> &'static Spec;
+
+    /// Adds its equations to a program.
+    fn connect(&self, wiring: &mut Wiring);
+
+    /// Whether its parameters are possible together (each alone is checked
+    /// against its declared range).
+    ///
+    /// # Errors
+    /// What does not fit, naming the parameters.
+    fn check(&self, _parameters: &[f64]) -> Result<(), &'static str> {
+        Ok(())
+    }
+}
+
+/// An equation block that is in the list below.
+pub trait Listed {
+    /// Its place in the list.
+    const KIND: BlockKind;
+}
+
+/// Work that is done with a block of any kind; see [`BlockKind::visit`].
+pub(crate) trait Visitor {
+    type Output;
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
+    where
+        E: Equation<I, O, C>;
+}
+
+macro_rules! catalogue {
+    ($($module:ident :: $component:ident [$($block:ident),* $(,)?]),* $(,)?) => {
+        $(pub mod $module;)*
+
+        /// Every component, in the order of the documentation.
+        pub static ALL: &[&dyn Component] = &[$(&$module::$component),*];
+
+        /// Every equation block.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        #[repr(u8)]
+        pub enum BlockKind {
+            $($(#[doc = stringify!($module)] $block,)*)*
+        }
+
+        $($(impl Listed for $module::$block {
+            const KIND: BlockKind = BlockKind::$block;
+        })*)*
+
+        impl BlockKind {
+            /// Calls the visitor with the block's type.
+            #[inline(always)]
+            pub(crate) fn visit<T: Visitor>(self, visitor: T) -> T::Output {
+                match self {
+                    $($(BlockKind::$block => visitor.visit::<$module::$block, _, _, _>(),)*)*
+                }
+            }
+        }
+    };
+}
+
+/// The component of a kind.
+pub fn find(kind: &str) -> Option<&'static dyn Component> {
+    ALL.iter().copied().find(|c| c.spec().kind == kind)
+}
+
+/// The constants of one block as a list.
+pub(crate) struct Constants<'a, S>(pub &'a Given<'a, S>);
+
+impl<S: Scalar<Base = S>> Visitor for Constants<'_, S> {
+    type Output = alloc::vec::Vec<S>;
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
+    where
+        E: Equation<I, O, C>,
+    {
+        E::constants(self.0).to_vec()
+    }
+}
+
+catalogue! {
+    pressure_source::PressureSource [],
+    tank::Tank [],
+    volume::Volume [VolumePressure],
+    orifice::Orifice [Restriction],
+}

@@ -1,0 +1,116 @@
+//! An orifice with a smooth transition from laminar to turbulent flow.
+//!
+//! ```text
+//! Δp = R q + K q|q|,   K = ρ / (2 C_d² A²)                                 (O1)
+//! q  = A · 2Δp / (r + √(r² + 4 k |Δp|)),   r = R A,  k = K A²              (O2)
+//! r  = Re_t ρ ν / (2 C_d² D_h) + R_s A,    D_h = √(4A/π)                   (O3)
+//! ```
+//!
+//! (O2) is (O1) solved for the flow, written so that it also holds for a closed
+//! orifice (A = 0 gives q = 0). It is smooth at Δp = 0, where its slope is A/r,
+//! and tends to `C_d A √(2Δp/ρ)`. `Re_t` is the transition Reynolds number;
+//! `R_s` a laminar resistance in series (a filter, a line), exact by adding the
+//! resistances.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Orifice;
+
+const AREA: usize = 0;
+const DISCHARGE: usize = 1;
+const REYNOLDS: usize = 2;
+
+static SPEC: Spec = Spec {
+    kind: "orifice",
+    summary: "fixed orifice, laminar to turbulent",
+    parameters: &[
+        required("area_m2", Unit::SquareMetre, (0.0, 1e-2), "flow area"),
+        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    ],
+    faults: &[scales(
+        "clogging",
+        "area_m2",
+        0.05,
+        (0.0, 1.0),
+        Category::Clogging,
+        "dirt narrows the orifice",
+    )],
+    ports: &[hydraulic("a", "one side"), hydraulic("b", "other side")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for Orifice {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let pressures = [wiring.pressure("a"), wiring.pressure("b")];
+        let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+        wiring.equation::<Restriction, 2, 1, 3>(0, pressures, [flow]);
+    }
+}
+
+/// The turbulent constant `k = ρ/(2 C_d²)` of (O1), Pa s²/m².
+pub fn turbulent<S: Scalar<Base = S>>(density_kg_m3: S, discharge_coefficient: S) -> S {
+    density_kg_m3 * S::constant(0.5) / (discharge_coefficient * discharge_coefficient)
+}
+
+/// The laminar part of `r` in (O3) for a hydraulic diameter, Pa s/m.
+pub fn laminar<S: Scalar<Base = S>>(
+    turbulent: S,
+    kinematic_viscosity_m2_s: S,
+    transition_reynolds: S,
+    hydraulic_diameter_m: S,
+) -> S {
+    transition_reynolds * kinematic_viscosity_m2_s * turbulent / hydraulic_diameter_m
+}
+
+/// The hydraulic diameter of a round hole, m. A closed hole counts as one of a
+/// micrometre, which keeps (O2) finite.
+pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
+    (area_m2 * S::constant(4.0 / core::f64::consts::PI)).sqrt().max(S::constant(1e-6))
+}
+
+/// Equation (O2) per unit of area: the mean velocity, m/s.
+#[inline(always)]
+pub fn velocity_m_s<S: Scalar>(pressure_drop_pa: S, laminar: S, four_turbulent: S::Base) -> S {
+    let root = (laminar * laminar + pressure_drop_pa.abs() * four_turbulent).sqrt();
+    pressure_drop_pa * lit::<S>(2.0) / (laminar + root)
+}
+
+/// Equation (O2) with a constant laminar term.
+#[inline(always)]
+pub fn velocity_at_m_s<S: Scalar>(
+    pressure_drop_pa: S,
+    laminar: S::Base,
+    four_turbulent: S::Base,
+) -> S {
+    let root = (pressure_drop_pa.abs() * four_turbulent + laminar * laminar).sqrt();
+    pressure_drop_pa * lit::<S>(2.0) / (root + laminar)
+}
+
+/// Equation (O2): (p_a, p_b) → flow from a to b.
+pub struct Restriction;
+
+impl Equation<2, 1, 3> for Restriction {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        let area = given[AREA];
+        let k = turbulent(given.fluid.density_kg_m3, given[DISCHARGE]);
+        let viscosity = given.fluid.kinematic_viscosity_m2_s;
+        let r = laminar(k, viscosity, given[REYNOLDS], hole_diameter_m(area));
+        [area, r, k * S::constant(4.0)]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [p_a, p_b]: [S; 2]) -> [S; 1] {
+        [velocity_at_m_s(p_a - p_b, c[1], c[2]) * c[0]]
+    }
+}

@@ -1,0 +1,39 @@
+//! A supply line of ideal stiffness: it gives any flow at its pressure.
+//!
+//! ```text
+//! p = p_supply
+//! ```
+
+use super::Component;
+use crate::spec::{Spec, Unit, declare::*};
+use crate::wiring::Wiring;
+
+/// See the module.
+pub struct PressureSource;
+
+static SPEC: Spec = Spec {
+    kind: "pressure_source",
+    summary: "hydraulic supply of constant or measured pressure",
+    parameters: &[
+        parameter("pressure_pa", Unit::Pascal, 20.684e6, (1e4, 1e8), "supply pressure, absolute"),
+        parameter("temperature_k", Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
+    ],
+    faults: &[],
+    ports: &[
+        pressure("port", "outlet"),
+        input_or("pressure", Unit::Pascal, "pressure_pa", "measured supply pressure"),
+    ],
+    states: &[],
+    reference: true,
+};
+
+impl Component for PressureSource {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let pressure = wiring.signal("pressure");
+        wiring.set("port", pressure);
+    }
+}

@@ -1,0 +1,39 @@
+//! A return line or reservoir of constant pressure.
+//!
+//! ```text
+//! p = p_tank
+//! ```
+
+use super::Component;
+use crate::spec::{Spec, Unit, declare::*};
+use crate::wiring::Wiring;
+
+/// See the module.
+pub struct Tank;
+
+static SPEC: Spec = Spec {
+    kind: "tank",
+    summary: "return line or reservoir of constant or measured pressure",
+    parameters: &[
+        parameter("pressure_pa", Unit::Pascal, 0.6e6, (1e3, 1e8), "pressure, absolute"),
+        parameter("temperature_k", Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
+    ],
+    faults: &[],
+    ports: &[
+        pressure("port", "inlet"),
+        input_or("pressure", Unit::Pascal, "pressure_pa", "measured return pressure"),
+    ],
+    states: &[],
+    reference: true,
+};
+
+impl Component for Tank {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let pressure = wiring.signal("pressure");
+        wiring.set("port", pressure);
+    }
+}

@@ -1,0 +1,222 @@
+//! Hydraulic fluids: density, viscosity and bulk modulus.
+//!
+//! One file each; [`FluidKind::ALL`] lists them. The properties of a circuit at
+//! its temperature are a [`FluidState`], made once per variant; only the
+//! effective bulk modulus also depends on the pressure and is evaluated in the
+//! chambers:
+//!
+//! ```text
+//! E_l = E_0(T) + k_p p                                                    (F1)
+//! E_m = E_l (1 + g) / (1 + g E_l / (n p)),   g = a (p_0 / p)^(1/n)          (F2)
+//! 1/E = 1/E_m + 1/E_wall                                                  (F3)
+//! ```
+//!
+//! `a` is the volume of free gas per volume of liquid at the normal pressure
+//! `p_0` = 101 325 Pa, `n` the polytropic exponent of the gas. Near vacuum E
+//! tends to `n p / a`, so the pressure limits itself.
+
+mod mil_prf_5606;
+mod mil_prf_83282;
+mod phosphate_ester;
+
+use crate::math::power;
+use crate::scalar::{Scalar, lit};
+
+/// The laws of one liquid, in its temperature.
+pub trait Liquid {
+    /// The word for `kind` in a system file.
+    const NAME: &'static str;
+    /// One line for people, with the source.
+    const SUMMARY: &'static str;
+    /// Temperatures the laws hold for, K.
+    const RANGE_K: (f64, f64);
+
+    /// Density at normal pressure, kg/m³.
+    fn density_kg_m3<S: Scalar>(temperature_k: S) -> S;
+    /// Kinematic viscosity at normal pressure, m²/s.
+    fn kinematic_viscosity_m2_s<S: Scalar>(temperature_k: S) -> S;
+    /// Bulk modulus of the liquid, extrapolated to zero pressure, Pa.
+    fn bulk_modulus_pa<S: Scalar>(temperature_k: S) -> S;
+    /// Growth of the bulk modulus with pressure, Pa/Pa.
+    const BULK_MODULUS_SLOPE: f64;
+}
+
+/// What a system file says about the fluid of a circuit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fluid {
+    /// The liquid.
+    pub kind: FluidKind,
+    /// Volume of free gas per volume of liquid at normal pressure.
+    pub air_fraction: f64,
+    /// Polytropic exponent of the gas.
+    pub polytropic_exponent: f64,
+    /// Stiffness of the walls as a bulk modulus, Pa.
+    pub wall_modulus_pa: f64,
+}
+
+impl Default for Fluid {
+    fn default() -> Self {
+        Self {
+            kind: FluidKind::PhosphateEster,
+            air_fraction: 0.005,
+            polytropic_exponent: 1.4,
+            wall_modulus_pa: 10e9,
+        }
+    }
+}
+
+/// The fluid of a circuit at its temperature.
+#[derive(Clone, Copy, Debug)]
+pub struct FluidState<S> {
+    /// Density, kg/m³.
+    pub density_kg_m3: S,
+    /// Kinematic viscosity, m²/s.
+    pub kinematic_viscosity_m2_s: S,
+    /// Constants of the effective bulk modulus.
+    pub bulk: BulkModulus<S>,
+    /// Temperature, K.
+    pub temperature_k: S,
+}
+
+/// The constants of equations (F1)–(F3).
+#[derive(Clone, Copy, Debug)]
+pub struct BulkModulus<S> {
+    /// `E_0`, Pa.
+    pub liquid_pa: S,
+    /// `k_p`.
+    pub slope: S,
+    /// `a · p_0^(1/n)`.
+    pub gas: S,
+    /// `−1/n`.
+    pub exponent: S,
+    /// `1/n`.
+    pub reciprocal_exponent: S,
+    /// `1/E_wall`, 1/Pa.
+    pub wall_compliance_per_pa: S,
+}
+
+/// Normal pressure, Pa.
+pub const NORMAL_PRESSURE_PA: f64 = 101_325.0;
+/// The bulk modulus law is frozen below this pressure, Pa: the gas formula has
+/// no meaning at or below vacuum.
+pub const LOWEST_PRESSURE_PA: f64 = 2_000.0;
+
+/// Number of constants of [`BulkModulus`].
+pub const BULK_CONSTANTS: usize = 6;
+
+impl<S: Scalar> BulkModulus<S> {
+    /// As an array, to be stored among an equation's constants.
+    pub fn to_array(self) -> [S; BULK_CONSTANTS] {
+        [
+            self.liquid_pa,
+            self.slope,
+            self.gas,
+            self.exponent,
+            self.reciprocal_exponent,
+            self.wall_compliance_per_pa,
+        ]
+    }
+}
+
+/// `1/E`, the compressibility of the mixture with its walls at an absolute
+/// pressure, 1/Pa: equations (F1)–(F3), with the constants of
+/// [`BulkModulus::to_array`].
+#[inline(always)]
+pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> S {
+    let &[liquid, slope, gas, exponent, reciprocal, wall] = constants else { unreachable!() };
+    let one = lit::<S>(1.0);
+    let p = pressure_pa.max(S::constant(LOWEST_PRESSURE_PA));
+    let liquid_modulus = p * slope + liquid;
+    let gas_share = power(p, exponent) * gas;
+    // (1 + g E_l/(n p)) / (E_l (1 + g)) + 1/E_wall, over one denominator.
+    let numerator = p + gas_share * liquid_modulus * reciprocal;
+    let denominator = p * liquid_modulus * (gas_share + one);
+    numerator / denominator + wall
+}
+
+/// The kinds of liquid, one line each: `Variant = module::Type`.
+macro_rules! liquids {
+    ($($variant:ident = $module:ident :: $liquid:ident),* $(,)?) => {
+        /// A liquid of the catalogue.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum FluidKind {
+            $(#[doc = stringify!($liquid)] $variant),*
+        }
+
+        impl FluidKind {
+            /// Every liquid, in the order of the documentation.
+            pub const ALL: &'static [FluidKind] = &[$(FluidKind::$variant),*];
+
+            /// The word for `kind` in a system file.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $module::$liquid::NAME),* }
+            }
+
+            /// One line for people.
+            pub fn summary(self) -> &'static str {
+                match self { $(Self::$variant => $module::$liquid::SUMMARY),* }
+            }
+
+            /// Temperatures its laws hold for, K.
+            pub fn range_k(self) -> (f64, f64) {
+                match self { $(Self::$variant => $module::$liquid::RANGE_K),* }
+            }
+
+            fn laws<S: Scalar>(self, t: S) -> (S, S, S, f64) {
+                match self {
+                    $(Self::$variant => (
+                        $module::$liquid::density_kg_m3(t),
+                        $module::$liquid::kinematic_viscosity_m2_s(t),
+                        $module::$liquid::bulk_modulus_pa(t),
+                        $module::$liquid::BULK_MODULUS_SLOPE,
+                    )),*
+                }
+            }
+        }
+    };
+}
+
+liquids! {
+    PhosphateEster = phosphate_ester::PhosphateEster,
+    MilPrf5606 = mil_prf_5606::MilPrf5606,
+    MilPrf83282 = mil_prf_83282::MilPrf83282,
+}
+
+impl Fluid {
+    /// The properties at a temperature.
+    pub fn at<S: Scalar>(&self, temperature_k: S) -> FluidState<S> {
+        let (density, viscosity, bulk, slope) = self.kind.laws(temperature_k);
+        let exponent = 1.0 / self.polytropic_exponent;
+        let gas = self.air_fraction * power(NORMAL_PRESSURE_PA, exponent);
+        FluidState {
+            density_kg_m3: density,
+            kinematic_viscosity_m2_s: viscosity,
+            bulk: BulkModulus {
+                liquid_pa: bulk,
+                slope: S::constant(slope),
+                gas: S::constant(gas),
+                exponent: S::constant(-exponent),
+                reciprocal_exponent: S::constant(exponent),
+                wall_compliance_per_pa: S::constant(1.0 / self.wall_modulus_pa),
+            },
+            temperature_k,
+        }
+    }
+}
+
+/// `10^x`.
+fn power_of_ten<S: Scalar>(x: S) -> S {
+    (x * lit::<S>(core::f64::consts::LN_10)).exp()
+}
+
+/// Base-ten logarithm.
+fn log_10<S: Scalar>(x: S) -> S {
+    x.ln() * lit::<S>(core::f64::consts::LOG10_E)
+}
+
+/// Walther's law of viscosity: `log₁₀ log₁₀(ν/cSt + 0.7) = A − B log₁₀(T/K)`,
+/// in m²/s.
+fn walther_m2_s<S: Scalar>(temperature_k: S, a: S, b: S) -> S {
+    let inner = power_of_ten(a - b * log_10(temperature_k));
+    (power_of_ten(inner) - lit::<S>(0.7)) * lit::<S>(1e-6)
+}

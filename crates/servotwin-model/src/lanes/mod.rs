@@ -1,0 +1,221 @@
+//! Several variants side by side in one register.
+//!
+//! [`Level`] names the instruction sets; [`dispatch`] runs a [`Kernel`] with the
+//! widest lanes that this processor has, or with those that were asked for. All
+//! levels give the same bits: see [`crate::scalar`].
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+mod single;
+
+use crate::scalar::Lanes;
+pub use portable::Portable;
+
+#[cfg(target_arch = "x86_64")]
+pub use {avx2::Avx2, avx512::Avx512};
+
+/// An instruction set that lanes can be made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// Plain arrays of four: every machine.
+    Portable,
+    /// Four lanes of 256 bits.
+    Avx2,
+    /// Eight lanes of 512 bits.
+    Avx512,
+}
+
+/// Every level, slowest first.
+pub const ALL: [Level; 3] = [Level::Portable, Level::Avx2, Level::Avx512];
+
+impl Level {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Portable => "portable",
+            Level::Avx2 => "avx2",
+            Level::Avx512 => "avx512",
+        }
+    }
+
+    /// Variants side by side.
+    pub fn width(self) -> usize {
+        match self {
+            Level::Portable | Level::Avx2 => 4,
+            Level::Avx512 => 8,
+        }
+    }
+
+    /// Whether this processor can run it.
+    ///
+    /// Without `std` the answer is what the crate was compiled for.
+    pub fn available(self) -> bool {
+        match self {
+            Level::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => detected::avx2(),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => detected::avx512(),
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+
+    /// The widest level that this processor can run.
+    pub fn best() -> Level {
+        let mut best = Level::Portable;
+        for level in ALL {
+            if level.available() {
+                best = level;
+            }
+        }
+        best
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod detected {
+    //! Asks the processor itself (`cpuid`, `xgetbv`), because `core` has no
+    //! run-time detection.
+    use core::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
+
+    #[target_feature(enable = "xsave")]
+    fn enabled_state() -> u64 {
+        // SAFETY: only called where cpuid reports OSXSAVE.
+        unsafe { _xgetbv(0) }
+    }
+
+    fn saved_by_the_system(state: u64) -> bool {
+        if __cpuid(0).eax < 7 || __cpuid(1).ecx & (1 << 27) == 0 {
+            return false;
+        }
+        // SAFETY: bit 27 says that the system enabled XSAVE and XGETBV.
+        unsafe { enabled_state() & state == state }
+    }
+
+    pub fn avx2() -> bool {
+        saved_by_the_system(0b110) && __cpuid_count(7, 0).ebx & (1 << 5) != 0
+    }
+
+    pub fn avx512() -> bool {
+        const F: u32 = 1 << 16;
+        const DQ: u32 = 1 << 17;
+        saved_by_the_system(0b1110_0110) && __cpuid_count(7, 0).ebx & (F | DQ) == F | DQ
+    }
+}
+
+/// Work that can be done with lanes of any kind.
+pub trait Kernel {
+    /// What comes out.
+    type Output;
+    /// Does the work. Implementations are `#[inline(always)]`, down to every
+    /// equation, so that the whole is compiled for the instruction set.
+    fn run<V: Lanes>(self) -> Self::Output;
+}
+
+/// Runs a kernel with lanes of a level.
+///
+/// # Panics
+/// Where the processor does not have the level.
+pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
+    assert!(level.available(), "this processor has no {} lanes", level.name());
+    match level {
+        Level::Portable => kernel.run::<Portable>(),
+        // SAFETY: the level is available.
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 => unsafe { run_avx2(kernel) },
+        // SAFETY: the level is available.
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 => unsafe { run_avx512(kernel) },
+        #[cfg(not(target_arch = "x86_64"))]
+        _ => unreachable!(),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Avx2>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq")]
+fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Avx512>()
+}
+
+/// The parts of [`Scalar`](crate::scalar::Scalar) that are the same for all
+/// types without derivatives: the transcendental functions and the mixed
+/// operators' trivial conversions.
+macro_rules! base_scalar {
+    () => {
+        type Base = Self;
+
+        #[inline(always)]
+        fn from_base(value: Self) -> Self {
+            value
+        }
+        #[inline(always)]
+        fn base(self) -> Self {
+            self
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            $crate::math::exp(self)
+        }
+        #[inline(always)]
+        fn ln(self) -> Self {
+            $crate::math::ln(self)
+        }
+        #[inline(always)]
+        fn tanh(self) -> Self {
+            $crate::math::tanh(self)
+        }
+        #[inline(always)]
+        fn sin(self) -> Self {
+            $crate::math::sin_cos(self).0
+        }
+        #[inline(always)]
+        fn cos(self) -> Self {
+            $crate::math::sin_cos(self).1
+        }
+    };
+}
+
+/// One operator of a register type by its intrinsic.
+#[cfg(target_arch = "x86_64")]
+macro_rules! operator {
+    ($type:ident, $trait:ident, $method:ident, $intrinsic:ident) => {
+        impl core::ops::$trait for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                // SAFETY: values of this type exist only inside `dispatch`.
+                Self(unsafe { $intrinsic(self.0, other.0) })
+            }
+        }
+    };
+}
+
+use base_scalar;
+#[cfg(target_arch = "x86_64")]
+use operator;
+
+/// Numbers that the bit tricks of all types share.
+mod bits {
+    /// 1.5 × 2⁵²: adding it rounds to an integer held in the low bits.
+    pub const ROUNDING: f64 = 6_755_399_441_055_744.0;
+    /// The exponent field of 1.0.
+    pub const ONE: u64 = 0x3ff0_0000_0000_0000;
+    /// √½, the lower end of the mantissas that `split_exponent` gives.
+    pub const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
+    /// The bits behind the exponent.
+    pub const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
+    /// 2⁵²: its low bits hold a small non-negative integer.
+    pub const INTEGER: u64 = 0x4330_0000_0000_0000;
+    /// 2⁵² plus the exponent's bias.
+    pub const INTEGER_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
+}

@@ -1,0 +1,136 @@
+//! The transcendental functions, once for every lane type.
+//!
+//! Branch-free and made of correctly rounded primitives only, so that all lane
+//! types and the generated C agree to the last bit. The errors below were
+//! measured against `libm` (see the tests).
+//!
+//! | function | method | error |
+//! |---|---|---|
+//! | [`exp`] | k = round(x/ln 2), polynomial of degree 12 on ±ln 2 / 2 | 5e-16 relative |
+//! | [`ln`] | x = m·2^e, series in (m − 1)/(m + 1) to the 21st power | 5e-16 of max(1, result) |
+//! | [`tanh`] | 1 − 2/(e^{2\|x\|} + 1), odd by construction | 3e-16 absolute |
+//! | [`sin_cos`] | reduction by π/2, polynomials to the 15th/16th power | 3e-16 absolute for \|x\| ≤ π |
+
+use crate::scalar::{Primitive, lit};
+
+/// Horner's scheme, highest coefficient first.
+#[inline(always)]
+fn polynomial<P: Primitive>(x: P, coefficients: &[f64]) -> P {
+    let mut sum = P::constant(coefficients[0]);
+    for &c in &coefficients[1..] {
+        sum = sum * x + P::constant(c);
+    }
+    sum
+}
+
+const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
+const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
+
+/// `e^x`, with x limited to ±700.
+#[inline(always)]
+pub fn exp<P: Primitive>(x: P) -> P {
+    const COEFFICIENTS: [f64; 13] = [
+        1.0 / 479_001_600.0,
+        1.0 / 39_916_800.0,
+        1.0 / 3_628_800.0,
+        1.0 / 362_880.0,
+        1.0 / 40_320.0,
+        1.0 / 5_040.0,
+        1.0 / 720.0,
+        1.0 / 120.0,
+        1.0 / 24.0,
+        1.0 / 6.0,
+        0.5,
+        1.0,
+        1.0,
+    ];
+    let x = x.clamp(P::constant(-700.0), P::constant(700.0));
+    let k = (x * lit::<P>(core::f64::consts::LOG2_E)).round();
+    let r = (x - k * lit::<P>(LN_2_HIGH)) - k * lit::<P>(LN_2_LOW);
+    polynomial(r, &COEFFICIENTS).scale_by_power_of_two(k)
+}
+
+/// Natural logarithm of a positive, normal number.
+#[inline(always)]
+pub fn ln<P: Primitive>(x: P) -> P {
+    const COEFFICIENTS: [f64; 10] = [
+        2.0 / 21.0,
+        2.0 / 19.0,
+        2.0 / 17.0,
+        2.0 / 15.0,
+        2.0 / 13.0,
+        2.0 / 11.0,
+        2.0 / 9.0,
+        2.0 / 7.0,
+        2.0 / 5.0,
+        2.0 / 3.0,
+    ];
+    let (m, e) = x.split_exponent();
+    let one = P::constant(1.0);
+    let s = (m - one) / (m + one);
+    let z = s * s;
+    let tail = s * z * polynomial(z, &COEFFICIENTS);
+    let sum = (s + s) + (tail + e * lit::<P>(LN_2_LOW));
+    sum + e * lit::<P>(LN_2_HIGH)
+}
+
+/// Hyperbolic tangent.
+#[inline(always)]
+pub fn tanh<P: Primitive>(x: P) -> P {
+    let one = P::constant(1.0);
+    let two = P::constant(2.0);
+    let magnitude = x.abs();
+    let t = one - two / (exp(magnitude + magnitude) + one);
+    P::select(x.less(P::constant(0.0)), -t, t)
+}
+
+/// Sine and cosine of an angle within ±π.
+#[inline(always)]
+pub fn sin_cos<P: Primitive>(x: P) -> (P, P) {
+    const SINE: [f64; 7] = [
+        -1.0 / 1_307_674_368_000.0,
+        1.0 / 6_227_020_800.0,
+        -1.0 / 39_916_800.0,
+        1.0 / 362_880.0,
+        -1.0 / 5_040.0,
+        1.0 / 120.0,
+        -1.0 / 6.0,
+    ];
+    const COSINE: [f64; 8] = [
+        1.0 / 20_922_789_888_000.0,
+        -1.0 / 87_178_291_200.0,
+        1.0 / 479_001_600.0,
+        -1.0 / 3_628_800.0,
+        1.0 / 40_320.0,
+        -1.0 / 720.0,
+        1.0 / 24.0,
+        -0.5,
+    ];
+    // π/2 in two parts: the first has 33 significant bits.
+    const HALF_PI_HIGH: f64 = 1.570_796_326_734_125_6;
+    const HALF_PI_LOW: f64 = 6.077_100_506_506_192e-11;
+    let zero = P::constant(0.0);
+    let one = P::constant(1.0);
+    let quadrant = (x * lit::<P>(core::f64::consts::FRAC_2_PI)).round();
+    let r = (x - quadrant * lit::<P>(HALF_PI_HIGH)) - quadrant * lit::<P>(HALF_PI_LOW);
+    let z = r * r;
+    let sine = r + r * z * polynomial(z, &SINE);
+    let cosine = one + z * polynomial(z, &COSINE);
+    // quadrant −2 … 2: odd ones swap the two, ±2 turns both signs.
+    let magnitude = quadrant.abs();
+    let odd = (magnitude - one).abs().less(P::constant(0.5));
+    let half_turn = P::constant(1.5).less(magnitude);
+    let negative = quadrant.less(zero);
+    let swapped_sine = P::select(negative, -cosine, cosine);
+    let swapped_cosine = P::select(negative, sine, -sine);
+    (
+        P::select(odd, swapped_sine, P::select(half_turn, -sine, sine)),
+        P::select(odd, swapped_cosine, P::select(half_turn, -cosine, cosine)),
+    )
+}
+
+/// `x^exponent` for positive, normal x.
+#[inline(always)]
+pub fn power<S: crate::scalar::Scalar>(x: S, exponent: S::Base) -> S {
+    (x.ln() * exponent).exp()
+}

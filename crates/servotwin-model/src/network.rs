@@ -1,0 +1,428 @@
+//! A system: components, connections and inputs, and its compilation into a
+//! flat [`Program`].
+//!
+//! All mistakes are collected and given by position (component, connection,
+//! input), so that a parser can name file, line and column.
+
+use crate::components::Component;
+use crate::fluid::Fluid;
+use crate::program::{Program, schedule};
+use crate::spec::{PortKind, Unit};
+use crate::wiring::{Collected, Node, Role, Sum, Variable, Wiring};
+use alloc::string::String;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// One component of a system.
+#[derive(Clone)]
+pub struct Instance {
+    /// The id, unique in the system, e.g. `actuator_1.servo_valve`.
+    pub id: String,
+    /// What it is.
+    pub component: &'static dyn Component,
+    /// Its parameters, in declared order, SI.
+    pub parameters: Vec<f64>,
+    /// The value of each fault's law at intensity 1, in declared order.
+    pub fault_full: Vec<f64>,
+    /// The fluid, for the components that fix a circuit's pressure.
+    pub fluid: Fluid,
+}
+
+impl Instance {
+    /// A component with its declared defaults. Obligatory parameters are NaN
+    /// until they are set.
+    pub fn new(id: impl Into<String>, component: &'static dyn Component) -> Self {
+        let spec = component.spec();
+        Self {
+            id: id.into(),
+            component,
+            parameters: spec.parameters.iter().map(|p| p.default.unwrap_or(f64::NAN)).collect(),
+            fault_full: spec.faults.iter().map(|f| f.full).collect(),
+            fluid: Fluid::default(),
+        }
+    }
+
+    /// Sets a parameter by name.
+    ///
+    /// # Panics
+    /// Where the component declares no such parameter.
+    pub fn with(mut self, parameter: &str, value: f64) -> Self {
+        let index = self.component.spec().parameter(parameter).expect("a declared parameter");
+        self.parameters[index] = value;
+        self
+    }
+}
+
+/// A port of a component, both by position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct PortOf {
+    /// The component.
+    pub component: usize,
+    /// The port in its declaration.
+    pub port: usize,
+}
+
+/// A signal from outside: a command, a boundary value, a load.
+#[derive(Clone, Debug)]
+pub struct ExternalInput {
+    /// The id, unique among inputs.
+    pub id: String,
+    /// The unit.
+    pub unit: Unit,
+    /// The value where a run gives no signal.
+    pub default: f64,
+    /// The signal inputs it feeds.
+    pub targets: Vec<PortOf>,
+}
+
+/// A system before compilation.
+#[derive(Clone, Default)]
+pub struct Network {
+    /// The components.
+    pub components: Vec<Instance>,
+    /// Each connection joins the ports it lists.
+    pub connections: Vec<Vec<PortOf>>,
+    /// The inputs from outside.
+    pub inputs: Vec<ExternalInput>,
+}
+
+/// What is wrong with a network.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mistake {
+    /// A port that must be connected is open.
+    OpenPort(PortOf),
+    /// A connection joins ports of different families.
+    MixedKinds {
+        /// The connection.
+        connection: usize,
+        /// The first port.
+        first: PortOf,
+        /// The one that does not fit.
+        second: PortOf,
+    },
+    /// A signal of one unit is connected to an input of another.
+    MixedUnits {
+        /// The source; `None` for an input of the system.
+        from: Option<PortOf>,
+        /// The input.
+        to: PortOf,
+    },
+    /// Two components set the same pressure, motion or signal.
+    TwoSources {
+        /// The first.
+        first: PortOf,
+        /// The second.
+        second: PortOf,
+    },
+    /// Nobody sets the pressure, motion or signal that this port reads.
+    NoSource(PortOf),
+    /// A hydraulic circuit has neither a source nor a tank.
+    NoReference {
+        /// A component of the circuit.
+        component: usize,
+    },
+    /// The sources of a circuit disagree about fluid or temperature.
+    TwoFluids {
+        /// The first source.
+        first: usize,
+        /// The one that disagrees.
+        second: usize,
+    },
+    /// Signals depend on each other with no state in between.
+    AlgebraicLoop {
+        /// The components in the loop.
+        components: Vec<usize>,
+    },
+    /// A component found its parameters impossible together.
+    Impossible {
+        /// The component.
+        component: usize,
+        /// What does not fit.
+        reason: &'static str,
+    },
+    /// The system has no states.
+    Empty,
+    /// More variables than a program can address.
+    TooLarge,
+}
+
+impl Network {
+    /// Compiles the network.
+    ///
+    /// # Errors
+    /// Every mistake that was found.
+    pub fn compile(&self) -> Result<Program, Vec<Mistake>> {
+        let mut joints = Joints::new(self);
+        let mut mistakes = Vec::new();
+        joints.connect(self, &mut mistakes);
+        joints.check_sources(self, &mut mistakes);
+        let circuits = self.circuits(&joints, &mut mistakes);
+        for (component, instance) in self.components.iter().enumerate() {
+            if let Err(reason) = instance.component.check(&instance.parameters) {
+                mistakes.push(Mistake::Impossible { component, reason });
+            }
+        }
+        if !mistakes.is_empty() {
+            return Err(mistakes);
+        }
+        let collected = self.wire(&joints);
+        schedule(self, collected, circuits)
+    }
+
+    /// The first component's port kind.
+    pub(crate) fn kind(&self, port: PortOf) -> PortKind {
+        self.components[port.component].component.spec().ports[port.port].kind
+    }
+
+    /// For each component the one that rules its circuit's fluid: the first
+    /// pressure reference of the circuit (or itself where it has no fluid).
+    fn circuits(&self, joints: &Joints, mistakes: &mut Vec<Mistake>) -> Vec<usize> {
+        let n = self.components.len();
+        let mut group: Vec<usize> = (0..n).collect();
+        let mut hydraulic = vec![false; n];
+        let mut first_of_joint: Vec<Option<usize>> = vec![None; joints.count()];
+        for (port, joint) in joints.ports(self) {
+            if !matches!(self.kind(port), PortKind::Hydraulic { .. }) {
+                continue;
+            }
+            hydraulic[port.component] = true;
+            match first_of_joint[joint] {
+                Some(other) => unite(&mut group, other, port.component),
+                None => first_of_joint[joint] = Some(port.component),
+            }
+        }
+        let roots: Vec<usize> = (0..n).map(|c| root(&group, c)).collect();
+        let mut ruler: Vec<Option<usize>> = vec![None; n];
+        for c in (0..n).filter(|&c| self.components[c].component.spec().reference) {
+            let circuit = roots[c];
+            match ruler[circuit] {
+                None => ruler[circuit] = Some(c),
+                Some(first) => {
+                    if !self.same_fluid(first, c) {
+                        mistakes.push(Mistake::TwoFluids { first, second: c });
+                    }
+                }
+            }
+        }
+        let mut reported = vec![false; n];
+        (0..n)
+            .map(|c| match ruler[roots[c]] {
+                Some(source) => source,
+                None => {
+                    if hydraulic[c] && !reported[roots[c]] {
+                        reported[roots[c]] = true;
+                        mistakes.push(Mistake::NoReference { component: c });
+                    }
+                    c
+                }
+            })
+            .collect()
+    }
+
+    fn same_fluid(&self, a: usize, b: usize) -> bool {
+        let (a, b) = (&self.components[a], &self.components[b]);
+        let temperature = |i: &Instance| {
+            i.component.spec().parameter("temperature_k").map(|index| i.parameters[index])
+        };
+        a.fluid == b.fluid && temperature(a) == temperature(b)
+    }
+
+    fn wire(&self, joints: &Joints) -> Collected {
+        let mut collected = Collected::default();
+        let states = self.allocate_states(&mut collected);
+        let nodes = joints.allocate(self, &mut collected);
+        for (component, instance) in self.components.iter().enumerate() {
+            let spec = instance.component.spec();
+            let ports: Vec<Option<Node>> = (0..spec.ports.len())
+                .map(|port| joints.of(PortOf { component, port }).map(|j| nodes[j]))
+                .collect();
+            let connected = ports.iter().enumerate().filter_map(|(port, node)| {
+                node.map(|node| (PortOf { component, port }, node))
+            });
+            collected.nodes.extend(connected);
+            let mut wiring = Wiring {
+                collected: &mut collected,
+                component,
+                spec,
+                nodes: &ports,
+                states: &states[component],
+                parameters: &instance.parameters,
+            };
+            instance.component.connect(&mut wiring);
+        }
+        collected
+    }
+
+    fn allocate_states(&self, collected: &mut Collected) -> Vec<Vec<(Variable, Sum)>> {
+        let all = self.components.iter().enumerate();
+        all.map(|(component, instance)| {
+            let count = instance.component.spec().states.len();
+            (0..count)
+                .map(|state| {
+                    let variable = collected.variable(Role::State { component, state });
+                    let rate = collected.variable(Role::Derivative { component, state });
+                    (variable, Sum(rate.0))
+                })
+                .collect()
+        })
+        .collect()
+    }
+}
+
+/// Sets of ports that are one node.
+struct Joints {
+    /// For every port, numbered through all components: its union-find parent.
+    parents: Vec<usize>,
+    /// The number of the first port of each component.
+    first: Vec<usize>,
+    /// Whether a port is part of any connection (or sets a potential itself).
+    used: Vec<bool>,
+    /// For each root, the external input that feeds it.
+    external: Vec<Option<usize>>,
+}
+
+fn root(parents: &[usize], mut i: usize) -> usize {
+    while parents[i] != i {
+        i = parents[i];
+    }
+    i
+}
+
+fn unite(parents: &mut [usize], a: usize, b: usize) {
+    let (a, b) = (root(parents, a), root(parents, b));
+    // The smaller number stays the root, so that the result does not depend on
+    // the order of connections.
+    parents[a.max(b)] = a.min(b);
+}
+
+impl Joints {
+    fn new(network: &Network) -> Self {
+        let mut first = Vec::new();
+        let mut count = 0;
+        for instance in &network.components {
+            first.push(count);
+            count += instance.component.spec().ports.len();
+        }
+        Self {
+            parents: (0..count).collect(),
+            first,
+            used: vec![false; count],
+            external: vec![None; count],
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.parents.len()
+    }
+
+    fn number(&self, port: PortOf) -> usize {
+        self.first[port.component] + port.port
+    }
+
+    /// The node of a port, `None` where it is open.
+    fn of(&self, port: PortOf) -> Option<usize> {
+        let number = self.number(port);
+        self.used[number].then(|| root(&self.parents, number))
+    }
+
+    /// Every port that belongs to a node.
+    fn ports<'a>(&'a self, network: &'a Network) -> impl Iterator<Item = (PortOf, usize)> + 'a {
+        let components = network.components.iter().enumerate();
+        components
+            .flat_map(|(component, instance)| {
+                let count = instance.component.spec().ports.len();
+                (0..count).map(move |port| PortOf { component, port })
+            })
+            .filter_map(|port| self.of(port).map(|joint| (port, joint)))
+    }
+
+    fn connect(&mut self, network: &Network, mistakes: &mut Vec<Mistake>) {
+        for (connection, ports) in network.connections.iter().enumerate() {
+            let Some(&first) = ports.first() else { continue };
+            let number = self.number(first);
+            self.used[number] = true;
+            for &second in &ports[1..] {
+                if network.kind(first).family() == network.kind(second).family() {
+                    let (a, b) = (self.number(first), self.number(second));
+                    self.used[b] = true;
+                    unite(&mut self.parents, a, b);
+                } else {
+                    mistakes.push(Mistake::MixedKinds { connection, first, second });
+                }
+            }
+        }
+        // A port that sets its own potential has a node even when left open.
+        for (component, instance) in network.components.iter().enumerate() {
+            for (port, declared) in instance.component.spec().ports.iter().enumerate() {
+                if declared.kind.sets() && declared.optional {
+                    let number = self.number(PortOf { component, port });
+                    self.used[number] = true;
+                }
+            }
+        }
+        for (index, input) in network.inputs.iter().enumerate() {
+            for &target in &input.targets {
+                let number = self.number(target);
+                self.used[number] = true;
+                let joint = root(&self.parents, number);
+                self.external[joint] = Some(index);
+            }
+        }
+    }
+
+    fn check_sources(&self, network: &Network, mistakes: &mut Vec<Mistake>) {
+        let mut sources: Vec<Option<PortOf>> = vec![None; self.count()];
+        for (port, joint) in self.ports(network) {
+            if network.kind(port).sets() {
+                match sources[joint] {
+                    Some(first) => mistakes.push(Mistake::TwoSources { first, second: port }),
+                    None => sources[joint] = Some(port),
+                }
+            }
+        }
+        let mut reported = vec![false; self.count()];
+        for (component, instance) in network.components.iter().enumerate() {
+            for (index, declared) in instance.component.spec().ports.iter().enumerate() {
+                let port = PortOf { component, port: index };
+                let Some(joint) = self.of(port) else {
+                    if !declared.optional {
+                        mistakes.push(Mistake::OpenPort(port));
+                    }
+                    continue;
+                };
+                let external = self.external[joint];
+                if sources[joint].is_none() && external.is_none() && !reported[joint] {
+                    reported[joint] = true;
+                    mistakes.push(Mistake::NoSource(port));
+                }
+                if let PortKind::SignalIn { unit, .. } = declared.kind {
+                    let from = sources[joint];
+                    let given = match (from.map(|p| network.kind(p)), external) {
+                        (Some(PortKind::SignalOut { unit }), _) => Some(unit),
+                        (_, Some(input)) => Some(network.inputs[input].unit),
+                        _ => None,
+                    };
+                    if given.is_some_and(|given| given != unit) {
+                        mistakes.push(Mistake::MixedUnits { from, to: port });
+                    }
+                }
+            }
+        }
+    }
+
+    fn allocate(&self, network: &Network, collected: &mut Collected) -> Vec<Node> {
+        let mut nodes: Vec<Option<Node>> = vec![None; self.count()];
+        for (_, joint) in self.ports(network) {
+            nodes[joint].get_or_insert_with(|| Node {
+                first: match self.external[joint] {
+                    Some(input) => collected.variable(Role::External(input)),
+                    None => collected.variable(Role::Unset),
+                },
+                second: collected.variable(Role::Unset),
+                sum: Sum(collected.variable(Role::Sum).0),
+            });
+        }
+        let unused = Node { first: Variable(0), second: Variable(0), sum: Sum(0) };
+        nodes.into_iter().map(|n| n.unwrap_or(unused)).collect()
+    }
+}

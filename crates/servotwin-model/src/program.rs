@@ -1,0 +1,640 @@
+//! A compiled system: a flat list of equation blocks over an array of
+//! variables.
+//!
+//! The array holds, in this order: states, external inputs, constants that
+//! stand in for signals (parameters, temperatures, held values), sums, and the
+//! derivatives of the states. Blocks are sorted by what they need, then grouped
+//! by kind, so that a whole group runs without a branch.
+
+use crate::components::{BlockKind, Constants, Visitor};
+use crate::dual::Dual;
+use crate::equation::{Equation, Given};
+use crate::fluid::FluidState;
+use crate::jacobian::Rows;
+use crate::lu::Plan;
+use crate::network::{Mistake, Network, PortOf};
+use crate::scalar::{Lanes, Scalar};
+use crate::spec::{PortKind, Unit};
+use crate::wiring::{Block, Collected, Role, Variable};
+use alloc::collections::BTreeMap;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+/// A place in the variable array.
+pub type Slot = u16;
+
+/// Blocks of one kind that can run in any order among themselves.
+#[derive(Clone, Debug)]
+pub(crate) struct Group {
+    pub kind: BlockKind,
+    pub count: usize,
+    /// Where the group's lists begin.
+    pub inputs: usize,
+    pub outputs: usize,
+    pub constants: usize,
+}
+
+/// Blocks in the order of their evaluation.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sequence {
+    pub groups: Vec<Group>,
+    pub inputs: Vec<Slot>,
+    /// (slot to add to, slot to subtract from); an unused one is the bin.
+    pub outputs: Vec<(Slot, Slot)>,
+    /// The blocks themselves, in order: for constants and for the Jacobian.
+    pub blocks: Vec<Block>,
+}
+
+/// Something a run can record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observable {
+    /// `component.state` or `component.port` (with the quantity for physical
+    /// ports, e.g. `supply.port.flow_m3_s`).
+    pub name: String,
+    /// The unit.
+    pub unit: Unit,
+    /// Its place in the variable array.
+    pub slot: Slot,
+}
+
+/// A state of the whole system.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateOf {
+    /// `component.state`.
+    pub name: String,
+    /// The component.
+    pub component: usize,
+    /// The state in its declaration.
+    pub state: usize,
+    /// The size that errors are measured against.
+    pub scale: f64,
+    /// The unit.
+    pub unit: Unit,
+}
+
+/// A clock of sampled equations.
+#[derive(Clone, Debug)]
+pub(crate) struct Ticking {
+    pub period_s: f64,
+    pub sequence: Sequence,
+}
+
+/// A compiled system.
+pub struct Program {
+    network: Network,
+    circuits: Vec<usize>,
+    states: Vec<StateOf>,
+    observables: Vec<Observable>,
+    /// What stands in the slots of parameters, temperatures and held values.
+    stand_ins: Vec<Role>,
+    slots: usize,
+    sums: Range<usize>,
+    continuous: Sequence,
+    clocks: Vec<Ticking>,
+    constants: usize,
+    rows: Rows,
+    plan: Plan,
+}
+
+impl Program {
+    /// The system it was compiled from.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+    /// The states, in the order of the variable array.
+    pub fn states(&self) -> &[StateOf] {
+        &self.states
+    }
+    /// Everything that a run can record.
+    pub fn observables(&self) -> &[Observable] {
+        &self.observables
+    }
+    /// Something to record, by name.
+    pub fn observable(&self, name: &str) -> Option<&Observable> {
+        self.observables.iter().find(|o| o.name == name)
+    }
+    /// Number of variables.
+    pub fn slots(&self) -> usize {
+        self.slots
+    }
+    /// Number of constants.
+    pub fn constants(&self) -> usize {
+        self.constants
+    }
+    /// Number of equation blocks that run continuously.
+    pub fn blocks(&self) -> usize {
+        self.continuous.blocks.len()
+    }
+    /// Where the external inputs stand.
+    pub fn externals(&self) -> Range<usize> {
+        let n = self.states.len();
+        n..n + self.network.inputs.len()
+    }
+    /// Where the derivatives of the states stand.
+    pub fn derivatives(&self) -> Range<usize> {
+        self.sums.end - self.states.len()..self.sums.end
+    }
+    /// The periods of the clocks, s.
+    pub fn clock_periods_s(&self) -> impl Iterator<Item = f64> + '_ {
+        self.clocks.iter().map(|c| c.period_s)
+    }
+    /// The elimination plan of `I/(γh) − J`.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+    /// The sparsity of the Jacobian and where gradients are kept.
+    pub fn rows(&self) -> &Rows {
+        &self.rows
+    }
+    pub(crate) fn continuous(&self) -> &Sequence {
+        &self.continuous
+    }
+    pub(crate) fn clocks(&self) -> &[Ticking] {
+        &self.clocks
+    }
+    /// Slots of values that stay the same between ticks.
+    pub(crate) fn stand_ins(&self) -> impl Iterator<Item = (usize, Role)> + '_ {
+        let first = self.externals().end;
+        self.stand_ins.iter().enumerate().map(move |(i, &role)| (first + i, role))
+    }
+
+    /// Evaluates all continuous equations: fills the sums and the derivatives
+    /// from the states, inputs and stand-ins in `variables`.
+    #[inline(always)]
+    pub fn evaluate<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
+        assert!(variables.len() > self.slots && constants.len() >= self.constants);
+        for v in &mut variables[self.sums.clone()] {
+            *v = V::constant(0.0);
+        }
+        self.continuous.run(constants, variables);
+    }
+
+    /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
+    /// and the time derivatives stand in `gradients` where [`Program::rows`]
+    /// says.
+    #[inline(always)]
+    pub fn evaluate_with_jacobian<V: Lanes>(
+        &self,
+        constants: &[V],
+        variables: &mut [V],
+        gradients: &mut [V],
+    ) {
+        assert!(variables.len() > self.slots && constants.len() >= self.constants);
+        for v in &mut variables[self.sums.clone()] {
+            *v = V::constant(0.0);
+        }
+        self.rows.clear(gradients);
+        let mut step = 0;
+        for group in &self.continuous.groups {
+            group.kind.visit(Differentiate {
+                group,
+                sequence: &self.continuous,
+                constants,
+                variables: &mut *variables,
+                rows: &self.rows,
+                gradients: &mut *gradients,
+                step: &mut step,
+            });
+        }
+    }
+
+    /// The effective parameters of a variant, component by component: the
+    /// declared values with the faults applied.
+    pub fn parameters(&self, faults: &[FaultAt]) -> Vec<Vec<f64>> {
+        let components = &self.network.components;
+        let mut all: Vec<Vec<f64>> = components.iter().map(|c| c.parameters.clone()).collect();
+        for fault in faults {
+            let instance = &components[fault.component];
+            let spec = instance.component.spec();
+            let declared = &spec.faults[fault.fault];
+            let parameter = spec.parameter(declared.parameter).expect("checked by the contract");
+            let value = &mut all[fault.component][parameter];
+            *value = declared.law.apply(*value, fault.intensity, instance.fault_full[fault.fault]);
+        }
+        all
+    }
+
+    /// The fluid of every component's circuit.
+    pub(crate) fn fluids<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<FluidState<S>> {
+        let ruled = self.circuits.iter().map(|&ruler| {
+            let instance = &self.network.components[ruler];
+            let temperature = instance.component.spec().parameter("temperature_k");
+            let kelvin = temperature.map_or(S::constant(313.15), |t| parameters[ruler][t]);
+            instance.fluid.at(kelvin)
+        });
+        ruled.collect()
+    }
+
+    /// The constants of all blocks (continuous first, then the clocks') for
+    /// effective parameters.
+    pub fn block_constants<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<S> {
+        let fluids = self.fluids(parameters);
+        let mut constants = Vec::with_capacity(self.constants);
+        let sequences = self.clocks.iter().map(|c| &c.sequence);
+        for sequence in core::iter::once(&self.continuous).chain(sequences) {
+            for block in &sequence.blocks {
+                let given = Given {
+                    parameters: &parameters[block.component],
+                    fluid: &fluids[block.component],
+                    which: block.which,
+                };
+                constants.extend(block.kind.visit(Constants(&given)));
+            }
+        }
+        constants
+    }
+
+    /// Finds a fault by `component.fault`.
+    pub fn find_fault(&self, id: &str) -> Option<(usize, usize)> {
+        let (component, fault) = id.rsplit_once('.')?;
+        let index = self.network.components.iter().position(|c| c.id == component)?;
+        let fault = self.network.components[index].component.spec().fault(fault)?;
+        Some((index, fault))
+    }
+}
+
+/// A fault with its intensity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaultAt {
+    /// The component.
+    pub component: usize,
+    /// The fault in its declaration.
+    pub fault: usize,
+    /// 0 healthy … 1.
+    pub intensity: f64,
+}
+
+impl Sequence {
+    /// Runs all blocks once; sums must have been cleared.
+    #[inline(always)]
+    pub fn run<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
+        for group in &self.groups {
+            group.kind.visit(Evaluate { group, sequence: self, constants, variables });
+        }
+    }
+
+    fn push(&mut self, block: Block, slots: &[Slot], bin: Slot, constants: &mut usize) {
+        let new_group = self.groups.last().is_none_or(|g| g.kind != block.kind);
+        if new_group {
+            self.groups.push(Group {
+                kind: block.kind,
+                count: 0,
+                inputs: self.inputs.len(),
+                outputs: self.outputs.len(),
+                constants: *constants,
+            });
+        }
+        self.groups.last_mut().expect("just pushed").count += 1;
+        *constants += block.kind.visit(Dimensions).2;
+        self.inputs.extend(block.inputs.iter().map(|v| slots[v.0 as usize]));
+        let slot = |sum: Option<crate::wiring::Sum>| sum.map_or(bin, |s| slots[s.0 as usize]);
+        self.outputs.extend(block.outputs.iter().map(|o| (slot(o.add), slot(o.subtract))));
+        self.blocks.push(block);
+    }
+}
+
+/// The numbers of inputs, outputs and constants of a block.
+pub(crate) struct Dimensions;
+
+impl Visitor for Dimensions {
+    type Output = (usize, usize, usize);
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
+    where
+        E: Equation<I, O, C>,
+    {
+        (I, O, C)
+    }
+}
+
+struct Evaluate<'a, V> {
+    group: &'a Group,
+    sequence: &'a Sequence,
+    constants: &'a [V],
+    variables: &'a mut [V],
+}
+
+/// The slices that one block works on.
+#[inline(always)]
+fn parts<'a, V, const I: usize, const O: usize, const C: usize>(
+    group: &Group,
+    sequence: &'a Sequence,
+    constants: &'a [V],
+    index: usize,
+) -> (&'a [Slot; I], &'a [(Slot, Slot); O], &'a [V; C]) {
+    let inputs = &sequence.inputs[group.inputs + index * I..][..I];
+    let outputs = &sequence.outputs[group.outputs + index * O..][..O];
+    let constants = &constants[group.constants + index * C..][..C];
+    (
+        inputs.try_into().expect("I inputs"),
+        outputs.try_into().expect("O outputs"),
+        constants.try_into().expect("C constants"),
+    )
+}
+
+impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
+    type Output = ();
+    #[inline(always)]
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        let v = self.variables;
+        for index in 0..self.group.count {
+            let (inputs, outputs, constants) =
+                parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
+            // SAFETY: all slots of a sequence are below the length that
+            // `Program::evaluate` asserts.
+            let values = core::array::from_fn(|i| unsafe { *v.get_unchecked(inputs[i] as usize) });
+            let results = E::evaluate::<V>(constants, values);
+            for o in 0..O {
+                let (add, subtract) = (outputs[o].0 as usize, outputs[o].1 as usize);
+                // SAFETY: as above.
+                unsafe {
+                    *v.get_unchecked_mut(add) = *v.get_unchecked(add) + results[o];
+                    *v.get_unchecked_mut(subtract) = *v.get_unchecked(subtract) - results[o];
+                }
+            }
+        }
+    }
+}
+
+struct Differentiate<'a, V> {
+    group: &'a Group,
+    sequence: &'a Sequence,
+    constants: &'a [V],
+    variables: &'a mut [V],
+    rows: &'a Rows,
+    gradients: &'a mut [V],
+    step: &'a mut usize,
+}
+
+impl<V: Lanes> Visitor for Differentiate<'_, V> {
+    type Output = ();
+    #[inline(always)]
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        let v = self.variables;
+        for index in 0..self.group.count {
+            let (inputs, outputs, constants) =
+                parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
+            let values: [Dual<V, I>; I] =
+                core::array::from_fn(|i| Dual::input(v[inputs[i] as usize], i));
+            let results = E::evaluate::<Dual<V, I>>(constants, values);
+            for o in 0..O {
+                let (add, subtract) = (outputs[o].0 as usize, outputs[o].1 as usize);
+                v[add] = v[add] + results[o].value;
+                v[subtract] = v[subtract] - results[o].value;
+            }
+            let partials = results.map(|r| r.partials);
+            self.rows.accumulate(*self.step, &partials, self.gradients);
+            *self.step += 1;
+        }
+    }
+}
+
+/// Orders the blocks and lays out the variables.
+pub(crate) fn schedule(
+    network: &Network,
+    mut collected: Collected,
+    circuits: Vec<usize>,
+) -> Result<Program, Vec<Mistake>> {
+    resolve_aliases(&mut collected);
+    let layout = Layout::new(network, &collected);
+    if layout.states == 0 {
+        return Err(vec![Mistake::Empty]);
+    }
+    if layout.slots >= Slot::MAX as usize {
+        return Err(vec![Mistake::TooLarge]);
+    }
+    let blocks = core::mem::take(&mut collected.blocks);
+    let (sampled, continuous): (Vec<Block>, Vec<Block>) =
+        blocks.into_iter().partition(|b| b.clock.is_some());
+    let continuous = in_order(continuous, &collected)?;
+    let bin = layout.slots as Slot;
+    let mut constants = 0;
+    let mut sequence = Sequence::default();
+    for block in continuous {
+        sequence.push(block, &layout.slot_of, bin, &mut constants);
+    }
+    let mut clocks: Vec<Ticking> = (collected.clocks.iter())
+        .map(|c| Ticking { period_s: c.period_s, sequence: Sequence::default() })
+        .collect();
+    for block in sampled {
+        let clock = &mut clocks[block.clock.expect("a sampled block")];
+        clock.sequence.push(block, &layout.slot_of, bin, &mut constants);
+    }
+    let sums = layout.sums.clone();
+    let rows = Rows::new(&sequence, layout.states, network.inputs.len(), sums.clone());
+    let plan = Plan::new(layout.states, &rows.entries());
+    Ok(Program {
+        states: layout.list_states(network, &collected),
+        observables: observables(network, &collected, &layout),
+        stand_ins: layout.stand_ins,
+        slots: layout.slots,
+        sums,
+        continuous: sequence,
+        clocks,
+        constants,
+        rows: rows.with_plan(&plan),
+        plan,
+        circuits,
+        network: network.clone(),
+    })
+}
+
+/// Replaces aliases in all blocks.
+fn resolve_aliases(collected: &mut Collected) {
+    let mut blocks = core::mem::take(&mut collected.blocks);
+    for block in &mut blocks {
+        for input in &mut block.inputs {
+            *input = collected.resolve(*input);
+        }
+    }
+    collected.blocks = blocks;
+}
+
+/// Where each variable stands.
+struct Layout {
+    states: usize,
+    slots: usize,
+    sums: Range<usize>,
+    stand_ins: Vec<Role>,
+    /// By variable.
+    slot_of: Vec<Slot>,
+}
+
+impl Layout {
+    fn new(network: &Network, collected: &Collected) -> Self {
+        let roles = &collected.roles;
+        let states = roles.iter().filter(|r| matches!(r, Role::State { .. })).count();
+        let mut slot_of = vec![Slot::MAX; roles.len()];
+        let mut stand_ins = Vec::new();
+        let externals = network.inputs.len();
+        let mut next = states + externals;
+        let mut assign = |wanted: &dyn Fn(Role) -> bool, next: &mut usize| {
+            for (variable, &role) in roles.iter().enumerate() {
+                if wanted(role) {
+                    slot_of[variable] = (*next).min(Slot::MAX as usize) as Slot;
+                    *next += 1;
+                }
+            }
+        };
+        assign(&|r| matches!(r, Role::State { .. }), &mut 0);
+        let stands_in = |r| {
+            matches!(r, Role::Parameter { .. } | Role::Temperature { .. } | Role::Held)
+        };
+        assign(&stands_in, &mut next);
+        stand_ins.extend(roles.iter().copied().filter(|&r| stands_in(r)));
+        let first_sum = next;
+        assign(&|r| matches!(r, Role::Sum), &mut next);
+        assign(&|r| matches!(r, Role::Derivative { .. }), &mut next);
+        for (variable, &role) in roles.iter().enumerate() {
+            if let Role::External(input) = role {
+                slot_of[variable] = (states + input) as Slot;
+            }
+        }
+        for variable in 0..roles.len() {
+            if let Role::Alias(_) = roles[variable] {
+                let target = collected.resolve(Variable(variable as u32));
+                slot_of[variable] = slot_of[target.0 as usize];
+            }
+        }
+        Self { states, slots: next, sums: first_sum..next, stand_ins, slot_of }
+    }
+
+    fn list_states(&self, network: &Network, collected: &Collected) -> Vec<StateOf> {
+        let mut states = Vec::with_capacity(self.states);
+        for &role in &collected.roles {
+            if let Role::State { component, state } = role {
+                let instance = &network.components[component];
+                let declared = &instance.component.spec().states[state];
+                states.push(StateOf {
+                    name: format!("{}.{}", instance.id, declared.name),
+                    component,
+                    state,
+                    scale: declared.scale,
+                    unit: declared.unit,
+                });
+            }
+        }
+        states
+    }
+}
+
+/// Sorts blocks so that each runs after those that add to what it reads, and
+/// groups blocks of one kind within a level.
+fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec<Mistake>> {
+    let sums_of = |block: &Block| -> Vec<u32> {
+        let ends = block.outputs.iter().flat_map(|o| [o.add, o.subtract]);
+        ends.flatten().map(|s| collected.resolve(Variable(s.0)).0).collect()
+    };
+    let mut writers: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (index, block) in blocks.iter().enumerate() {
+        for sum in sums_of(block) {
+            writers.entry(sum).or_default().push(index);
+        }
+    }
+    let mut level: Vec<Option<usize>> = vec![None; blocks.len()];
+    let mut found = 0;
+    while found < blocks.len() {
+        let before = found;
+        for index in 0..blocks.len() {
+            if level[index].is_some() {
+                continue;
+            }
+            let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
+            let levels: Option<Vec<usize>> = needed.map(|&w| level[w]).collect();
+            if let Some(levels) = levels {
+                level[index] = Some(levels.iter().map(|l| l + 1).max().unwrap_or(0));
+                found += 1;
+            }
+        }
+        if found == before {
+            return Err(vec![loop_among(&blocks, &level, &writers)]);
+        }
+    }
+    let mut order: Vec<usize> = (0..blocks.len()).collect();
+    order.sort_by_key(|&i| (level[i], blocks[i].kind, i));
+    let mut blocks: Vec<Option<Block>> = blocks.into_iter().map(Some).collect();
+    Ok(order.into_iter().map(|i| blocks[i].take().expect("each once")).collect())
+}
+
+/// Follows what an unplaced block waits for until a block comes again.
+fn loop_among(
+    blocks: &[Block],
+    level: &[Option<usize>],
+    writers: &BTreeMap<u32, Vec<usize>>,
+) -> Mistake {
+    let waits_for = |index: usize| {
+        let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
+        needed.copied().find(|&w| level[w].is_none()).expect("an unplaced block waits")
+    };
+    let mut seen = vec![false; blocks.len()];
+    let mut index = (0..blocks.len()).find(|&i| level[i].is_none()).expect("one is unplaced");
+    while !seen[index] {
+        seen[index] = true;
+        index = waits_for(index);
+    }
+    let mut components = vec![blocks[index].component];
+    let mut next = waits_for(index);
+    while next != index {
+        components.push(blocks[next].component);
+        next = waits_for(next);
+    }
+    components.sort_unstable();
+    components.dedup();
+    Mistake::AlgebraicLoop { components }
+}
+
+fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec<Observable> {
+    let mut list = Vec::new();
+    let mut push = |name: String, unit: Unit, variable: Variable| {
+        let slot = layout.slot_of[collected.resolve(variable).0 as usize];
+        if slot != Slot::MAX {
+            list.push(Observable { name, unit, slot });
+        }
+    };
+    for (variable, &role) in collected.roles.iter().enumerate() {
+        if let Role::State { component, state } = role {
+            let instance = &network.components[component];
+            let declared = &instance.component.spec().states[state];
+            let name = format!("{}.{}", instance.id, declared.name);
+            push(name, declared.unit, Variable(variable as u32));
+        }
+    }
+    for &(port, node) in &collected.nodes {
+        let PortOf { component, port } = port;
+        let instance = &network.components[component];
+        let declared = &instance.component.spec().ports[port];
+        let name = format!("{}.{}", instance.id, declared.name);
+        let sum = node.sum.variable();
+        match declared.kind {
+            PortKind::Hydraulic { sets: true } => {
+                push(format!("{name}.pressure_pa"), Unit::Pascal, node.first);
+                push(format!("{name}.flow_m3_s"), Unit::CubicMetrePerSecond, sum);
+            }
+            PortKind::Translational { sets: true } => {
+                push(format!("{name}.position_m"), Unit::Metre, node.first);
+                push(format!("{name}.velocity_m_s"), Unit::MetrePerSecond, node.second);
+                push(format!("{name}.force_n"), Unit::Newton, sum);
+            }
+            PortKind::Rotational { sets: true } => {
+                push(format!("{name}.angle_rad"), Unit::Radian, node.first);
+                push(format!("{name}.rate_rad_s"), Unit::RadianPerSecond, node.second);
+                push(format!("{name}.moment_nm"), Unit::NewtonMetre, sum);
+            }
+            PortKind::SignalOut { unit } => push(name, unit, node.first),
+            _ => {}
+        }
+    }
+    for (index, input) in network.inputs.iter().enumerate() {
+        let slot = (layout.states + index) as Slot;
+        list.push(Observable { name: input.id.clone(), unit: input.unit, slot });
+    }
+    list
+}

@@ -1,0 +1,566 @@
+//! What a component says about itself: parameters, faults, ports and states.
+//!
+//! Declared once as data; the parser of system files, the fault list, the
+//! documentation, the column heads and the checks are all derived from it.
+
+/// A physical unit (SI) of a parameter, a signal or a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// A pure number.
+    None,
+    /// Pascal, absolute pressure.
+    Pascal,
+    /// Kelvin.
+    Kelvin,
+    /// Metre.
+    Metre,
+    /// Square metre.
+    SquareMetre,
+    /// Cubic metre.
+    CubicMetre,
+    /// Metre per second.
+    MetrePerSecond,
+    /// Cubic metre per second.
+    CubicMetrePerSecond,
+    /// Kilogram.
+    Kilogram,
+    /// Kilogram square metre.
+    KilogramSquareMetre,
+    /// Kilogram per cubic metre.
+    KilogramPerCubicMetre,
+    /// Newton.
+    Newton,
+    /// Newton metre.
+    NewtonMetre,
+    /// Newton per metre.
+    NewtonPerMetre,
+    /// Newton second per metre.
+    NewtonSecondPerMetre,
+    /// Newton metre second per radian.
+    NewtonMetreSecond,
+    /// Radian.
+    Radian,
+    /// Radian per second.
+    RadianPerSecond,
+    /// One per radian.
+    PerRadian,
+    /// Second.
+    Second,
+    /// Hertz.
+    Hertz,
+    /// One per metre.
+    PerMetre,
+    /// Metre per pascal.
+    MetrePerPascal,
+    /// One per pascal.
+    PerPascal,
+    /// Cubic metre per second and pascal: a laminar conductance.
+    CubicMetrePerSecondPascal,
+    /// Pascal second per cubic metre: a laminar resistance.
+    PascalSecondPerCubicMetre,
+    /// Ampere.
+    Ampere,
+}
+
+/// Suffix of names in this unit, symbol, and how reports show it.
+struct UnitFacts {
+    suffix: &'static str,
+    symbol: &'static str,
+    shown: &'static str,
+    shown_per_si: f64,
+    shown_offset: f64,
+}
+
+impl Unit {
+    const fn facts(self) -> UnitFacts {
+        const fn facts(
+            suffix: &'static str,
+            symbol: &'static str,
+            shown: &'static str,
+            shown_per_si: f64,
+        ) -> UnitFacts {
+            UnitFacts { suffix, symbol, shown, shown_per_si, shown_offset: 0.0 }
+        }
+        const DEGREES: f64 = 180.0 / core::f64::consts::PI;
+        match self {
+            Unit::None => facts("", "", "", 1.0),
+            Unit::Pascal => facts("_pa", "Pa", "bar", 1e-5),
+            Unit::Kelvin => UnitFacts {
+                suffix: "_k",
+                symbol: "K",
+                shown: "°C",
+                shown_per_si: 1.0,
+                shown_offset: -273.15,
+            },
+            Unit::Metre => facts("_m", "m", "mm", 1e3),
+            Unit::SquareMetre => facts("_m2", "m²", "mm²", 1e6),
+            Unit::CubicMetre => facts("_m3", "m³", "cm³", 1e6),
+            Unit::MetrePerSecond => facts("_m_s", "m/s", "mm/s", 1e3),
+            Unit::CubicMetrePerSecond => facts("_m3_s", "m³/s", "L/min", 6e4),
+            Unit::Kilogram => facts("_kg", "kg", "kg", 1.0),
+            Unit::KilogramSquareMetre => facts("_kg_m2", "kg m²", "kg m²", 1.0),
+            Unit::KilogramPerCubicMetre => facts("_kg_m3", "kg/m³", "kg/m³", 1.0),
+            Unit::Newton => facts("_n", "N", "N", 1.0),
+            Unit::NewtonMetre => facts("_nm", "N m", "N m", 1.0),
+            Unit::NewtonPerMetre => facts("_n_m", "N/m", "N/µm", 1e-6),
+            Unit::NewtonSecondPerMetre => facts("_n_s_m", "N s/m", "N s/m", 1.0),
+            Unit::NewtonMetreSecond => facts("_nm_s", "N m s", "N m s", 1.0),
+            Unit::Radian => facts("_rad", "rad", "°", DEGREES),
+            Unit::RadianPerSecond => facts("_rad_s", "rad/s", "°/s", DEGREES),
+            Unit::PerRadian => facts("_per_rad", "1/rad", "1/rad", 1.0),
+            Unit::Second => facts("_s", "s", "s", 1.0),
+            Unit::Hertz => facts("_hz", "Hz", "Hz", 1.0),
+            Unit::PerMetre => facts("_per_m", "1/m", "1/m", 1.0),
+            Unit::MetrePerPascal => facts("_m_pa", "m/Pa", "mm/bar", 1e8),
+            Unit::PerPascal => facts("_per_pa", "1/Pa", "1/bar", 1e5),
+            Unit::CubicMetrePerSecondPascal => {
+                facts("_m3_s_pa", "m³/(s Pa)", "L/(min bar)", 6e9)
+            }
+            Unit::PascalSecondPerCubicMetre => {
+                facts("_pa_s_m3", "Pa s/m³", "bar min/L", 1e-5 / 6e4)
+            }
+            Unit::Ampere => facts("_a", "A", "mA", 1e3),
+        }
+    }
+
+    /// The end of every public name in this unit, e.g. `_pa`.
+    pub const fn suffix(self) -> &'static str {
+        self.facts().suffix
+    }
+
+    /// The SI symbol, e.g. `Pa`.
+    pub const fn symbol(self) -> &'static str {
+        self.facts().symbol
+    }
+
+    /// The unit that reports show, e.g. `bar`.
+    pub const fn shown(self) -> &'static str {
+        self.facts().shown
+    }
+
+    /// An SI value in the unit that reports show.
+    pub fn to_shown(self, si: f64) -> f64 {
+        let facts = self.facts();
+        si * facts.shown_per_si + facts.shown_offset
+    }
+
+    /// The difference of two SI values in the unit that reports show.
+    pub fn difference_to_shown(self, si: f64) -> f64 {
+        si * self.facts().shown_per_si
+    }
+
+    /// All units, for tests and for the parser's hints.
+    pub const ALL: [Unit; 26] = [
+        Unit::None,
+        Unit::Pascal,
+        Unit::Kelvin,
+        Unit::Metre,
+        Unit::SquareMetre,
+        Unit::CubicMetre,
+        Unit::MetrePerSecond,
+        Unit::CubicMetrePerSecond,
+        Unit::Kilogram,
+        Unit::KilogramSquareMetre,
+        Unit::KilogramPerCubicMetre,
+        Unit::Newton,
+        Unit::NewtonMetre,
+        Unit::NewtonPerMetre,
+        Unit::NewtonSecondPerMetre,
+        Unit::NewtonMetreSecond,
+        Unit::Radian,
+        Unit::RadianPerSecond,
+        Unit::PerRadian,
+        Unit::Second,
+        Unit::Hertz,
+        Unit::PerMetre,
+        Unit::MetrePerPascal,
+        Unit::PerPascal,
+        Unit::CubicMetrePerSecondPascal,
+        Unit::PascalSecondPerCubicMetre,
+    ];
+}
+
+/// A number that a system file gives to a component.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// The name, ending in its unit's suffix.
+    pub name: &'static str,
+    /// The unit.
+    pub unit: Unit,
+    /// The value where the file gives none; `None` makes it obligatory.
+    pub default: Option<f64>,
+    /// The smallest value allowed.
+    pub min: f64,
+    /// The largest value allowed.
+    pub max: f64,
+    /// One line for people.
+    pub summary: &'static str,
+}
+
+/// How an intensity `i` in 0 … 1 moves a parameter `p`.
+///
+/// All three leave `p` as it is at `i = 0`, to the last bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// `p + i · full`: for parameters that are zero when healthy.
+    Add,
+    /// `p · (1 − i (1 − full))`: a linear loss or growth to `full` times.
+    Scale,
+    /// `p · full^i`: the same ratio per step of intensity, for oversized parts.
+    Geometric,
+}
+
+impl Law {
+    /// The parameter under a fault of the given intensity.
+    pub fn apply(self, parameter: f64, intensity: f64, full: f64) -> f64 {
+        match self {
+            Law::Add => parameter + intensity * full,
+            Law::Scale => parameter * (1.0 - intensity * (1.0 - full)),
+            Law::Geometric => parameter * crate::math::exp(intensity * crate::math::ln(full)),
+        }
+    }
+}
+
+/// The physical kind of a fault, for reports and for choosing faults by kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Category {
+    /// Fluid leaves the circuit.
+    ExternalLeakage,
+    /// Fluid passes a seal inside.
+    InternalLeakage,
+    /// A passage is narrowed.
+    Clogging,
+    /// Edges or clearances are worn.
+    Wear,
+    /// A drive became slow or badly damped.
+    Dynamics,
+    /// A part does not move as it should.
+    Jamming,
+    /// More friction.
+    Friction,
+    /// Play or lost stiffness in a joint.
+    Looseness,
+    /// The fluid is not what it should be.
+    Contamination,
+    /// A constant error of a signal.
+    Bias,
+    /// A gain error of a signal.
+    Calibration,
+    /// A signal is too slow.
+    Lag,
+}
+
+impl Category {
+    /// The name in tables and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Category::ExternalLeakage => "external leakage",
+            Category::InternalLeakage => "internal leakage",
+            Category::Clogging => "clogging",
+            Category::Wear => "wear",
+            Category::Dynamics => "dynamics",
+            Category::Jamming => "jamming",
+            Category::Friction => "friction",
+            Category::Looseness => "looseness",
+            Category::Contamination => "contamination",
+            Category::Bias => "bias",
+            Category::Calibration => "calibration",
+            Category::Lag => "lag",
+        }
+    }
+}
+
+/// A fault that a component can have: a parameter that drifts with intensity.
+#[derive(Clone, Copy, Debug)]
+pub struct Fault {
+    /// The name within its component, e.g. `clogging_pa`.
+    pub name: &'static str,
+    /// The parameter it acts on.
+    pub parameter: &'static str,
+    /// How it acts.
+    pub law: Law,
+    /// The law's value at intensity 1; a system file can give another.
+    pub full: f64,
+    /// The smallest `full` that a system file may give.
+    pub full_min: f64,
+    /// The largest `full` that a system file may give.
+    pub full_max: f64,
+    /// Its physical kind.
+    pub category: Category,
+    /// One line for people.
+    pub summary: &'static str,
+}
+
+/// What flows through a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortKind {
+    /// Pressure and flow. Exactly one component of a node sets the pressure.
+    Hydraulic {
+        /// Whether this component sets the pressure.
+        sets: bool,
+    },
+    /// Position, velocity and force along a line.
+    Translational {
+        /// Whether this component sets position and velocity.
+        sets: bool,
+    },
+    /// Angle, rate and moment about an axis.
+    Rotational {
+        /// Whether this component sets angle and rate.
+        sets: bool,
+    },
+    /// A signal that the component reads.
+    SignalIn {
+        /// The signal's unit.
+        unit: Unit,
+        /// The parameter that stands in where nothing is connected; `None`
+        /// makes the connection obligatory.
+        default: Option<&'static str>,
+    },
+    /// A signal that the component gives.
+    SignalOut {
+        /// The signal's unit.
+        unit: Unit,
+    },
+}
+
+impl PortKind {
+    /// The family that can be connected with each other, in words.
+    pub fn family(self) -> &'static str {
+        match self {
+            PortKind::Hydraulic { .. } => "hydraulic",
+            PortKind::Translational { .. } => "translational",
+            PortKind::Rotational { .. } => "rotational",
+            PortKind::SignalIn { .. } | PortKind::SignalOut { .. } => "signal",
+        }
+    }
+
+    /// Whether this end gives the node its potential or its signal.
+    pub fn sets(self) -> bool {
+        match self {
+            PortKind::Hydraulic { sets }
+            | PortKind::Translational { sets }
+            | PortKind::Rotational { sets } => sets,
+            PortKind::SignalIn { .. } => false,
+            PortKind::SignalOut { .. } => true,
+        }
+    }
+}
+
+/// A place where a component is connected.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    /// The name within its component.
+    pub name: &'static str,
+    /// What flows through it.
+    pub kind: PortKind,
+    /// Whether it may be left open (a hydraulic port then is plugged, a
+    /// mechanical one is free).
+    pub optional: bool,
+    /// One line for people.
+    pub summary: &'static str,
+}
+
+/// A state variable of a component.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    /// The name, ending in its unit's suffix.
+    pub name: &'static str,
+    /// The unit.
+    pub unit: Unit,
+    /// The size that errors are measured against.
+    pub scale: f64,
+    /// Where the search for the steady state begins.
+    pub start: Start,
+    /// One line for people.
+    pub summary: &'static str,
+}
+
+/// The first guess of a state for the steady-state search.
+#[derive(Clone, Copy, Debug)]
+pub enum Start {
+    /// A number.
+    Value(f64),
+    /// The value of a parameter of the component.
+    Parameter(&'static str),
+}
+
+/// Everything a component declares.
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    /// The word for `kind` in a system file.
+    pub kind: &'static str,
+    /// One line for people.
+    pub summary: &'static str,
+    /// Parameters, in the order that equations see them.
+    pub parameters: &'static [Parameter],
+    /// Faults, in the order of the fault list.
+    pub faults: &'static [Fault],
+    /// Ports.
+    pub ports: &'static [Port],
+    /// State variables.
+    pub states: &'static [State],
+    /// Whether it fixes the absolute pressure of its hydraulic circuit.
+    pub reference: bool,
+}
+
+impl Spec {
+    /// The position of a parameter by name.
+    pub fn parameter(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|p| p.name == name)
+    }
+
+    /// The position of a fault by name.
+    pub fn fault(&self, name: &str) -> Option<usize> {
+        self.faults.iter().position(|f| f.name == name)
+    }
+
+    /// The position of a port by name.
+    pub fn port(&self, name: &str) -> Option<usize> {
+        self.ports.iter().position(|p| p.name == name)
+    }
+}
+
+/// Shorthands, so that a component's declaration reads as a table.
+pub mod declare {
+    use super::*;
+
+    /// A parameter with a default.
+    pub const fn parameter(
+        name: &'static str,
+        unit: Unit,
+        default: f64,
+        range: (f64, f64),
+        summary: &'static str,
+    ) -> Parameter {
+        Parameter { name, unit, default: Some(default), min: range.0, max: range.1, summary }
+    }
+
+    /// A parameter that every system file must give.
+    pub const fn required(
+        name: &'static str,
+        unit: Unit,
+        range: (f64, f64),
+        summary: &'static str,
+    ) -> Parameter {
+        Parameter { name, unit, default: None, min: range.0, max: range.1, summary }
+    }
+
+    /// A fault that adds `full · i` to a parameter.
+    pub const fn adds(
+        name: &'static str,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+        category: Category,
+        summary: &'static str,
+    ) -> Fault {
+        Fault {
+            name,
+            parameter,
+            law: Law::Add,
+            full,
+            full_min: range.0,
+            full_max: range.1,
+            category,
+            summary,
+        }
+    }
+
+    /// A fault that scales a parameter linearly to `full` times its value.
+    pub const fn scales(
+        name: &'static str,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+        category: Category,
+        summary: &'static str,
+    ) -> Fault {
+        Fault { law: Law::Scale, ..adds(name, parameter, full, range, category, summary) }
+    }
+
+    /// A fault that multiplies a parameter by `full^i`.
+    pub const fn shrinks(
+        name: &'static str,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+        category: Category,
+        summary: &'static str,
+    ) -> Fault {
+        Fault { law: Law::Geometric, ..adds(name, parameter, full, range, category, summary) }
+    }
+
+    const fn port(name: &'static str, kind: PortKind, summary: &'static str) -> Port {
+        Port { name, kind, optional: false, summary }
+    }
+
+    /// A hydraulic port whose pressure comes from elsewhere.
+    pub const fn hydraulic(name: &'static str, summary: &'static str) -> Port {
+        port(name, PortKind::Hydraulic { sets: false }, summary)
+    }
+
+    /// A hydraulic port whose pressure this component sets.
+    pub const fn pressure(name: &'static str, summary: &'static str) -> Port {
+        port(name, PortKind::Hydraulic { sets: true }, summary)
+    }
+
+    /// A translational port that is moved from elsewhere.
+    pub const fn translational(name: &'static str, summary: &'static str) -> Port {
+        port(name, PortKind::Translational { sets: false }, summary)
+    }
+
+    /// A translational port whose motion this component sets.
+    pub const fn moving(name: &'static str, summary: &'static str) -> Port {
+        port(name, PortKind::Translational { sets: true }, summary)
+    }
+
+    /// A rotational port that is turned from elsewhere.
+    pub const fn rotational(name: &'static str, summary: &'static str) -> Port {
+        port(name, PortKind::Rotational { sets: false }, summary)
+    }
+
+    /// A rotational port whose motion this component sets.
+    pub const fn turning(name: &'static str, summary: &'static str) -> Port {
+        port(name, PortKind::Rotational { sets: true }, summary)
+    }
+
+    /// A signal input that must be connected.
+    pub const fn input(name: &'static str, unit: Unit, summary: &'static str) -> Port {
+        port(name, PortKind::SignalIn { unit, default: None }, summary)
+    }
+
+    /// A signal input with a parameter that stands in.
+    pub const fn input_or(
+        name: &'static str,
+        unit: Unit,
+        default: &'static str,
+        summary: &'static str,
+    ) -> Port {
+        Port {
+            optional: true,
+            ..port(name, PortKind::SignalIn { unit, default: Some(default) }, summary)
+        }
+    }
+
+    /// A signal output.
+    pub const fn output(name: &'static str, unit: Unit, summary: &'static str) -> Port {
+        Port { optional: true, ..port(name, PortKind::SignalOut { unit }, summary) }
+    }
+
+    /// The same port, but it may be left open.
+    pub const fn optional(port: Port) -> Port {
+        Port { optional: true, ..port }
+    }
+
+    /// A state variable.
+    pub const fn state(
+        name: &'static str,
+        unit: Unit,
+        scale: f64,
+        start: Start,
+        summary: &'static str,
+    ) -> State {
+        State { name, unit, scale, start, summary }
+    }
+}

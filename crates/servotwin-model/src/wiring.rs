@@ -1,0 +1,311 @@
+//! What a component is given to connect its equations.
+//!
+//! A component does not know its neighbours. It asks for the variables behind
+//! its ports and states and adds equation blocks that read some variables and
+//! add their outputs to others.
+//!
+//! Signs, once for all: the *sum* of a node is what flows **into the component
+//! that sets the node's potential** — flow into the volume that sets the
+//! pressure, force on the mass that sets the motion (positive along its
+//! coordinate), moment on the inertia that sets the angle. A block that takes a
+//! flow from port `a` to port `b` therefore subtracts it from the sum of `a`
+//! and adds it to the sum of `b`.
+
+use crate::components::{BlockKind, Listed};
+use crate::equation::Equation;
+use crate::spec::Spec;
+use alloc::vec::Vec;
+
+/// A variable that an equation can read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Variable(pub(crate) u32);
+
+/// A sum that an equation can add to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Sum(pub(crate) u32);
+
+impl Sum {
+    /// The same quantity, to be read.
+    pub fn variable(self) -> Variable {
+        Variable(self.0)
+    }
+}
+
+/// Where an output goes: it is added to one sum, subtracted from another, or
+/// both.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Output {
+    pub(crate) add: Option<Sum>,
+    pub(crate) subtract: Option<Sum>,
+}
+
+impl Output {
+    /// Adds to a sum.
+    pub fn add(sum: Sum) -> Self {
+        Self { add: Some(sum), subtract: None }
+    }
+    /// Subtracts from a sum.
+    pub fn subtract(sum: Sum) -> Self {
+        Self { add: None, subtract: Some(sum) }
+    }
+    /// Takes from one sum and gives to the other.
+    pub fn transfer(from: Sum, to: Sum) -> Self {
+        Self { add: Some(to), subtract: Some(from) }
+    }
+}
+
+/// One equation block of one component, wired.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    pub kind: BlockKind,
+    pub component: usize,
+    pub which: usize,
+    pub inputs: Vec<Variable>,
+    pub outputs: Vec<Output>,
+    /// The clock that runs it; `None` for continuous equations.
+    pub clock: Option<usize>,
+}
+
+/// What a variable is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Role {
+    State { component: usize, state: usize },
+    /// From outside, in the order of the network's inputs.
+    External(usize),
+    /// A parameter of a component where no signal is connected.
+    Parameter { component: usize, parameter: usize },
+    /// The fluid temperature of a component's circuit.
+    Temperature { component: usize },
+    /// Kept between the ticks of a clock.
+    Held,
+    /// The sum of what blocks add to it.
+    Sum,
+    /// The time derivative of a state, itself a sum.
+    Derivative { component: usize, state: usize },
+    /// Another variable's name.
+    Alias(Variable),
+    /// A node's potential that nobody has set yet.
+    Unset,
+}
+
+/// The node behind a port.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node {
+    /// Pressure; position; angle; or the signal.
+    pub first: Variable,
+    /// Velocity; rate.
+    pub second: Variable,
+    /// Flow; force; moment.
+    pub sum: Sum,
+}
+
+/// A clock of sampled equations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Clock {
+    pub component: usize,
+    pub period_s: f64,
+}
+
+/// Everything collected while components wire themselves.
+#[derive(Default)]
+pub(crate) struct Collected {
+    pub roles: Vec<Role>,
+    pub blocks: Vec<Block>,
+    pub clocks: Vec<Clock>,
+    /// The nodes of all connected ports, in the order of components.
+    pub nodes: Vec<(crate::network::PortOf, Node)>,
+}
+
+impl Collected {
+    pub fn variable(&mut self, role: Role) -> Variable {
+        self.roles.push(role);
+        Variable(self.roles.len() as u32 - 1)
+    }
+
+    /// The variable behind aliases.
+    pub fn resolve(&self, mut variable: Variable) -> Variable {
+        while let Role::Alias(next) = self.roles[variable.0 as usize] {
+            variable = next;
+        }
+        variable
+    }
+}
+
+/// One component's view of the network.
+pub struct Wiring<'a> {
+    pub(crate) collected: &'a mut Collected,
+    pub(crate) component: usize,
+    pub(crate) spec: &'static Spec,
+    /// The nodes of the ports; `None` where a port is open.
+    pub(crate) nodes: &'a [Option<Node>],
+    /// The states and their derivatives.
+    pub(crate) states: &'a [(Variable, Sum)],
+    /// The component's parameters without faults.
+    pub(crate) parameters: &'a [f64],
+}
+
+impl Wiring<'_> {
+    fn index(&self, port: &str) -> usize {
+        let spec = self.spec;
+        spec.port(port).unwrap_or_else(|| panic!("{} declares no port '{port}'", spec.kind))
+    }
+
+    fn node(&self, port: &str) -> Node {
+        let spec = self.spec;
+        self.nodes[self.index(port)]
+            .unwrap_or_else(|| panic!("port '{port}' of {} is open: ask `connected`", spec.kind))
+    }
+
+    /// Whether something is connected to an optional port.
+    pub fn connected(&self, port: &str) -> bool {
+        self.nodes[self.index(port)].is_some()
+    }
+
+    /// A parameter of the component, without faults: for what shapes the
+    /// structure (a count, a period), never for an equation's numbers.
+    pub fn structural(&self, parameter: &str) -> f64 {
+        self.parameters[self.spec.parameter(parameter).expect("a declared parameter")]
+    }
+
+    /// A state by its declared name.
+    pub fn state(&self, name: &str) -> Variable {
+        self.states[self.state_index(name)].0
+    }
+
+    /// The time derivative of a state.
+    pub fn derivative(&self, name: &str) -> Sum {
+        self.states[self.state_index(name)].1
+    }
+
+    fn state_index(&self, name: &str) -> usize {
+        let found = self.spec.states.iter().position(|s| s.name == name);
+        found.unwrap_or_else(|| panic!("{} declares no state '{name}'", self.spec.kind))
+    }
+
+    /// Pressure at a hydraulic port.
+    pub fn pressure(&self, port: &str) -> Variable {
+        self.node(port).first
+    }
+
+    /// Flow into the component that sets the pressure of a port's node.
+    pub fn flow(&self, port: &str) -> Sum {
+        self.node(port).sum
+    }
+
+    /// Position at a translational port, angle at a rotational one.
+    pub fn position(&self, port: &str) -> Variable {
+        self.node(port).first
+    }
+
+    /// Velocity at a translational port, rate at a rotational one.
+    pub fn velocity(&self, port: &str) -> Variable {
+        self.node(port).second
+    }
+
+    /// Force on the component that moves a port's node; moment for rotation.
+    pub fn force(&self, port: &str) -> Sum {
+        self.node(port).sum
+    }
+
+    /// The signal at an input port: what is connected, or the parameter that
+    /// stands in.
+    pub fn signal(&mut self, port: &str) -> Variable {
+        let index = self.index(port);
+        if let Some(node) = self.nodes[index] {
+            return node.first;
+        }
+        match self.spec.ports[index].kind {
+            crate::spec::PortKind::SignalIn { default: Some(name), .. } => self.parameter(name),
+            _ => panic!("port '{port}' of {} is open: ask `connected`", self.spec.kind),
+        }
+    }
+
+    /// A parameter as a variable.
+    pub fn parameter(&mut self, name: &str) -> Variable {
+        let parameter = self.spec.parameter(name).expect("a declared parameter");
+        self.collected.variable(Role::Parameter { component: self.component, parameter })
+    }
+
+    /// The fluid temperature of the component's circuit.
+    pub fn fluid_temperature(&mut self) -> Variable {
+        self.collected.variable(Role::Temperature { component: self.component })
+    }
+
+    /// A sum inside the component.
+    pub fn internal(&mut self) -> Sum {
+        let variable = self.collected.variable(Role::Sum);
+        Sum(variable.0)
+    }
+
+    /// Sets the pressure of a port's node, or a signal output, to a variable.
+    pub fn set(&mut self, port: &str, variable: Variable) {
+        if let Some(node) = self.nodes[self.index(port)] {
+            self.collected.roles[node.first.0 as usize] = Role::Alias(variable);
+        }
+    }
+
+    /// Sets position and velocity (or angle and rate) of a port's node.
+    pub fn set_motion(&mut self, port: &str, position: Variable, velocity: Variable) {
+        if let Some(node) = self.nodes[self.index(port)] {
+            self.collected.roles[node.first.0 as usize] = Role::Alias(position);
+            self.collected.roles[node.second.0 as usize] = Role::Alias(velocity);
+        }
+    }
+
+    /// Adds an equation block. `which` is handed to its constants.
+    pub fn equation<E, const I: usize, const O: usize, const C: usize>(
+        &mut self,
+        which: usize,
+        inputs: [Variable; I],
+        outputs: [Output; O],
+    ) where
+        E: Equation<I, O, C> + Listed,
+    {
+        self.block::<E, I, O, C>(which, inputs, outputs, None);
+    }
+
+    /// Adds an equation block that runs once per period of the named parameter
+    /// and keeps its outputs in between.
+    ///
+    /// `inputs` is given the held outputs, so that a block can read what it
+    /// gave at the tick before (a filter, an integrator).
+    pub fn sampled<E, const I: usize, const O: usize, const C: usize>(
+        &mut self,
+        period: &str,
+        inputs: impl FnOnce(&mut Self, [Variable; O]) -> [Variable; I],
+    ) -> [Variable; O]
+    where
+        E: Equation<I, O, C> + Listed,
+    {
+        let clock = Clock { component: self.component, period_s: self.structural(period) };
+        let clocks = &mut self.collected.clocks;
+        let index = clocks.iter().position(|c| c.period_s == clock.period_s).unwrap_or_else(|| {
+            clocks.push(clock);
+            clocks.len() - 1
+        });
+        let held = core::array::from_fn(|_| self.collected.variable(Role::Held));
+        let inputs = inputs(self, held);
+        let outputs = held.map(|v| Output::add(Sum(v.0)));
+        self.block::<E, I, O, C>(0, inputs, outputs, Some(index));
+        held
+    }
+
+    fn block<E, const I: usize, const O: usize, const C: usize>(
+        &mut self,
+        which: usize,
+        inputs: [Variable; I],
+        outputs: [Output; O],
+        clock: Option<usize>,
+    ) where
+        E: Equation<I, O, C> + Listed,
+    {
+        self.collected.blocks.push(Block {
+            kind: E::KIND,
+            component: self.component,
+            which,
+            inputs: inputs.to_vec(),
+            outputs: outputs.to_vec(),
+            clock,
+        });
+    }
+}
