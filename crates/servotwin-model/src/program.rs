@@ -197,8 +197,21 @@ impl Program {
     /// The effective parameters of a variant, component by component: the
     /// declared values with the faults applied.
     pub fn parameters(&self, faults: &[FaultAt]) -> Vec<Vec<f64>> {
+        self.parameters_with(&[], faults)
+    }
+
+    /// As [`Program::parameters`], with other values for some parameters before
+    /// the faults act: (component, parameter, value).
+    pub fn parameters_with(
+        &self,
+        overrides: &[(usize, usize, f64)],
+        faults: &[FaultAt],
+    ) -> Vec<Vec<f64>> {
         let components = &self.network.components;
         let mut all: Vec<Vec<f64>> = components.iter().map(|c| c.parameters.clone()).collect();
+        for &(component, parameter, value) in overrides {
+            all[component][parameter] = value;
+        }
         for fault in faults {
             let instance = &components[fault.component];
             let spec = instance.component.spec();

@@ -11,6 +11,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// A variant, ready to run.
+#[derive(Clone)]
 pub struct Case<'a> {
     /// Its number, given back with every result.
     pub job: usize,
@@ -39,6 +40,10 @@ pub trait Feed<'a> {
     fn sample(&mut self, job: usize, index: usize, values: &[f64]);
     /// A variant has ended.
     fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>);
+    /// Whether to stop now: variants in the lanes are dropped without a result.
+    fn cancelled(&self) -> bool {
+        false
+    }
 }
 
 /// Runs everything that the feed gives, with the lanes of a level.
@@ -159,7 +164,7 @@ impl<'p, 'f, 'a, V: Lanes, F: Feed<'a>> Ensemble<'p, 'f, 'a, V, F> {
                     self.load(lane);
                 }
             }
-            if self.lanes.iter().all(|l| l.phase == Phase::Idle) {
+            if self.feed.cancelled() || self.lanes.iter().all(|l| l.phase == Phase::Idle) {
                 return;
             }
             self.start_step();
@@ -458,18 +463,7 @@ impl<'a> Lane<'a> {
     }
 
     fn copy(&self) -> Self {
-        let case = &self.case;
-        let case = Case {
-            job: case.job,
-            constants: Vec::new(),
-            stand_ins: Vec::new(),
-            inputs: case.inputs.clone(),
-            start: case.start.clone(),
-            settle: case.settle,
-            duration_s: case.duration_s,
-            sample_period_s: case.sample_period_s,
-        };
-        Self::new(case, self.next_tick.len())
+        Self::new(self.case.clone(), self.next_tick.len())
     }
 
     fn begin_running(&mut self) {
