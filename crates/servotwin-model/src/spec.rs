@@ -58,6 +58,12 @@ pub enum Unit {
     CubicMetrePerSecondPascal,
     /// Pascal second per cubic metre: a laminar resistance.
     PascalSecondPerCubicMetre,
+    /// Pascal second squared per metre to the sixth: a turbulent resistance.
+    PascalSecondSquaredPerMetreToTheSixth,
+    /// One per second.
+    PerSecond,
+    /// One per second squared.
+    PerSecondSquared,
     /// Ampere.
     Ampere,
 }
@@ -123,6 +129,11 @@ impl Unit {
             Unit::PascalSecondPerCubicMetre => {
                 facts("_pa_s_m3", "Pa s/m³", "bar min/L", 1e-5 / 6e4)
             }
+            Unit::PascalSecondSquaredPerMetreToTheSixth => {
+                facts("_pa_s2_m6", "Pa s²/m⁶", "bar min²/L²", 1e-5 / 3.6e9)
+            }
+            Unit::PerSecond => facts("_per_s", "1/s", "1/s", 1.0),
+            Unit::PerSecondSquared => facts("_per_s2", "1/s²", "1/s²", 1.0),
             Unit::Ampere => facts("_a", "A", "mA", 1e3),
         }
     }
@@ -154,7 +165,7 @@ impl Unit {
     }
 
     /// All units, for tests and for the parser's hints.
-    pub const ALL: [Unit; 26] = [
+    pub const ALL: [Unit; 30] = [
         Unit::None,
         Unit::Pascal,
         Unit::Kelvin,
@@ -181,6 +192,10 @@ impl Unit {
         Unit::PerPascal,
         Unit::CubicMetrePerSecondPascal,
         Unit::PascalSecondPerCubicMetre,
+        Unit::PascalSecondSquaredPerMetreToTheSixth,
+        Unit::PerSecond,
+        Unit::PerSecondSquared,
+        Unit::Ampere,
     ];
 }
 
