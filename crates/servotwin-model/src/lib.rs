@@ -13,5 +13,6 @@ pub mod math;
 pub mod network;
 pub mod program;
 pub mod scalar;
+pub mod signal;
 pub mod spec;
 pub mod wiring;
