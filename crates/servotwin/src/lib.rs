@@ -1,1 +1,4 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
+
+pub mod files;
+pub mod nearest;
