@@ -8,10 +8,13 @@ use alloc::vec::Vec;
 
 use crate::error::{Error, same_length};
 
+/// No feature or weight may be larger, so that squares and their sums stay finite.
+pub const LARGEST: f64 = 1e100;
+
 /// A table of finite features (rows × features), one class label per row, and row weights.
 ///
 /// Made only by constructors that check it, so that no classifier has to: at least one row and one
-/// feature, every value finite, every label with a class name, weights finite and not all zero.
+/// feature, every value finite and at most [`LARGEST`] in size, every label with a class name, weights likewise and not all zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Samples {
     feature_names: Vec<String>,
@@ -76,7 +79,7 @@ impl Samples {
     pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self, Error> {
         same_length("weights", self.rows(), weights.len())?;
         for (row, &weight) in weights.iter().enumerate() {
-            if !(weight.is_finite() && weight >= 0.0) {
+            if !(0.0..=LARGEST).contains(&weight) {
                 return Err(Error::WeightOutOfRange { row, weight });
             }
         }
@@ -220,7 +223,10 @@ impl Samples {
     fn check(&self) -> Result<(), Error> {
         self.check_sizes()?;
         for (column, values) in self.values.chunks_exact(self.rows()).enumerate() {
-            if let Some(row) = values.iter().position(|value| !value.is_finite()) {
+            if let Some(row) = values
+                .iter()
+                .position(|value| !(-LARGEST..=LARGEST).contains(value))
+            {
                 return Err(Error::NotFinite {
                     column: self.feature_names[column].clone(),
                     row,

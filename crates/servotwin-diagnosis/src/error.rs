@@ -3,6 +3,8 @@
 use alloc::string::String;
 use core::fmt;
 
+use crate::data::LARGEST;
+
 /// What can go wrong between a table of features and a trained model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -20,7 +22,7 @@ pub enum Error {
         /// The length that came.
         found: usize,
     },
-    /// A feature value is NaN or infinite.
+    /// A feature value is NaN, infinite, or larger than [`crate::data::LARGEST`].
     NotFinite {
         /// Name of the feature column.
         column: String,
@@ -36,7 +38,7 @@ pub enum Error {
         /// Number of classes.
         classes: usize,
     },
-    /// A sample weight is negative, NaN or infinite.
+    /// A sample weight is negative, NaN, infinite, or larger than [`crate::data::LARGEST`].
     WeightOutOfRange {
         /// Row, counted from zero.
         row: usize,
@@ -93,7 +95,10 @@ impl fmt::Display for Error {
                 write!(out, "{what}: expected {expected}, found {found}")
             }
             Error::NotFinite { column, row } => {
-                write!(out, "feature `{column}`, row {row}: value is not finite")
+                write!(
+                    out,
+                    "feature `{column}`, row {row}: value is not finite or too large"
+                )
             }
             Error::LabelOutOfRange {
                 row,
@@ -108,7 +113,7 @@ impl fmt::Display for Error {
             Error::WeightOutOfRange { row, weight } => {
                 write!(
                     out,
-                    "row {row}: weight {weight} is not a finite number >= 0"
+                    "row {row}: weight {weight} is not between 0 and {LARGEST:e}"
                 )
             }
             Error::IndexOutOfRange {

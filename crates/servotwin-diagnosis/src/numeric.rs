@@ -41,8 +41,14 @@ pub(crate) fn arg_max(values: impl IntoIterator<Item = f64>) -> usize {
 }
 
 /// Turns logarithms into shares that sum to one, and returns the logarithm of the sum before.
+/// If all are minus infinity (a row absurdly far from every class), the shares are equal.
 pub(crate) fn softmax(values: &mut [f64]) -> f64 {
     let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if largest == f64::NEG_INFINITY {
+        let share = 1.0 / values.len() as f64;
+        values.fill(share);
+        return largest;
+    }
     let mut sum = 0.0;
     for value in values.iter_mut() {
         *value = libm::exp(*value - largest);
@@ -68,8 +74,7 @@ pub(crate) fn cholesky(matrix: &mut [f64], size: usize, smallest_pivot: f64) -> 
             };
             let value = matrix[row * size + column] - sum;
             if row == column {
-                // Written so that NaN fails too.
-                if !(value > smallest_pivot) {
+                if value.is_nan() || value <= smallest_pivot {
                     return false;
                 }
                 matrix[row * size + row] = libm::sqrt(value);
@@ -187,7 +192,7 @@ mod tests {
         let mut values = [1000.0, 1001.0];
         let log_sum = softmax(&mut values);
         assert!((values[0] + values[1] - 1.0).abs() < 1e-15);
-        assert!((log_sum - 1001.313_261_687_518).abs() < 1e-9);
+        assert!((log_sum - 1_001.313_261_687_518).abs() < 1e-9);
     }
 
     #[test]

@@ -127,7 +127,7 @@ impl Fit for Settings {
             if useless && !trees.is_empty() {
                 break;
             }
-            if useless || error <= 0.0 {
+            if useless || error <= f64::EPSILON {
                 // Nothing is left to learn from: this tree has an ordinary vote and is the last.
                 trees.push(WeightedTree::new(&tree, 1.0));
                 break;

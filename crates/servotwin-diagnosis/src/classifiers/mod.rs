@@ -46,6 +46,8 @@ pub trait Fit {
 }
 
 /// A trained model.
+///
+/// Rows must be finite. A NaN never panics, but what is predicted then means nothing.
 pub trait Classifier {
     /// Number of features in a row.
     fn features(&self) -> usize;

@@ -60,6 +60,12 @@ impl Fit for Settings {
         )?;
         let (means, mut variances) = class_moments(samples);
         let added = smoothing * largest_variance(samples);
+        // Features this small would otherwise be divided by zero.
+        let added = if added >= f64::MIN_POSITIVE {
+            added
+        } else {
+            smoothing
+        };
         variances.iter_mut().for_each(|variance| *variance += added);
         let present = PresentClasses::new(samples);
         let log_prior = |class: usize| libm::log(present.weights[class] / present.total_weight());
@@ -81,14 +87,13 @@ impl Fit for Settings {
     }
 }
 
-/// The largest variance of a feature over all classes; 1 if all features are constant.
+/// The largest variance of a feature over all classes.
 fn largest_variance(samples: &Samples) -> f64 {
     let variance = |feature| {
         let (_, deviation) = mean_and_deviation(samples.column(feature), |row| samples.weight(row));
         deviation * deviation
     };
-    let largest = (0..samples.features()).map(variance).fold(0.0, f64::max);
-    if largest > 0.0 { largest } else { 1.0 }
+    (0..samples.features()).map(variance).fold(0.0, f64::max)
 }
 
 /// Mean and variance of each feature in each present class, class-major.

@@ -96,7 +96,7 @@ fn prediction_ways_agree_and_scores_are_what_they_say() {
             let predicted = model.predict_row(&row);
             assert_eq!(scores[predicted as usize], best, "{kind:?}");
             assert_eq!(
-                model.predict_with(&row, &mut vec![0.0; 3]),
+                model.predict_with(&row, &mut [0.0; 3]),
                 predicted,
                 "{kind:?}"
             );
@@ -309,6 +309,30 @@ fn weight_two_is_two_rows() {
         for row in rows(&twice) {
             let pairs = scores(&a, &row).into_iter().zip(scores(&b, &row));
             pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-9, "{kind:?}: {a} {b}"));
+        }
+    }
+}
+
+#[test]
+fn extreme_values_and_weights_do_no_harm() {
+    for size in [1e100, 1e-160, 5e-324] {
+        let samples = samples(&[&[0.0, size], &[size, 0.0], &[-size, 1.0]], &[0, 1, 2]);
+        for weights in [vec![1.0; 3], vec![1e100, 1.0, 0.0], vec![1e-100; 3]] {
+            let weighted = samples.clone().with_weights(weights).unwrap();
+            for &kind in ALL {
+                check_sound(kind, &weighted);
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_far_away_or_not_finite_do_not_panic() {
+    let samples = clouds(30, 10);
+    for &kind in ALL {
+        let model = fit(kind, &samples);
+        for value in [1e200, -1e308, f64::NAN, f64::INFINITY] {
+            assert!(model.predict_row(&[value; 4]) < 3, "{kind:?}");
         }
     }
 }

@@ -9,7 +9,7 @@ fn names(prefix: &str, count: usize) -> Vec<String> {
 
 #[test]
 fn not_a_number_is_named_by_column_and_row() {
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.1e100] {
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, bad];
         let error = Samples::from_rows(names("x", 2), names("c", 1), &values, vec![0; 3]);
         let error = error.unwrap_err();
@@ -22,7 +22,7 @@ fn not_a_number_is_named_by_column_and_row() {
         );
         assert_eq!(
             error.to_string(),
-            "feature `x1`, row 2: value is not finite"
+            "feature `x1`, row 2: value is not finite or too large"
         );
     }
 }
