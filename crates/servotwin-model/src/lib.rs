@@ -2,6 +2,7 @@
 #![no_std]
 extern crate alloc;
 
+pub mod atmosphere;
 pub mod components;
 pub mod dual;
 pub mod equation;
