@@ -1,5 +1,6 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
+pub mod figure;
 pub mod files;
 pub mod nearest;
 pub mod table;
