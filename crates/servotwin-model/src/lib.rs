@@ -2,6 +2,7 @@
 #![no_std]
 extern crate alloc;
 
+pub mod atmosphere;
 pub mod components;
 pub mod dual;
 pub mod equation;
@@ -14,5 +15,6 @@ pub mod network;
 pub mod program;
 pub mod scalar;
 pub mod signal;
+pub mod solver;
 pub mod spec;
 pub mod wiring;
