@@ -77,8 +77,8 @@ pub enum Mistake {
         place: String,
         /// The key.
         key: &'static str,
-        /// What to write, as an example.
-        example: String,
+        /// What to write.
+        write: String,
     },
     /// A key that nobody reads.
     UnknownKey {
@@ -118,7 +118,7 @@ impl Explained for Mistake {
     fn help(&self) -> Option<String> {
         match self {
             Mistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
-            Mistake::Missing { example, .. } => Some(format!("for example: {example}")),
+            Mistake::Missing { write, .. } => Some(format!("write: {write}")),
             Mistake::UnknownKey { nearest, known, .. } => Some(suggest(nearest, known)),
             _ => None,
         }
@@ -299,6 +299,11 @@ pub fn type_name(value: &DeValue<'_>) -> &'static str {
 }
 
 impl<'a> Entry<'a> {
+    /// An element of a list, under the list's key.
+    pub fn element(key: &'a str, value: &'a Spanned<DeValue<'a>>) -> Self {
+        Self { key, at: value.span(), value }
+    }
+
     /// Where the value stands.
     pub fn value_at(&self) -> Span {
         self.value.span()
