@@ -2,6 +2,7 @@
 #![no_std]
 extern crate alloc;
 
+pub mod atmosphere;
 pub mod components;
 pub mod dual;
 pub mod equation;
@@ -13,5 +14,7 @@ pub mod math;
 pub mod network;
 pub mod program;
 pub mod scalar;
+pub mod signal;
+pub mod solver;
 pub mod spec;
 pub mod wiring;

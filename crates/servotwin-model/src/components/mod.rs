@@ -12,6 +12,7 @@ use crate::wiring::Wiring;
 
 #[cfg(test)]
 mod contract;
+pub mod conversion;
 
 /// A component of the catalogue.
 pub trait Component: Sync {
@@ -98,4 +99,34 @@ catalogue! {
     tank::Tank [],
     volume::Volume [VolumePressure],
     orifice::Orifice [Restriction],
+    external_leakage::ExternalLeakage [LeakageFlow],
+    filter::Filter [FilterFlow],
+    check_valve::CheckValve [OneWayFlow],
+    relief_valve::ReliefValve [],
+    accumulator::Accumulator [GasPressure],
+    long_line::LongLine [LineFlow, LinePressure],
+    shut_off_valve::ShutOffValve [ShutOffFlow],
+    servo_valve::ServoValve [SpoolMotion, EdgeFlow, PilotFlow],
+    mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, ReserveFlow],
+    cylinder::Cylinder [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
+
+    fixed::Fixed [],
+    mass::Mass [MassMotion, MassStops],
+    inertia::Inertia [Turning],
+    lever::Lever [LeverMotion, LeverMoment],
+    attachment::Attachment [Joint],
+    friction::Friction [Rubbing],
+    spring::Spring [Spreading],
+    force::Force [Applied],
+    aerodynamic_load::AerodynamicLoad [Stream, StreamAtAltitude, HingeMoment, HingeDamping],
+
+    pressure_sensor::PressureSensor [PressureToCurrent, CurrentToPressure],
+    lvdt::Lvdt [PositionToRatio, RatioToPosition],
+    temperature_sensor::TemperatureSensor [Warming, TemperatureToCurrent, CurrentToTemperature],
+
+    position_controller::PositionController [PositionDemand, PressureFeedback, LimitedCurrent],
+    sampled_position_controller::SampledPositionController [SampledLaw],
+    force_fight_equaliser::ForceFightEqualiser [PressureDifference, FightFilter, FightCorrection],
+    low_pass_filter::LowPassFilter [FirstOrder],
+    gain::Gain [Product],
 }

@@ -1,0 +1,112 @@
+//! What all sensors share: two conversions, each with its faults.
+//!
+//! A quantity becomes an electrical signal in the sensor and a number in the
+//! computer. Either conversion can be biased or miscalibrated:
+//!
+//! ```text
+//! y = (1 + g) x + b                                                       (C1)
+//! i = 4 mA + 16 mA · clamp((1 + g_e) x + b_e, 0, 1)                        (C2)
+//! x' = (1 + g_d) (i − 4 mA) / 16 mA + b_d                                  (C3)
+//! ```
+//!
+//! `x` is a share of full scale, so a bias is one too. (C2) and (C3) are the
+//! current loop; the sensor's output ends at full scale.
+
+use crate::equation::Given;
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
+
+/// Bias of the first conversion.
+pub const BIAS_ELECTRICAL: Parameter = share(
+    "bias_electrical",
+    (-2.0, 2.0),
+    "bias of the sensor, share of full scale",
+);
+/// Gain error of the first conversion.
+pub const GAIN_ELECTRICAL: Parameter =
+    share("gain_electrical", (-1.0, 2.0), "gain error of the sensor");
+/// Bias of the second conversion.
+pub const BIAS_DIGITAL: Parameter = share(
+    "bias_digital",
+    (-2.0, 2.0),
+    "bias of the computer's input, share of full scale",
+);
+/// Gain error of the second conversion.
+pub const GAIN_DIGITAL: Parameter = share(
+    "gain_digital",
+    (-1.0, 2.0),
+    "gain error of the computer's input",
+);
+/// Noise, added where readings are sampled.
+pub const NOISE_SIGMA: Parameter = share(
+    "noise_sigma",
+    (0.0, 1.0),
+    "noise of a sample, share of full scale",
+);
+/// Resolution, applied where readings are sampled.
+pub const BITS: Parameter = share(
+    "bits",
+    (0.0, 32.0),
+    "resolution of a sample over full scale; 0 for ideal",
+);
+
+const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> Parameter {
+    parameter(name, Unit::None, 0.0, range, summary)
+}
+
+/// The faults of both conversions, and one more of the sensor itself.
+pub const fn faults(own: Fault) -> [Fault; 9] {
+    const fn bias(name: &'static str, parameter: &'static str, full: f64) -> Fault {
+        adds(
+            name,
+            parameter,
+            full,
+            (-1.0, 1.0),
+            Category::Bias,
+            "constant error",
+        )
+    }
+    const fn gain(name: &'static str, parameter: &'static str, full: f64) -> Fault {
+        adds(
+            name,
+            parameter,
+            full,
+            (-1.0, 1.0),
+            Category::Calibration,
+            "wrong calibration",
+        )
+    }
+    [
+        bias("bias_positive", "bias_electrical", 0.20),
+        bias("bias_negative", "bias_electrical", -0.20),
+        gain("gain_high", "gain_electrical", 0.20),
+        gain("gain_low", "gain_electrical", -0.20),
+        bias("digital_bias_positive", "bias_digital", 0.20),
+        bias("digital_bias_negative", "bias_digital", -0.20),
+        gain("digital_gain_high", "gain_digital", 0.20),
+        gain("digital_gain_low", "gain_digital", -0.20),
+        own,
+    ]
+}
+
+/// The factor `1 + g` of (C1) from the parameter `g`.
+pub fn factor<S: Scalar<Base = S>>(given: &Given<S>, gain: usize) -> S {
+    given[gain] + S::constant(1.0)
+}
+
+/// The current of an empty scale, A.
+pub const ZERO_A: f64 = 4e-3;
+const SPAN_A: f64 = 16e-3;
+
+/// Equation (C2): a share of full scale → current.
+#[inline(always)]
+pub fn to_current_a<S: Scalar>(share: S, factor: S::Base, bias: S::Base) -> S {
+    let limited = (share * factor + bias).clamp(S::constant(0.0), S::constant(1.0));
+    limited * lit::<S>(SPAN_A) + lit::<S>(ZERO_A)
+}
+
+/// Equation (C3): current → a share of full scale.
+#[inline(always)]
+pub fn from_current_a<S: Scalar>(current_a: S, factor: S::Base, bias: S::Base) -> S {
+    (current_a - lit::<S>(ZERO_A)) * lit::<S>(1.0 / SPAN_A) * factor + bias
+}

@@ -1,0 +1,35 @@
+//! A wall: a translational port that does not move.
+//!
+//! ```text
+//! x = x_0,   v = 0
+//! ```
+
+use super::Component;
+use crate::spec::{Spec, Unit, declare::*};
+use crate::wiring::Wiring;
+
+/// See the module.
+pub struct Fixed;
+
+static SPEC: Spec = Spec {
+    kind: "fixed",
+    summary: "wall that does not move",
+    parameters: &[parameter("position_m", Unit::Metre, 0.0, (-1e3, 1e3), "where it stands")],
+    faults: &[],
+    ports: &[moving("port", "what is fastened")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for Fixed {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let position = wiring.parameter("position_m");
+        // A sum that nothing adds to stays zero.
+        let velocity = wiring.internal().variable();
+        wiring.set_motion("port", position, velocity);
+    }
+}

@@ -1,0 +1,53 @@
+//! A force from outside on a moving part.
+//!
+//! ```text
+//! F = F_signal                                                            (P1)
+//! ```
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Force;
+
+static SPEC: Spec = Spec {
+    kind: "force",
+    summary: "force from outside",
+    parameters: &[parameter("force_n", Unit::Newton, 0.0, (-1e9, 1e9), "constant force")],
+    faults: &[],
+    ports: &[
+        translational("port", "the part it acts on"),
+        input_or("force", Unit::Newton, "force_n", "force along the coordinate"),
+    ],
+    states: &[],
+    reference: false,
+};
+
+impl Component for Force {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let force = wiring.signal("force");
+        let sum = Output::add(wiring.force("port"));
+        wiring.equation::<Applied, 1, 1, 0>(0, [force], [sum]);
+    }
+}
+
+/// Equation (P1): the signal as a force.
+pub struct Applied;
+
+impl Equation<1, 1, 0> for Applied {
+    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
+        []
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(_: &[S::Base; 0], [force]: [S; 1]) -> [S; 1] {
+        [force]
+    }
+}

@@ -1,0 +1,110 @@
+//! Friction of a moving part against the ground (Stribeck).
+//!
+//! ```text
+//! F = B v + F_c [1 + (r_s − 1) exp(−(v/v_s)²)] tanh(v/v_t)                 (R1)
+//! ```
+//!
+//! `r_s` is the ratio of static to Coulomb friction. Regularised by tanh: a
+//! force below the static friction lets the part creep at up to about `v_t`
+//! instead of holding it.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Friction;
+
+const COULOMB: usize = 0;
+const STATIC_RATIO: usize = 1;
+const STRIBECK: usize = 2;
+const SMOOTHING: usize = 3;
+const VISCOUS: usize = 4;
+
+static SPEC: Spec = Spec {
+    kind: "friction",
+    summary: "Stribeck friction against the ground",
+    parameters: &[
+        parameter("coulomb_friction_n", Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
+        parameter("static_friction_ratio", Unit::None, 1.5, (1.0, 10.0), "static to dry, r_s"),
+        parameter(
+            "stribeck_velocity_m_s",
+            Unit::MetrePerSecond,
+            5e-3,
+            (1e-6, 10.0),
+            "velocity that ends static friction, v_s",
+        ),
+        parameter(
+            "friction_smoothing_m_s",
+            Unit::MetrePerSecond,
+            5e-3,
+            (1e-6, 10.0),
+            "velocity over which friction turns its sign, v_t",
+        ),
+        parameter(
+            "viscous_friction_n_s_m",
+            Unit::NewtonSecondPerMetre,
+            6e3,
+            (0.0, 1e9),
+            "friction per velocity B",
+        ),
+    ],
+    faults: &[
+        scales(
+            "friction",
+            "coulomb_friction_n",
+            10.0,
+            (1.0, 100.0),
+            Category::Friction,
+            "swollen seals or dry bearings",
+        ),
+        scales(
+            "viscous",
+            "viscous_friction_n_s_m",
+            10.0,
+            (1.0, 100.0),
+            Category::Friction,
+            "thickened grease",
+        ),
+    ],
+    ports: &[translational("port", "the part that rubs")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for Friction {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let velocity = wiring.velocity("port");
+        let force = Output::subtract(wiring.force("port"));
+        wiring.equation::<Rubbing, 1, 1, 5>(0, [velocity], [force]);
+    }
+}
+
+/// Equation (R1): velocity → force against it.
+pub struct Rubbing;
+
+impl Equation<1, 1, 5> for Rubbing {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
+        let one = S::constant(1.0);
+        [
+            given[VISCOUS],
+            given[COULOMB],
+            given[COULOMB] * (given[STATIC_RATIO] - one),
+            one / given[STRIBECK],
+            one / given[SMOOTHING],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 5], [velocity]: [S; 1]) -> [S; 1] {
+        let ratio = velocity * c[3];
+        let dry = (ratio * ratio * lit::<S>(-1.0)).exp() * c[2] + c[1];
+        [velocity * c[0] + dry * (velocity * c[4]).tanh()]
+    }
+}

@@ -1,0 +1,96 @@
+//! A body turning about a hinge: a control surface.
+//!
+//! ```text
+//! dθ/dt = ω,   J dω/dt = M − B_h ω − M_f tanh(ω/ω_f)                       (J1)
+//! ```
+//!
+//! The dry friction is regularised: a moment below `M_f` lets the body creep at
+//! up to about `ω_f` instead of holding it.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Inertia;
+
+const INERTIA: usize = 0;
+const VISCOUS: usize = 1;
+const FRICTION: usize = 2;
+const SMOOTHING: usize = 3;
+
+static SPEC: Spec = Spec {
+    kind: "inertia",
+    summary: "body turning about a hinge",
+    parameters: &[
+        parameter(
+            "inertia_kg_m2",
+            Unit::KilogramSquareMetre,
+            2.8,
+            (1e-9, 1e9),
+            "moment of inertia about the hinge",
+        ),
+        parameter(
+            "viscous_nm_s",
+            Unit::NewtonMetreSecond,
+            5.0,
+            (0.0, 1e9),
+            "friction moment per rate",
+        ),
+        parameter("friction_nm", Unit::NewtonMetre, 5.0, (0.0, 1e9), "dry friction moment"),
+        parameter(
+            "friction_smoothing_rad_s",
+            Unit::RadianPerSecond,
+            0.05,
+            (1e-6, 10.0),
+            "rate over which dry friction turns its sign",
+        ),
+    ],
+    faults: &[scales(
+        "hinge_friction",
+        "friction_nm",
+        100.0,
+        (1.0, 1000.0),
+        Category::Friction,
+        "dry or corroded hinge bearings",
+    )],
+    ports: &[turning("shaft", "what turns with it")],
+    states: &[
+        state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
+        state("rate_rad_s", Unit::RadianPerSecond, 1.0, Start::Value(0.0), "rate"),
+    ],
+    reference: false,
+};
+
+impl Component for Inertia {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let angle = wiring.state("angle_rad");
+        let rate = wiring.state("rate_rad_s");
+        wiring.set_motion("shaft", angle, rate);
+        let moment = wiring.force("shaft").variable();
+        let rates = [wiring.derivative("angle_rad"), wiring.derivative("rate_rad_s")];
+        wiring.equation::<Turning, 2, 2, 4>(0, [rate, moment], rates.map(Output::add));
+    }
+}
+
+/// Equation (J1): (rate, moment) → rates of angle and rate.
+pub struct Turning;
+
+impl Equation<2, 2, 4> for Turning {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        let one = S::constant(1.0);
+        [given[VISCOUS], given[FRICTION], one / given[SMOOTHING], one / given[INERTIA]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [rate, moment]: [S; 2]) -> [S; 2] {
+        let friction = rate * c[0] + (rate * c[2]).tanh() * c[1];
+        [rate, (moment - friction) * c[3]]
+    }
+}

@@ -1,0 +1,116 @@
+//! A displacement sensor (LVDT) with ratio demodulation, and its input in the
+//! computer.
+//!
+//! ```text
+//! u = ½ clamp((1 + g_e) x/x_FS + b_e, −1.25, 1.25)                         (D1)
+//! dy/dt = ω z,   dz/dt = ω (u − y − 2ζ z),   ω = 2π f                       (D2)
+//! reading = x_FS ((1 + g_d) 2y + b_d)                                      (D3)
+//! ```
+//!
+//! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, `z` its rate
+//! per unit of ω. Faults as in [`super::conversion`].
+
+use super::{Component, conversion};
+use crate::equation::{Equation, Given};
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Lvdt;
+
+const FULL_SCALE: usize = 0;
+const BANDWIDTH: usize = 1;
+const DAMPING: usize = 2;
+const BIAS_ELECTRICAL: usize = 3;
+const GAIN_ELECTRICAL: usize = 4;
+const BIAS_DIGITAL: usize = 5;
+const GAIN_DIGITAL: usize = 6;
+
+static SPEC: Spec = Spec {
+    kind: "lvdt",
+    summary: "displacement sensor with ratio demodulation",
+    parameters: &[
+        required("full_scale_m", Unit::Metre, (1e-6, 10.0), "range ±x_FS"),
+        parameter("bandwidth_hz", Unit::Hertz, 160.0, (1e-3, 1e5), "natural frequency f"),
+        parameter("damping_ratio", Unit::None, 0.6, (0.05, 5.0), "of the demodulator, ζ"),
+        conversion::BIAS_ELECTRICAL,
+        conversion::GAIN_ELECTRICAL,
+        conversion::BIAS_DIGITAL,
+        conversion::GAIN_DIGITAL,
+        conversion::NOISE_SIGMA,
+        conversion::BITS,
+    ],
+    faults: &conversion::faults(shrinks(
+        "lag",
+        "bandwidth_hz",
+        0.005,
+        (1e-5, 1.0),
+        Category::Lag,
+        "slow demodulation",
+    )),
+    ports: &[
+        input("position", Unit::Metre, "what it measures"),
+        output("reading", Unit::Metre, "position as the computer has it"),
+        output("electrical", Unit::None, "voltage ratio"),
+    ],
+    states: &[
+        state("ratio", Unit::None, 0.5, Start::Value(0.0), "voltage ratio y"),
+        state("ratio_rate", Unit::None, 0.5, Start::Value(0.0), "its rate per unit of ω, z"),
+    ],
+    reference: false,
+};
+
+impl Component for Lvdt {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let ratio = wiring.state("ratio");
+        wiring.set("electrical", ratio);
+        let inputs = [wiring.signal("position"), ratio, wiring.state("ratio_rate")];
+        let rates = [wiring.derivative("ratio"), wiring.derivative("ratio_rate")];
+        wiring.equation::<PositionToRatio, 3, 2, 5>(0, inputs, rates.map(Output::add));
+        let reading = wiring.internal();
+        wiring.equation::<RatioToPosition, 1, 1, 3>(0, [ratio], [Output::add(reading)]);
+        wiring.set("reading", reading.variable());
+    }
+}
+
+/// Equations (D1) and (D2): (position, ratio, its rate) → their rates.
+pub struct PositionToRatio;
+
+impl Equation<3, 2, 5> for PositionToRatio {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
+        [
+            S::constant(1.0) / given[FULL_SCALE],
+            conversion::factor(given, GAIN_ELECTRICAL),
+            given[BIAS_ELECTRICAL],
+            given[BANDWIDTH] * S::constant(core::f64::consts::TAU),
+            given[DAMPING] * S::constant(2.0),
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 5], [position, ratio, rate]: [S; 3]) -> [S; 2] {
+        let share = position * c[0] * c[1] + c[2];
+        let target = share.clamp(S::constant(-1.25), S::constant(1.25)) * lit::<S>(0.5);
+        [rate * c[3], (target - ratio - rate * c[4]) * c[3]]
+    }
+}
+
+/// Equation (D3): ratio → reading.
+pub struct RatioToPosition;
+
+impl Equation<1, 1, 3> for RatioToPosition {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        let factor = conversion::factor(given, GAIN_DIGITAL) * S::constant(2.0);
+        [given[FULL_SCALE], factor, given[BIAS_DIGITAL]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [ratio]: [S; 1]) -> [S; 1] {
+        [(ratio * c[1] + c[2]) * c[0]]
+    }
+}

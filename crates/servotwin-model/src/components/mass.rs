@@ -1,0 +1,118 @@
+//! A mass on a line, with optional end stops. No gravity.
+//!
+//! ```text
+//! dx/dt = v,   m dv/dt = F − b v                                          (M1)
+//! d = x − clamp(x, −x_s, x_s),   w = min(|d|/d_r, 1)                       (M2)
+//! F_stop = −k_s d − c_s w v                                               (M3)
+//! ```
+//!
+//! The stops exist where their stiffness is not zero. `w` brings their damping
+//! in over the first `d_r` = 10 µm of penetration, so that the force does not
+//! jump.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Mass;
+
+const MASS: usize = 0;
+const VISCOUS: usize = 1;
+const STROKE: usize = 2;
+const STIFFNESS: usize = 3;
+const DAMPING: usize = 4;
+
+static SPEC: Spec = Spec {
+    kind: "mass",
+    summary: "mass on a line, with optional end stops",
+    parameters: &[
+        required("mass_kg", Unit::Kilogram, (1e-6, 1e6), "mass"),
+        parameter(
+            "viscous_friction_n_s_m",
+            Unit::NewtonSecondPerMetre,
+            0.0,
+            (0.0, 1e9),
+            "friction per velocity",
+        ),
+        parameter("stroke_half_m", Unit::Metre, 1.0, (1e-6, 1e3), "the stops stand at ± this"),
+        parameter(
+            "stop_stiffness_n_m",
+            Unit::NewtonPerMetre,
+            0.0,
+            (0.0, 1e12),
+            "stiffness of the stops; 0 for none",
+        ),
+        parameter(
+            "stop_damping_n_s_m",
+            Unit::NewtonSecondPerMetre,
+            0.0,
+            (0.0, 1e9),
+            "damping of the stops",
+        ),
+    ],
+    faults: &[],
+    ports: &[moving("port", "what moves with it")],
+    states: &[
+        state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),
+        state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "velocity"),
+    ],
+    reference: false,
+};
+
+impl Component for Mass {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let position = wiring.state("position_m");
+        let velocity = wiring.state("velocity_m_s");
+        wiring.set_motion("port", position, velocity);
+        let force = wiring.force("port");
+        let rates = [wiring.derivative("position_m"), wiring.derivative("velocity_m_s")];
+        wiring.equation::<MassMotion, 2, 2, 2>(
+            0,
+            [velocity, force.variable()],
+            rates.map(Output::add),
+        );
+        if wiring.structural("stop_stiffness_n_m") > 0.0 {
+            let inputs = [position, velocity];
+            wiring.equation::<MassStops, 2, 1, 3>(0, inputs, [Output::add(force)]);
+        }
+    }
+}
+
+/// Equation (M1): (velocity, force) → rates of position and velocity.
+pub struct MassMotion;
+
+impl Equation<2, 2, 2> for MassMotion {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [given[VISCOUS], S::constant(1.0) / given[MASS]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [velocity, force]: [S; 2]) -> [S; 2] {
+        [velocity, (force - velocity * c[0]) * c[1]]
+    }
+}
+
+/// Equations (M2) and (M3): (position, velocity) → force on the mass.
+pub struct MassStops;
+
+impl Equation<2, 1, 3> for MassStops {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        [given[STROKE], given[STIFFNESS], given[DAMPING]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [position, velocity]: [S; 2]) -> [S; 1] {
+        const PER_RAMP: f64 = 1e5;
+        let stroke = S::from_base(c[0]);
+        let depth = position - position.clamp(-stroke, stroke);
+        let contact = (depth.abs() * lit::<S>(PER_RAMP)).min(S::constant(1.0));
+        [-(depth * c[1] + velocity * contact * c[2])]
+    }
+}

@@ -1,0 +1,157 @@
+//! The position loop of one actuator, continuous.
+//!
+//! ```text
+//! e = r sin(θ_c) + x_rig − x_m + x_corr                                    (K1)
+//! y = K_p e − K_d (Δp − d)/p_ref,   dd/dt = (Δp − d)/τ                      (K2)
+//! u = mode · clamp(y, −1, 1)                                              (K3)
+//! ```
+//!
+//! Proportional with dynamic pressure feedback: the washout `d` takes the
+//! steady load out of Δp = p_A − p_B, so that only its changes damp the loop.
+//! `u` is per unit of the rated current; mode 0 switches the output off.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Parameter, Port, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct PositionController;
+
+/// Positions of the parameters in [`PARAMETERS`].
+pub(crate) mod at {
+    pub const ARM: usize = 0;
+    pub const GAIN: usize = 1;
+    pub const PRESSURE_GAIN: usize = 2;
+    pub const PRESSURE_REFERENCE: usize = 3;
+    pub const WASHOUT: usize = 4;
+    pub const RIG_OFFSET: usize = 5;
+}
+
+/// The parameters of the law, which the sampled controller shares.
+pub(crate) const PARAMETERS: [Parameter; 8] = [
+    parameter("arm_m", Unit::Metre, 0.0525, (1e-4, 100.0), "lever from angle to stroke, r"),
+    parameter("gain_per_m", Unit::PerMetre, 272.0, (0.0, 1e6), "position gain K_p"),
+    parameter("pressure_gain", Unit::None, 0.45, (0.0, 100.0), "pressure feedback gain K_d"),
+    parameter("pressure_reference_pa", Unit::Pascal, 20.684e6, (1e3, 1e9), "p_ref"),
+    parameter("washout_s", Unit::Second, 0.10, (1e-4, 1e3), "washout time constant τ"),
+    parameter("rig_offset_m", Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
+    parameter("correction_m", Unit::Metre, 0.0, (-1.0, 1.0), "constant correction x_corr"),
+    parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
+];
+
+/// The ports of the law, which the sampled controller shares.
+pub(crate) const PORTS: [Port; 7] = [
+    input("command", Unit::Radian, "commanded angle θ_c"),
+    input("position", Unit::Metre, "measured ram position x_m"),
+    input("pressure_a", Unit::Pascal, "measured chamber pressure p_A"),
+    input("pressure_b", Unit::Pascal, "measured chamber pressure p_B"),
+    input_or("correction", Unit::Metre, "correction_m", "from a force-fight equaliser"),
+    input_or("mode", Unit::None, "mode", "1 active, 0 off"),
+    output("current", Unit::None, "valve current per unit of the rated current"),
+];
+
+static SPEC: Spec = Spec {
+    kind: "position_controller",
+    summary: "position loop with dynamic pressure feedback",
+    parameters: &PARAMETERS,
+    faults: &[],
+    ports: &PORTS,
+    states: &[state(
+        "washout_pa",
+        Unit::Pascal,
+        2e7,
+        Start::Value(0.0),
+        "slow part of the differential pressure, d",
+    )],
+    reference: false,
+};
+
+impl Component for PositionController {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let demand = wiring.internal();
+        let inputs = ["command", "position", "correction"].map(|p| wiring.signal(p));
+        wiring.equation::<PositionDemand, 3, 1, 3>(0, inputs, [Output::add(demand)]);
+        let [a, b] = ["pressure_a", "pressure_b"].map(|p| wiring.signal(p));
+        let inputs = [a, b, wiring.state("washout_pa")];
+        let rate = wiring.derivative("washout_pa");
+        let outputs = [Output::subtract(demand), Output::add(rate)];
+        wiring.equation::<PressureFeedback, 3, 2, 2>(0, inputs, outputs);
+        let current = wiring.internal();
+        let inputs = [demand.variable(), wiring.signal("mode")];
+        wiring.equation::<LimitedCurrent, 2, 1, 0>(0, inputs, [Output::add(current)]);
+        wiring.set("current", current.variable());
+    }
+}
+
+/// The constants of [`demand`].
+pub(crate) fn demand_constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+    [given[at::ARM], given[at::RIG_OFFSET], given[at::GAIN]]
+}
+
+/// Equation (K1) and the first term of (K2).
+#[inline(always)]
+pub(crate) fn demand<S: Scalar>(c: &[S::Base; 3], [command, position, correction]: [S; 3]) -> S {
+    (command.sin() * c[0] + c[1] - position + correction) * c[2]
+}
+
+/// `K_d/p_ref` of (K2).
+pub(crate) fn feedback_gain<S: Scalar<Base = S>>(given: &Given<S>) -> S {
+    given[at::PRESSURE_GAIN] / given[at::PRESSURE_REFERENCE]
+}
+
+/// Equation (K3).
+#[inline(always)]
+pub(crate) fn limited<S: Scalar>(demand: S, mode: S) -> S {
+    demand.clamp(S::constant(-1.0), S::constant(1.0)) * mode
+}
+
+/// Equation (K1) and the first term of (K2): (command, position, correction) →
+/// demand.
+pub struct PositionDemand;
+
+impl Equation<3, 1, 3> for PositionDemand {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        demand_constants(given)
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], inputs: [S; 3]) -> [S; 1] {
+        [demand(c, inputs)]
+    }
+}
+
+/// The second term of (K2): (p_A, p_B, washout) → what the demand loses, rate of
+/// the washout.
+pub struct PressureFeedback;
+
+impl Equation<3, 2, 2> for PressureFeedback {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [feedback_gain(given), S::constant(1.0) / given[at::WASHOUT]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b, washout]: [S; 3]) -> [S; 2] {
+        let change = p_a - p_b - washout;
+        [change * c[0], change * c[1]]
+    }
+}
+
+/// Equation (K3): (demand, mode) → current.
+pub struct LimitedCurrent;
+
+impl Equation<2, 1, 0> for LimitedCurrent {
+    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
+        []
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(_: &[S::Base; 0], [demand, mode]: [S; 2]) -> [S; 1] {
+        [limited(demand, mode)]
+    }
+}

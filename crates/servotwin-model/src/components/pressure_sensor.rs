@@ -1,0 +1,111 @@
+//! A pressure transducer with a 4–20 mA output, and its input in the computer.
+//!
+//! ```text
+//! di/dt = 2π f (i(p/p_FS) − i),   i(x) of (C2)                             (PS1)
+//! reading = p_FS · x'(i),   x'(i) of (C3)                                  (PS2)
+//! ```
+//!
+//! The conversions are those of [`super::conversion`]. The output is limited to
+//! 0 … full scale.
+
+use super::{Component, conversion};
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct PressureSensor;
+
+const FULL_SCALE: usize = 0;
+const BANDWIDTH: usize = 1;
+const BIAS_ELECTRICAL: usize = 2;
+const GAIN_ELECTRICAL: usize = 3;
+const BIAS_DIGITAL: usize = 4;
+const GAIN_DIGITAL: usize = 5;
+
+static SPEC: Spec = Spec {
+    kind: "pressure_sensor",
+    summary: "pressure transducer with a 4-20 mA output",
+    parameters: &[
+        parameter("full_scale_pa", Unit::Pascal, 20.684e6, (1e3, 1e9), "range p_FS"),
+        parameter("bandwidth_hz", Unit::Hertz, 125.0, (1e-3, 1e5), "corner frequency f"),
+        conversion::BIAS_ELECTRICAL,
+        conversion::GAIN_ELECTRICAL,
+        conversion::BIAS_DIGITAL,
+        conversion::GAIN_DIGITAL,
+        conversion::NOISE_SIGMA,
+        conversion::BITS,
+    ],
+    faults: &conversion::faults(shrinks(
+        "lag",
+        "bandwidth_hz",
+        0.005,
+        (1e-5, 1.0),
+        Category::Lag,
+        "clogged pressure tapping",
+    )),
+    ports: &[
+        hydraulic("port", "where it measures"),
+        output("reading", Unit::Pascal, "pressure as the computer has it"),
+        output("electrical", Unit::Ampere, "current of the loop"),
+    ],
+    states: &[state(
+        "current_a",
+        Unit::Ampere,
+        20e-3,
+        Start::Value(conversion::ZERO_A),
+        "current of the loop",
+    )],
+    reference: false,
+};
+
+impl Component for PressureSensor {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let current = wiring.state("current_a");
+        wiring.set("electrical", current);
+        let inputs = [wiring.pressure("port"), current];
+        let rate = Output::add(wiring.derivative("current_a"));
+        wiring.equation::<PressureToCurrent, 2, 1, 4>(0, inputs, [rate]);
+        let reading = wiring.internal();
+        wiring.equation::<CurrentToPressure, 1, 1, 3>(0, [current], [Output::add(reading)]);
+        wiring.set("reading", reading.variable());
+    }
+}
+
+/// Equation (PS1): (pressure, current) → rate of the current.
+pub struct PressureToCurrent;
+
+impl Equation<2, 1, 4> for PressureToCurrent {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        [
+            S::constant(1.0) / given[FULL_SCALE],
+            conversion::factor(given, GAIN_ELECTRICAL),
+            given[BIAS_ELECTRICAL],
+            given[BANDWIDTH] * S::constant(core::f64::consts::TAU),
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [pressure, current]: [S; 2]) -> [S; 1] {
+        [(conversion::to_current_a(pressure * c[0], c[1], c[2]) - current) * c[3]]
+    }
+}
+
+/// Equation (PS2): current → reading.
+pub struct CurrentToPressure;
+
+impl Equation<1, 1, 3> for CurrentToPressure {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        [given[FULL_SCALE], conversion::factor(given, GAIN_DIGITAL), given[BIAS_DIGITAL]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [current]: [S; 1]) -> [S; 1] {
+        [conversion::from_current_a(current, c[1], c[2]) * c[0]]
+    }
+}

@@ -1,0 +1,91 @@
+//! The position loop of one actuator as a computer runs it: sampled, with a
+//! zero-order hold and a computation delay.
+//!
+//! ```text
+//! u_k = mode · clamp(K_p e_k − K_d (Δp_k − d_k)/p_ref, −1, 1)               (Z1)
+//! d_{k+1} = d_k + (1 − exp(−T/τ)) (Δp_k − d_k)                             (Z2)
+//! output = u_{k−n}                                                        (Z3)
+//! ```
+//!
+//! The law and its symbols are those of [`super::position_controller`]; (Z2) is
+//! its washout solved exactly for a held input. Inputs are read at the ticks,
+//! `T` apart; `n` is 0, 1 or 2 samples.
+
+use super::Component;
+use super::position_controller::{PARAMETERS, PORTS, at};
+use super::position_controller::{demand, demand_constants, feedback_gain, limited};
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Parameter, Spec, Unit, declare::*};
+use crate::wiring::Wiring;
+
+/// See the module.
+pub struct SampledPositionController;
+
+const PERIOD: usize = PARAMETERS.len();
+
+const ALL_PARAMETERS: [Parameter; PERIOD + 2] = {
+    let [a, b, c, d, e, f, g, h] = PARAMETERS;
+    let period = parameter("period_s", Unit::Second, 0.01, (1e-4, 1.0), "between ticks, T");
+    let delay = parameter("delay_samples", Unit::None, 0.0, (0.0, 2.0), "whole samples, n");
+    [a, b, c, d, e, f, g, h, period, delay]
+};
+
+static SPEC: Spec = Spec {
+    kind: "sampled_position_controller",
+    summary: "position loop with dynamic pressure feedback, sampled",
+    parameters: &ALL_PARAMETERS,
+    faults: &[],
+    ports: &PORTS,
+    states: &[],
+    reference: false,
+};
+
+impl Component for SampledPositionController {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let [_, newest, delayed, twice_delayed] =
+            wiring.sampled::<SampledLaw, 9, 4, 5>("period_s", |wiring, held| {
+                let signal = |port| wiring.signal(port);
+                let [command, position, correction, p_a, p_b, mode] =
+                    ["command", "position", "correction", "pressure_a", "pressure_b", "mode"]
+                        .map(signal);
+                let [washout, newest, delayed, _] = held;
+                [command, position, correction, p_a, p_b, mode, washout, newest, delayed]
+            });
+        let delay = wiring.structural("delay_samples") as usize;
+        wiring.set("current", [newest, delayed, twice_delayed][delay]);
+    }
+
+    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+        if [0.0, 1.0, 2.0].contains(&parameters[PERIOD + 1]) {
+            Ok(())
+        } else {
+            Err("delay_samples must be 0, 1 or 2")
+        }
+    }
+}
+
+/// Equations (Z1)–(Z3): (signals, what is held) → (washout, current, current of
+/// the last tick, current of the tick before).
+pub struct SampledLaw;
+
+impl Equation<9, 4, 5> for SampledLaw {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
+        let [arm, rig, gain] = demand_constants(given);
+        let decay = (-(given[PERIOD] / given[at::WASHOUT])).exp();
+        [arm, rig, gain, feedback_gain(given), S::constant(1.0) - decay]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 5], inputs: [S; 9]) -> [S; 4] {
+        let [command, position, correction, p_a, p_b, mode, washout, newest, delayed] = inputs;
+        let change = p_a - p_b - washout;
+        let demand = demand(&[c[0], c[1], c[2]], [command, position, correction]);
+        let current = limited(demand - change * c[3], mode);
+        [washout + change * c[4], current, newest, delayed]
+    }
+}

@@ -1,0 +1,65 @@
+//! A spring with a damper between a moving part and the ground.
+//!
+//! ```text
+//! F = F_0 − k x − c v                                                     (S1)
+//! ```
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Spring;
+
+const STIFFNESS: usize = 0;
+const DAMPING: usize = 1;
+const PRELOAD: usize = 2;
+
+static SPEC: Spec = Spec {
+    kind: "spring",
+    summary: "spring and damper to the ground",
+    parameters: &[
+        required("stiffness_n_m", Unit::NewtonPerMetre, (0.0, 1e12), "stiffness"),
+        parameter("damping_n_s_m", Unit::NewtonSecondPerMetre, 0.0, (0.0, 1e9), "damping"),
+        parameter("preload_n", Unit::Newton, 0.0, (-1e9, 1e9), "force on the part at x = 0"),
+    ],
+    faults: &[shrinks(
+        "stiffness_loss",
+        "stiffness_n_m",
+        0.1,
+        (1e-6, 1.0),
+        Category::Looseness,
+        "broken coils",
+    )],
+    ports: &[translational("port", "the part it pushes")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for Spring {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let motion = [wiring.position("port"), wiring.velocity("port")];
+        let force = Output::subtract(wiring.force("port"));
+        wiring.equation::<Spreading, 2, 1, 3>(0, motion, [force]);
+    }
+}
+
+/// Equation (S1), with its sign turned: (position, velocity) → force against.
+pub struct Spreading;
+
+impl Equation<2, 1, 3> for Spreading {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        [given[STIFFNESS], given[DAMPING], given[PRELOAD]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [position, velocity]: [S; 2]) -> [S; 1] {
+        [position * c[0] + velocity * c[1] - c[2]]
+    }
+}

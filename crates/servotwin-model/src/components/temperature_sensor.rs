@@ -1,0 +1,138 @@
+//! A fluid temperature sensor with a 4–20 mA output, and its input in the
+//! computer.
+//!
+//! ```text
+//! dT_s/dt = (T − T_s)/τ                                                   (TS1)
+//! i = i(x) of (C2),   x = (T_s − T_low)/(T_high − T_low)                   (TS2)
+//! reading = T_low + (T_high − T_low) x'(i),   x'(i) of (C3)                (TS3)
+//! ```
+//!
+//! `T_s` is the probe's own temperature. The conversions are those of
+//! [`super::conversion`].
+
+use super::{Component, conversion};
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct TemperatureSensor;
+
+const LOW: usize = 0;
+const HIGH: usize = 1;
+const TIME: usize = 2;
+const BIAS_ELECTRICAL: usize = 3;
+const GAIN_ELECTRICAL: usize = 4;
+const BIAS_DIGITAL: usize = 5;
+const GAIN_DIGITAL: usize = 6;
+
+static SPEC: Spec = Spec {
+    kind: "temperature_sensor",
+    summary: "fluid temperature sensor with a 4-20 mA output",
+    parameters: &[
+        parameter("range_low_k", Unit::Kelvin, 213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
+        parameter("range_high_k", Unit::Kelvin, 423.15, (100.0, 1000.0), "at 20 mA, T_high"),
+        parameter("time_constant_s", Unit::Second, 5.0, (1e-4, 1e4), "of the probe, τ"),
+        conversion::BIAS_ELECTRICAL,
+        conversion::GAIN_ELECTRICAL,
+        conversion::BIAS_DIGITAL,
+        conversion::GAIN_DIGITAL,
+        conversion::NOISE_SIGMA,
+        conversion::BITS,
+    ],
+    faults: &conversion::faults(shrinks(
+        "lag",
+        "time_constant_s",
+        20.0,
+        (1.0, 1e4),
+        Category::Lag,
+        "deposit on the probe",
+    )),
+    ports: &[
+        hydraulic("port", "the circuit it measures"),
+        output("reading", Unit::Kelvin, "temperature as the computer has it"),
+        output("electrical", Unit::Ampere, "current of the loop"),
+    ],
+    states: &[state("probe_k", Unit::Kelvin, 100.0, Start::Value(313.15), "of the probe, T_s")],
+    reference: false,
+};
+
+impl Component for TemperatureSensor {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let probe = wiring.state("probe_k");
+        let inputs = [wiring.fluid_temperature(), probe];
+        let rate = Output::add(wiring.derivative("probe_k"));
+        wiring.equation::<Warming, 2, 1, 1>(0, inputs, [rate]);
+        let [current, reading] = [wiring.internal(), wiring.internal()];
+        wiring.equation::<TemperatureToCurrent, 1, 1, 4>(0, [probe], [Output::add(current)]);
+        wiring.set("electrical", current.variable());
+        let inputs = [current.variable()];
+        wiring.equation::<CurrentToTemperature, 1, 1, 4>(0, inputs, [Output::add(reading)]);
+        wiring.set("reading", reading.variable());
+    }
+
+    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+        if parameters[LOW] < parameters[HIGH] {
+            Ok(())
+        } else {
+            Err("range_low_k must be below range_high_k")
+        }
+    }
+}
+
+/// Equation (TS1): (fluid, probe) → rate of the probe's temperature.
+pub struct Warming;
+
+impl Equation<2, 1, 1> for Warming {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
+        [S::constant(1.0) / given[TIME]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 1], [fluid, probe]: [S; 2]) -> [S; 1] {
+        [(fluid - probe) * c[0]]
+    }
+}
+
+/// Equation (TS2): probe → current.
+pub struct TemperatureToCurrent;
+
+impl Equation<1, 1, 4> for TemperatureToCurrent {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        [
+            given[LOW],
+            S::constant(1.0) / (given[HIGH] - given[LOW]),
+            conversion::factor(given, GAIN_ELECTRICAL),
+            given[BIAS_ELECTRICAL],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [probe]: [S; 1]) -> [S; 1] {
+        [conversion::to_current_a((probe - c[0]) * c[1], c[2], c[3])]
+    }
+}
+
+/// Equation (TS3): current → reading.
+pub struct CurrentToTemperature;
+
+impl Equation<1, 1, 4> for CurrentToTemperature {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        [
+            given[LOW],
+            given[HIGH] - given[LOW],
+            conversion::factor(given, GAIN_DIGITAL),
+            given[BIAS_DIGITAL],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [current]: [S; 1]) -> [S; 1] {
+        [conversion::from_current_a(current, c[2], c[3]) * c[1] + c[0]]
+    }
+}
