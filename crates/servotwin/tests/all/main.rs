@@ -1,4 +1,5 @@
 //! The one integration test binary of this crate: one module per room.
 
 mod files;
+mod system;
 mod table;
