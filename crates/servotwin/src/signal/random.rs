@@ -40,7 +40,7 @@ impl Random {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        let radius = (-2.0 * ln(self.uniform())).sqrt();
+        let radius = (-2.0_f64 * ln(self.uniform())).sqrt();
         let (sin, cos) = sin_cos(PI * (2.0 * self.uniform() - 1.0));
         self.spare = Some(radius * sin);
         radius * cos
