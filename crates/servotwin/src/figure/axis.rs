@@ -59,9 +59,10 @@ impl Axis {
             _ => (1.0, 10.0),
         };
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-        let multiples: &[f64] = match last - first {
-            ..=1 => &[1.0, 2.0, 3.0, 5.0],
-            2 => &[1.0, 2.0, 5.0],
+        let decades = (high / low).log10();
+        let multiples: &[f64] = match decades {
+            ..1.2 => &[1.0, 2.0, 3.0, 5.0],
+            1.2..3.0 => &[1.0, 2.0, 5.0],
             _ => &[1.0],
         };
         // Of many decades only every second, third … is labelled.
@@ -81,6 +82,29 @@ impl Axis {
             ticks,
             factor: String::new(),
         }
+    }
+
+    /// The axis with its ends moved outwards to the next tick where that is very near, as 90 s is
+    /// to the end of 9000 samples at 100 Hz.
+    pub fn reaching_ticks(self) -> Self {
+        let [first, second, ..] = self.ticks.as_slice() else {
+            return self;
+        };
+        let (step, margin) = (second.at - first.at, 0.01 * (self.high - self.low));
+        let lower = (self.low / step).floor() * step;
+        let upper = (self.high / step).ceil() * step;
+        let low = if self.low - lower <= margin {
+            lower
+        } else {
+            self.low
+        };
+        let high = if upper - self.high <= margin {
+            upper
+        } else {
+            self.high
+        };
+        let count = ((high - low) / step).ceil().max(1.0) as usize;
+        Self::linear((low, high), count)
     }
 
     /// Where a value stands between two coordinates; `None` if it has no place on the axis.
@@ -175,7 +199,7 @@ pub(super) fn signed(text: String) -> String {
 
 fn decade_label(part: f64, decade: i32) -> String {
     match decade {
-        0.. if decade <= 3 => format!("{}", part * 10_f64.powi(decade)),
+        0.. if decade <= 4 => format!("{}", part * 10_f64.powi(decade)),
         -3..0 => format!(
             "{:.*}",
             decade.unsigned_abs() as usize,

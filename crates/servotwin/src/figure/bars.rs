@@ -215,20 +215,19 @@ impl Bars {
                 colour(index)
             ),
         );
-        let mut text_at = zero.max(end);
         if let Some((Some(low), Some(high))) = bar.interval.map(|(low, high)| (at(low), at(high))) {
             let style = format!(" stroke=\"{INK}\" stroke-width=\"1.1\"");
             canvas.line((low, middle), (high, middle), &style);
             for end in [low, high] {
                 canvas.line((end, middle - 3.0), (end, middle + 3.0), &style);
             }
-            text_at = text_at.max(high);
         }
-        let kind = Type::new(VALUE_SIZE).rim();
+        // The values stand in a column of their own, where no bar or grid line crosses them.
+        let column = right + 6.0;
         canvas.text(
-            (text_at + 5.0, middle + 3.4),
+            (column, middle + 3.4),
             &self.value_text(bar.value),
-            kind,
+            Type::new(VALUE_SIZE),
         );
     }
 }

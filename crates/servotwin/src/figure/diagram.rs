@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, VecDeque};
 use super::Figure;
 use super::font;
 use super::legend::{self, Entry, Swatch};
-use super::style::{GREY, colour, dash, tint};
+use super::style::{GREY, colour, dash, shade, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of blocks and wires.
@@ -258,6 +258,7 @@ impl Layout {
         };
         layout.place_items();
         layout.place_ports();
+        layout.part_ports();
         layout.place_tracks();
         layout.place_columns(diagram);
         layout
@@ -405,6 +406,35 @@ impl Layout {
         if reaches(0, one) && reaches(1, other) {
             self.pieces[place].ports = [target; 2];
         }
+    }
+
+    /// Moves ports apart where the end of one wire would run into the beginning of another.
+    fn part_ports(&mut self) {
+        for place in 0..self.pieces.len() {
+            let [from, to] = self.pieces[place].ports;
+            let item = &self.items[self.pieces[place].ends[1]];
+            let movable = item.block.is_some() && (from - to).abs() > 0.5;
+            if !movable || self.is_free(place, to) {
+                continue;
+            }
+            let (low, high) = (item.top + 3.0, item.top + item.height - 3.0);
+            let shifts = [4.0, -4.0, 6.0, -6.0, 8.0, -8.0, 10.0, -10.0];
+            let mut others = shifts.into_iter().map(|shift| to + shift);
+            let free = others.find(|y| *y >= low && *y <= high && self.is_free(place, *y));
+            self.pieces[place].ports[1] = free.unwrap_or(to);
+        }
+    }
+
+    /// Whether no other wire of a piece's channel ends at a height.
+    fn is_free(&self, place: usize, y: f64) -> bool {
+        let layer = self.items[self.pieces[place].ends[0]].layer;
+        let others =
+            self.pieces.iter().enumerate().filter(|(other, piece)| {
+                *other != place && self.items[piece.ends[0]].layer == layer
+            });
+        others
+            .flat_map(|(_, piece)| piece.ports)
+            .all(|port| (port - y).abs() >= 3.0)
     }
 
     /// Gives each piece that changes its height a track where it touches no other.
@@ -601,7 +631,7 @@ impl Layout {
                 .iter()
                 .position(|kind| *kind == block.kind)
                 .unwrap_or(0);
-            let (fill, stroke) = (tint(colour(index), 0.25), colour(index));
+            let (fill, stroke) = (tint(colour(index), 0.25), shade(colour(index)));
             canvas.rect(
                 area,
                 &format!(" rx=\"3\" fill=\"{fill}\" stroke=\"{stroke}\""),

@@ -144,7 +144,7 @@ impl<'a> HistogramGrid<'a> {
         };
         let frame = Frame {
             area,
-            x: Axis::linear(range, 4),
+            x: Axis::linear(range, 5),
             y: y_axis,
         };
         let title = font::fit(&panel.title, area.width / 1.12, 10.5);
@@ -209,7 +209,7 @@ impl Shares {
 }
 
 fn percent_axis(high: f64) -> Axis {
-    let mut axis = Axis::linear((0.0, high * 100.0), 3);
+    let mut axis = Axis::linear((0.0, high * 100.0), 4);
     for tick in &mut axis.ticks {
         tick.at /= 100.0;
         tick.label.push('%');

@@ -33,8 +33,7 @@ pub(super) fn dash(index: usize) -> String {
 
 /// Black or white, whichever is read better on a colour given as `#rrggbb`.
 pub(super) fn ink_on(background: &str) -> &'static str {
-    let part = |start: usize| u8::from_str_radix(&background[start..start + 2], 16).unwrap_or(255);
-    let [red, green, blue] = [1, 3, 5].map(|start| f64::from(part(start)));
+    let [red, green, blue] = parts(background);
     if 0.299 * red + 0.587 * green + 0.114 * blue > 140.0 {
         "#000000"
     } else {
@@ -49,9 +48,20 @@ pub(super) fn mix(from: [f64; 3], to: [f64; 3], share: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", part(0), part(1), part(2))
 }
 
+/// A colour made darker, for the edge of a box filled with its tint.
+pub(super) fn shade(colour: &str) -> String {
+    mix([0.0; 3], parts(colour), 0.7)
+}
+
 /// A colour made lighter, as a background for text.
 pub(super) fn tint(colour: &str, share: f64) -> String {
-    let part =
-        |start: usize| f64::from(u8::from_str_radix(&colour[start..start + 2], 16).unwrap_or(255));
-    mix([255.0; 3], [part(1), part(3), part(5)], share)
+    mix([255.0; 3], parts(colour), share)
+}
+
+/// Red, green and blue of `#rrggbb`, from 0 to 255.
+fn parts(colour: &str) -> [f64; 3] {
+    [1, 3, 5].map(|start| {
+        let digits = colour.get(start..start + 2).unwrap_or("ff");
+        f64::from(u8::from_str_radix(digits, 16).unwrap_or(255))
+    })
 }

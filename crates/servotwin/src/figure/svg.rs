@@ -194,13 +194,40 @@ impl Canvas {
     }
 }
 
+/// A line as a path of steps in tenths of a unit: half the bytes of absolute coordinates.
+///
+/// Each step leads to the rounded place of its point, so that roundings do not add up.
 fn outline(points: &[(f64, f64)]) -> String {
-    let mut path = String::from("M");
+    let tenths = |value: f64| (value * 10.0).round() as i64;
+    let mut path = String::new();
+    let mut at = (0, 0);
     for (place, (x, y)) in points.iter().enumerate() {
-        let gap = if place == 0 { "" } else { " " };
-        let _ = write!(path, "{gap}{} {}", number(*x), number(*y));
+        let next = (tenths(*x), tenths(*y));
+        let step = (next.0 - at.0, next.1 - at.1);
+        if place == 0 || step != (0, 0) || points.len() == 2 {
+            path.push(if place == 0 { 'M' } else { 'l' });
+            push_tenths(&mut path, step.0);
+            if step.1 >= 0 {
+                path.push(' ');
+            }
+            push_tenths(&mut path, step.1);
+        }
+        at = next;
     }
     path
+}
+
+fn push_tenths(path: &mut String, tenths: i64) {
+    if tenths < 0 {
+        path.push('-');
+    }
+    let (whole, part) = (tenths.unsigned_abs() / 10, tenths.unsigned_abs() % 10);
+    if whole > 0 || part == 0 {
+        let _ = write!(path, "{whole}");
+    }
+    if part > 0 {
+        let _ = write!(path, ".{part}");
+    }
 }
 
 /// A coordinate with at most two digits after the point; anything not finite becomes 0.

@@ -211,7 +211,7 @@ impl<'a> TimeSeries<'a> {
     fn x_axis(&self) -> Axis {
         let series = self.panels.iter().flat_map(|panel| &panel.series);
         let times = series.flat_map(|series| series.x.iter().copied());
-        Axis::linear(extent(times).unwrap_or((0.0, 1.0)), 10)
+        Axis::linear(extent(times).unwrap_or((0.0, 1.0)), 10).reaching_ticks()
     }
 }
 
