@@ -1,7 +1,10 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
+pub mod document;
 pub mod ensemble;
 pub mod figure;
 pub mod files;
 pub mod nearest;
+pub mod signal;
+pub mod system;
 pub mod table;

@@ -2,4 +2,5 @@
 
 mod figure;
 mod files;
+mod system;
 mod table;

@@ -1,0 +1,367 @@
+//! TOML files that people write: values with their places, and mistakes shown
+//! where they are.
+//!
+//! A reader walks through [`entries`] in the order of the file, collects every
+//! mistake in a [`Collector`] and goes on. At the end the mistakes are sorted by
+//! place and shown as
+//!
+//! ```text
+//! systems/x.toml:7:1: unknown kind of component 'orifise'
+//!    |
+//!  7 | kind = "orifise"
+//!    |        ^^^^^^^^^
+//!    = nearest: 'orifice'
+//! ```
+
+use std::fmt;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// A range of bytes in the text.
+pub type Span = Range<usize>;
+
+/// A mistake in a file's content: its display is one line.
+pub trait Explained: fmt::Display {
+    /// What to do instead, in one line.
+    fn help(&self) -> Option<String>;
+}
+
+/// What can be wrong with any TOML file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mistake {
+    /// The text is no TOML.
+    Syntax {
+        /// What the TOML reader says.
+        message: String,
+    },
+    /// The file is of a format that this version does not know.
+    Format {
+        /// What the file says.
+        found: f64,
+        /// What is read.
+        supported: u32,
+    },
+    /// A value of another type is needed.
+    WrongType {
+        /// The key.
+        key: String,
+        /// What is needed.
+        wanted: &'static str,
+        /// What is there.
+        found: &'static str,
+    },
+    /// A number is infinite, not a number, or too large.
+    NotFinite {
+        /// The key.
+        key: String,
+    },
+    /// A number is outside its range.
+    OutOfRange {
+        /// The key.
+        key: String,
+        /// What is there.
+        value: f64,
+        /// The smallest value allowed.
+        min: f64,
+        /// The largest value allowed.
+        max: f64,
+        /// The symbol of the unit.
+        unit: &'static str,
+        /// What the number means.
+        summary: &'static str,
+    },
+    /// A key that must be there is not.
+    Missing {
+        /// Where it should be.
+        place: String,
+        /// The key.
+        key: &'static str,
+        /// What to write.
+        write: String,
+    },
+    /// A key that nobody reads.
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// Where it stands.
+        place: String,
+        /// The nearest known key.
+        nearest: Option<String>,
+        /// All known keys.
+        known: Vec<String>,
+    },
+}
+
+impl fmt::Display for Mistake {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Mistake::Syntax { message } => write!(out, "no TOML: {message}"),
+            Mistake::Format { found, supported } => {
+                write!(out, "format {found} is not known: this version reads format {supported}")
+            }
+            Mistake::WrongType { key, wanted, found } => {
+                write!(out, "'{key}' must be {wanted}, not {found}")
+            }
+            Mistake::NotFinite { key } => write!(out, "'{key}' must be a finite number"),
+            Mistake::OutOfRange { key, value, min, max, unit, .. } => {
+                let (value, range) = (Quantity(*value, unit), Quantities(*min, *max, unit));
+                write!(out, "{key} = {value} is out of range: allowed are {range}")
+            }
+            Mistake::Missing { place, key, .. } => write!(out, "{place} lacks '{key}'"),
+            Mistake::UnknownKey { key, place, .. } => write!(out, "unknown key '{key}' in {place}"),
+        }
+    }
+}
+
+impl Explained for Mistake {
+    fn help(&self) -> Option<String> {
+        match self {
+            Mistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
+            Mistake::Missing { write, .. } => Some(format!("write: {write}")),
+            Mistake::UnknownKey { nearest, known, .. } => Some(suggest(nearest, known)),
+            _ => None,
+        }
+    }
+}
+
+/// The nearest right name, or all of them where nothing is near.
+pub fn suggest(nearest: &Option<String>, known: &[String]) -> String {
+    match nearest {
+        Some(name) => format!("nearest: '{name}'"),
+        None if known.is_empty() => "nothing may stand here".into(),
+        None => format!("known: {}", known.join(", ")),
+    }
+}
+
+/// A number with its unit.
+pub struct Quantity<'a>(pub f64, pub &'a str);
+
+impl fmt::Display for Quantity<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_number(out, self.0)?;
+        if self.1.is_empty() { Ok(()) } else { write!(out, " {}", self.1) }
+    }
+}
+
+/// A range with its unit.
+pub struct Quantities<'a>(pub f64, pub f64, pub &'a str);
+
+impl fmt::Display for Quantities<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_number(out, self.0)?;
+        write!(out, " … {}", Quantity(self.1, self.2))
+    }
+}
+
+/// As a person would write it: exponents only far from one.
+fn write_number(out: &mut fmt::Formatter<'_>, value: f64) -> fmt::Result {
+    let size = value.abs();
+    if size == 0.0 || (1e-3..1e6).contains(&size) {
+        write!(out, "{value}")
+    } else {
+        write!(out, "{value:e}")
+    }
+}
+
+/// A mistake at its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Located<M> {
+    /// The line, from 1.
+    pub line: usize,
+    /// The column in characters, from 1.
+    pub column: usize,
+    /// The number of characters concerned, at least 1.
+    pub width: usize,
+    /// The line's text.
+    pub source: String,
+    /// What is wrong.
+    pub mistake: M,
+}
+
+impl<M> Located<M> {
+    fn new(text: &str, span: &Span, mistake: M) -> Self {
+        let start = floor(text, span.start);
+        let begin = text[..start].rfind('\n').map_or(0, |at| at + 1);
+        let end = text[start..].find('\n').map_or(text.len(), |at| start + at);
+        let stop = floor(text, span.end).clamp(start, end);
+        Self {
+            line: 1 + text[..begin].matches('\n').count(),
+            column: 1 + text[begin..start].chars().count(),
+            width: text[start..stop].chars().count().max(1),
+            source: text[begin..end].trim_end().to_owned(),
+            mistake,
+        }
+    }
+}
+
+/// The nearest character boundary at or before a byte.
+fn floor(text: &str, byte: usize) -> usize {
+    let byte = byte.min(text.len());
+    (0..=byte).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+}
+
+/// The most characters of a source line that are shown.
+const SHOWN: usize = 100;
+
+impl<M: Explained> Located<M> {
+    /// Shows the mistake with its source line.
+    pub fn write(&self, out: &mut fmt::Formatter<'_>, path: &str) -> fmt::Result {
+        let Self { line, column, mistake, .. } = self;
+        writeln!(out, "{path}:{line}:{column}: {mistake}")?;
+        let number = line.to_string();
+        let margin = " ".repeat(number.len() + 1);
+        // Of a very long line, show what surrounds the mistake.
+        let skipped = if column - 1 > SHOWN - 20 { column - 21 } else { 0 };
+        let shown: String = self.source.chars().skip(skipped).take(SHOWN).collect();
+        // Tabs stay tabs, so that the caret stands below its character.
+        let before = shown.chars().take(column - 1 - skipped);
+        let indent: String = before.map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+        let room = (SHOWN + skipped + 1).saturating_sub(*column).max(1);
+        writeln!(out, "{margin}|")?;
+        writeln!(out, "{number} | {shown}")?;
+        writeln!(out, "{margin}| {indent}{}", "^".repeat(self.width.min(room)))?;
+        match mistake.help() {
+            Some(help) => writeln!(out, "{margin}= {help}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The mistakes found so far.
+#[derive(Debug)]
+pub struct Collector<M> {
+    found: Vec<(Span, M)>,
+}
+
+impl<M: PartialEq> Collector<M> {
+    /// None yet.
+    pub fn new() -> Self {
+        Self { found: Vec::new() }
+    }
+
+    /// Notes a mistake; the same one at the same place only once.
+    pub fn note(&mut self, span: &Span, mistake: impl Into<M>) {
+        let found = (span.clone(), mistake.into());
+        if !self.found.contains(&found) {
+            self.found.push(found);
+        }
+    }
+
+    /// Whether nothing is wrong so far.
+    pub fn is_empty(&self) -> bool {
+        self.found.is_empty()
+    }
+
+    /// All mistakes in the order of the file.
+    pub fn locate(mut self, text: &str) -> Vec<Located<M>> {
+        self.found.sort_by_key(|(span, _)| span.start);
+        self.found.into_iter().map(|(span, m)| Located::new(text, &span, m)).collect()
+    }
+}
+
+impl<M: PartialEq> Default for Collector<M> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A key with its value.
+#[derive(Clone, Debug)]
+pub struct Entry<'a> {
+    /// The key.
+    pub key: &'a str,
+    /// Where the key stands.
+    pub at: Span,
+    /// The value.
+    pub value: &'a Spanned<DeValue<'a>>,
+}
+
+/// The entries of a table in the order of the file.
+pub fn entries<'a>(table: &'a DeTable<'a>) -> Vec<Entry<'a>> {
+    let mut entries: Vec<Entry<'a>> = (table.iter())
+        .map(|(key, value)| Entry { key: key.get_ref(), at: key.span(), value })
+        .collect();
+    entries.sort_by_key(|entry| entry.at.start);
+    entries
+}
+
+/// What a value is, in words.
+pub fn type_name(value: &DeValue<'_>) -> &'static str {
+    match value {
+        DeValue::String(_) => "a text",
+        DeValue::Integer(_) | DeValue::Float(_) => "a number",
+        DeValue::Boolean(_) => "true or false",
+        DeValue::Datetime(_) => "a date",
+        DeValue::Array(_) => "a list",
+        DeValue::Table(_) => "a table",
+    }
+}
+
+impl<'a> Entry<'a> {
+    /// An element of a list, under the list's key.
+    pub fn element(key: &'a str, value: &'a Spanned<DeValue<'a>>) -> Self {
+        Self { key, at: value.span(), value }
+    }
+
+    /// Where the value stands.
+    pub fn value_at(&self) -> Span {
+        self.value.span()
+    }
+
+    /// That another type is needed.
+    pub fn wrong_type(&self, wanted: &'static str) -> Mistake {
+        let found = type_name(self.value.get_ref());
+        Mistake::WrongType { key: self.key.into(), wanted, found }
+    }
+
+    /// The value as a text.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn text(&self) -> Result<&'a str, Mistake> {
+        match self.value.get_ref() {
+            DeValue::String(text) => Ok(text),
+            _ => Err(self.wrong_type("a text in quotes")),
+        }
+    }
+
+    /// The value as a finite number.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn number(&self) -> Result<f64, Mistake> {
+        let value = match self.value.get_ref() {
+            DeValue::Float(value) => value.as_str().parse().ok(),
+            DeValue::Integer(value) => {
+                let whole = i64::from_str_radix(value.as_str(), value.radix()).ok();
+                whole.map(|value| value as f64)
+            }
+            _ => return Err(self.wrong_type("a number")),
+        };
+        let finite = value.filter(|value: &f64| value.is_finite());
+        finite.ok_or_else(|| Mistake::NotFinite { key: self.key.into() })
+    }
+
+    /// The value as a table.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn table(&self) -> Result<&'a DeTable<'a>, Mistake> {
+        match self.value.get_ref() {
+            DeValue::Table(table) => Ok(table),
+            _ => Err(self.wrong_type("a table")),
+        }
+    }
+
+    /// The value as a list.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn list(&self) -> Result<&'a [Spanned<DeValue<'a>>], Mistake> {
+        match self.value.get_ref() {
+            DeValue::Array(list) => Ok(list),
+            _ => Err(self.wrong_type("a list")),
+        }
+    }
+}

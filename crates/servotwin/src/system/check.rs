@@ -1,0 +1,227 @@
+//! What can only be said of a whole system: what is missing, what is unused,
+//! and what its compilation finds, told where the file says it.
+
+use super::mistake::Mistake;
+use super::read::Reader;
+use super::scope::{Input, Part, Scope};
+use crate::document::{self, Collector, Quantities, Span};
+use servotwin_model::fluid::Fluid;
+use servotwin_model::network::{self, PortOf};
+use servotwin_model::program::Program;
+use servotwin_model::spec::{PortKind, Unit};
+
+/// Compiles what was read.
+pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
+    let fluids = choose_fluids(reader);
+    missing_parameters(&mut reader.scope, &mut reader.mistakes);
+    signals(&reader.scope, &mut reader.mistakes);
+    let mut program = None;
+    // With a component or a connection missing, everything beside it would
+    // seem open.
+    if reader.scope.complete {
+        match reader.scope.network(&fluids).compile() {
+            Ok(compiled) => program = Some(compiled),
+            Err(mistakes) => explain(reader, &fluids, &mistakes),
+        }
+    }
+    if reader.mistakes.is_empty() {
+        unused(reader);
+    }
+    program.filter(|_| reader.mistakes.is_empty())
+}
+
+/// Gives every source its fluid, and lists the fluids.
+fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
+    let only = (reader.fluids.len() == 1).then_some(0);
+    let mut told = Vec::new();
+    for part in reader.scope.parts.iter_mut().filter(|part| part.spec().reference) {
+        part.fluid = part.fluid.or(only);
+        match part.fluid {
+            Some(index) => reader.fluids[index].used = true,
+            None if reader.fluids.len() > 1 && part.sound && once(&mut told, &part.at, 0) => {
+                let known = reader.fluids.iter().map(|fluid| fluid.name.clone()).collect();
+                let id = part.id.clone();
+                reader.mistakes.note(&part.at, Mistake::WhichFluid { id, known });
+            }
+            None => {}
+        }
+    }
+    let fluids: Vec<Option<Fluid>> = reader.fluids.iter().map(|fluid| fluid.value).collect();
+    let mut told = Vec::new();
+    for part in reader.scope.parts.iter().filter(|part| part.spec().reference && part.sound) {
+        let fluid = part.fluid.map_or(Some(Fluid::default()), |index| fluids[index]);
+        let (Some(fluid), Some(kelvin)) = (fluid, temperature_k(part)) else { continue };
+        let (min, max) = fluid.kind.range_k();
+        if !(min..=max).contains(&kelvin) && once(&mut told, &part.at, 0) {
+            let (id, liquid) = (part.id.clone(), fluid.kind.name());
+            let range_k = (min, max);
+            let mistake = Mistake::FluidTemperature { id, kelvin, liquid, range_k };
+            reader.mistakes.note(&part.at, mistake);
+        }
+    }
+    fluids.into_iter().map(Option::unwrap_or_default).collect()
+}
+
+fn temperature_k(part: &Part) -> Option<f64> {
+    part.spec().parameter("temperature_k").map(|index| part.parameters[index])
+}
+
+/// Whether this was not told before: instances of an assembly share its places.
+fn once(told: &mut Vec<(usize, usize)>, at: &Span, which: usize) -> bool {
+    let new = !told.contains(&(at.start, which));
+    told.push((at.start, which));
+    new
+}
+
+fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<Mistake>) {
+    let mut told = Vec::new();
+    for part in &mut scope.parts {
+        for (index, declared) in part.spec().parameters.iter().enumerate() {
+            if !part.parameters[index].is_nan() {
+                continue;
+            }
+            part.parameters[index] = declared.min;
+            part.sound = false;
+            if once(&mut told, &part.at, index) {
+                let range = Quantities(declared.min, declared.max, declared.unit.symbol());
+                let mistake = document::Mistake::Missing {
+                    place: format!("'{}' ({})", part.id, part.spec().kind),
+                    key: declared.name,
+                    write: format!("{} = … ({}; {range})", declared.name, declared.summary),
+                };
+                mistakes.note(&part.at, mistake);
+            }
+        }
+    }
+}
+
+/// That every input feeds something, and nothing that has a source already.
+fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
+    let mut fed: Vec<(PortOf, usize)> = Vec::new();
+    for (index, input) in scope.inputs.iter().enumerate() {
+        if input.targets.is_empty() && scope.complete {
+            mistakes.note(&input.at, Mistake::InputUnused { id: input.id.clone() });
+        }
+        for target in &input.targets {
+            for port in scope.joined(target.port) {
+                let other = fed.iter().find(|&&(of, by)| of == port && by != index);
+                if let PortKind::SignalOut { .. } = scope.port(port).kind {
+                    let (input, output) = (input.id.clone(), scope.port_id(port));
+                    mistakes.note(&target.at, Mistake::InputAndOutput { input, output });
+                } else if let Some(&(_, by)) = other {
+                    let first = scope.inputs[by].id.clone();
+                    let second = input.id.clone();
+                    mistakes.note(&target.at, Mistake::TwoInputs { first, second });
+                }
+            }
+            fed.push((target.port, index));
+        }
+    }
+}
+
+fn unused(reader: &mut Reader) {
+    let assemblies = reader.assemblies.iter().filter(|a| !a.used).map(|a| ("assembly", &a.name, &a.at));
+    let fluids = reader.fluids.iter().filter(|f| !f.used).map(|f| ("fluid", &f.name, &f.at));
+    for (what, name, at) in assemblies.chain(fluids) {
+        reader.mistakes.note(at, Mistake::Unused { what, name: name.clone() });
+    }
+}
+
+/// Tells the mistakes of a network where the file makes them.
+fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
+    let Reader { scope, mistakes, .. } = reader;
+    let mut open: Vec<(Span, PortOf, Vec<String>)> = Vec::new();
+    for mistake in found {
+        if let network::Mistake::OpenPort(port) = mistake {
+            let at = scope.parts[port.component].at.clone();
+            // The same port of another instance of the assembly.
+            match open.iter_mut().find(|(of, p, _)| *of == at && p.port == port.port) {
+                Some((_, _, also)) => also.push(scope.port_id(*port)),
+                None => open.push((at, *port, Vec::new())),
+            }
+        } else if let Some((at, mistake)) = explained(scope, fluids, mistake) {
+            mistakes.note(&at, mistake);
+        }
+    }
+    for (at, port, also) in open {
+        let declared = scope.port(port);
+        let (end, family) = (scope.port_id(port), declared.kind.family());
+        mistakes.note(&at, Mistake::OpenPort { end, family, summary: declared.summary, also });
+    }
+}
+
+fn explained(scope: &Scope, fluids: &[Fluid], mistake: &network::Mistake) -> Option<(Span, Mistake)> {
+    let place = |component: usize| scope.parts[component].at.clone();
+    let id = |component: usize| scope.parts[component].id.clone();
+    let port_id = |port: PortOf| scope.port_id(port);
+    let family = |port: PortOf| scope.port(port).kind.family();
+    Some(match *mistake {
+        network::Mistake::OpenPort(_) => return None,
+        network::Mistake::MixedKinds { connection, first, second } => {
+            let end = scope.connections[connection].iter().find(|end| end.port == second)?;
+            let told = |port: PortOf| (port_id(port), family(port));
+            (end.at.clone(), Mistake::MixedKinds { first: told(first), second: told(second) })
+        }
+        network::Mistake::MixedUnits { from, to } => mixed_units(scope, from, to)?,
+        network::Mistake::TwoSources { first, second } => {
+            let (at, family) = (scope.mention(second), family(second));
+            (at, Mistake::TwoSources { first: port_id(first), second: port_id(second), family })
+        }
+        network::Mistake::NoSource(port) => {
+            let ends = scope.joined(port).into_iter().map(port_id).collect();
+            (scope.mention(port), Mistake::NoSource { ends, family: family(port) })
+        }
+        network::Mistake::NoReference { component } => {
+            (place(component), Mistake::NoReference { id: id(component) })
+        }
+        network::Mistake::TwoFluids { first, second } => {
+            let parts = [first, second].map(|c| &scope.parts[c]);
+            if parts.iter().any(|part| !part.sound) {
+                return None;
+            }
+            let [first, second] = parts.map(|part| told_fluid(part, fluids));
+            (parts[1].at.clone(), Mistake::TwoFluids { first, second })
+        }
+        network::Mistake::AlgebraicLoop { ref components } => {
+            let ids = components.iter().map(|&c| id(c)).collect();
+            (place(components[0]), Mistake::AlgebraicLoop { ids })
+        }
+        network::Mistake::Impossible { component, reason } => {
+            if !scope.parts[component].sound {
+                return None;
+            }
+            (place(component), Mistake::Impossible { id: id(component), reason })
+        }
+        network::Mistake::Empty => (0..0, Mistake::Empty),
+        network::Mistake::TooLarge => (0..0, Mistake::TooLarge),
+    })
+}
+
+fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(Span, Mistake)> {
+    let unit_of = |port: PortOf| match scope.port(port).kind {
+        PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit),
+        _ => None,
+    };
+    let read: (String, Unit) = (scope.port_id(to), unit_of(to)?);
+    if let Some(source) = from {
+        let from = (scope.port_id(source), unit_of(source)?);
+        return Some((scope.mention(to), Mistake::MixedUnits { from, to: read }));
+    }
+    let node = scope.joined(to);
+    let feeds = |input: &&Input| {
+        input.targets.iter().any(|target| node.contains(&target.port))
+    };
+    let input = scope.inputs.iter().find(feeds)?;
+    let from = (input.id.clone(), input.unit);
+    Some((input.unit_at.clone(), Mistake::MixedUnits { from, to: read }))
+}
+
+/// A source with its liquid and temperature.
+fn told_fluid(part: &Part, fluids: &[Fluid]) -> String {
+    let fluid = part.fluid.map_or_else(Fluid::default, |index| fluids[index]);
+    let kind = fluid.kind;
+    match temperature_k(part) {
+        Some(kelvin) => format!("'{}' ({} at {kelvin} K)", part.id, kind.name()),
+        None => format!("'{}' ({})", part.id, kind.name()),
+    }
+}

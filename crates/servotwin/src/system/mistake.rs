@@ -1,0 +1,447 @@
+//! Everything that can be wrong with a system file, in words.
+
+use super::units::word;
+use crate::document::{self, Explained, Quantity, suggest};
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// What is wrong with a system file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mistake {
+    /// With any TOML file.
+    Document(document::Mistake),
+    /// A name with letters that ids cannot have.
+    BadName {
+        /// The name.
+        name: String,
+    },
+    /// A name that has a meaning of its own.
+    ReservedName {
+        /// The name.
+        name: String,
+    },
+    /// Two things have the same id.
+    DuplicateId {
+        /// The id.
+        id: String,
+    },
+    /// A word that is none of a list: a component's kind, a liquid, an assembly, a fluid.
+    UnknownWord {
+        /// What it should name, e.g. "kind of component".
+        what: &'static str,
+        /// The word.
+        word: String,
+        /// The nearest known one.
+        nearest: Option<String>,
+        /// All known ones.
+        known: Vec<String>,
+    },
+    /// Something is declared and never used.
+    Unused {
+        /// What it is.
+        what: &'static str,
+        /// Its name.
+        name: String,
+    },
+    /// Both or neither of `kind` and `assembly`.
+    KindOrAssembly {
+        /// The component.
+        id: String,
+    },
+    /// A parameter's name with another unit.
+    WrongSuffix {
+        /// The key.
+        key: String,
+        /// The parameter.
+        right: &'static str,
+        /// Its unit.
+        unit: Unit,
+        /// The value converted to it.
+        si: Option<f64>,
+    },
+    /// The name of a fault where a parameter is expected.
+    FaultAmongParameters {
+        /// The fault.
+        key: String,
+    },
+    /// The name of a port where a parameter is expected.
+    PortAmongParameters {
+        /// The port.
+        key: String,
+        /// The component.
+        id: String,
+    },
+    /// The kind of a component inside an assembly cannot be overridden.
+    KindOverridden {
+        /// The component.
+        id: String,
+    },
+    /// A fluid given to a component that takes it from its circuit.
+    FluidNotHere {
+        /// The component's kind.
+        kind: &'static str,
+    },
+    /// Several fluids are declared and a source names none.
+    WhichFluid {
+        /// The source.
+        id: String,
+        /// The fluids.
+        known: Vec<String>,
+    },
+    /// The laws of a fluid do not hold at the temperature of its source.
+    FluidTemperature {
+        /// The source.
+        id: String,
+        /// Its temperature.
+        kelvin: f64,
+        /// The liquid.
+        liquid: &'static str,
+        /// The temperatures that it holds for.
+        range_k: (f64, f64),
+    },
+    /// An end of a connection that names a component but no port.
+    NoPort {
+        /// The component.
+        id: String,
+        /// Its ports.
+        known: Vec<String>,
+    },
+    /// A port that a component does not have.
+    UnknownPort {
+        /// The component.
+        id: String,
+        /// Its kind.
+        kind: &'static str,
+        /// The port.
+        port: String,
+        /// The nearest one.
+        nearest: Option<String>,
+        /// Its ports.
+        known: Vec<String>,
+    },
+    /// A connection of fewer than two ports.
+    TooFewEnds,
+    /// A port twice in a connection.
+    RepeatedEnd {
+        /// The port.
+        end: String,
+    },
+    /// A connection names two inputs of the system.
+    TwoInputs {
+        /// The first.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// An input of the system meets an output.
+    InputAndOutput {
+        /// The input.
+        input: String,
+        /// The output.
+        output: String,
+    },
+    /// An input of the system feeds something that reads no signal.
+    NoSignalInput {
+        /// The port.
+        end: String,
+        /// What it is.
+        family: &'static str,
+    },
+    /// An input of the system feeds nothing.
+    InputUnused {
+        /// The input.
+        id: String,
+    },
+    /// A unit that is unknown, or not of SI.
+    UnknownUnit {
+        /// The word.
+        word: String,
+        /// What was meant.
+        meant: Option<Unit>,
+    },
+    /// A sensor that is no output of a component.
+    NoOutput {
+        /// The signal.
+        signal: String,
+        /// Outputs that it may have meant.
+        known: Vec<String>,
+    },
+    /// A port that must be connected is open.
+    OpenPort {
+        /// The port.
+        end: String,
+        /// What flows through it.
+        family: &'static str,
+        /// What the port is.
+        summary: &'static str,
+        /// The same in other instances of the assembly.
+        also: Vec<String>,
+    },
+    /// A connection joins ports of different families.
+    MixedKinds {
+        /// The first port and its family.
+        first: (String, &'static str),
+        /// The one that does not fit.
+        second: (String, &'static str),
+    },
+    /// A signal of one unit meets an input of another.
+    MixedUnits {
+        /// The source.
+        from: (String, Unit),
+        /// The input.
+        to: (String, Unit),
+    },
+    /// Two components set the same pressure, motion or signal.
+    TwoSources {
+        /// The first.
+        first: String,
+        /// The second.
+        second: String,
+        /// What flows through them.
+        family: &'static str,
+    },
+    /// Nobody sets the pressure, motion or signal of a node.
+    NoSource {
+        /// The ports that are joined.
+        ends: Vec<String>,
+        /// What flows through them.
+        family: &'static str,
+    },
+    /// A circuit without source and tank.
+    NoReference {
+        /// A component of it.
+        id: String,
+    },
+    /// The sources of one circuit disagree.
+    TwoFluids {
+        /// The first source, its liquid and its temperature.
+        first: String,
+        /// The one that disagrees.
+        second: String,
+    },
+    /// Signals depend on each other with no state in between.
+    AlgebraicLoop {
+        /// The components.
+        ids: Vec<String>,
+    },
+    /// Parameters that are impossible together.
+    Impossible {
+        /// The component.
+        id: String,
+        /// What does not fit.
+        reason: &'static str,
+    },
+    /// The system has no states.
+    Empty,
+    /// More variables than a program can address.
+    TooLarge,
+}
+
+impl From<document::Mistake> for Mistake {
+    fn from(mistake: document::Mistake) -> Self {
+        Mistake::Document(mistake)
+    }
+}
+
+/// What the component does that gives a node of this family its potential.
+fn sets(family: &str) -> &'static str {
+    match family {
+        "hydraulic" => "sets the pressure",
+        "signal" => "gives the signal",
+        _ => "sets the motion",
+    }
+}
+
+impl fmt::Display for Mistake {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Mistake::Document(mistake) => write!(out, "{mistake}"),
+            Mistake::BadName { name } => write!(out, "'{name}' cannot be a name"),
+            Mistake::ReservedName { name } => write!(out, "the name '{name}' has a meaning of its own"),
+            Mistake::DuplicateId { id } => write!(out, "there are two things called '{id}'"),
+            Mistake::UnknownWord { what, word, .. } => write!(out, "unknown {what} '{word}'"),
+            Mistake::Unused { what, name } => write!(out, "the {what} '{name}' is never used"),
+            Mistake::KindOrAssembly { id } => {
+                write!(out, "component '{id}' needs either a 'kind' or an 'assembly'")
+            }
+            Mistake::WrongSuffix { key, right, unit, .. } if *unit == Unit::None => {
+                write!(out, "'{key}' has a unit, but {right} is a pure number")
+            }
+            Mistake::WrongSuffix { key, right, unit, .. } => {
+                write!(out, "'{key}' is not in SI: the parameter is {right}, in {}", unit.symbol())
+            }
+            Mistake::FaultAmongParameters { key } => write!(out, "'{key}' is a fault, no parameter"),
+            Mistake::PortAmongParameters { key, .. } => write!(out, "'{key}' is a port, no parameter"),
+            Mistake::KindOverridden { id } => write!(out, "the kind of '{id}' cannot be overridden"),
+            Mistake::FluidNotHere { kind } => write!(out, "a {kind} takes the fluid of its circuit"),
+            Mistake::WhichFluid { id, .. } => {
+                write!(out, "several fluids are declared, but '{id}' names none")
+            }
+            Mistake::FluidTemperature { id, kelvin, liquid, range_k: (min, max) } => write!(
+                out,
+                "'{id}' is at {kelvin} K, but {liquid} is only known for {min} … {max} K"
+            ),
+            Mistake::NoPort { id, .. } => write!(out, "'{id}' is a component: which of its ports?"),
+            Mistake::UnknownPort { id, kind, port, .. } => {
+                write!(out, "'{id}' ({kind}) has no port '{port}'")
+            }
+            Mistake::TooFewEnds => write!(out, "a connection joins at least two ports"),
+            Mistake::RepeatedEnd { end } => write!(out, "'{end}' stands twice in this connection"),
+            Mistake::TwoInputs { first, second } => {
+                write!(out, "the inputs '{first}' and '{second}' feed the same signal")
+            }
+            Mistake::InputAndOutput { input, output } => {
+                write!(out, "the input '{input}' meets the output '{output}'")
+            }
+            Mistake::NoSignalInput { end, family } => {
+                write!(out, "an input cannot feed '{end}', which is {family}")
+            }
+            Mistake::InputUnused { id } => write!(out, "the input '{id}' feeds nothing"),
+            Mistake::UnknownUnit { word, .. } => write!(out, "unknown unit '{word}'"),
+            Mistake::NoOutput { signal, .. } => {
+                write!(out, "'{signal}' is no signal output of a component")
+            }
+            Mistake::OpenPort { end, family, .. } => {
+                write!(out, "the {family} port '{end}' is connected to nothing")
+            }
+            Mistake::MixedKinds { first, second } => write!(
+                out,
+                "'{}' is {}, but '{}' is {}",
+                first.0, first.1, second.0, second.1
+            ),
+            Mistake::MixedUnits { from, to } => write!(
+                out,
+                "'{}' is in {}, but '{}' reads {}",
+                from.0,
+                quoted(from.1),
+                to.0,
+                quoted(to.1)
+            ),
+            Mistake::TwoSources { first, second, family } => {
+                write!(out, "both '{first}' and '{second}' {}", both(sets(family)))
+            }
+            Mistake::NoSource { ends, family } => {
+                write!(out, "nothing {} where {} meet", sets(family), quote_all(ends))
+            }
+            Mistake::NoReference { id } => {
+                write!(out, "the hydraulic circuit of '{id}' has neither a source nor a tank")
+            }
+            Mistake::TwoFluids { first, second } => {
+                write!(out, "{second} is in one circuit with {first}")
+            }
+            Mistake::AlgebraicLoop { ids } => {
+                write!(out, "the signals of {} depend on each other at once", quote_all(ids))
+            }
+            Mistake::Impossible { id, reason } => write!(out, "'{id}' is impossible: {reason}"),
+            Mistake::Empty => write!(out, "the system has nothing that moves: no state variable"),
+            Mistake::TooLarge => write!(out, "the system is too large for one program"),
+        }
+    }
+}
+
+/// "sets" to "set".
+fn both(verb: &str) -> String {
+    verb.replacen("s ", " ", 1)
+}
+
+fn quoted(unit: Unit) -> &'static str {
+    if unit == Unit::None { "pure numbers" } else { unit.symbol() }
+}
+
+fn quote_all(names: &[String]) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("'{name}'")).collect();
+    match quoted.split_last() {
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} and {last}", rest.join(", ")),
+        None => String::new(),
+    }
+}
+
+impl Explained for Mistake {
+    fn help(&self) -> Option<String> {
+        let text = match self {
+            Mistake::Document(mistake) => return mistake.help(),
+            Mistake::BadName { .. } => "names have small letters, digits and '_'".into(),
+            Mistake::ReservedName { .. } => "choose another".into(),
+            Mistake::DuplicateId { .. } => "every id stands for one thing".into(),
+            Mistake::UnknownWord { nearest, known, .. }
+            | Mistake::UnknownPort { nearest, known, .. } => suggest(nearest, known),
+            Mistake::Unused { what, .. } => format!("remove the {what} or use it"),
+            Mistake::KindOrAssembly { .. } => {
+                "for example: kind = \"volume\"; or assembly = \"actuator\"".into()
+            }
+            Mistake::WrongSuffix { right, si: Some(si), .. } => {
+                format!("write: {right} = {}", Quantity(*si, ""))
+            }
+            Mistake::WrongSuffix { right, .. } => format!("write: {right} = …"),
+            Mistake::FaultAmongParameters { key } => {
+                format!("its value at intensity 1 is set by: faults.{key} = …")
+            }
+            Mistake::PortAmongParameters { key, id } => {
+                format!("ports are joined in 'connections': [\"{id}.{key}\", …]")
+            }
+            Mistake::KindOverridden { .. } => "write a second assembly for another structure".into(),
+            Mistake::FluidNotHere { .. } => {
+                "a fluid is named by the sources and tanks of the circuit".into()
+            }
+            Mistake::WhichFluid { known, .. } => {
+                format!("add: fluid = \"…\"; known: {}", known.join(", "))
+            }
+            Mistake::NoPort { known, .. } => format!("its ports: {}", known.join(", ")),
+            Mistake::TwoInputs { .. } | Mistake::InputAndOutput { .. } => {
+                "a signal has one source: keep one of them".into()
+            }
+            Mistake::NoSignalInput { .. } => "inputs feed the signal inputs of components".into(),
+            Mistake::InputUnused { .. } => {
+                "list what it feeds, for example: to = [\"supply.pressure\"]".into()
+            }
+            Mistake::UnknownUnit { meant: Some(unit), .. } => {
+                format!("files are in SI: \"{}\"", word(*unit))
+            }
+            Mistake::UnknownUnit { .. } => {
+                let known: Vec<&str> = Unit::ALL.into_iter().map(word).collect();
+                format!("known: {} (1: a pure number)", known.join(", "))
+            }
+            Mistake::NoOutput { known, .. } if known.is_empty() => {
+                "no component has such an output".into()
+            }
+            Mistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
+            Mistake::OpenPort { summary, also, .. } if also.is_empty() => {
+                format!("the port is: {summary}")
+            }
+            Mistake::OpenPort { summary, also, .. } => {
+                format!("the port is: {summary}; the same holds for {}", also.join(", "))
+            }
+            Mistake::MixedKinds { .. } => "a connection joins ports of one kind".into(),
+            Mistake::TwoSources { family: "hydraulic", .. } => {
+                "put a valve, an orifice or a line between them".into()
+            }
+            Mistake::TwoSources { family: "signal", .. } => {
+                "a signal has one source: keep one of them".into()
+            }
+            Mistake::TwoSources { .. } => "put an attachment or a spring between them".into(),
+            Mistake::NoSource { family: "hydraulic", .. } => {
+                "join them with a volume, a cylinder chamber, a source or a tank".into()
+            }
+            Mistake::NoSource { family: "signal", .. } => {
+                "join them with an output of a component or an input of the system".into()
+            }
+            Mistake::NoSource { .. } => "join them with a mass, a cylinder rod or an inertia".into(),
+            Mistake::NoReference { .. } => "connect a pressure_source or a tank".into(),
+            Mistake::TwoFluids { .. } => {
+                "fluid and temperature are the same throughout a circuit".into()
+            }
+            Mistake::AlgebraicLoop { .. } => {
+                "break the loop with a component that has a state, such as a low_pass_filter".into()
+            }
+            Mistake::Empty => "add a component that stores something, such as a volume".into(),
+            Mistake::FluidTemperature { .. }
+            | Mistake::TooFewEnds
+            | Mistake::RepeatedEnd { .. }
+            | Mistake::MixedUnits { .. }
+            | Mistake::Impossible { .. }
+            | Mistake::TooLarge => return None,
+        };
+        Some(text)
+    }
+}

@@ -1,0 +1,791 @@
+//! From TOML to a [`Scope`]: sections, components, connections, inputs and
+//! sensors. Every mistake is noted, and reading goes on.
+
+use super::mistake::Mistake;
+use super::scope::{End, Input, Part, Scope};
+use super::{FORMAT, Sensor, units};
+use crate::document::{self, Collector, Entry, Span, entries};
+use crate::nearest::nearest;
+use servotwin_model::components::{ALL, find};
+use servotwin_model::fluid::{Fluid, FluidKind};
+use servotwin_model::network::PortOf;
+use servotwin_model::spec::{Law, Parameter, PortKind, Spec, Unit, declare::parameter};
+use toml::de::DeTable;
+
+/// The keys of a section that names components, beside the components.
+const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
+
+/// The numbers of a fluid, in the order of [`set_fluid`].
+static FLUID: [Parameter; 3] = [
+    parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
+    parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
+    parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
+];
+
+fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
+    match index {
+        0 => fluid.air_fraction = value,
+        1 => fluid.polytropic_exponent = value,
+        _ => fluid.wall_modulus_pa = value,
+    }
+}
+
+/// Something declared under a name, with its place and whether it is used.
+pub(super) struct Named<T> {
+    pub name: String,
+    pub at: Span,
+    pub used: bool,
+    pub value: T,
+}
+
+/// What an end of a connection names.
+enum Resolved {
+    Port(PortOf),
+    Input(usize),
+}
+
+/// The whole file as far as it was understood.
+pub(super) struct Reader {
+    pub mistakes: Collector<Mistake>,
+    pub fluids: Vec<Named<Option<Fluid>>>,
+    pub assemblies: Vec<Named<Scope>>,
+    pub scope: Scope,
+    pub sensors: Vec<Sensor>,
+    pub name: String,
+    pub title: String,
+}
+
+fn names<'a>(all: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    all.into_iter().map(str::to_owned).collect()
+}
+
+/// `[a, b, …]` without those that are not known.
+fn unknown_word(what: &'static str, word: &str, known: Vec<String>) -> Mistake {
+    let nearest = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
+    Mistake::UnknownWord { what, word: word.into(), nearest, known }
+}
+
+fn unknown_key(entry: &Entry, place: impl Into<String>, known: Vec<String>) -> document::Mistake {
+    let nearest = nearest(entry.key, known.iter().map(String::as_str)).map(str::to_owned);
+    document::Mistake::UnknownKey { key: entry.key.into(), place: place.into(), nearest, known }
+}
+
+fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
+    entries.iter().find(|entry| entry.key == key)
+}
+
+impl Reader {
+    pub fn new() -> Self {
+        Self {
+            mistakes: Collector::new(),
+            fluids: Vec::new(),
+            assemblies: Vec::new(),
+            scope: Scope::new(),
+            sensors: Vec::new(),
+            name: String::new(),
+            title: String::new(),
+        }
+    }
+
+    /// Reads a whole file.
+    pub fn read(&mut self, text: &str) {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        for error in &errors {
+            let message = error.message().trim().replace('\n', ", ");
+            let span = error.span().unwrap_or(0..0);
+            self.mistakes.note(&span, document::Mistake::Syntax { message });
+        }
+        // After a slip in the syntax, nothing can be said about the rest.
+        if !errors.is_empty() {
+            return;
+        }
+        let root = entries(root.get_ref());
+        if self.known_format(&root) {
+            self.head(&root);
+            self.sections(&root);
+        }
+    }
+
+    fn known_format(&mut self, root: &[Entry]) -> bool {
+        let Some(entry) = get(root, "format") else {
+            self.missing(&(0..0), "the file", "format", format!("format = {FORMAT}"));
+            return true;
+        };
+        match entry.number() {
+            Ok(found) if found == f64::from(FORMAT) => true,
+            Ok(found) => {
+                let mistake = document::Mistake::Format { found, supported: FORMAT };
+                self.mistakes.note(&entry.value_at(), mistake);
+                false
+            }
+            Err(mistake) => {
+                self.mistakes.note(&entry.value_at(), mistake);
+                true
+            }
+        }
+    }
+
+    fn head(&mut self, root: &[Entry]) {
+        let known = [
+            "format", "name", "title", "fluids", "assemblies", "components", "system", "inputs",
+            "sensors",
+        ];
+        self.only(root, "the file", &known);
+        match get(root, "name") {
+            Some(entry) => {
+                self.name = self.text(entry).unwrap_or_default().to_owned();
+                let name = self.name.clone();
+                self.good_name(&name, &entry.value_at());
+            }
+            None => self.missing(&(0..0), "the file", "name", "name = \"my_actuator\"".into()),
+        }
+        self.title = get(root, "title")
+            .and_then(|entry| self.text(entry))
+            .map_or_else(|| self.name.clone(), str::to_owned);
+    }
+
+    fn sections(&mut self, root: &[Entry]) {
+        for entry in self.members(root, "fluids") {
+            self.fluid(&entry);
+        }
+        for entry in self.members(root, "assemblies") {
+            self.assembly(&entry);
+        }
+        let mut scope = Scope::new();
+        for entry in self.members(root, "components") {
+            self.component(&mut scope, &entry);
+        }
+        for entry in self.members(root, "inputs") {
+            self.input(&mut scope, &entry);
+        }
+        if let Some(system) = get(root, "system").and_then(|entry| self.table(entry)) {
+            let system = entries(system);
+            self.only(&system, "[system]", &["connections"]);
+            self.connections(&mut scope, &system);
+        }
+        for entry in self.members(root, "sensors") {
+            self.sensor(&scope, &entry);
+        }
+        self.scope = scope;
+    }
+
+    // Plain values.
+
+    fn text<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a str> {
+        let at = entry.value_at();
+        entry.text().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
+    }
+
+    fn table<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a DeTable<'a>> {
+        // A section's value is its whole text: the key is the better place.
+        entry.table().map_err(|mistake| self.mistakes.note(&entry.at, mistake)).ok()
+    }
+
+    fn number(&mut self, entry: &Entry) -> Option<f64> {
+        let at = entry.value_at();
+        entry.number().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
+    }
+
+    /// A number within a range.
+    fn within(
+        &mut self,
+        entry: &Entry,
+        (min, max): (f64, f64),
+        unit: Unit,
+        summary: &'static str,
+    ) -> Option<f64> {
+        let value = self.number(entry)?;
+        if (min..=max).contains(&value) {
+            return Some(value);
+        }
+        let (key, unit) = (entry.key.into(), unit.symbol());
+        let mistake = document::Mistake::OutOfRange { key, value, min, max, unit, summary };
+        self.mistakes.note(&entry.value_at(), mistake);
+        None
+    }
+
+    /// The entries of a section of the file, in order.
+    fn members<'a>(&mut self, root: &[Entry<'a>], section: &str) -> Vec<Entry<'a>> {
+        let table = get(root, section).and_then(|entry| self.table(entry));
+        table.map_or_else(Vec::new, entries)
+    }
+
+    fn missing(&mut self, at: &Span, place: impl Into<String>, key: &'static str, write: String) {
+        let place = place.into();
+        self.mistakes.note(at, document::Mistake::Missing { place, key, write });
+    }
+
+    fn only(&mut self, all: &[Entry], place: &str, known: &[&str]) {
+        for entry in all.iter().filter(|entry| !known.contains(&entry.key)) {
+            let known = names(known.iter().copied());
+            self.mistakes.note(&entry.at, unknown_key(entry, place, known));
+        }
+    }
+
+    fn good_name(&mut self, name: &str, at: &Span) {
+        let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        if RESERVED.contains(&name) {
+            self.mistakes.note(at, Mistake::ReservedName { name: name.into() });
+        } else if name.is_empty() || !name.chars().all(good) {
+            self.mistakes.note(at, Mistake::BadName { name: name.into() });
+        }
+    }
+
+    // Fluids.
+
+    fn fluid(&mut self, entry: &Entry) {
+        self.good_name(entry.key, &entry.at);
+        let value = self.table(entry).and_then(|table| self.fluid_values(entry, &entries(table)));
+        let (name, at) = (entry.key.to_owned(), entry.at.clone());
+        self.fluids.push(Named { name, at, used: false, value });
+    }
+
+    fn fluid_values(&mut self, fluid: &Entry, all: &[Entry]) -> Option<Fluid> {
+        let place = format!("fluid '{}'", fluid.key);
+        let mut value = Fluid::default();
+        let mut sound = true;
+        for entry in all.iter().filter(|entry| entry.key != "kind") {
+            let Some(index) = FLUID.iter().position(|p| p.name == entry.key) else {
+                self.unknown_number(entry, &place, &FLUID, &["kind"]);
+                sound = false;
+                continue;
+            };
+            let declared = &FLUID[index];
+            let range = (declared.min, declared.max);
+            match self.within(entry, range, declared.unit, declared.summary) {
+                Some(number) => set_fluid(&mut value, index, number),
+                None => sound = false,
+            }
+        }
+        value.kind = self.liquid(fluid, get(all, "kind"))?;
+        sound.then_some(value)
+    }
+
+    fn liquid(&mut self, fluid: &Entry, kind: Option<&Entry>) -> Option<FluidKind> {
+        let known = || names(FluidKind::ALL.iter().map(|kind| kind.name()));
+        let Some(entry) = kind else {
+            let write = format!("kind = \"{}\"", known().join("\" or \""));
+            self.missing(&fluid.at, format!("fluid '{}'", fluid.key), "kind", write);
+            return None;
+        };
+        let word = self.text(entry)?;
+        let found = FluidKind::ALL.iter().copied().find(|kind| kind.name() == word);
+        if found.is_none() {
+            self.mistakes.note(&entry.value_at(), unknown_word("liquid", word, known()));
+        }
+        found
+    }
+
+    /// The place of a declared fluid.
+    fn fluid_named(&mut self, entry: &Entry) -> Option<usize> {
+        let word = self.text(entry)?;
+        let found = self.fluids.iter().position(|fluid| fluid.name == word);
+        match found {
+            Some(index) => self.fluids[index].used = true,
+            None => {
+                let known = names(self.fluids.iter().map(|fluid| fluid.name.as_str()));
+                self.mistakes.note(&entry.value_at(), unknown_word("fluid", word, known));
+            }
+        }
+        found
+    }
+
+    // Components.
+
+    fn assembly(&mut self, entry: &Entry) {
+        self.good_name(entry.key, &entry.at);
+        let mut scope = Scope::new();
+        if let Some(table) = self.table(entry) {
+            let all = entries(table);
+            let place = format!("assembly '{}'", entry.key);
+            self.only(&all, &place, &["components", "connections", "inputs"]);
+            for member in self.members(&all, "components") {
+                self.part(&mut scope, &member);
+            }
+            for member in self.members(&all, "inputs") {
+                self.input(&mut scope, &member);
+            }
+            self.connections(&mut scope, &all);
+        }
+        let (name, at) = (entry.key.to_owned(), entry.at.clone());
+        self.assemblies.push(Named { name, at, used: false, value: scope });
+    }
+
+    /// A component of the system, or an instance of an assembly.
+    fn component(&mut self, scope: &mut Scope, entry: &Entry) {
+        let all = entry.table().map(entries).unwrap_or_default();
+        match (get(&all, "assembly"), get(&all, "kind")) {
+            (Some(assembly), None) => {
+                self.good_name(entry.key, &entry.at);
+                if self.instance(scope, entry.key, assembly, &all).is_none() {
+                    scope.broken.push(entry.key.into());
+                    scope.complete = false;
+                }
+            }
+            (Some(_), Some(_)) => {
+                self.mistakes.note(&entry.at, Mistake::KindOrAssembly { id: entry.key.into() });
+                scope.broken.push(entry.key.into());
+                scope.complete = false;
+            }
+            (None, _) => self.part(scope, entry),
+        }
+    }
+
+    fn instance(
+        &mut self,
+        scope: &mut Scope,
+        id: &str,
+        assembly: &Entry,
+        all: &[Entry],
+    ) -> Option<()> {
+        let word = self.text(assembly)?;
+        let Some(index) = self.assemblies.iter().position(|a| a.name == word) else {
+            let known = names(self.assemblies.iter().map(|a| a.name.as_str()));
+            self.mistakes.note(&assembly.value_at(), unknown_word("assembly", word, known));
+            return None;
+        };
+        self.assemblies[index].used = true;
+        let mut content = self.assemblies[index].value.clone();
+        for entry in all.iter().filter(|entry| entry.key != "assembly") {
+            self.overrides(&mut content, word, entry);
+        }
+        scope.include(id, content);
+        Some(())
+    }
+
+    /// What an instance says about a component of its assembly.
+    fn overrides(&mut self, content: &mut Scope, assembly: &str, entry: &Entry) {
+        if entry.key == "fluid" {
+            if let Some(fluid) = self.fluid_named(entry) {
+                let sources = content.parts.iter_mut().filter(|part| part.spec().reference);
+                sources.for_each(|part| part.fluid = Some(fluid));
+            }
+            return;
+        }
+        let Some(index) = content.part(entry.key) else {
+            if !content.is_broken(entry.key) {
+                let known = names(content.parts.iter().map(|part| part.id.as_str()));
+                let place = format!("assembly '{assembly}'");
+                self.mistakes.note(&entry.at, unknown_key(entry, place, known));
+            }
+            return;
+        };
+        let Some(table) = self.table(entry) else { return };
+        let all = entries(table);
+        if let Some(kind) = get(&all, "kind") {
+            self.mistakes.note(&kind.at, Mistake::KindOverridden { id: entry.key.into() });
+        }
+        self.settings(&mut content.parts[index], &all);
+    }
+
+    /// A component of the catalogue.
+    fn part(&mut self, scope: &mut Scope, entry: &Entry) {
+        self.good_name(entry.key, &entry.at);
+        match self.built(entry) {
+            Some(part) => scope.parts.push(part),
+            None => {
+                scope.broken.push(entry.key.into());
+                scope.complete = false;
+            }
+        }
+    }
+
+    fn built(&mut self, entry: &Entry) -> Option<Part> {
+        let all = entries(self.table(entry)?);
+        let Some(kind) = get(&all, "kind") else {
+            self.mistakes.note(&entry.at, Mistake::KindOrAssembly { id: entry.key.into() });
+            return None;
+        };
+        let word = self.text(kind)?;
+        let Some(component) = find(word) else {
+            let known = names(ALL.iter().map(|component| component.spec().kind));
+            let mistake = unknown_word("kind of component", word, known);
+            self.mistakes.note(&kind.value_at(), mistake);
+            return None;
+        };
+        let mut part = Part::new(entry.key.into(), entry.at.clone(), component);
+        self.settings(&mut part, &all);
+        Some(part)
+    }
+
+    /// Parameters, faults and fluid of a component.
+    fn settings(&mut self, part: &mut Part, all: &[Entry]) {
+        let spec = part.spec();
+        for entry in all.iter().filter(|entry| entry.key != "kind") {
+            match (entry.key, spec.parameter(entry.key)) {
+                (_, Some(index)) => self.parameter(part, entry, index),
+                ("faults", None) => self.faults(part, entry),
+                ("fluid", None) if spec.reference => match self.fluid_named(entry) {
+                    Some(fluid) => part.fluid = Some(fluid),
+                    None => part.sound = false,
+                },
+                ("fluid", None) => {
+                    self.mistakes.note(&entry.at, Mistake::FluidNotHere { kind: spec.kind });
+                }
+                _ => self.unknown_parameter(part, entry),
+            }
+        }
+    }
+
+    fn parameter(&mut self, part: &mut Part, entry: &Entry, index: usize) {
+        let declared = &part.spec().parameters[index];
+        let range = (declared.min, declared.max);
+        match self.within(entry, range, declared.unit, declared.summary) {
+            Some(value) => part.parameters[index] = value,
+            None => unsound(part, index),
+        }
+    }
+
+    fn faults(&mut self, part: &mut Part, entry: &Entry) {
+        let spec = part.spec();
+        let Some(table) = self.table(entry) else { return };
+        for fault in entries(table) {
+            let Some(index) = spec.fault(fault.key) else {
+                let known = names(spec.faults.iter().map(|fault| fault.name));
+                let place = format!("the faults of a {}", spec.kind);
+                self.mistakes.note(&fault.at, unknown_key(&fault, place, known));
+                continue;
+            };
+            let declared = &spec.faults[index];
+            let unit = match declared.law {
+                Law::Add => spec.parameter(declared.parameter).map(|p| spec.parameters[p].unit),
+                Law::Scale | Law::Geometric => None,
+            };
+            let range = (declared.full_min, declared.full_max);
+            let unit = unit.unwrap_or(Unit::None);
+            if let Some(full) = self.within(&fault, range, unit, declared.summary) {
+                part.faults[index] = full;
+            }
+        }
+    }
+
+    fn unknown_parameter(&mut self, part: &mut Part, entry: &Entry) {
+        let spec: &'static Spec = part.spec();
+        if spec.fault(entry.key).is_some() {
+            let key = entry.key.into();
+            self.mistakes.note(&entry.at, Mistake::FaultAmongParameters { key });
+        } else if spec.port(entry.key).is_some() {
+            let (key, id) = (entry.key.into(), part.id.clone());
+            self.mistakes.note(&entry.at, Mistake::PortAmongParameters { key, id });
+        } else {
+            let extra: &[&str] = if spec.reference { &["fluid", "faults"] } else { &["faults"] };
+            let place = format!("a {}", spec.kind);
+            let meant = self.unknown_number(entry, &place, spec.parameters, extra);
+            match meant.and_then(|name| spec.parameter(&name)) {
+                Some(index) => unsound(part, index),
+                None => part.sound = false,
+            }
+        }
+    }
+
+    /// A key that should be one of some numbers; gives the one that was meant.
+    fn unknown_number(
+        &mut self,
+        entry: &Entry,
+        place: &str,
+        parameters: &'static [Parameter],
+        extra: &[&str],
+    ) -> Option<String> {
+        if let Some(slip) = units::slip(entry.key, entry.number().ok(), parameters) {
+            let (right, unit) = (slip.parameter.name, slip.parameter.unit);
+            let mistake = Mistake::WrongSuffix { key: entry.key.into(), right, unit, si: slip.si };
+            self.mistakes.note(&entry.at, mistake);
+            return Some(right.into());
+        }
+        let known = parameters.iter().map(|p| p.name).chain(extra.iter().copied());
+        let mistake = unknown_key(entry, place, names(known));
+        let meant = match &mistake {
+            document::Mistake::UnknownKey { nearest, .. } => nearest.clone(),
+            _ => None,
+        };
+        self.mistakes.note(&entry.at, mistake);
+        meant
+    }
+
+    // Connections and signals.
+
+    fn connections(&mut self, scope: &mut Scope, all: &[Entry]) {
+        let Some(entry) = get(all, "connections") else { return };
+        let list = match entry.list() {
+            Ok(list) => list,
+            Err(mistake) => {
+                self.mistakes.note(&entry.value_at(), mistake);
+                scope.complete = false;
+                return;
+            }
+        };
+        for element in list {
+            self.connection(scope, &Entry::element("a connection", element));
+        }
+    }
+
+    fn connection(&mut self, scope: &mut Scope, entry: &Entry) {
+        let Some((ends, inputs)) = self.ends(scope, entry) else { return };
+        let first = match inputs[..] {
+            [] => {
+                scope.connections.push(ends);
+                return;
+            }
+            [first] => first,
+            [first, second, ..] => {
+                let id = |input: usize| scope.inputs[input].id.clone();
+                let mistake = Mistake::TwoInputs { first: id(first), second: id(second) };
+                self.mistakes.note(&entry.value_at(), mistake);
+                scope.complete = false;
+                return;
+            }
+        };
+        for end in ends {
+            self.feed(scope, first, end);
+        }
+    }
+
+    /// The ports and inputs of one connection.
+    fn ends(&mut self, scope: &mut Scope, entry: &Entry) -> Option<(Vec<End>, Vec<usize>)> {
+        let list = match entry.list() {
+            Ok(list) => list,
+            Err(mistake) => {
+                self.mistakes.note(&entry.value_at(), mistake);
+                scope.complete = false;
+                return None;
+            }
+        };
+        if list.len() < 2 {
+            self.mistakes.note(&entry.value_at(), Mistake::TooFewEnds);
+            scope.complete = false;
+        }
+        let (mut ends, mut inputs): (Vec<End>, Vec<usize>) = Default::default();
+        for element in list {
+            let element = Entry::element("the end of a connection", element);
+            match self.resolve(scope, &element) {
+                Some(Resolved::Input(input)) => inputs.push(input),
+                Some(Resolved::Port(port)) if ends.iter().any(|end| end.port == port) => {
+                    let end = scope.port_id(port);
+                    self.mistakes.note(&element.value_at(), Mistake::RepeatedEnd { end });
+                }
+                Some(Resolved::Port(port)) => ends.push(End { port, at: element.value_at() }),
+                None => scope.complete = false,
+            }
+        }
+        Some((ends, inputs))
+    }
+
+    /// What a name in a connection stands for.
+    fn resolve(&mut self, scope: &Scope, entry: &Entry) -> Option<Resolved> {
+        let word = self.text(entry)?;
+        if let Some(input) = scope.input(word) {
+            return Some(Resolved::Input(input));
+        }
+        if scope.is_broken(word) {
+            return None;
+        }
+        let at = entry.value_at();
+        let ports = |index: usize| {
+            names(scope.parts[index].spec().ports.iter().map(|port| port.name))
+        };
+        if let Some(index) = scope.part(word) {
+            let mistake = Mistake::NoPort { id: word.into(), known: ports(index) };
+            self.mistakes.note(&at, mistake);
+            return None;
+        }
+        let (id, port) = word.rsplit_once('.').unwrap_or((word, ""));
+        let Some(component) = scope.part(id) else {
+            let inputs = scope.inputs.iter().map(|input| input.id.as_str());
+            let known = names(scope.parts.iter().map(|part| part.id.as_str()).chain(inputs));
+            self.mistakes.note(&at, unknown_word("component", id, known));
+            return None;
+        };
+        let spec = scope.parts[component].spec();
+        if let Some(port) = spec.port(port) {
+            return Some(Resolved::Port(PortOf { component, port }));
+        }
+        let known = ports(component);
+        self.mistakes.note(&at, Mistake::UnknownPort {
+            id: id.into(),
+            kind: spec.kind,
+            port: port.into(),
+            nearest: nearest(port, known.iter().map(String::as_str)).map(str::to_owned),
+            known,
+        });
+        None
+    }
+
+    /// Lets an input feed a port.
+    fn feed(&mut self, scope: &mut Scope, input: usize, end: End) {
+        let id = || scope.port_id(end.port);
+        let mistake = match scope.port(end.port).kind {
+            PortKind::SignalIn { .. } => {
+                scope.inputs[input].targets.push(end);
+                return;
+            }
+            PortKind::SignalOut { .. } => {
+                Mistake::InputAndOutput { input: scope.inputs[input].id.clone(), output: id() }
+            }
+            kind => Mistake::NoSignalInput { end: id(), family: kind.family() },
+        };
+        self.mistakes.note(&end.at, mistake);
+        scope.complete = false;
+    }
+
+    fn input(&mut self, scope: &mut Scope, entry: &Entry) {
+        self.good_name(entry.key, &entry.at);
+        if scope.has(entry.key) {
+            self.mistakes.note(&entry.at, Mistake::DuplicateId { id: entry.key.into() });
+        }
+        let Some(table) = self.table(entry) else {
+            scope.broken.push(entry.key.into());
+            return;
+        };
+        let all = entries(table);
+        let place = format!("input '{}'", entry.key);
+        self.only(&all, &place, &["unit", "default", "to"]);
+        let default = match get(&all, "default") {
+            Some(default) => self.number(default),
+            None => {
+                self.missing(&entry.at, &place, "default", "default = 0.0".into());
+                None
+            }
+        };
+        let Some((unit, unit_at)) = self.unit(entry, &place, get(&all, "unit")) else {
+            scope.broken.push(entry.key.into());
+            scope.complete = false;
+            return;
+        };
+        let index = scope.inputs.len();
+        scope.inputs.push(Input {
+            id: entry.key.into(),
+            at: entry.at.clone(),
+            unit,
+            unit_at,
+            default: default.unwrap_or(0.0),
+            targets: Vec::new(),
+        });
+        if let Some(to) = get(&all, "to") {
+            self.targets(scope, index, to);
+        }
+    }
+
+    fn unit(&mut self, of: &Entry, place: &str, entry: Option<&Entry>) -> Option<(Unit, Span)> {
+        let Some(entry) = entry else {
+            let write = "unit = \"Pa\" (or \"1\" for a pure number)".to_owned();
+            self.missing(&of.at, place, "unit", write);
+            return None;
+        };
+        let word = self.text(entry)?;
+        let unit = units::find(word);
+        if unit.is_none() {
+            let mistake = Mistake::UnknownUnit { word: word.into(), meant: units::meant(word) };
+            self.mistakes.note(&entry.value_at(), mistake);
+        }
+        unit.map(|unit| (unit, entry.value_at()))
+    }
+
+    fn targets(&mut self, scope: &mut Scope, input: usize, to: &Entry) {
+        let list = match to.list() {
+            Ok(list) => list,
+            Err(mistake) => {
+                self.mistakes.note(&to.value_at(), mistake);
+                scope.complete = false;
+                return;
+            }
+        };
+        for element in list {
+            let element = Entry::element("to", element);
+            match self.resolve(scope, &element) {
+                Some(Resolved::Port(port)) => {
+                    self.feed(scope, input, End { port, at: element.value_at() });
+                }
+                Some(Resolved::Input(other)) => {
+                    let id = |input: usize| scope.inputs[input].id.clone();
+                    let mistake = Mistake::TwoInputs { first: id(input), second: id(other) };
+                    self.mistakes.note(&element.value_at(), mistake);
+                    scope.complete = false;
+                }
+                None => scope.complete = false,
+            }
+        }
+    }
+
+    fn sensor(&mut self, scope: &Scope, entry: &Entry) {
+        self.good_name(entry.key, &entry.at);
+        let Some(table) = self.table(entry) else { return };
+        let all = entries(table);
+        let place = format!("sensor '{}'", entry.key);
+        self.only(&all, &place, &["signal", "scale", "label"]);
+        let label = get(&all, "label").map_or(Some(entry.key), |label| self.text(label));
+        let port = match get(&all, "signal") {
+            Some(signal) => self.output(scope, signal),
+            None => {
+                let write = "signal = \"sensor_pressure.reading\"".to_owned();
+                self.missing(&entry.at, &place, "signal", write);
+                None
+            }
+        };
+        let unit = port.map_or(Unit::None, |(_, unit)| unit);
+        let scale = match get(&all, "scale") {
+            Some(scale) => {
+                self.within(scale, (1e-9, 1e12), unit, "the size that residuals are divided by")
+            }
+            None => {
+                self.missing(&entry.at, &place, "scale", "scale = 20.684e6".to_owned());
+                None
+            }
+        };
+        let (Some(label), Some((port, unit)), Some(scale)) = (label, port, scale) else { return };
+        self.sensors.push(Sensor {
+            id: entry.key.into(),
+            label: label.into(),
+            signal: scope.port_id(port),
+            component: port.component,
+            unit,
+            scale,
+        });
+    }
+
+    /// The output that a sensor names.
+    fn output(&mut self, scope: &Scope, entry: &Entry) -> Option<(PortOf, Unit)> {
+        let word = self.text(entry)?;
+        if scope.is_broken(word) {
+            return None;
+        }
+        let parts = scope.parts.iter().enumerate();
+        let outputs: Vec<(String, PortOf, Unit)> = parts
+            .flat_map(|(component, part)| {
+                let ports = part.spec().ports.iter().enumerate();
+                ports.filter_map(move |(port, declared)| match declared.kind {
+                    PortKind::SignalOut { unit } => {
+                        Some((format!("{}.{}", part.id, declared.name), component, port, unit))
+                    }
+                    _ => None,
+                })
+            })
+            .map(|(id, component, port, unit)| (id, PortOf { component, port }, unit))
+            .collect();
+        let found = outputs.iter().find(|(id, ..)| id == word);
+        if found.is_none() {
+            let ids: Vec<&str> = outputs.iter().map(|(id, ..)| id.as_str()).collect();
+            let component = word.rsplit_once('.').map_or(word, |(id, _)| id);
+            let own: Vec<&str> = ids.iter().copied().filter(|id| {
+                id.rsplit_once('.').is_some_and(|(of, _)| of == component)
+            }).collect();
+            let known = match (own.is_empty(), nearest(word, ids)) {
+                (_, Some(near)) => names([near]),
+                (false, None) => names(own),
+                (true, None) => Vec::new(),
+            };
+            self.mistakes.note(&entry.value_at(), Mistake::NoOutput { signal: word.into(), known });
+        }
+        found.map(|&(_, port, unit)| (port, unit))
+    }
+}
+
+/// Marks a component whose parameter could not be read; one that is needed
+/// gets a number, so that it is not reported as missing.
+fn unsound(part: &mut Part, parameter: usize) {
+    part.sound = false;
+    let declared = &part.spec().parameters[parameter];
+    let value = &mut part.parameters[parameter];
+    if value.is_nan() {
+        *value = declared.min;
+    }
+}

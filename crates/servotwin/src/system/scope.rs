@@ -1,0 +1,176 @@
+//! What a reader has understood so far: components, inputs and connections of
+//! a system or of an assembly, with their places in the file.
+
+use crate::document::Span;
+use servotwin_model::components::Component;
+use servotwin_model::fluid::Fluid;
+use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
+use servotwin_model::spec::{Port, Spec, Unit};
+
+/// A component.
+#[derive(Clone)]
+pub(super) struct Part {
+    pub id: String,
+    /// Where its name stands; of an assembly's component, in the assembly.
+    pub at: Span,
+    pub component: &'static dyn Component,
+    /// NaN where an obligatory one is not given yet.
+    pub parameters: Vec<f64>,
+    pub faults: Vec<f64>,
+    /// The declared fluid that it names.
+    pub fluid: Option<usize>,
+    /// Whether all its values are as the file says.
+    pub sound: bool,
+}
+
+impl Part {
+    pub fn new(id: String, at: Span, component: &'static dyn Component) -> Self {
+        let Instance { parameters, fault_full, .. } = Instance::new("", component);
+        Self { id, at, component, parameters, faults: fault_full, fluid: None, sound: true }
+    }
+
+    pub fn spec(&self) -> &'static Spec {
+        self.component.spec()
+    }
+}
+
+/// A port where a connection names it.
+#[derive(Clone)]
+pub(super) struct End {
+    pub port: PortOf,
+    pub at: Span,
+}
+
+/// An input from outside.
+#[derive(Clone)]
+pub(super) struct Input {
+    pub id: String,
+    pub at: Span,
+    pub unit: Unit,
+    /// Where the unit stands.
+    pub unit_at: Span,
+    pub default: f64,
+    pub targets: Vec<End>,
+}
+
+/// The content of a system or of an assembly.
+#[derive(Clone, Default)]
+pub(super) struct Scope {
+    pub parts: Vec<Part>,
+    pub inputs: Vec<Input>,
+    pub connections: Vec<Vec<End>>,
+    /// Names that are declared but could not be understood: what refers to
+    /// them is no further mistake.
+    pub broken: Vec<String>,
+    /// Whether all connections are as the file says.
+    pub complete: bool,
+}
+
+impl Scope {
+    pub fn new() -> Self {
+        Self { complete: true, ..Self::default() }
+    }
+
+    pub fn part(&self, id: &str) -> Option<usize> {
+        self.parts.iter().position(|part| part.id == id)
+    }
+
+    pub fn input(&self, id: &str) -> Option<usize> {
+        self.inputs.iter().position(|input| input.id == id)
+    }
+
+    /// Whether a name belongs to something that could not be understood.
+    pub fn is_broken(&self, name: &str) -> bool {
+        let belongs = |broken: &String| {
+            name.strip_prefix(broken.as_str()).is_some_and(|rest| {
+                rest.is_empty() || rest.starts_with('.')
+            })
+        };
+        self.broken.iter().any(belongs)
+    }
+
+    pub fn has(&self, id: &str) -> bool {
+        self.part(id).is_some() || self.input(id).is_some() || self.broken.iter().any(|b| b == id)
+    }
+
+    /// Takes in everything of an assembly under the name of its instance.
+    pub fn include(&mut self, instance: &str, assembly: Scope) {
+        let first = self.parts.len();
+        let prefixed = |id: &str| format!("{instance}.{id}");
+        let shifted = |end: End| {
+            let PortOf { component, port } = end.port;
+            End { port: PortOf { component: first + component, port }, at: end.at }
+        };
+        let parts = assembly.parts.into_iter();
+        self.parts.extend(parts.map(|part| Part { id: prefixed(&part.id), ..part }));
+        self.inputs.extend(assembly.inputs.into_iter().map(|input| Input {
+            id: prefixed(&input.id),
+            targets: input.targets.into_iter().map(shifted).collect(),
+            ..input
+        }));
+        let connections = assembly.connections.into_iter();
+        self.connections.extend(connections.map(|c| c.into_iter().map(shifted).collect()));
+        self.broken.extend(assembly.broken.iter().map(|id| prefixed(id)));
+        self.complete &= assembly.complete;
+    }
+
+    pub fn port(&self, port: PortOf) -> &'static Port {
+        &self.parts[port.component].spec().ports[port.port]
+    }
+
+    /// `component.port`.
+    pub fn port_id(&self, port: PortOf) -> String {
+        format!("{}.{}", self.parts[port.component].id, self.port(port).name)
+    }
+
+    /// All ports of a port's node, itself first.
+    pub fn joined(&self, port: PortOf) -> Vec<PortOf> {
+        let mut node = vec![port];
+        let mut next = 0;
+        while next < node.len() {
+            let of_this = self.connections.iter().filter(|c| c.iter().any(|e| e.port == node[next]));
+            let found: Vec<PortOf> = of_this.flatten().map(|end| end.port).collect();
+            for port in found {
+                if !node.contains(&port) {
+                    node.push(port);
+                }
+            }
+            next += 1;
+        }
+        node
+    }
+
+    /// Where the file names a port, or else its component.
+    pub fn mention(&self, port: PortOf) -> Span {
+        let fed = self.inputs.iter().flat_map(|input| &input.targets);
+        let mut ends = self.connections.iter().flatten().chain(fed);
+        ends.find(|end| end.port == port).map_or_else(
+            || self.parts[port.component].at.clone(),
+            |end| end.at.clone(),
+        )
+    }
+
+    /// The network, with the fluid of each component.
+    pub fn network(&self, fluids: &[Fluid]) -> Network {
+        let fluid = |part: &Part| part.fluid.map_or_else(Fluid::default, |index| fluids[index]);
+        let components = self.parts.iter().map(|part| Instance {
+            id: part.id.clone(),
+            component: part.component,
+            parameters: part.parameters.clone(),
+            fault_full: part.faults.clone(),
+            fluid: fluid(part),
+        });
+        let ports = |ends: &Vec<End>| ends.iter().map(|end| end.port).collect();
+        let inputs = self.inputs.iter().map(|input| ExternalInput {
+            id: input.id.clone(),
+            unit: input.unit,
+            default: input.default,
+            targets: ports(&input.targets),
+        });
+        Network {
+            components: components.collect(),
+            connections: self.connections.iter().map(ports).collect(),
+            inputs: inputs.collect(),
+        }
+    }
+}

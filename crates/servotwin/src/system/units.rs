@@ -1,0 +1,113 @@
+//! Units as people write them: the words of a system file, and other suffixes
+//! that are taken for a slip and translated.
+
+use servotwin_model::spec::{Parameter, Unit};
+
+/// The word for a unit in a system file: its symbol, `1` for a pure number.
+pub fn word(unit: Unit) -> &'static str {
+    if unit == Unit::None { "1" } else { unit.symbol() }
+}
+
+/// The unit of a word; `m2` is as good as `m²`.
+pub fn find(text: &str) -> Option<Unit> {
+    Unit::ALL.into_iter().find(|&unit| word(unit) == text || plain(word(unit)) == text)
+}
+
+/// The unit that a word of another system of units is meant for.
+pub fn meant(text: &str) -> Option<Unit> {
+    let shown = Unit::ALL.into_iter().find(|unit| unit.shown() == text || plain(unit.shown()) == text);
+    let suffix = plain(&text.to_lowercase()).replace([' ', '/'], "_");
+    shown.or_else(|| FOREIGN.iter().find(|f| f.suffix == suffix).map(|f| f.unit))
+}
+
+/// Without superscripts.
+fn plain(text: &str) -> String {
+    text.replace('²', "2").replace('³', "3")
+}
+
+/// A suffix that is not the toolkit's.
+struct Foreign {
+    suffix: &'static str,
+    unit: Unit,
+    si_per_unit: f64,
+    offset: f64,
+}
+
+const fn foreign(suffix: &'static str, unit: Unit, si_per_unit: f64) -> Foreign {
+    Foreign { suffix, unit, si_per_unit, offset: 0.0 }
+}
+
+const RADIAN_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+static FOREIGN: &[Foreign] = &[
+    foreign("bar", Unit::Pascal, 1e5),
+    foreign("mbar", Unit::Pascal, 1e2),
+    foreign("kpa", Unit::Pascal, 1e3),
+    foreign("mpa", Unit::Pascal, 1e6),
+    foreign("gpa", Unit::Pascal, 1e9),
+    foreign("psi", Unit::Pascal, 6894.757293168),
+    Foreign { suffix: "c", unit: Unit::Kelvin, si_per_unit: 1.0, offset: 273.15 },
+    Foreign { suffix: "celsius", unit: Unit::Kelvin, si_per_unit: 1.0, offset: 273.15 },
+    Foreign { suffix: "deg_c", unit: Unit::Kelvin, si_per_unit: 1.0, offset: 273.15 },
+    foreign("um", Unit::Metre, 1e-6),
+    foreign("mm", Unit::Metre, 1e-3),
+    foreign("cm", Unit::Metre, 1e-2),
+    foreign("km", Unit::Metre, 1e3),
+    foreign("in", Unit::Metre, 0.0254),
+    foreign("ft", Unit::Metre, 0.3048),
+    foreign("mm2", Unit::SquareMetre, 1e-6),
+    foreign("cm2", Unit::SquareMetre, 1e-4),
+    foreign("mm3", Unit::CubicMetre, 1e-9),
+    foreign("cm3", Unit::CubicMetre, 1e-6),
+    foreign("ml", Unit::CubicMetre, 1e-6),
+    foreign("l", Unit::CubicMetre, 1e-3),
+    foreign("mm_s", Unit::MetrePerSecond, 1e-3),
+    foreign("km_h", Unit::MetrePerSecond, 1.0 / 3.6),
+    foreign("kt", Unit::MetrePerSecond, 1852.0 / 3600.0),
+    foreign("l_min", Unit::CubicMetrePerSecond, 1e-3 / 60.0),
+    foreign("g", Unit::Kilogram, 1e-3),
+    foreign("kn", Unit::Newton, 1e3),
+    foreign("kn_m", Unit::NewtonPerMetre, 1e3),
+    foreign("n_mm", Unit::NewtonPerMetre, 1e3),
+    foreign("knm", Unit::NewtonMetre, 1e3),
+    foreign("deg", Unit::Radian, RADIAN_PER_DEGREE),
+    foreign("degrees", Unit::Radian, RADIAN_PER_DEGREE),
+    foreign("deg_s", Unit::RadianPerSecond, RADIAN_PER_DEGREE),
+    foreign("per_deg", Unit::PerRadian, 1.0 / RADIAN_PER_DEGREE),
+    foreign("ms", Unit::Second, 1e-3),
+    foreign("us", Unit::Second, 1e-6),
+    foreign("min", Unit::Second, 60.0),
+    foreign("khz", Unit::Hertz, 1e3),
+    foreign("rad_s", Unit::Hertz, 0.5 / std::f64::consts::PI),
+    foreign("per_mm", Unit::PerMetre, 1e3),
+    foreign("ma", Unit::Ampere, 1e-3),
+    foreign("percent", Unit::None, 1e-2),
+];
+
+/// A parameter that was named with the suffix of another unit.
+pub struct Slip {
+    /// What was meant.
+    pub parameter: &'static Parameter,
+    /// The value in SI, where the unit of the slip is known.
+    pub si: Option<f64>,
+}
+
+/// Whether a key is a parameter's name but for the unit at its end.
+pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> Option<Slip> {
+    let stem = |p: &Parameter| p.name.strip_suffix(p.unit.suffix()).unwrap_or(p.name);
+    let candidates = parameters.iter().filter_map(|parameter| {
+        let rest = key.strip_prefix(stem(parameter))?;
+        // Without any suffix, the number is taken as meant in SI.
+        if rest.is_empty() {
+            return Some((parameter, value));
+        }
+        let suffix = rest.strip_prefix('_')?;
+        let known = FOREIGN.iter().find(|f| f.suffix == suffix && f.unit == parameter.unit);
+        let si = known.zip(value).map(|(f, v)| v * f.si_per_unit + f.offset);
+        let another = Unit::ALL.iter().any(|unit| unit.suffix().strip_prefix('_') == Some(suffix));
+        let foreign = FOREIGN.iter().any(|f| f.suffix == suffix);
+        (another || foreign).then_some((parameter, si))
+    });
+    let longest = candidates.max_by_key(|(parameter, _)| stem(parameter).len());
+    longest.map(|(parameter, si)| Slip { parameter, si })
+}
