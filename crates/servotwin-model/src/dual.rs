@@ -22,13 +22,19 @@ impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     pub fn input(value: V, index: usize) -> Self {
         let zero = V::constant(0.0);
         let one = V::constant(1.0);
-        Self { value, partials: core::array::from_fn(|i| if i == index { one } else { zero }) }
+        Self {
+            value,
+            partials: core::array::from_fn(|i| if i == index { one } else { zero }),
+        }
     }
 
     /// The chain rule: a function's value and its derivative here.
     #[inline(always)]
     fn chain(self, value: V, derivative: V) -> Self {
-        Self { value, partials: self.partials.map(|p| p * derivative) }
+        Self {
+            value,
+            partials: self.partials.map(|p| p * derivative),
+        }
     }
 
     #[inline(always)]
@@ -60,7 +66,9 @@ impl<V: Scalar<Base = V>, const N: usize> Mul for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        self.combine(other, self.value * other.value, |a, b| a * other.value + b * self.value)
+        self.combine(other, self.value * other.value, |a, b| {
+            a * other.value + b * self.value
+        })
     }
 }
 
@@ -78,7 +86,10 @@ impl<V: Scalar<Base = V>, const N: usize> Neg for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self { value: -self.value, partials: self.partials.map(|p| -p) }
+        Self {
+            value: -self.value,
+            partials: self.partials.map(|p| -p),
+        }
     }
 }
 
@@ -86,7 +97,10 @@ impl<V: Scalar<Base = V>, const N: usize> Add<V> for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: V) -> Self {
-        Self { value: self.value + other, ..self }
+        Self {
+            value: self.value + other,
+            ..self
+        }
     }
 }
 
@@ -94,7 +108,10 @@ impl<V: Scalar<Base = V>, const N: usize> Sub<V> for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: V) -> Self {
-        Self { value: self.value - other, ..self }
+        Self {
+            value: self.value - other,
+            ..self
+        }
     }
 }
 
@@ -124,7 +141,10 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     }
     #[inline(always)]
     fn from_base(value: V) -> Self {
-        Self { value, partials: [V::constant(0.0); N] }
+        Self {
+            value,
+            partials: [V::constant(0.0); N],
+        }
     }
     #[inline(always)]
     fn base(self) -> V {
@@ -145,7 +165,9 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     }
     #[inline(always)]
     fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
-        yes.combine(no, V::select(mask, yes.value, no.value), |a, b| V::select(mask, a, b))
+        yes.combine(no, V::select(mask, yes.value, no.value), |a, b| {
+            V::select(mask, a, b)
+        })
     }
     #[inline(always)]
     fn exp(self) -> Self {

@@ -122,7 +122,11 @@ impl Rows {
                         let partial = (o * inputs.len() + i) as u16;
                         let mut push = |column: usize, source: u16| {
                             let target = places[&(target, column)];
-                            list.push(Product { partial, source, target });
+                            list.push(Product {
+                                partial,
+                                source,
+                                target,
+                            });
                         };
                         let input = input as usize;
                         if input < states {
@@ -141,12 +145,20 @@ impl Rows {
             self.products.extend(add);
             let middle = self.products.len() as u32;
             self.products.extend(subtract);
-            self.blocks.push(Range32 { begin, middle, end: self.products.len() as u32 });
+            self.blocks.push(Range32 {
+                begin,
+                middle,
+                end: self.products.len() as u32,
+            });
         }
     }
 
     pub(crate) fn with_plan(mut self, plan: &Plan) -> Self {
-        self.in_plan = self.jacobian.iter().map(|&(i, j, _)| plan.slot(i, j)).collect();
+        self.in_plan = self
+            .jacobian
+            .iter()
+            .map(|&(i, j, _)| plan.slot(i, j))
+            .collect();
         self
     }
 
@@ -205,7 +217,9 @@ impl Rows {
         &'a self,
         gradients: &'a [V],
     ) -> impl Iterator<Item = (usize, usize, V)> + 'a {
-        self.jacobian.iter().map(|&(i, j, slot)| (i as usize, j as usize, gradients[slot as usize]))
+        self.jacobian
+            .iter()
+            .map(|&(i, j, slot)| (i as usize, j as usize, gradients[slot as usize]))
     }
 
     /// Writes `diagonal · I − J` into the factors' place.
@@ -245,7 +259,12 @@ fn needed(sequence: &Sequence, states: usize, sums: &Range<usize>) -> BTreeSet<u
             .iter()
             .any(|o| needed.contains(&(o.0 as usize)) || needed.contains(&(o.1 as usize)));
         if matters {
-            needed.extend(inputs.iter().map(|&i| i as usize).filter(|i| sums.contains(i)));
+            needed.extend(
+                inputs
+                    .iter()
+                    .map(|&i| i as usize)
+                    .filter(|i| sums.contains(i)),
+            );
         }
     }
     needed

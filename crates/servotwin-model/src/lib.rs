@@ -14,5 +14,7 @@ pub mod math;
 pub mod network;
 pub mod program;
 pub mod scalar;
+pub mod signal;
+pub mod solver;
 pub mod spec;
 pub mod wiring;

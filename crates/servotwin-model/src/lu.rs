@@ -12,20 +12,25 @@ use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// One target of an elimination: `value[target] −= value[left] · value[right]`.
+/// One unknown that is eliminated, and where its eliminations end.
 #[derive(Clone, Copy, Debug)]
-struct Update {
-    target: u16,
-    left: u16,
-    right: u16,
+struct Pivot {
+    diagonal: u16,
+    eliminations_end: u32,
 }
 
 /// One row that a pivot eliminates: `value[factor] ·= 1/pivot`, then updates.
 #[derive(Clone, Copy, Debug)]
 struct Elimination {
     factor: u16,
-    pivot: u16,
     updates_end: u32,
+}
+
+/// One target of an elimination: `value[target] −= value[factor] · value[right]`.
+#[derive(Clone, Copy, Debug)]
+struct Update {
+    target: u16,
+    right: u16,
 }
 
 /// One product of a triangular solution: `x[target] −= value[slot] · x[source]`.
@@ -44,6 +49,7 @@ pub struct Plan {
     diagonal: Vec<u16>,
     positions: BTreeMap<(u16, u16), u16>,
     order: Vec<u16>,
+    pivots: Vec<Pivot>,
     eliminations: Vec<Elimination>,
     updates: Vec<Update>,
     forward: Vec<Product>,
@@ -81,6 +87,7 @@ impl Plan {
             diagonal: (0..size as u16).map(|i| positions[&(i, i)]).collect(),
             positions,
             order,
+            pivots: Vec::new(),
             eliminations: Vec::new(),
             updates: Vec::new(),
             forward: Vec::new(),
@@ -122,22 +129,28 @@ impl Plan {
                 if rank[row as usize] <= rank[pivot as usize] {
                     continue;
                 }
-                let Some(&factor) = self.positions.get(&(row, pivot)) else { continue };
+                let Some(&factor) = self.positions.get(&(row, pivot)) else {
+                    continue;
+                };
                 for column in 0..self.size as u16 {
                     if rank[column as usize] <= rank[pivot as usize] {
                         continue;
                     }
                     if let Some(&right) = self.positions.get(&(pivot, column)) {
                         let target = self.positions[&(row, column)];
-                        self.updates.push(Update { target, left: factor, right });
+                        self.updates.push(Update { target, right });
                     }
                 }
+                let updates_end = self.updates.len() as u32;
                 self.eliminations.push(Elimination {
                     factor,
-                    pivot: self.diagonal[pivot as usize],
-                    updates_end: self.updates.len() as u32,
+                    updates_end,
                 });
             }
+            self.pivots.push(Pivot {
+                diagonal: self.diagonal[pivot as usize],
+                eliminations_end: self.eliminations.len() as u32,
+            });
         }
     }
 
@@ -148,7 +161,11 @@ impl Plan {
                 if rank[target as usize] > rank[source as usize]
                     && let Some(&slot) = self.positions.get(&(target, source))
                 {
-                    self.forward.push(Product { target, slot, source });
+                    self.forward.push(Product {
+                        target,
+                        slot,
+                        source,
+                    });
                 }
             }
         }
@@ -157,7 +174,11 @@ impl Plan {
                 if rank[source as usize] > rank[target as usize]
                     && let Some(&slot) = self.positions.get(&(target, source))
                 {
-                    self.backward.push(Product { target, slot, source });
+                    self.backward.push(Product {
+                        target,
+                        slot,
+                        source,
+                    });
                 }
             }
             self.backward_end.push(self.backward.len() as u32);
@@ -178,44 +199,25 @@ impl Plan {
     #[inline(always)]
     pub fn factor<V: Lanes>(&self, values: &mut [V]) {
         assert!(values.len() >= self.slots);
-        let mut next = 0;
-        let mut inverted = usize::MAX;
-        for e in &self.eliminations {
-            let pivot = e.pivot as usize;
-            if pivot != inverted {
-                values[pivot] = V::constant(1.0) / values[pivot];
-                inverted = pivot;
-            }
-            let factor = values[e.factor as usize] * values[pivot];
-            values[e.factor as usize] = factor;
-            while next < e.updates_end as usize {
-                let u = self.updates[next];
-                // SAFETY: every slot of the plan is below `slots`, asserted above.
-                unsafe {
-                    let product = factor * *values.get_unchecked(u.right as usize);
-                    let target = values.get_unchecked_mut(u.target as usize);
-                    *target = *target - product;
+        let mut elimination = 0;
+        let mut update = 0;
+        for p in &self.pivots {
+            let reciprocal = V::constant(1.0) / values[p.diagonal as usize];
+            values[p.diagonal as usize] = reciprocal;
+            for e in &self.eliminations[elimination..p.eliminations_end as usize] {
+                let factor = values[e.factor as usize] * reciprocal;
+                values[e.factor as usize] = factor;
+                for u in &self.updates[update..e.updates_end as usize] {
+                    // SAFETY: every slot of the plan is below `slots`.
+                    unsafe {
+                        let product = factor * *values.get_unchecked(u.right as usize);
+                        let target = values.get_unchecked_mut(u.target as usize);
+                        *target = *target - product;
+                    }
                 }
-                next += 1;
+                update = e.updates_end as usize;
             }
-        }
-        self.invert_remaining(values);
-    }
-
-    /// Inverts the pivots that eliminate no row.
-    #[inline(always)]
-    fn invert_remaining<V: Lanes>(&self, values: &mut [V]) {
-        let mut next = 0;
-        for &index in &self.order {
-            let slot = self.diagonal[index as usize];
-            let mut eliminates = false;
-            while next < self.eliminations.len() && self.eliminations[next].pivot == slot {
-                eliminates = true;
-                next += 1;
-            }
-            if !eliminates {
-                values[slot as usize] = V::constant(1.0) / values[slot as usize];
-            }
+            elimination = p.eliminations_end as usize;
         }
     }
 
@@ -263,7 +265,11 @@ fn eliminate(rows: &mut [Vec<bool>]) -> Vec<u16> {
             let in_column = left.iter().filter(|&&i| rows[i][k]).count() - 1;
             (in_row * in_column, in_row + in_column, k)
         };
-        let pivot = left.iter().copied().min_by_key(cost).expect("something is left");
+        let pivot = left
+            .iter()
+            .copied()
+            .min_by_key(cost)
+            .expect("something is left");
         left.retain(|&k| k != pivot);
         order.push(pivot as u16);
         for &i in left.iter().filter(|&&i| rows[i][pivot]).collect::<Vec<_>>() {
@@ -289,7 +295,11 @@ mod tests {
         let mut values = vec![0.0; plan.slots()];
         let all = entries.iter().copied().chain((0..4).map(|i| (i, i)));
         for (k, (i, j)) in all.enumerate() {
-            let value = if i == j { 5.0 + i as f64 } else { 0.3 * (k as f64 + 1.0) };
+            let value = if i == j {
+                5.0 + i as f64
+            } else {
+                0.3 * (k as f64 + 1.0)
+            };
             dense[i as usize][j as usize] = value;
             values[plan.slot(i, j) as usize] = value;
         }

@@ -134,3 +134,11 @@ pub fn sin_cos<P: Primitive>(x: P) -> (P, P) {
 pub fn power<S: crate::scalar::Scalar>(x: S, exponent: S::Base) -> S {
     (x.ln() * exponent).exp()
 }
+
+/// A smooth step: 0 below 0, 1 above 1, `x² (3 − 2x)` between; its slope is
+/// continuous.
+#[inline(always)]
+pub fn smooth_step<S: crate::scalar::Scalar>(x: S) -> S {
+    let x = x.clamp(S::constant(0.0), S::constant(1.0));
+    x * x * (S::constant(3.0) - x * lit::<S>(2.0))
+}

@@ -36,7 +36,11 @@ impl Instance {
         Self {
             id: id.into(),
             component,
-            parameters: spec.parameters.iter().map(|p| p.default.unwrap_or(f64::NAN)).collect(),
+            parameters: spec
+                .parameters
+                .iter()
+                .map(|p| p.default.unwrap_or(f64::NAN))
+                .collect(),
             fault_full: spec.faults.iter().map(|f| f.full).collect(),
             fluid: Fluid::default(),
         }
@@ -47,7 +51,11 @@ impl Instance {
     /// # Panics
     /// Where the component declares no such parameter.
     pub fn with(mut self, parameter: &str, value: f64) -> Self {
-        let index = self.component.spec().parameter(parameter).expect("a declared parameter");
+        let index = self
+            .component
+            .spec()
+            .parameter(parameter)
+            .expect("a declared parameter");
         self.parameters[index] = value;
         self
     }
@@ -222,7 +230,10 @@ impl Network {
     fn same_fluid(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.components[a], &self.components[b]);
         let temperature = |i: &Instance| {
-            i.component.spec().parameter("temperature_k").map(|index| i.parameters[index])
+            i.component
+                .spec()
+                .parameter("temperature_k")
+                .map(|index| i.parameters[index])
         };
         a.fluid == b.fluid && temperature(a) == temperature(b)
     }
@@ -236,9 +247,10 @@ impl Network {
             let ports: Vec<Option<Node>> = (0..spec.ports.len())
                 .map(|port| joints.of(PortOf { component, port }).map(|j| nodes[j]))
                 .collect();
-            let connected = ports.iter().enumerate().filter_map(|(port, node)| {
-                node.map(|node| (PortOf { component, port }, node))
-            });
+            let connected = ports
+                .iter()
+                .enumerate()
+                .filter_map(|(port, node)| node.map(|node| (PortOf { component, port }, node)));
             collected.nodes.extend(connected);
             let mut wiring = Wiring {
                 collected: &mut collected,
@@ -338,7 +350,9 @@ impl Joints {
 
     fn connect(&mut self, network: &Network, mistakes: &mut Vec<Mistake>) {
         for (connection, ports) in network.connections.iter().enumerate() {
-            let Some(&first) = ports.first() else { continue };
+            let Some(&first) = ports.first() else {
+                continue;
+            };
             let number = self.number(first);
             self.used[number] = true;
             for &second in &ports[1..] {
@@ -347,7 +361,11 @@ impl Joints {
                     self.used[b] = true;
                     unite(&mut self.parents, a, b);
                 } else {
-                    mistakes.push(Mistake::MixedKinds { connection, first, second });
+                    mistakes.push(Mistake::MixedKinds {
+                        connection,
+                        first,
+                        second,
+                    });
                 }
             }
         }
@@ -375,7 +393,10 @@ impl Joints {
         for (port, joint) in self.ports(network) {
             if network.kind(port).sets() {
                 match sources[joint] {
-                    Some(first) => mistakes.push(Mistake::TwoSources { first, second: port }),
+                    Some(first) => mistakes.push(Mistake::TwoSources {
+                        first,
+                        second: port,
+                    }),
                     None => sources[joint] = Some(port),
                 }
             }
@@ -383,7 +404,10 @@ impl Joints {
         let mut reported = vec![false; self.count()];
         for (component, instance) in network.components.iter().enumerate() {
             for (index, declared) in instance.component.spec().ports.iter().enumerate() {
-                let port = PortOf { component, port: index };
+                let port = PortOf {
+                    component,
+                    port: index,
+                };
                 let Some(joint) = self.of(port) else {
                     if !declared.optional {
                         mistakes.push(Mistake::OpenPort(port));
@@ -422,7 +446,11 @@ impl Joints {
                 sum: Sum(collected.variable(Role::Sum).0),
             });
         }
-        let unused = Node { first: Variable(0), second: Variable(0), sum: Sum(0) };
+        let unused = Node {
+            first: Variable(0),
+            second: Variable(0),
+            sum: Sum(0),
+        };
         nodes.into_iter().map(|n| n.unwrap_or(unused)).collect()
     }
 }

@@ -14,7 +14,7 @@ use crate::jacobian::Rows;
 use crate::lu::Plan;
 use crate::network::{Mistake, Network, PortOf};
 use crate::scalar::{Lanes, Scalar};
-use crate::spec::{PortKind, Unit};
+use crate::spec::{PortKind, Start, Unit};
 use crate::wiring::{Block, Collected, Role, Variable};
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -80,6 +80,8 @@ pub struct StateOf {
 pub(crate) struct Ticking {
     pub period_s: f64,
     pub sequence: Sequence,
+    /// (slot of a new value, slot of the held value that it replaces).
+    pub exchanges: Vec<(Slot, Slot)>,
 }
 
 /// A compiled system.
@@ -149,18 +151,9 @@ impl Program {
     pub fn rows(&self) -> &Rows {
         &self.rows
     }
-    pub(crate) fn continuous(&self) -> &Sequence {
-        &self.continuous
-    }
     pub(crate) fn clocks(&self) -> &[Ticking] {
         &self.clocks
     }
-    /// Slots of values that stay the same between ticks.
-    pub(crate) fn stand_ins(&self) -> impl Iterator<Item = (usize, Role)> + '_ {
-        let first = self.externals().end;
-        self.stand_ins.iter().enumerate().map(move |(i, &role)| (first + i, role))
-    }
-
     /// Evaluates all continuous equations: fills the sums and the derivatives
     /// from the states, inputs and stand-ins in `variables`.
     #[inline(always)]
@@ -204,15 +197,32 @@ impl Program {
     /// The effective parameters of a variant, component by component: the
     /// declared values with the faults applied.
     pub fn parameters(&self, faults: &[FaultAt]) -> Vec<Vec<f64>> {
+        self.parameters_with(&[], faults)
+    }
+
+    /// As [`Program::parameters`], with other values for some parameters before
+    /// the faults act: (component, parameter, value).
+    pub fn parameters_with(
+        &self,
+        overrides: &[(usize, usize, f64)],
+        faults: &[FaultAt],
+    ) -> Vec<Vec<f64>> {
         let components = &self.network.components;
         let mut all: Vec<Vec<f64>> = components.iter().map(|c| c.parameters.clone()).collect();
+        for &(component, parameter, value) in overrides {
+            all[component][parameter] = value;
+        }
         for fault in faults {
             let instance = &components[fault.component];
             let spec = instance.component.spec();
             let declared = &spec.faults[fault.fault];
-            let parameter = spec.parameter(declared.parameter).expect("checked by the contract");
+            let parameter = spec
+                .parameter(declared.parameter)
+                .expect("checked by the contract");
             let value = &mut all[fault.component][parameter];
-            *value = declared.law.apply(*value, fault.intensity, instance.fault_full[fault.fault]);
+            *value = declared
+                .law
+                .apply(*value, fault.intensity, instance.fault_full[fault.fault]);
         }
         all
     }
@@ -247,11 +257,48 @@ impl Program {
         constants
     }
 
+    /// The values of parameters and temperatures that stand in for signals, and
+    /// zero for held values.
+    pub fn stand_in_values<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<S> {
+        let fluids = self.fluids(parameters);
+        let value = |role: &Role| match *role {
+            Role::Parameter {
+                component,
+                parameter,
+            } => parameters[component][parameter],
+            Role::Temperature { component } => fluids[component].temperature_k,
+            _ => S::constant(0.0),
+        };
+        self.stand_ins.iter().map(value).collect()
+    }
+
+    /// The first guess of the states for the steady-state search.
+    pub fn first_guess(&self, parameters: &[Vec<f64>]) -> Vec<f64> {
+        let guess = |state: &StateOf| {
+            let spec = self.network.components[state.component].component.spec();
+            match spec.states[state.state].start {
+                Start::Value(value) => value,
+                Start::Parameter(name) => {
+                    let index = spec.parameter(name).expect("checked by the contract");
+                    parameters[state.component][index]
+                }
+            }
+        };
+        self.states.iter().map(guess).collect()
+    }
+
     /// Finds a fault by `component.fault`.
     pub fn find_fault(&self, id: &str) -> Option<(usize, usize)> {
         let (component, fault) = id.rsplit_once('.')?;
-        let index = self.network.components.iter().position(|c| c.id == component)?;
-        let fault = self.network.components[index].component.spec().fault(fault)?;
+        let index = self
+            .network
+            .components
+            .iter()
+            .position(|c| c.id == component)?;
+        let fault = self.network.components[index]
+            .component
+            .spec()
+            .fault(fault)?;
         Some((index, fault))
     }
 }
@@ -272,7 +319,12 @@ impl Sequence {
     #[inline(always)]
     pub fn run<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
         for group in &self.groups {
-            group.kind.visit(Evaluate { group, sequence: self, constants, variables });
+            group.kind.visit(Evaluate {
+                group,
+                sequence: self,
+                constants,
+                variables,
+            });
         }
     }
 
@@ -289,9 +341,15 @@ impl Sequence {
         }
         self.groups.last_mut().expect("just pushed").count += 1;
         *constants += block.kind.visit(Dimensions).2;
-        self.inputs.extend(block.inputs.iter().map(|v| slots[v.0 as usize]));
+        self.inputs
+            .extend(block.inputs.iter().map(|v| slots[v.0 as usize]));
         let slot = |sum: Option<crate::wiring::Sum>| sum.map_or(bin, |s| slots[s.0 as usize]);
-        self.outputs.extend(block.outputs.iter().map(|o| (slot(o.add), slot(o.subtract))));
+        self.outputs.extend(
+            block
+                .outputs
+                .iter()
+                .map(|o| (slot(o.add), slot(o.subtract))),
+        );
         self.blocks.push(block);
     }
 }
@@ -422,11 +480,21 @@ pub(crate) fn schedule(
         sequence.push(block, &layout.slot_of, bin, &mut constants);
     }
     let mut clocks: Vec<Ticking> = (collected.clocks.iter())
-        .map(|c| Ticking { period_s: c.period_s, sequence: Sequence::default() })
+        .map(|c| Ticking {
+            period_s: c.period_s,
+            sequence: Sequence::default(),
+            exchanges: Vec::new(),
+        })
         .collect();
     for block in sampled {
         let clock = &mut clocks[block.clock.expect("a sampled block")];
-        clock.sequence.push(block, &layout.slot_of, bin, &mut constants);
+        clock
+            .sequence
+            .push(block, &layout.slot_of, bin, &mut constants);
+    }
+    for &(clock, from, to) in &collected.exchanges {
+        let slot = |v: Variable| layout.slot_of[v.0 as usize];
+        clocks[clock].exchanges.push((slot(from), slot(to)));
     }
     let sums = layout.sums.clone();
     let rows = Rows::new(&sequence, layout.states, network.inputs.len(), sums.clone());
@@ -471,7 +539,10 @@ struct Layout {
 impl Layout {
     fn new(network: &Network, collected: &Collected) -> Self {
         let roles = &collected.roles;
-        let states = roles.iter().filter(|r| matches!(r, Role::State { .. })).count();
+        let states = roles
+            .iter()
+            .filter(|r| matches!(r, Role::State { .. }))
+            .count();
         let mut slot_of = vec![Slot::MAX; roles.len()];
         let mut stand_ins = Vec::new();
         let externals = network.inputs.len();
@@ -486,7 +557,10 @@ impl Layout {
         };
         assign(&|r| matches!(r, Role::State { .. }), &mut 0);
         let stands_in = |r| {
-            matches!(r, Role::Parameter { .. } | Role::Temperature { .. } | Role::Held)
+            matches!(
+                r,
+                Role::Parameter { .. } | Role::Temperature { .. } | Role::Held
+            )
         };
         assign(&stands_in, &mut next);
         stand_ins.extend(roles.iter().copied().filter(|&r| stands_in(r)));
@@ -504,7 +578,13 @@ impl Layout {
                 slot_of[variable] = slot_of[target.0 as usize];
             }
         }
-        Self { states, slots: next, sums: first_sum..next, stand_ins, slot_of }
+        Self {
+            states,
+            slots: next,
+            sums: first_sum..next,
+            stand_ins,
+            slot_of,
+        }
     }
 
     fn list_states(&self, network: &Network, collected: &Collected) -> Vec<StateOf> {
@@ -531,7 +611,9 @@ impl Layout {
 fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec<Mistake>> {
     let sums_of = |block: &Block| -> Vec<u32> {
         let ends = block.outputs.iter().flat_map(|o| [o.add, o.subtract]);
-        ends.flatten().map(|s| collected.resolve(Variable(s.0)).0).collect()
+        ends.flatten()
+            .map(|s| collected.resolve(Variable(s.0)).0)
+            .collect()
     };
     let mut writers: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (index, block) in blocks.iter().enumerate() {
@@ -547,7 +629,11 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
             if level[index].is_some() {
                 continue;
             }
-            let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
+            let needed = blocks[index]
+                .inputs
+                .iter()
+                .filter_map(|v| writers.get(&v.0))
+                .flatten();
             let levels: Option<Vec<usize>> = needed.map(|&w| level[w]).collect();
             if let Some(levels) = levels {
                 level[index] = Some(levels.iter().map(|l| l + 1).max().unwrap_or(0));
@@ -561,7 +647,10 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by_key(|&i| (level[i], blocks[i].kind, i));
     let mut blocks: Vec<Option<Block>> = blocks.into_iter().map(Some).collect();
-    Ok(order.into_iter().map(|i| blocks[i].take().expect("each once")).collect())
+    Ok(order
+        .into_iter()
+        .map(|i| blocks[i].take().expect("each once"))
+        .collect())
 }
 
 /// Follows what an unplaced block waits for until a block comes again.
@@ -571,11 +660,20 @@ fn loop_among(
     writers: &BTreeMap<u32, Vec<usize>>,
 ) -> Mistake {
     let waits_for = |index: usize| {
-        let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
-        needed.copied().find(|&w| level[w].is_none()).expect("an unplaced block waits")
+        let needed = blocks[index]
+            .inputs
+            .iter()
+            .filter_map(|v| writers.get(&v.0))
+            .flatten();
+        needed
+            .copied()
+            .find(|&w| level[w].is_none())
+            .expect("an unplaced block waits")
     };
     let mut seen = vec![false; blocks.len()];
-    let mut index = (0..blocks.len()).find(|&i| level[i].is_none()).expect("one is unplaced");
+    let mut index = (0..blocks.len())
+        .find(|&i| level[i].is_none())
+        .expect("one is unplaced");
     while !seen[index] {
         seen[index] = true;
         index = waits_for(index);
@@ -620,12 +718,20 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
             }
             PortKind::Translational { sets: true } => {
                 push(format!("{name}.position_m"), Unit::Metre, node.first);
-                push(format!("{name}.velocity_m_s"), Unit::MetrePerSecond, node.second);
+                push(
+                    format!("{name}.velocity_m_s"),
+                    Unit::MetrePerSecond,
+                    node.second,
+                );
                 push(format!("{name}.force_n"), Unit::Newton, sum);
             }
             PortKind::Rotational { sets: true } => {
                 push(format!("{name}.angle_rad"), Unit::Radian, node.first);
-                push(format!("{name}.rate_rad_s"), Unit::RadianPerSecond, node.second);
+                push(
+                    format!("{name}.rate_rad_s"),
+                    Unit::RadianPerSecond,
+                    node.second,
+                );
                 push(format!("{name}.moment_nm"), Unit::NewtonMetre, sum);
             }
             PortKind::SignalOut { unit } => push(name, unit, node.first),
@@ -634,7 +740,11 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
     }
     for (index, input) in network.inputs.iter().enumerate() {
         let slot = (layout.states + index) as Slot;
-        list.push(Observable { name: input.id.clone(), unit: input.unit, slot });
+        list.push(Observable {
+            name: input.id.clone(),
+            unit: input.unit,
+            slot,
+        });
     }
     list
 }

@@ -58,6 +58,12 @@ pub enum Unit {
     CubicMetrePerSecondPascal,
     /// Pascal second per cubic metre: a laminar resistance.
     PascalSecondPerCubicMetre,
+    /// Pascal second squared per metre to the sixth: a turbulent resistance.
+    PascalSecondSquaredPerMetreToTheSixth,
+    /// One per second.
+    PerSecond,
+    /// One per second squared.
+    PerSecondSquared,
     /// Ampere.
     Ampere,
 }
@@ -79,7 +85,13 @@ impl Unit {
             shown: &'static str,
             shown_per_si: f64,
         ) -> UnitFacts {
-            UnitFacts { suffix, symbol, shown, shown_per_si, shown_offset: 0.0 }
+            UnitFacts {
+                suffix,
+                symbol,
+                shown,
+                shown_per_si,
+                shown_offset: 0.0,
+            }
         }
         const DEGREES: f64 = 180.0 / core::f64::consts::PI;
         match self {
@@ -113,12 +125,15 @@ impl Unit {
             Unit::PerMetre => facts("_per_m", "1/m", "1/m", 1.0),
             Unit::MetrePerPascal => facts("_m_pa", "m/Pa", "mm/bar", 1e8),
             Unit::PerPascal => facts("_per_pa", "1/Pa", "1/bar", 1e5),
-            Unit::CubicMetrePerSecondPascal => {
-                facts("_m3_s_pa", "m³/(s Pa)", "L/(min bar)", 6e9)
-            }
+            Unit::CubicMetrePerSecondPascal => facts("_m3_s_pa", "m³/(s Pa)", "L/(min bar)", 6e9),
             Unit::PascalSecondPerCubicMetre => {
                 facts("_pa_s_m3", "Pa s/m³", "bar min/L", 1e-5 / 6e4)
             }
+            Unit::PascalSecondSquaredPerMetreToTheSixth => {
+                facts("_pa_s2_m6", "Pa s²/m⁶", "bar min²/L²", 1e-5 / 3.6e9)
+            }
+            Unit::PerSecond => facts("_per_s", "1/s", "1/s", 1.0),
+            Unit::PerSecondSquared => facts("_per_s2", "1/s²", "1/s²", 1.0),
             Unit::Ampere => facts("_a", "A", "mA", 1e3),
         }
     }
@@ -150,7 +165,7 @@ impl Unit {
     }
 
     /// All units, for tests and for the parser's hints.
-    pub const ALL: [Unit; 26] = [
+    pub const ALL: [Unit; 30] = [
         Unit::None,
         Unit::Pascal,
         Unit::Kelvin,
@@ -177,6 +192,10 @@ impl Unit {
         Unit::PerPascal,
         Unit::CubicMetrePerSecondPascal,
         Unit::PascalSecondPerCubicMetre,
+        Unit::PascalSecondSquaredPerMetreToTheSixth,
+        Unit::PerSecond,
+        Unit::PerSecondSquared,
+        Unit::Ampere,
     ];
 }
 
@@ -433,7 +452,14 @@ pub mod declare {
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
-        Parameter { name, unit, default: Some(default), min: range.0, max: range.1, summary }
+        Parameter {
+            name,
+            unit,
+            default: Some(default),
+            min: range.0,
+            max: range.1,
+            summary,
+        }
     }
 
     /// A parameter that every system file must give.
@@ -443,7 +469,14 @@ pub mod declare {
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
-        Parameter { name, unit, default: None, min: range.0, max: range.1, summary }
+        Parameter {
+            name,
+            unit,
+            default: None,
+            min: range.0,
+            max: range.1,
+            summary,
+        }
     }
 
     /// A fault that adds `full · i` to a parameter.
@@ -476,7 +509,10 @@ pub mod declare {
         category: Category,
         summary: &'static str,
     ) -> Fault {
-        Fault { law: Law::Scale, ..adds(name, parameter, full, range, category, summary) }
+        Fault {
+            law: Law::Scale,
+            ..adds(name, parameter, full, range, category, summary)
+        }
     }
 
     /// A fault that multiplies a parameter by `full^i`.
@@ -488,11 +524,19 @@ pub mod declare {
         category: Category,
         summary: &'static str,
     ) -> Fault {
-        Fault { law: Law::Geometric, ..adds(name, parameter, full, range, category, summary) }
+        Fault {
+            law: Law::Geometric,
+            ..adds(name, parameter, full, range, category, summary)
+        }
     }
 
     const fn port(name: &'static str, kind: PortKind, summary: &'static str) -> Port {
-        Port { name, kind, optional: false, summary }
+        Port {
+            name,
+            kind,
+            optional: false,
+            summary,
+        }
     }
 
     /// A hydraulic port whose pressure comes from elsewhere.
@@ -527,7 +571,14 @@ pub mod declare {
 
     /// A signal input that must be connected.
     pub const fn input(name: &'static str, unit: Unit, summary: &'static str) -> Port {
-        port(name, PortKind::SignalIn { unit, default: None }, summary)
+        port(
+            name,
+            PortKind::SignalIn {
+                unit,
+                default: None,
+            },
+            summary,
+        )
     }
 
     /// A signal input with a parameter that stands in.
@@ -539,18 +590,31 @@ pub mod declare {
     ) -> Port {
         Port {
             optional: true,
-            ..port(name, PortKind::SignalIn { unit, default: Some(default) }, summary)
+            ..port(
+                name,
+                PortKind::SignalIn {
+                    unit,
+                    default: Some(default),
+                },
+                summary,
+            )
         }
     }
 
     /// A signal output.
     pub const fn output(name: &'static str, unit: Unit, summary: &'static str) -> Port {
-        Port { optional: true, ..port(name, PortKind::SignalOut { unit }, summary) }
+        Port {
+            optional: true,
+            ..port(name, PortKind::SignalOut { unit }, summary)
+        }
     }
 
     /// The same port, but it may be left open.
     pub const fn optional(port: Port) -> Port {
-        Port { optional: true, ..port }
+        Port {
+            optional: true,
+            ..port
+        }
     }
 
     /// A state variable.
@@ -561,6 +625,12 @@ pub mod declare {
         start: Start,
         summary: &'static str,
     ) -> State {
-        State { name, unit, scale, start, summary }
+        State {
+            name,
+            unit,
+            scale,
+            start,
+            summary,
+        }
     }
 }

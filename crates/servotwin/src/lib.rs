@@ -1,1 +1,3 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
+
+pub mod ensemble;

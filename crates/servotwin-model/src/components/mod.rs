@@ -99,6 +99,11 @@ catalogue! {
     tank::Tank [],
     volume::Volume [VolumePressure],
     orifice::Orifice [Restriction],
+    external_leakage::ExternalLeakage [LeakageFlow],
+    shut_off_valve::ShutOffValve [ShutOffFlow],
+    servo_valve::ServoValve [SpoolMotion, EdgeFlow, PilotFlow],
+    mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, ReserveFlow],
+    cylinder::Cylinder [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
 
     fixed::Fixed [],
     mass::Mass [MassMotion, MassStops],

@@ -14,6 +14,7 @@
 
 use super::Component;
 use crate::equation::{Equation, Given};
+use crate::fluid::FluidState;
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
@@ -31,7 +32,13 @@ static SPEC: Spec = Spec {
     parameters: &[
         required("area_m2", Unit::SquareMetre, (0.0, 1e-2), "flow area"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+        parameter(
+            "transition_reynolds",
+            Unit::None,
+            50.0,
+            (1.0, 2500.0),
+            "Re_t",
+        ),
     ],
     faults: &[scales(
         "clogging",
@@ -76,7 +83,9 @@ pub fn laminar<S: Scalar<Base = S>>(
 /// The hydraulic diameter of a round hole, m. A closed hole counts as one of a
 /// micrometre, which keeps (O2) finite.
 pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
-    (area_m2 * S::constant(4.0 / core::f64::consts::PI)).sqrt().max(S::constant(1e-6))
+    (area_m2 * S::constant(4.0 / core::f64::consts::PI))
+        .sqrt()
+        .max(S::constant(1e-6))
 }
 
 /// Equation (O2) per unit of area: the mean velocity, m/s.
@@ -97,16 +106,31 @@ pub fn velocity_at_m_s<S: Scalar>(
     pressure_drop_pa * lit::<S>(2.0) / (root + laminar)
 }
 
+/// The constants of a round hole: area, `r` of (O3) without series resistance,
+/// and `4 k`.
+pub fn hole<S: Scalar<Base = S>>(
+    area_m2: S,
+    discharge_coefficient: S,
+    transition_reynolds: S,
+    fluid: &FluidState<S>,
+) -> [S; 3] {
+    let k = turbulent(fluid.density_kg_m3, discharge_coefficient);
+    let diameter = hole_diameter_m(area_m2);
+    let r = laminar(
+        k,
+        fluid.kinematic_viscosity_m2_s,
+        transition_reynolds,
+        diameter,
+    );
+    [area_m2, r, k * S::constant(4.0)]
+}
+
 /// Equation (O2): (p_a, p_b) → flow from a to b.
 pub struct Restriction;
 
 impl Equation<2, 1, 3> for Restriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        let area = given[AREA];
-        let k = turbulent(given.fluid.density_kg_m3, given[DISCHARGE]);
-        let viscosity = given.fluid.kinematic_viscosity_m2_s;
-        let r = laminar(k, viscosity, given[REYNOLDS], hole_diameter_m(area));
-        [area, r, k * S::constant(4.0)]
+        hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid)
     }
 
     #[inline(always)]

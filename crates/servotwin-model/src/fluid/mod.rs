@@ -123,7 +123,9 @@ impl<S: Scalar> BulkModulus<S> {
 /// [`BulkModulus::to_array`].
 #[inline(always)]
 pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> S {
-    let &[liquid, slope, gas, exponent, reciprocal, wall] = constants else { unreachable!() };
+    let &[liquid, slope, gas, exponent, reciprocal, wall] = constants else {
+        unreachable!()
+    };
     let one = lit::<S>(1.0);
     let p = pressure_pa.max(S::constant(LOWEST_PRESSURE_PA));
     let liquid_modulus = p * slope + liquid;

@@ -14,7 +14,8 @@ pub struct PhosphateEster;
 
 impl Liquid for PhosphateEster {
     const NAME: &'static str = "phosphate_ester";
-    const SUMMARY: &'static str = "phosphate ester type IV/V (Skydrol 500 class), transport aircraft";
+    const SUMMARY: &'static str =
+        "phosphate ester type IV/V (Skydrol 500 class), transport aircraft";
     const RANGE_K: (f64, f64) = (233.15, 383.15);
 
     fn density_kg_m3<S: Scalar>(temperature_k: S) -> S {

@@ -90,8 +90,7 @@ impl Primitive for Avx2 {
                 _mm256_and_si256(moved, integers(bits::MANTISSA)),
                 integers(bits::ROOT_HALF),
             );
-            let exponent =
-                _mm256_or_si256(_mm256_srli_epi64::<52>(moved), integers(bits::INTEGER));
+            let exponent = _mm256_or_si256(_mm256_srli_epi64::<52>(moved), integers(bits::INTEGER));
             (
                 Self(_mm256_castsi256_pd(mantissa)),
                 Self(_mm256_castsi256_pd(exponent)) - Self::constant(bits::INTEGER_AND_BIAS),

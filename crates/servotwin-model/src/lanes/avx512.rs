@@ -90,8 +90,7 @@ impl Primitive for Avx512 {
                 _mm512_and_si512(moved, integers(bits::MANTISSA)),
                 integers(bits::ROOT_HALF),
             );
-            let exponent =
-                _mm512_or_si512(_mm512_srli_epi64::<52>(moved), integers(bits::INTEGER));
+            let exponent = _mm512_or_si512(_mm512_srli_epi64::<52>(moved), integers(bits::INTEGER));
             (
                 Self(_mm512_castsi512_pd(mantissa)),
                 Self(_mm512_castsi512_pd(exponent)) - Self::constant(bits::INTEGER_AND_BIAS),

@@ -1,0 +1,54 @@
+//! The size of each residual: standard deviation on a logarithmic scale, and
+//! the largest excursion. A tree splits a logarithm more evenly than the
+//! variance, whose interesting part is squeezed against zero.
+
+use super::{Family, Feature, Sensors, log_deviation};
+use crate::residual::Window;
+use alloc::format;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Deviation;
+
+impl Family for Deviation {
+    fn name(&self) -> &'static str {
+        "deviation"
+    }
+
+    fn summary(&self) -> &'static str {
+        "logarithm of the standard deviation, and largest size, of each residual"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let of_sensor = |s: &super::Sensor| {
+            [
+                Feature {
+                    name: format!("log_dev_{}", s.name),
+                    unit: "log10 of scale",
+                    meaning: format!(
+                        "log10 of the standard deviation of the residual of {}",
+                        s.name
+                    ),
+                    units: vec![s.unit],
+                    resolution: 0.02,
+                },
+                Feature {
+                    name: format!("largest_{}", s.name),
+                    unit: "of scale",
+                    meaning: format!("largest size of the residual of {}", s.name),
+                    units: vec![s.unit],
+                    resolution: 1.0,
+                },
+            ]
+        };
+        sensors.0.iter().flat_map(of_sensor).collect()
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        for i in 0..sensors.0.len() {
+            values.push(log_deviation(window.covariance(i, i)));
+            values.push(window.largest(i));
+        }
+    }
+}

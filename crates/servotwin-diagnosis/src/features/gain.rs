@@ -1,0 +1,70 @@
+//! Each residual against the twin's own signal: `r' ≈ g s'^VT + b`.
+//!
+//! A calibration error of a sensor has a gain and a correlation near ±1; a bias
+//! has an offset and no correlation; a hydraulic fault has neither cleanly.
+
+use super::{Family, Feature, Sensors, correlation};
+use crate::residual::Window;
+use alloc::format;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Gain;
+
+/// A twin signal that moves less than this part of its scale gives no slope.
+const LEAST_DEVIATION: f64 = 1e-3;
+
+impl Family for Gain {
+    fn name(&self) -> &'static str {
+        "gain"
+    }
+
+    fn summary(&self) -> &'static str {
+        "slope, offset and correlation of each residual against the twin's own signal"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let of_sensor = |s: &super::Sensor| {
+            let feature = |kind: &str, unit, meaning: &str, resolution| Feature {
+                name: format!("{kind}_{}", s.name),
+                unit,
+                meaning: format!("{meaning} {}", s.name),
+                units: vec![s.unit],
+                resolution,
+            };
+            [
+                feature(
+                    "gain",
+                    "1",
+                    "slope of the residual over the twin's signal of",
+                    5.0,
+                ),
+                feature(
+                    "offset",
+                    "of scale",
+                    "residual at a twin signal of zero of",
+                    1.0,
+                ),
+                feature(
+                    "self_corr",
+                    "1",
+                    "correlation of the residual with the twin's signal of",
+                    0.02,
+                ),
+            ]
+        };
+        sensors.0.iter().flat_map(of_sensor).collect()
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        for i in 0..sensors.0.len() {
+            let covariance = window.cross_covariance(i, i);
+            let variance = window.twin_covariance(i, i);
+            let gain = covariance / (variance + LEAST_DEVIATION * LEAST_DEVIATION);
+            values.push(gain);
+            values.push(window.mean(i) - gain * window.twin_mean(i));
+            values.push(correlation(covariance, window.covariance(i, i), variance));
+        }
+    }
+}

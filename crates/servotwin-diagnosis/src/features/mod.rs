@@ -1,0 +1,190 @@
+//! What an engineer would look at in a window of residuals, as numbers.
+//!
+//! A family of features is one file and one line in [`ALL`]. Every feature has
+//! a name, a unit and a sentence that says what it means. All are functions of
+//! a [`Window`], so they cost nothing per sample.
+//!
+//! Families see the sensors through [`Sensors`]: what each measures and to
+//! which unit it belongs. A family gives no features where the sensors it
+//! compares do not exist, so that the same list serves two actuators, one, or a
+//! test rig that has nothing in common with either.
+
+mod balance;
+mod comparison;
+mod deviation;
+mod gain;
+mod moments;
+mod pressure;
+
+use crate::residual::Window;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+/// What a sensor measures, where a family wants to know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Quantity {
+    /// Pressure of the chamber that extends the ram.
+    PressureA,
+    /// Pressure of the chamber that retracts it.
+    PressureB,
+    /// Ram position.
+    Ram,
+    /// Spool position of the servo valve.
+    Spool,
+    /// Pressure of the supply manifold.
+    Supply,
+    /// Pressure of the return manifold.
+    Return,
+    /// Anything else.
+    Other,
+}
+
+impl Quantity {
+    /// Every quantity and its word in a study file.
+    pub const ALL: [(Quantity, &'static str); 7] = [
+        (Quantity::PressureA, "pressure_a"),
+        (Quantity::PressureB, "pressure_b"),
+        (Quantity::Ram, "ram"),
+        (Quantity::Spool, "spool"),
+        (Quantity::Supply, "supply"),
+        (Quantity::Return, "return"),
+        (Quantity::Other, "other"),
+    ];
+}
+
+/// One sensor, as features see it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    /// The name that features are built from, e.g. `p_A1`.
+    pub name: String,
+    /// What it measures.
+    pub quantity: Quantity,
+    /// Which of several like units it belongs to, from 0.
+    pub unit: usize,
+}
+
+/// The sensors of a system, in the order of the window.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sensors(pub Vec<Sensor>);
+
+impl Sensors {
+    /// The first sensor of a quantity in a unit.
+    pub fn find(&self, quantity: Quantity, unit: usize) -> Option<usize> {
+        self.0
+            .iter()
+            .position(|s| s.quantity == quantity && s.unit == unit)
+    }
+
+    /// Number of units.
+    pub fn units(&self) -> usize {
+        self.0.iter().map(|s| s.unit + 1).max().unwrap_or(0)
+    }
+
+    /// The order of sensors with two units exchanged, for
+    /// [`Window::reordered`]; `None` where their sensors do not correspond.
+    pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
+        let like = |sensor: &Sensor| {
+            let unit = match sensor.unit {
+                u if u == a => b,
+                u if u == b => a,
+                u => u,
+            };
+            // The k-th sensor of a quantity corresponds to the k-th.
+            let same = |s: &&Sensor| s.quantity == sensor.quantity && s.unit == sensor.unit;
+            let rank = self
+                .0
+                .iter()
+                .filter(same)
+                .position(|s| core::ptr::eq(s, sensor))?;
+            let matching =
+                |(_, s): &(usize, &Sensor)| s.quantity == sensor.quantity && s.unit == unit;
+            self.0
+                .iter()
+                .enumerate()
+                .filter(matching)
+                .nth(rank)
+                .map(|(i, _)| i)
+        };
+        self.0.iter().map(like).collect()
+    }
+
+    /// Units that have a sensor of each of the quantities.
+    fn with(&self, quantities: &[Quantity]) -> Vec<usize> {
+        let complete = |&unit: &usize| quantities.iter().all(|&q| self.find(q, unit).is_some());
+        (0..self.units()).filter(complete).collect()
+    }
+}
+
+/// One feature: its name and what it means.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Feature {
+    /// Unique name, e.g. `mean_p_A1`.
+    pub name: String,
+    /// `%` of the sensors' scale as a fraction, `1` for ratios, and so on.
+    pub unit: &'static str,
+    /// One sentence for people.
+    pub meaning: String,
+    /// The units (actuators) that the feature looks at.
+    pub units: Vec<usize>,
+    /// The size below which differences of the feature mean nothing where
+    /// residuals carry noise, quantisation and numerical error of 1 (in parts
+    /// of scale): a threshold inside is implausible.
+    pub resolution: f64,
+}
+
+/// A family of features.
+pub trait Family: Sync {
+    /// The word in a study file.
+    fn name(&self) -> &'static str;
+    /// One sentence for people.
+    fn summary(&self) -> &'static str;
+    /// The features for these sensors.
+    fn features(&self, sensors: &Sensors) -> Vec<Feature>;
+    /// Their values, in the same order, appended to `values`.
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>);
+}
+
+/// Every family, in the order of the documentation.
+pub static ALL: &[&dyn Family] = &[
+    &moments::Moments,
+    &deviation::Deviation,
+    &gain::Gain,
+    &pressure::Pressure,
+    &comparison::Comparison,
+    &balance::Balance,
+];
+
+/// The family of a name.
+pub fn find(name: &str) -> Option<&'static dyn Family> {
+    ALL.iter().copied().find(|f| f.name() == name)
+}
+
+/// Deviations below this part of scale are not told apart: far below any
+/// sensor's resolution, far above rounding.
+const FLOOR: f64 = 1e-5;
+
+/// The logarithm of a standard deviation (base ten), with a floor.
+fn log_deviation(variance: f64) -> f64 {
+    0.5 * libm::log10(variance.max(0.0) + FLOOR * FLOOR)
+}
+
+/// `(a − b)/(a + b)` of two sizes: −1 … 1, zero where both are tiny.
+fn contrast(a: f64, b: f64) -> f64 {
+    (a - b) / (a + b + FLOOR)
+}
+
+/// `a / b`, limited, and zero where both are tiny.
+fn ratio(a: f64, b: f64) -> f64 {
+    let size = b.abs() + FLOOR;
+    let signed = if b < 0.0 { -size } else { size };
+    (a / signed).clamp(-100.0, 100.0)
+}
+
+/// Correlation from covariances; zero where one deviation is tiny.
+fn correlation(covariance: f64, variance_a: f64, variance_b: f64) -> f64 {
+    let floor = FLOOR * FLOOR;
+    covariance / libm::sqrt((variance_a + floor) * (variance_b + floor))
+}
+
+#[cfg(test)]
+mod contract;

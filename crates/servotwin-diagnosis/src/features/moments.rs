@@ -1,0 +1,60 @@
+//! The paper's features: mean (5), variance (6) and indicator (7) of each
+//! scaled residual.
+
+use super::{Family, Feature, Sensors};
+use crate::residual::Window;
+use alloc::format;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Moments;
+
+impl Family for Moments {
+    fn name(&self) -> &'static str {
+        "moments"
+    }
+
+    fn summary(&self) -> &'static str {
+        "mean, variance and no-deviation indicator of each residual (the paper's)"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let of_sensor = |s: &super::Sensor| {
+            let units = vec![s.unit];
+            [
+                Feature {
+                    name: format!("mean_{}", s.name),
+                    unit: "of scale",
+                    meaning: format!("mean of the residual of {}", s.name),
+                    units: units.clone(),
+                    resolution: 1.0,
+                },
+                Feature {
+                    name: format!("var_{}", s.name),
+                    unit: "of scale²",
+                    meaning: format!("variance of the residual of {}", s.name),
+                    units: units.clone(),
+                    // A variance that is told from zero needs a deviation of
+                    // the size of the noise.
+                    resolution: 1e-3,
+                },
+                Feature {
+                    name: format!("no_dev_{}", s.name),
+                    unit: "0 or 1",
+                    meaning: format!("one where {} stays inside ±3 % and 1 % deviation", s.name),
+                    units,
+                    resolution: 0.0,
+                },
+            ]
+        };
+        sensors.0.iter().flat_map(of_sensor).collect()
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        for i in 0..sensors.0.len() {
+            let indicator = if window.no_deviation(i) { 1.0 } else { 0.0 };
+            values.extend([window.mean(i), window.covariance(i, i), indicator]);
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! The two chambers of one actuator together.
+//!
+//! A leak or a clogged edge moves both chambers by the same amount (common
+//! mode, because a critical valve holds it only through its null conductance);
+//! a force moves them apart (differential); a pressure sensor moves one alone.
+//! The ratios say which it is without regard to the intensity.
+
+use super::{Family, Feature, Quantity, Sensors, correlation, log_deviation, ratio};
+use crate::residual::Window;
+use alloc::format;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Pressure;
+
+const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Spool];
+
+impl Family for Pressure {
+    fn name(&self) -> &'static str {
+        "pressure"
+    }
+
+    fn summary(&self) -> &'static str {
+        "common-mode and differential pressure of each actuator"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let mut features = Vec::new();
+        for unit in sensors.with(&NEEDED) {
+            let mut push = |name: &str, in_unit, meaning: &str, resolution| {
+                features.push(Feature {
+                    name: format!("{name}_{}", unit + 1),
+                    unit: in_unit,
+                    meaning: format!("{meaning}, actuator {}", unit + 1),
+                    units: vec![unit],
+                    resolution,
+                });
+            };
+            push("mean_common", "of scale", "mean of (r_pA + r_pB)/2", 1.0);
+            push("mean_differential", "of scale", "mean of r_pA − r_pB", 1.0);
+            push(
+                "log_dev_common",
+                "log10 of scale",
+                "log10 deviation of (r_pA + r_pB)/2",
+                0.02,
+            );
+            push(
+                "log_dev_differential",
+                "log10 of scale",
+                "log10 deviation of r_pA − r_pB",
+                0.02,
+            );
+            push("mean_chambers_ratio", "1", "mean r_pB over mean r_pA", 0.02);
+            push("chambers_corr", "1", "correlation of r_pA with r_pB", 0.02);
+            push(
+                "common_over_differential",
+                "1",
+                "log10 of the two deviations' ratio",
+                0.02,
+            );
+            push(
+                "differential_spool_corr",
+                "1",
+                "correlation of r_pA − r_pB with the twin's spool",
+                0.02,
+            );
+            push(
+                "common_spool_corr",
+                "1",
+                "correlation of (r_pA + r_pB)/2 with the twin's spool",
+                0.02,
+            );
+            push(
+                "spool_over_common",
+                "1",
+                "mean spool residual over mean common-mode residual",
+                0.02,
+            );
+        }
+        features
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        for unit in sensors.with(&NEEDED) {
+            let [a, b, spool] = NEEDED.map(|q| sensors.find(q, unit).expect("a unit with all"));
+            let (var_a, var_b) = (window.covariance(a, a), window.covariance(b, b));
+            let both = window.covariance(a, b);
+            let var_common = 0.25 * (var_a + var_b + 2.0 * both);
+            let var_differential = var_a + var_b - 2.0 * both;
+            let (mean_a, mean_b) = (window.mean(a), window.mean(b));
+            let common = 0.5 * (mean_a + mean_b);
+            let (with_a, with_b) = (
+                window.cross_covariance(a, spool),
+                window.cross_covariance(b, spool),
+            );
+            let var_spool = window.twin_covariance(spool, spool);
+            values.extend([
+                common,
+                mean_a - mean_b,
+                log_deviation(var_common),
+                log_deviation(var_differential),
+                ratio(mean_b, mean_a),
+                correlation(both, var_a, var_b),
+                log_deviation(var_common) - log_deviation(var_differential),
+                correlation(with_a - with_b, var_differential, var_spool),
+                correlation(0.5 * (with_a + with_b), var_common, var_spool),
+                ratio(window.mean(spool), common),
+            ]);
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Residuals and their statistics over a window, one sample at a time.
+//!
+//! ```text
+//! r_i  = s_i − s_i^VT                                            paper, eq. (3)
+//! r'_i = r_i / x_scale,i         detectable if any |r'_i| > ε     paper, eq. (4)
+//! ```
+//!
+//! [`Window`] keeps, in fixed memory, the number of samples, the joint mean and
+//! the joint covariance of all scaled residuals and of all scaled twin signals,
+//! the largest |r'| and the first excursion. Every feature is a function of
+//! these, so the same few lines serve the campaign and the flight code. The
+//! update is Welford's, extended to the matrix of co-moments: it does not lose
+//! digits when a mean is large against its deviation.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// Half width of the band that a scaled residual may stay in: the paper's ε of
+/// equation (4), also the limit of the mean in equation (7).
+pub const BAND: f64 = 0.03;
+/// Standard deviation of a scaled residual allowed by equation (7).
+pub const DEVIATION_BAND: f64 = 0.01;
+
+/// The statistics of a window of samples.
+///
+/// Channels are numbered `0 .. n` for the residuals and `n .. 2n` for the twin's
+/// signals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Window {
+    sensors: usize,
+    count: u64,
+    mean: Vec<f64>,
+    /// Lower triangle of the co-moments, row by row.
+    moments: Vec<f64>,
+    largest: Vec<f64>,
+    first_excursion: Option<u64>,
+    /// The sample being added, as deviations from the mean before it.
+    deviation: Vec<f64>,
+}
+
+impl Window {
+    /// An empty window over `sensors` sensors.
+    pub fn new(sensors: usize) -> Self {
+        let channels = 2 * sensors;
+        Self {
+            sensors,
+            count: 0,
+            mean: vec![0.0; channels],
+            moments: vec![0.0; channels * (channels + 1) / 2],
+            largest: vec![0.0; sensors],
+            first_excursion: None,
+            deviation: vec![0.0; channels],
+        }
+    }
+
+    /// Adds one sample of all sensors: measured and twin values in physical
+    /// units, and their scales. All slices have one entry per sensor.
+    pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
+        let n = self.sensors;
+        assert!(measured.len() == n && twin.len() == n && scales.len() == n);
+        let mut outside = false;
+        for i in 0..n {
+            let residual = (measured[i] - twin[i]) / scales[i];
+            let size = residual.abs();
+            self.largest[i] = self.largest[i].max(size);
+            outside |= size > BAND;
+            self.deviation[i] = residual - self.mean[i];
+            self.deviation[n + i] = twin[i] / scales[i] - self.mean[n + i];
+        }
+        if outside && self.first_excursion.is_none() {
+            self.first_excursion = Some(self.count);
+        }
+        self.update();
+    }
+
+    fn update(&mut self) {
+        self.count += 1;
+        let count = self.count as f64;
+        let weight = (count - 1.0) / count;
+        let mut start = 0;
+        for (i, &d) in self.deviation.iter().enumerate() {
+            let scaled = d * weight;
+            let row = &mut self.moments[start..=start + i];
+            for (moment, other) in row.iter_mut().zip(&self.deviation) {
+                *moment += scaled * other;
+            }
+            start += i + 1;
+        }
+        for (mean, d) in self.mean.iter_mut().zip(&self.deviation) {
+            *mean += d / count;
+        }
+    }
+
+    /// Number of sensors.
+    pub fn sensors(&self) -> usize {
+        self.sensors
+    }
+
+    /// Number of samples.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Mean of a residual: equation (5).
+    pub fn mean(&self, sensor: usize) -> f64 {
+        self.mean[sensor]
+    }
+
+    /// Mean of a twin signal over its scale.
+    pub fn twin_mean(&self, sensor: usize) -> f64 {
+        self.mean[self.sensors + sensor]
+    }
+
+    fn covariance_of(&self, a: usize, b: usize) -> f64 {
+        let (low, high) = if a < b { (a, b) } else { (b, a) };
+        if self.count == 0 {
+            0.0
+        } else {
+            self.moments[high * (high + 1) / 2 + low] / self.count as f64
+        }
+    }
+
+    /// Covariance of two residuals; the variance of equation (6) for twice the
+    /// same.
+    pub fn covariance(&self, a: usize, b: usize) -> f64 {
+        self.covariance_of(a, b)
+    }
+
+    /// Covariance of a residual with a twin signal.
+    pub fn cross_covariance(&self, residual: usize, twin: usize) -> f64 {
+        self.covariance_of(residual, self.sensors + twin)
+    }
+
+    /// Covariance of two twin signals.
+    pub fn twin_covariance(&self, a: usize, b: usize) -> f64 {
+        self.covariance_of(self.sensors + a, self.sensors + b)
+    }
+
+    /// The largest |r'| of a residual.
+    pub fn largest(&self, sensor: usize) -> f64 {
+        self.largest[sensor]
+    }
+
+    /// The number of the first sample outside the band of equation (4).
+    pub fn first_excursion(&self) -> Option<u64> {
+        self.first_excursion
+    }
+
+    /// The paper's indicator (7): one where mean and variance are inside the
+    /// band.
+    pub fn no_deviation(&self, sensor: usize) -> bool {
+        self.mean(sensor).abs() < BAND
+            && self.covariance(sensor, sensor) < DEVIATION_BAND * DEVIATION_BAND
+    }
+
+    /// Whether any residual violates equation (7).
+    pub fn deviates(&self) -> bool {
+        (0..self.sensors).any(|s| !self.no_deviation(s))
+    }
+
+    /// The window as it would be with the sensors in another order: sensor `i`
+    /// of the result is sensor `order[i]` of this one. Exchanging the actuators
+    /// gives the mirror image of a variant.
+    pub fn reordered(&self, order: &[usize]) -> Self {
+        let n = self.sensors;
+        let channel = |i: usize| if i < n { order[i] } else { n + order[i - n] };
+        let mut result = Self::new(n);
+        result.count = self.count;
+        result.first_excursion = self.first_excursion;
+        for i in 0..2 * n {
+            result.mean[i] = self.mean[channel(i)];
+            for j in 0..=i {
+                let (a, b) = (channel(i), channel(j));
+                let (low, high) = if a < b { (a, b) } else { (b, a) };
+                result.moments[i * (i + 1) / 2 + j] = self.moments[high * (high + 1) / 2 + low];
+            }
+        }
+        for i in 0..n {
+            result.largest[i] = self.largest[order[i]];
+        }
+        result
+    }
+
+    /// Forgets all samples.
+    pub fn clear(&mut self) {
+        *self = Self::new(self.sensors);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two-pass formulas on the same samples.
+    fn two_pass(samples: &[[f64; 2]]) -> ([f64; 2], f64) {
+        let n = samples.len() as f64;
+        let mean = [0, 1].map(|i| samples.iter().map(|s| s[i]).sum::<f64>() / n);
+        let product = |s: &[f64; 2]| (s[0] - mean[0]) * (s[1] - mean[1]);
+        (mean, samples.iter().map(product).sum::<f64>() / n)
+    }
+
+    #[test]
+    fn moments_equal_the_two_pass_formulas_even_far_from_zero() {
+        let samples: Vec<[f64; 2]> = (0..1000)
+            .map(|k| [1e6 + (k % 7) as f64, 1e6 - (k % 5) as f64])
+            .collect();
+        let mut window = Window::new(2);
+        for s in &samples {
+            window.add(s, &[0.0, 0.0], &[1.0, 1.0]);
+        }
+        let (mean, covariance) = two_pass(&samples);
+        assert!((window.mean(0) / mean[0] - 1.0).abs() < 1e-15);
+        assert!((window.covariance(0, 1) - covariance).abs() < 1e-8);
+        assert!(
+            (window.covariance(0, 0) - 4.0).abs() < 0.01,
+            "{}",
+            window.covariance(0, 0)
+        );
+    }
+
+    #[test]
+    fn the_indicator_and_the_first_excursion_follow_the_paper() {
+        let mut window = Window::new(1);
+        for k in 0..100 {
+            let spike = if k == 40 { 0.031 } else { 0.0 };
+            window.add(&[2.0 * spike], &[0.0], &[2.0]);
+        }
+        assert_eq!(window.first_excursion(), Some(40));
+        assert!(
+            window.no_deviation(0),
+            "one spike moves neither mean nor variance enough"
+        );
+        assert!((window.largest(0) - 0.031).abs() < 1e-15);
+        window.clear();
+        window.add(&[0.04], &[0.0], &[1.0]);
+        assert!(!window.no_deviation(0));
+        assert!(window.deviates());
+    }
+
+    #[test]
+    fn reordering_twice_by_an_exchange_changes_nothing() {
+        let mut window = Window::new(3);
+        for k in 0..50 {
+            let k = k as f64;
+            window.add(&[k, -2.0 * k, k * k], &[1.0, k, 3.0], &[1.0, 2.0, 3.0]);
+        }
+        let exchanged = window.reordered(&[1, 0, 2]);
+        assert_eq!(exchanged.mean(0), window.mean(1));
+        assert_eq!(
+            exchanged.cross_covariance(0, 2),
+            window.cross_covariance(1, 2)
+        );
+        assert_eq!(exchanged.reordered(&[1, 0, 2]), window.reordered(&[0, 1, 2]));
+    }
+}

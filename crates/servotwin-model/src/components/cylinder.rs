@@ -1,0 +1,404 @@
+//! A double-acting cylinder with its piston, seals and end stops.
+//!
+//! ```text
+//! V_A  = max(V_A0 + A_A x, V_A0/100),   V_B = max(V_B0 − A_B x, V_B0/100)    (Y1)
+//! p_A' = E(p_A)/V_A (q_A − A_A v),      p_B' = E(p_B)/V_B (q_B + A_B v)      (Y2)
+//! q_li = C_li (p_A − p_B)                                   a → b          (Y3)
+//! x'   = v,   m v' = A_A (p_A − p_0) − A_B (p_B − p_0) + F − F_f − F_stop    (Y4)
+//! F_f  = B v + F_c [1 + (κ − 1) e^{−(v/v_st)²}] tanh(v/v_t)                  (Y5)
+//! F_stop = k e + c v min(|e|/d, 1),   e = x − clamp(x, −x_st, x_st)          (Y6)
+//! ```
+//!
+//! `x` is the piston's place relative to the body, 0 at the centre, positive
+//! when chamber A grows; `F` the force on the rod; `p_0` the normal pressure on
+//! the rod's end. The friction is Stribeck's with `κ` static over Coulomb
+//! friction, smoothed over `v_t`: the rod creeps instead of sticking. The stop's
+//! damping fades in over the first thousandth of the stroke (`d`), and the stop
+//! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
+//! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, compressibility_per_pa};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Cylinder;
+
+const AREA_A: usize = 0;
+const AREA_B: usize = 1;
+const VOLUME_A: usize = 2;
+const VOLUME_B: usize = 3;
+const INTERNAL_LEAKAGE: usize = 4;
+const MASS: usize = 5;
+const COULOMB: usize = 6;
+const STATIC_RATIO: usize = 7;
+const STRIBECK_VELOCITY: usize = 8;
+const SMOOTHING: usize = 9;
+const VISCOUS: usize = 10;
+const STROKE_HALF: usize = 11;
+const STOP_STIFFNESS: usize = 12;
+const STOP_DAMPING: usize = 13;
+
+/// The smallest chamber, per unit of its volume at the centre.
+const SMALLEST: f64 = 0.01;
+
+static SPEC: Spec = Spec {
+    kind: "cylinder",
+    summary: "double-acting cylinder with friction, internal leakage and end stops",
+    parameters: &[
+        parameter(
+            "area_a_m2",
+            Unit::SquareMetre,
+            2.2723e-3,
+            (1e-6, 1.0),
+            "piston area, side A",
+        ),
+        parameter(
+            "area_b_m2",
+            Unit::SquareMetre,
+            2.2723e-3,
+            (1e-6, 1.0),
+            "piston area, side B",
+        ),
+        parameter(
+            "volume_a_m3",
+            Unit::CubicMetre,
+            65e-6,
+            (1e-8, 1.0),
+            "chamber A at the centre",
+        ),
+        parameter(
+            "volume_b_m3",
+            Unit::CubicMetre,
+            65e-6,
+            (1e-8, 1.0),
+            "chamber B at the centre",
+        ),
+        parameter(
+            "internal_leakage_m3_s_pa",
+            Unit::CubicMetrePerSecondPascal,
+            2e-14,
+            (0.0, 1e-8),
+            "laminar leakage across the piston seal",
+        ),
+        parameter(
+            "mass_kg",
+            Unit::Kilogram,
+            2.0,
+            (1e-3, 1e5),
+            "piston and rod",
+        ),
+        parameter(
+            "coulomb_friction_n",
+            Unit::Newton,
+            500.0,
+            (0.0, 1e6),
+            "F_c of the seals",
+        ),
+        parameter(
+            "static_friction_ratio",
+            Unit::None,
+            1.5,
+            (1.0, 10.0),
+            "static over Coulomb",
+        ),
+        parameter(
+            "stribeck_velocity_m_s",
+            Unit::MetrePerSecond,
+            5e-3,
+            (1e-5, 1.0),
+            "where static friction has faded",
+        ),
+        parameter(
+            "friction_smoothing_m_s",
+            Unit::MetrePerSecond,
+            5e-3,
+            (1e-5, 1.0),
+            "where Coulomb friction is reached",
+        ),
+        parameter(
+            "viscous_friction_n_s_m",
+            Unit::NewtonSecondPerMetre,
+            6e3,
+            (0.0, 1e7),
+            "viscous friction",
+        ),
+        parameter(
+            "stroke_half_m",
+            Unit::Metre,
+            23.5e-3,
+            (1e-4, 10.0),
+            "from centre to end stop",
+        ),
+        parameter(
+            "stop_stiffness_n_m",
+            Unit::NewtonPerMetre,
+            2e8,
+            (0.0, 1e12),
+            "end stop",
+        ),
+        parameter(
+            "stop_damping_n_s_m",
+            Unit::NewtonSecondPerMetre,
+            5e4,
+            (0.0, 1e9),
+            "end stop",
+        ),
+        parameter(
+            "start_a_pa",
+            Unit::Pascal,
+            1.06e7,
+            (1e3, 1e8),
+            "first guess of pressure A",
+        ),
+        parameter(
+            "start_b_pa",
+            Unit::Pascal,
+            1.06e7,
+            (1e3, 1e8),
+            "first guess of pressure B",
+        ),
+    ],
+    faults: &[
+        adds(
+            "internal_leakage",
+            "internal_leakage_m3_s_pa",
+            8e-12,
+            (0.0, 1e-8),
+            Category::InternalLeakage,
+            "the piston seal is worn",
+        ),
+        scales(
+            "friction",
+            "coulomb_friction_n",
+            10.0,
+            (1.0, 100.0),
+            Category::Friction,
+            "the seals drag, sticking and sliding",
+        ),
+        scales(
+            "viscous_friction",
+            "viscous_friction_n_s_m",
+            10.0,
+            (1.0, 100.0),
+            Category::Friction,
+            "the guides drag with velocity",
+        ),
+    ],
+    ports: &[
+        pressure("a", "chamber A, which pushes the rod out"),
+        pressure("b", "chamber B"),
+        optional(moving("rod", "piston and rod, relative to the body")),
+        output("position", Unit::Metre, "piston position, 0 at the centre"),
+        output("velocity", Unit::MetrePerSecond, "piston velocity"),
+    ],
+    states: &[
+        state(
+            "pressure_a_pa",
+            Unit::Pascal,
+            2e7,
+            Start::Parameter("start_a_pa"),
+            "chamber A, absolute",
+        ),
+        state(
+            "pressure_b_pa",
+            Unit::Pascal,
+            2e7,
+            Start::Parameter("start_b_pa"),
+            "chamber B, absolute",
+        ),
+        state(
+            "position_m",
+            Unit::Metre,
+            2e-2,
+            Start::Value(0.0),
+            "piston position",
+        ),
+        state(
+            "velocity_m_s",
+            Unit::MetrePerSecond,
+            0.05,
+            Start::Value(0.0),
+            "piston velocity",
+        ),
+    ],
+    reference: false,
+};
+
+impl Component for Cylinder {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let p_a = wiring.state("pressure_a_pa");
+        let p_b = wiring.state("pressure_b_pa");
+        let position = wiring.state("position_m");
+        let velocity = wiring.state("velocity_m_s");
+        wiring.set("a", p_a);
+        wiring.set("b", p_b);
+        wiring.set_motion("rod", position, velocity);
+        wiring.set("position", position);
+        wiring.set("velocity", velocity);
+        for (which, (port, p, rate)) in [("a", p_a, "pressure_a_pa"), ("b", p_b, "pressure_b_pa")]
+            .into_iter()
+            .enumerate()
+        {
+            let inputs = [p, wiring.flow(port).variable(), position, velocity];
+            let rate = Output::add(wiring.derivative(rate));
+            wiring.equation::<ChamberPressure, 4, 1, 9>(which, inputs, [rate]);
+        }
+        let leakage = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+        wiring.equation::<SealLeakage, 2, 1, 1>(0, [p_a, p_b], [leakage]);
+        let rod = wiring.force("rod").variable();
+        let shift = Output::add(wiring.derivative("position_m"));
+        let faster = Output::add(wiring.derivative("velocity_m_s"));
+        let slower = Output::subtract(wiring.derivative("velocity_m_s"));
+        wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
+        wiring.equation::<PistonFriction, 1, 2, 5>(0, [velocity], [shift, slower]);
+        wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
+    }
+
+    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+        let half = parameters[STROKE_HALF];
+        let room = 1.0 - SMALLEST;
+        let fits = |area: usize, volume: usize| parameters[area] * half < parameters[volume] * room;
+        if fits(AREA_A, VOLUME_A) && fits(AREA_B, VOLUME_B) {
+            Ok(())
+        } else {
+            Err("area_a_m2 (area_b_m2) times stroke_half_m must be below volume_a_m3 (volume_b_m3)")
+        }
+    }
+}
+
+/// Equations (Y1) and (Y2): (p, flow into the chamber, x, v) → p'. `which` is
+/// the chamber: 0 A, 1 B.
+pub struct ChamberPressure;
+
+impl Equation<4, 1, { 3 + BULK_CONSTANTS }> for ChamberPressure {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3 + BULK_CONSTANTS] {
+        let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
+        let volume = given[VOLUME_A + given.which];
+        let area = given[AREA_A + given.which] * S::constant([1.0, -1.0][given.which]);
+        [
+            area,
+            volume,
+            volume * S::constant(SMALLEST),
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3 + BULK_CONSTANTS], [p, flow, x, v]: [S; 4]) -> [S; 1] {
+        let volume = (x * c[0] + c[1]).max(S::from_base(c[2]));
+        [(flow - v * c[0]) / (compressibility_per_pa(&c[3..], p) * volume)]
+    }
+}
+
+/// Equation (Y3): (p_a, p_b) → flow from a to b.
+pub struct SealLeakage;
+
+impl Equation<2, 1, 1> for SealLeakage {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
+        [given[INTERNAL_LEAKAGE]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 1], [p_a, p_b]: [S; 2]) -> [S; 1] {
+        [(p_a - p_b) * c[0]]
+    }
+}
+
+/// Equation (Y4) without friction and stops: (p_a, p_b, rod force) → share of v'.
+pub struct PistonForce;
+
+impl Equation<3, 1, 4> for PistonForce {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        let per_mass = S::constant(1.0) / given[MASS];
+        let a = given[AREA_A] * per_mass;
+        let b = given[AREA_B] * per_mass;
+        [a, b, per_mass, (a - b) * S::constant(NORMAL_PRESSURE_PA)]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [p_a, p_b, force]: [S; 3]) -> [S; 1] {
+        [p_a * c[0] - p_b * c[1] + force * c[2] - c[3]]
+    }
+}
+
+/// Equation (Y5): (v) → (x', deceleration by friction).
+pub struct PistonFriction;
+
+impl Equation<1, 2, 5> for PistonFriction {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
+        let one = S::constant(1.0);
+        let coulomb = given[COULOMB] / given[MASS];
+        [
+            given[VISCOUS] / given[MASS],
+            coulomb,
+            coulomb * (given[STATIC_RATIO] - one),
+            one / given[STRIBECK_VELOCITY],
+            one / given[SMOOTHING],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 5], [v]: [S; 1]) -> [S; 2] {
+        let relative = v * c[3];
+        let level = (-(relative * relative)).exp() * c[2] + c[1];
+        [v, v * c[0] + level * (v * c[4]).tanh()]
+    }
+}
+
+/// Equation (Y6): (x, v) → deceleration by the end stops.
+pub struct PistonStop;
+
+impl Equation<2, 1, END_STOP_CONSTANTS> for PistonStop {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; END_STOP_CONSTANTS] {
+        let mass = given[MASS];
+        let stiffness = given[STOP_STIFFNESS] / mass;
+        end_stop_constants(given[STROKE_HALF], stiffness, given[STOP_DAMPING] / mass)
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; END_STOP_CONSTANTS], [x, v]: [S; 2]) -> [S; 1] {
+        [end_stop(x, v, c)]
+    }
+}
+
+/// Number of constants of [`end_stop`].
+pub const END_STOP_CONSTANTS: usize = 4;
+
+/// The constants of [`end_stop`], with stops at ± `limit`.
+pub fn end_stop_constants<S: Scalar<Base = S>>(
+    limit: S,
+    stiffness: S,
+    damping: S,
+) -> [S; END_STOP_CONSTANTS] {
+    [limit, stiffness, damping, S::constant(1e3) / limit]
+}
+
+/// Equation (Y6): what end stops at both ends do against a motion, force or
+/// acceleration as the constants have it.
+#[inline(always)]
+pub fn end_stop<S: Scalar>(
+    position: S,
+    velocity: S,
+    &[limit, stiffness, damping, per_fade]: &[S::Base; END_STOP_CONSTANTS],
+) -> S {
+    let zero = S::constant(0.0);
+    let high = S::from_base(limit);
+    let excess = position - position.clamp(-high, high);
+    let contact = (excess.abs() * per_fade).min(S::constant(1.0));
+    let push = excess * stiffness + velocity * contact * damping;
+    // A stop does not hold back what leaves it.
+    S::select(excess.less(zero), push.min(zero), push.max(zero))
+}

@@ -1,0 +1,91 @@
+//! A leak to the surroundings: a worn rod seal, a cracked line.
+//!
+//! ```text
+//! q = A v(max(p − p_amb, 0))                                              (E1)
+//! ```
+//!
+//! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the
+//! ambient pressure nothing is drawn in. A closed leak passes exactly nothing.
+
+use super::Component;
+use super::orifice::{hole, velocity_at_m_s};
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct ExternalLeakage;
+
+const AREA: usize = 0;
+const AMBIENT: usize = 1;
+const DISCHARGE: usize = 2;
+const REYNOLDS: usize = 3;
+
+static SPEC: Spec = Spec {
+    kind: "external_leakage",
+    summary: "leak from a node to the surroundings",
+    parameters: &[
+        parameter(
+            "area_m2",
+            Unit::SquareMetre,
+            0.0,
+            (0.0, 1e-3),
+            "area of the leak",
+        ),
+        parameter(
+            "ambient_pa",
+            Unit::Pascal,
+            101_325.0,
+            (0.0, 1e7),
+            "pressure outside, absolute",
+        ),
+        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
+        parameter(
+            "transition_reynolds",
+            Unit::None,
+            50.0,
+            (1.0, 2500.0),
+            "Re_t",
+        ),
+    ],
+    faults: &[adds(
+        "leakage",
+        "area_m2",
+        2e-7,
+        (0.0, 1e-4),
+        Category::ExternalLeakage,
+        "a seal or a line leaks to the outside",
+    )],
+    ports: &[hydraulic("port", "where it leaks")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for ExternalLeakage {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let pressure = wiring.pressure("port");
+        let leaving = Output::subtract(wiring.flow("port"));
+        wiring.equation::<LeakageFlow, 1, 1, 4>(0, [pressure], [leaving]);
+    }
+}
+
+/// Equation (E1): (p) → flow out of the node.
+pub struct LeakageFlow;
+
+impl Equation<1, 1, 4> for LeakageFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        let [area, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
+        [area, r, four_k, given[AMBIENT]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [p]: [S; 1]) -> [S; 1] {
+        let drop = (p - c[3]).max(S::constant(0.0));
+        [velocity_at_m_s(drop, c[1], c[2]) * c[0]]
+    }
+}

@@ -1,0 +1,297 @@
+//! A mode valve: active, or damped with the chambers joined through an orifice.
+//!
+//! ```text
+//! m'   = (m_c − m)/τ,   m_c = m_0 + (m_1 − m_0) · command                  (M1)
+//! m_e  = m + (1 − m) i                                                    (M2)
+//! q_by = (1 − m) A_d v(p_A − p_B)                        a → b             (M3)
+//! q_k  = (1 − m) A_k σ(Δp/Δp_k) v(Δp)                                      (M4)
+//! ```
+//!
+//! `m` is 1 when active, 0 when damped. `m_e` is the transmission by which the
+//! servo valve's flows are multiplied; `i` the leak of a closed valve. (M3) is
+//! the damping orifice, `v` the velocity (O2) of [`super::orifice`]. (M4) are
+//! check valves, opened by `σ`, the cubic step of
+//! [`crate::math::smooth_step`]: from the reserve into each chamber
+//! (Δp = p_reserve − p_chamber), and from the return gallery into the reserve.
+//! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
+//! Intermediate positions scale the areas linearly.
+
+use super::Component;
+use super::orifice::{hole, velocity_at_m_s};
+use crate::equation::{Equation, Given};
+use crate::math::smooth_step;
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Variable, Wiring};
+
+/// See the module.
+pub struct ModeValve;
+
+const TIME_CONSTANT: usize = 0;
+const DAMPING_AREA: usize = 1;
+const MAKE_UP_AREA: usize = 2;
+const RETURN_AREA: usize = 3;
+const RANGE: usize = 4;
+const ISOLATION: usize = 5;
+const DISCHARGE: usize = 6;
+const REYNOLDS: usize = 7;
+const DAMPED: usize = 8;
+const ACTIVE: usize = 9;
+
+static SPEC: Spec = Spec {
+    kind: "mode_valve",
+    summary: "active or damped: bypass orifice, make-up valves and reserve",
+    parameters: &[
+        parameter(
+            "time_constant_s",
+            Unit::Second,
+            0.02,
+            (1e-4, 10.0),
+            "of switching",
+        ),
+        parameter(
+            "damping_area_m2",
+            Unit::SquareMetre,
+            2e-6,
+            (0.0, 1e-3),
+            "damping orifice",
+        ),
+        parameter(
+            "make_up_area_m2",
+            Unit::SquareMetre,
+            1e-5,
+            (0.0, 1e-3),
+            "each make-up valve",
+        ),
+        parameter(
+            "return_area_m2",
+            Unit::SquareMetre,
+            1e-5,
+            (0.0, 1e-3),
+            "return to reserve",
+        ),
+        parameter(
+            "make_up_range_pa",
+            Unit::Pascal,
+            2e4,
+            (1e2, 1e7),
+            "pressure drop at which a check valve is fully open",
+        ),
+        parameter(
+            "isolation",
+            Unit::None,
+            0.002,
+            (0.0, 1.0),
+            "transmission when damped",
+        ),
+        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
+        parameter(
+            "transition_reynolds",
+            Unit::None,
+            50.0,
+            (1.0, 2500.0),
+            "Re_t",
+        ),
+        parameter(
+            "damped_position",
+            Unit::None,
+            0.0,
+            (0.0, 1.0),
+            "position at command 0",
+        ),
+        parameter(
+            "active_position",
+            Unit::None,
+            1.0,
+            (0.0, 1.0),
+            "position at command 1",
+        ),
+        parameter(
+            "command",
+            Unit::None,
+            1.0,
+            (0.0, 1.0),
+            "where no signal is connected",
+        ),
+    ],
+    faults: &[
+        scales(
+            "damping_clogging",
+            "damping_area_m2",
+            0.05,
+            (0.0, 1.0),
+            Category::Clogging,
+            "dirt narrows the damping orifice",
+        ),
+        shrinks(
+            "slow",
+            "time_constant_s",
+            30.0,
+            (1.0, 1e4),
+            Category::Dynamics,
+            "switches slowly",
+        ),
+        adds(
+            "stuck_active",
+            "damped_position",
+            1.0,
+            (0.0, 1.0),
+            Category::Jamming,
+            "does not go to damping",
+        ),
+        scales(
+            "stuck_damped",
+            "active_position",
+            0.0,
+            (0.0, 1.0),
+            Category::Jamming,
+            "does not become active",
+        ),
+        adds(
+            "isolation_wear",
+            "isolation",
+            0.2,
+            (0.0, 1.0),
+            Category::Wear,
+            "leaks when damped",
+        ),
+    ],
+    ports: &[
+        hydraulic("a", "cylinder chamber A"),
+        hydraulic("b", "cylinder chamber B"),
+        hydraulic("reserve", "fluid reserve"),
+        optional(hydraulic(
+            "return",
+            "return gallery, which fills the reserve",
+        )),
+        input_or("command", Unit::None, "command", "1 active, 0 damped"),
+        output("active", Unit::None, "position: 1 active … 0 damped"),
+        output(
+            "transmission",
+            Unit::None,
+            "factor on the servo valve's flows",
+        ),
+    ],
+    states: &[state(
+        "position",
+        Unit::None,
+        1.0,
+        Start::Parameter("command"),
+        "1 active … 0 damped",
+    )],
+    reference: false,
+};
+
+impl ModeValve {
+    fn check_valve(wiring: &mut Wiring, position: Variable, which: usize, up: &str, down: &str) {
+        let inputs = [position, wiring.pressure(up), wiring.pressure(down)];
+        let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
+        wiring.equation::<ReserveFlow, 3, 1, 4>(which, inputs, [flow]);
+    }
+}
+
+impl Component for ModeValve {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let position = wiring.state("position");
+        wiring.set("active", position);
+        let command = wiring.signal("command");
+        let rate = Output::add(wiring.derivative("position"));
+        wiring.equation::<ModePosition, 2, 1, 3>(0, [command, position], [rate]);
+        let transmission = wiring.internal();
+        wiring.equation::<Transmission, 1, 1, 1>(0, [position], [Output::add(transmission)]);
+        wiring.set("transmission", transmission.variable());
+        let inputs = [position, wiring.pressure("a"), wiring.pressure("b")];
+        let bypass = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+        wiring.equation::<BypassFlow, 3, 1, 3>(0, inputs, [bypass]);
+        Self::check_valve(wiring, position, MAKE_UP_AREA, "reserve", "a");
+        Self::check_valve(wiring, position, MAKE_UP_AREA, "reserve", "b");
+        if wiring.connected("return") {
+            Self::check_valve(wiring, position, RETURN_AREA, "return", "reserve");
+        }
+    }
+}
+
+/// Equation (M1): (command, m) → m'.
+pub struct ModePosition;
+
+impl Equation<2, 1, 3> for ModePosition {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        let damped = given[DAMPED];
+        [
+            damped,
+            given[ACTIVE] - damped,
+            S::constant(1.0) / given[TIME_CONSTANT],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [command, m]: [S; 2]) -> [S; 1] {
+        [(command * c[1] + c[0] - m) * c[2]]
+    }
+}
+
+/// Equation (M2): (m) → transmission.
+pub struct Transmission;
+
+impl Equation<1, 1, 1> for Transmission {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
+        [given[ISOLATION]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 1], [m]: [S; 1]) -> [S; 1] {
+        [m + damped(m) * c[0]]
+    }
+}
+
+/// `1 − m`, not below zero.
+#[inline(always)]
+fn damped<S: Scalar>(m: S) -> S {
+    (S::constant(1.0) - m).max(S::constant(0.0))
+}
+
+/// Equation (M3): (m, p_a, p_b) → flow from a to b.
+pub struct BypassFlow;
+
+impl Equation<3, 1, 3> for BypassFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        hole(
+            given[DAMPING_AREA],
+            given[DISCHARGE],
+            given[REYNOLDS],
+            given.fluid,
+        )
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [m, p_a, p_b]: [S; 3]) -> [S; 1] {
+        [damped(m) * velocity_at_m_s(p_a - p_b, c[1], c[2]) * c[0]]
+    }
+}
+
+/// Equation (M4): (m, p_up, p_down) → flow. `which` is the parameter that holds
+/// the area.
+pub struct ReserveFlow;
+
+impl Equation<3, 1, 4> for ReserveFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        let [area, r, four_k] = hole(
+            given[given.which],
+            given[DISCHARGE],
+            given[REYNOLDS],
+            given.fluid,
+        );
+        [area, r, four_k, S::constant(1.0) / given[RANGE]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [m, up, down]: [S; 3]) -> [S; 1] {
+        let drop = up - down;
+        let opening = damped(m) * smooth_step(drop * c[3]) * c[0];
+        [opening * velocity_at_m_s(drop, c[1], c[2])]
+    }
+}

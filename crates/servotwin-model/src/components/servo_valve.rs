@@ -1,0 +1,505 @@
+//! A two-stage servo valve with a four-edge spool.
+//!
+//! Spool dynamics (torque motor, pilot stage and mechanical feedback as a second
+//! order with a limited rate; flow forces and stick-slip are neglected, the
+//! feedback spring closes the inner loop):
+//!
+//! ```text
+//! u_c  = clamp(g u + b, −1, 1)                                             (W1)
+//! x'   = μ v_max tanh(v / v_max)                                           (W2)
+//! v'   = ω² (x_max u_c − x) − 2 ζ ω v − stop(x, v)                          (W3)
+//! ```
+//!
+//! Edge `e` of PA, PB, AT, BT, which opens with the spool for PA and BT and
+//! against it for PB and AT (`s_e` = ±1), with overlap `o`, radial clearance
+//! `c`, edge radius `r`, width `w` and smoothing `ε`:
+//!
+//! ```text
+//! ξ  = s_e x − o,   h = √(ξ² + ε²),   ξ₊ = (ξ + h)/2,   L = ξ₊ − ξ            (W4)
+//! s  = √((ξ₊ + 2r)² + (c + 2r)²) − 2r,   A = w s                             (W5)
+//! R  = Re_t ρ ν/(2 C_d² 2s A) + 12 ρ ν L/(w c³ (1 + 1.5 e²))                  (W6)
+//! q  = m w s² · 2Δp / (a + √(a² + 4 k s² |Δp|)),   a = R A s                 (W7)
+//! ```
+//!
+//! (W7) is (O2) of [`super::orifice`] with numerator and denominator multiplied
+//! by `s`, which saves a division: `a = Re_t ν k/2 + b L s²` with
+//! `b = 12 ρ ν / (c³ (1 + 1.5 e²))`. `m` is the transmission (1 open; a mode
+//! valve isolates the cylinder with it). The overlap is a laminar slit, `e` the
+//! spool's relative eccentricity. The pilot stage takes its quiescent flow from
+//! p to t through a hole. `μ` is 1 for a free spool; a jammed one keeps the
+//! place where it began. Source: rounded-edge geometry of common component
+//! libraries; valid for |x| up to some strokes and Δp of either sign.
+
+use super::Component;
+use super::cylinder::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
+use super::orifice::{hole, turbulent, velocity_at_m_s};
+use crate::equation::{Equation, Given};
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Category, Fault, Parameter, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct ServoValve;
+
+const STROKE: usize = 0;
+/// The first of four, in the order PA, PB, AT, BT.
+const WIDTH: usize = 1;
+/// The first of four, in the same order.
+const OVERLAP: usize = 5;
+const CLEARANCE: usize = 9;
+const EDGE_RADIUS: usize = 10;
+const SMOOTHING: usize = 11;
+const ECCENTRICITY: usize = 12;
+const DISCHARGE: usize = 13;
+const REYNOLDS: usize = 14;
+const NATURAL_FREQUENCY: usize = 15;
+const DAMPING_RATIO: usize = 16;
+const SLEW_RATE: usize = 17;
+const PILOT_AREA: usize = 18;
+const NULL_BIAS: usize = 19;
+const CURRENT_GAIN: usize = 20;
+const MOBILITY: usize = 21;
+const STOP_FRACTION: usize = 22;
+const STOP_STIFFNESS: usize = 23;
+const STOP_DAMPING: usize = 24;
+
+const fn width(name: &'static str, summary: &'static str) -> Parameter {
+    parameter(name, Unit::Metre, 2.38e-3, (0.0, 0.2), summary)
+}
+
+const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
+    parameter(name, Unit::Metre, -2e-6, (-1e-3, 1e-3), summary)
+}
+
+const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+    scales(
+        name,
+        parameter,
+        0.05,
+        (0.0, 1.0),
+        Category::Clogging,
+        summary,
+    )
+}
+
+const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+    adds(
+        name,
+        parameter,
+        -20e-6,
+        (-1e-3, 1e-3),
+        Category::Wear,
+        summary,
+    )
+}
+
+static SPEC: Spec = Spec {
+    kind: "servo_valve",
+    summary: "two-stage four-way servo valve",
+    parameters: &[
+        parameter(
+            "stroke_m",
+            Unit::Metre,
+            1e-3,
+            (1e-5, 1e-1),
+            "spool position at rated current",
+        ),
+        width("width_pa_m", "slot width of edge P-A"),
+        width("width_pb_m", "slot width of edge P-B"),
+        width("width_at_m", "slot width of edge A-T"),
+        width("width_bt_m", "slot width of edge B-T"),
+        overlap("overlap_pa_m", "overlap of edge P-A; negative: underlap"),
+        overlap("overlap_pb_m", "overlap of edge P-B; negative: underlap"),
+        overlap("overlap_at_m", "overlap of edge A-T; negative: underlap"),
+        overlap("overlap_bt_m", "overlap of edge B-T; negative: underlap"),
+        parameter(
+            "clearance_m",
+            Unit::Metre,
+            4e-6,
+            (1e-7, 1e-3),
+            "radial clearance",
+        ),
+        parameter(
+            "edge_radius_m",
+            Unit::Metre,
+            2e-6,
+            (0.0, 1e-3),
+            "radius of the metering edges",
+        ),
+        parameter(
+            "smoothing_m",
+            Unit::Metre,
+            1.5e-6,
+            (1e-8, 1e-4),
+            "smoothing of the edges",
+        ),
+        parameter(
+            "eccentricity",
+            Unit::None,
+            0.0,
+            (0.0, 1.0),
+            "relative spool eccentricity",
+        ),
+        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
+        parameter(
+            "transition_reynolds",
+            Unit::None,
+            50.0,
+            (1.0, 2500.0),
+            "Re_t",
+        ),
+        parameter(
+            "natural_frequency_hz",
+            Unit::Hertz,
+            100.0,
+            (0.1, 2000.0),
+            "of the spool",
+        ),
+        parameter(
+            "damping_ratio",
+            Unit::None,
+            0.7,
+            (1e-3, 10.0),
+            "of the spool",
+        ),
+        parameter(
+            "slew_rate_m_s",
+            Unit::MetrePerSecond,
+            0.15,
+            (1e-4, 100.0),
+            "largest spool velocity: the pilot stage's flow",
+        ),
+        parameter(
+            "pilot_area_m2",
+            Unit::SquareMetre,
+            4e-8,
+            (0.0, 1e-5),
+            "pilot stage, p to t",
+        ),
+        parameter(
+            "null_bias",
+            Unit::None,
+            0.0,
+            (-2.0, 2.0),
+            "offset, per unit of rated current",
+        ),
+        parameter(
+            "current_gain",
+            Unit::None,
+            1.0,
+            (-10.0, 10.0),
+            "stroke gained per rated current",
+        ),
+        parameter(
+            "mobility",
+            Unit::None,
+            1.0,
+            (0.0, 1.0),
+            "1: the spool is free, 0: it is held",
+        ),
+        parameter(
+            "stop_fraction",
+            Unit::None,
+            1.1,
+            (0.5, 10.0),
+            "end stops, per unit of stroke",
+        ),
+        parameter(
+            "stop_stiffness_per_s2",
+            Unit::PerSecondSquared,
+            1e8,
+            (0.0, 1e12),
+            "acceleration per penetration of the end stop",
+        ),
+        parameter(
+            "stop_damping_per_s",
+            Unit::PerSecond,
+            1e4,
+            (0.0, 1e8),
+            "acceleration per velocity in the end stop",
+        ),
+        parameter(
+            "transmission",
+            Unit::None,
+            1.0,
+            (0.0, 1.0),
+            "where no signal is connected",
+        ),
+    ],
+    faults: &[
+        clogging("clogging_pa", "width_pa_m", "dirt narrows edge P-A"),
+        clogging("clogging_pb", "width_pb_m", "dirt narrows edge P-B"),
+        clogging("clogging_at", "width_at_m", "dirt narrows edge A-T"),
+        clogging("clogging_bt", "width_bt_m", "dirt narrows edge B-T"),
+        shrinks(
+            "natural_frequency_loss",
+            "natural_frequency_hz",
+            0.03,
+            (1e-3, 1.0),
+            Category::Dynamics,
+            "the pilot stage became slow",
+        ),
+        shrinks(
+            "damping_loss",
+            "damping_ratio",
+            0.03,
+            (1e-3, 1.0),
+            Category::Dynamics,
+            "the pilot stage rings",
+        ),
+        adds(
+            "bias_positive",
+            "null_bias",
+            0.40,
+            (0.0, 2.0),
+            Category::Bias,
+            "null shift towards p → a",
+        ),
+        adds(
+            "bias_negative",
+            "null_bias",
+            -0.40,
+            (-2.0, 0.0),
+            Category::Bias,
+            "null shift towards p → b",
+        ),
+        adds(
+            "gain_high",
+            "current_gain",
+            1.0,
+            (0.0, 10.0),
+            Category::Calibration,
+            "too much stroke per current",
+        ),
+        adds(
+            "gain_low",
+            "current_gain",
+            -0.8,
+            (-2.0, 0.0),
+            Category::Calibration,
+            "too little stroke per current: a demagnetised torque motor",
+        ),
+        adds(
+            "wear_clearance",
+            "clearance_m",
+            12e-6,
+            (0.0, 1e-4),
+            Category::Wear,
+            "worn lands: more radial clearance",
+        ),
+        adds(
+            "edge_rounding",
+            "edge_radius_m",
+            28e-6,
+            (0.0, 1e-3),
+            Category::Wear,
+            "all metering edges are rounded",
+        ),
+        edge_wear("wear_pa", "overlap_pa_m", "edge P-A is eroded"),
+        edge_wear("wear_pb", "overlap_pb_m", "edge P-B is eroded"),
+        edge_wear("wear_at", "overlap_at_m", "edge A-T is eroded"),
+        edge_wear("wear_bt", "overlap_bt_m", "edge B-T is eroded"),
+        scales(
+            "pilot_clogging",
+            "slew_rate_m_s",
+            0.1,
+            (1e-3, 1.0),
+            Category::Clogging,
+            "the pilot stage's filter lets less flow through",
+        ),
+        shrinks(
+            "jam",
+            "mobility",
+            1e-5,
+            (1e-12, 1.0),
+            Category::Jamming,
+            "the spool sticks where it began",
+        ),
+    ],
+    ports: &[
+        hydraulic("p", "pressure"),
+        hydraulic("t", "return"),
+        hydraulic("a", "control port A"),
+        hydraulic("b", "control port B"),
+        input("current", Unit::None, "per unit of rated current"),
+        input_or(
+            "transmission",
+            Unit::None,
+            "transmission",
+            "factor on the flow of all edges",
+        ),
+        output(
+            "spool_position",
+            Unit::Metre,
+            "spool position, positive opens p → a",
+        ),
+    ],
+    states: &[
+        state(
+            "spool_position_m",
+            Unit::Metre,
+            1e-3,
+            Start::Value(0.0),
+            "spool position",
+        ),
+        state(
+            "spool_velocity_m_s",
+            Unit::MetrePerSecond,
+            0.1,
+            Start::Value(0.0),
+            "spool velocity before its limit",
+        ),
+    ],
+    reference: false,
+};
+
+/// Upstream and downstream port of each edge, in the order of `which`.
+const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")];
+
+impl Component for ServoValve {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let position = wiring.state("spool_position_m");
+        let velocity = wiring.state("spool_velocity_m_s");
+        wiring.set("spool_position", position);
+        let current = wiring.signal("current");
+        let rates = [
+            Output::add(wiring.derivative("spool_position_m")),
+            Output::add(wiring.derivative("spool_velocity_m_s")),
+        ];
+        wiring.equation::<SpoolMotion, 3, 2, 11>(0, [current, position, velocity], rates);
+        let transmission = wiring.signal("transmission");
+        for (which, (up, down)) in EDGES.into_iter().enumerate() {
+            let inputs = [
+                position,
+                transmission,
+                wiring.pressure(up),
+                wiring.pressure(down),
+            ];
+            let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
+            wiring.equation::<EdgeFlow, 4, 1, 9>(which, inputs, [flow]);
+        }
+        let pressures = [wiring.pressure("p"), wiring.pressure("t")];
+        let flow = Output::transfer(wiring.flow("p"), wiring.flow("t"));
+        wiring.equation::<PilotFlow, 2, 1, 3>(0, pressures, [flow]);
+    }
+}
+
+/// Equations (W1)–(W3): (current, x, v) → (x', v').
+pub struct SpoolMotion;
+
+impl Equation<3, 2, { 7 + END_STOP_CONSTANTS }> for SpoolMotion {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 7 + END_STOP_CONSTANTS] {
+        let one = S::constant(1.0);
+        let omega = given[NATURAL_FREQUENCY] * S::constant(2.0 * core::f64::consts::PI);
+        let square = omega * omega;
+        let slew = given[SLEW_RATE];
+        let limit = given[STROKE] * given[STOP_FRACTION];
+        let [a, b, c, d] = end_stop_constants(limit, given[STOP_STIFFNESS], given[STOP_DAMPING]);
+        [
+            given[CURRENT_GAIN],
+            given[NULL_BIAS],
+            square * given[STROKE],
+            square,
+            omega * given[DAMPING_RATIO] * S::constant(2.0),
+            slew * given[MOBILITY],
+            one / slew,
+            a,
+            b,
+            c,
+            d,
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(
+        c: &[S::Base; 7 + END_STOP_CONSTANTS],
+        [current, x, v]: [S; 3],
+    ) -> [S; 2] {
+        let one = S::constant(1.0);
+        let command = (current * c[0] + c[1]).clamp(-one, one);
+        let spring = command * c[2] - x * c[3];
+        let rate = (v * c[6]).tanh() * c[5];
+        [
+            rate,
+            spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]]),
+        ]
+    }
+}
+
+/// Equations (W4)–(W7): (x, transmission, p_up, p_down) → flow. `which` is the
+/// edge: 0 PA, 1 PB, 2 AT, 3 BT.
+pub struct EdgeFlow;
+
+impl Equation<4, 1, 9> for EdgeFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 9] {
+        let number = S::constant;
+        let orientation = [1.0, -1.0, -1.0, 1.0][given.which];
+        let clearance = given[CLEARANCE];
+        let two_radii = given[EDGE_RADIUS] * number(2.0);
+        let height = clearance + two_radii;
+        let viscosity = given.fluid.kinematic_viscosity_m2_s;
+        let k = turbulent(given.fluid.density_kg_m3, given[DISCHARGE]);
+        let eccentricity = given[ECCENTRICITY];
+        let widening = number(1.0) + eccentricity * eccentricity * number(1.5);
+        let slit = number(12.0) * given.fluid.density_kg_m3 * viscosity
+            / (clearance * clearance * clearance * widening);
+        [
+            number(orientation),
+            given[OVERLAP + given.which],
+            given[SMOOTHING] * given[SMOOTHING],
+            two_radii,
+            height * height,
+            given[WIDTH + given.which] * number(2.0),
+            given[REYNOLDS] * viscosity * k * number(0.5),
+            slit,
+            k * number(4.0),
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 9], [x, transmission, up, down]: [S; 4]) -> [S; 1] {
+        let [
+            orientation,
+            overlap,
+            smoothing,
+            two_radii,
+            height,
+            two_widths,
+            hole,
+            slit,
+            four_k,
+        ] = *c;
+        let travel = x * orientation - overlap;
+        let opening = (travel + (travel * travel + smoothing).sqrt()) * lit::<S>(0.5);
+        let reach = opening + two_radii;
+        let gap = (reach * reach + height).sqrt() - two_radii;
+        let gap = gap * gap;
+        let laminar = (opening - travel) * gap * slit + hole;
+        let drop = up - down;
+        let root = (laminar * laminar + drop.abs() * gap * four_k).sqrt();
+        [transmission * drop * gap * two_widths / (laminar + root)]
+    }
+}
+
+/// The pilot stage as a hole: (p_p, p_t) → flow from p to t.
+pub struct PilotFlow;
+
+impl Equation<2, 1, 3> for PilotFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        hole(
+            given[PILOT_AREA],
+            given[DISCHARGE],
+            given[REYNOLDS],
+            given.fluid,
+        )
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [p, t]: [S; 2]) -> [S; 1] {
+        [velocity_at_m_s(p - t, c[1], c[2]) * c[0]]
+    }
+}

@@ -1,0 +1,364 @@
+//! The memory of a few variants side by side, and one step of them.
+
+use super::tableau::Tableau;
+use crate::program::Program;
+use crate::scalar::Lanes;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// The variables of as many variants as there are lanes.
+pub struct Batch<'p, V> {
+    program: &'p Program,
+    /// Constants of all blocks.
+    constants: Vec<V>,
+    /// The variable array of the program; the last entry is the bin.
+    variables: Vec<V>,
+    gradients: Vec<V>,
+    factors: Vec<V>,
+    /// The states at the beginning of the step.
+    y: Vec<V>,
+    /// The states at its end.
+    y_new: Vec<V>,
+    error: Vec<V>,
+    /// Stage vectors, one after the other.
+    stages: Vec<V>,
+    right: Vec<V>,
+    time_derivative: Vec<V>,
+    reciprocal_scales: Vec<f64>,
+    /// For every external input that changes in some lane: its place and its
+    /// cubic from the beginning of the step.
+    moving: Vec<(usize, [V; 4])>,
+}
+
+/// The largest number of stages of any method.
+const MOST_STAGES: usize = 8;
+
+impl<'p, V: Lanes> Batch<'p, V> {
+    /// Memory for a program; every lane is zero.
+    pub fn new(program: &'p Program) -> Self {
+        let n = program.states().len();
+        let zeros = |count: usize| vec![V::constant(0.0); count];
+        Self {
+            program,
+            constants: zeros(program.constants()),
+            variables: zeros(program.slots() + 1),
+            gradients: zeros(program.rows().slots()),
+            factors: zeros(program.plan().slots()),
+            y: zeros(n),
+            y_new: zeros(n),
+            error: zeros(n),
+            stages: zeros(n * MOST_STAGES),
+            right: zeros(n),
+            time_derivative: zeros(n),
+            reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
+            moving: Vec::new(),
+        }
+    }
+
+    /// Puts a variant's constants into a lane.
+    pub fn set_constants(&mut self, lane: usize, constants: &[f64]) {
+        for (place, &value) in self.constants.iter_mut().zip(constants) {
+            place.set_lane(lane, value);
+        }
+    }
+
+    /// Sets one variable (an input or a stand-in) of a lane.
+    pub fn set_variable(&mut self, lane: usize, slot: usize, value: f64) {
+        self.variables[slot].set_lane(lane, value);
+    }
+
+    /// One variable of a lane, as of the last evaluation.
+    pub fn variable(&self, lane: usize, slot: usize) -> f64 {
+        self.variables[slot].lane(lane)
+    }
+
+    /// Sets the states of a lane.
+    pub fn set_states(&mut self, lane: usize, states: &[f64]) {
+        for (place, &value) in self.y.iter_mut().zip(states) {
+            place.set_lane(lane, value);
+        }
+    }
+
+    /// The states of a lane.
+    pub fn states(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
+        self.y.iter().map(move |v| v.lane(lane))
+    }
+
+    /// The gradients of the last evaluation with the Jacobian.
+    pub fn gradients(&self) -> &[V] {
+        &self.gradients
+    }
+
+    /// Forgets which inputs move. To be called before [`Batch::set_input`].
+    pub fn clear_inputs(&mut self) {
+        self.moving.clear();
+    }
+
+    /// Makes an input move as a cubic in the time since the beginning of the
+    /// step: one polynomial per lane, `cubic(lane)`.
+    #[inline(always)]
+    pub fn set_input(&mut self, external: usize, cubic: impl Fn(usize) -> [f64; 4]) {
+        let coefficients = core::array::from_fn(|power| V::from_fn(|lane| cubic(lane)[power]));
+        self.moving.push((external, coefficients));
+    }
+
+    /// Loads the states into the variable array, and the inputs at `offset`
+    /// after the beginning of the step.
+    #[inline(always)]
+    fn load_inputs(&mut self, offset: V) {
+        let first = self.program.externals().start;
+        for &(external, [a, b, c, d]) in &self.moving {
+            self.variables[first + external] = a + offset * (b + offset * (c + offset * d));
+        }
+    }
+
+    /// Evaluates everything at the beginning of the step, with the Jacobian.
+    #[inline(always)]
+    pub fn begin(&mut self) {
+        let n = self.y.len();
+        self.variables[..n].copy_from_slice(&self.y);
+        self.load_inputs(V::constant(0.0));
+        let rows = self.program.rows();
+        for external in self.program.externals().enumerate().map(|(index, _)| index) {
+            self.gradients[rows.slope(external)] = V::constant(0.0);
+        }
+        for &(external, [_, slope, _, _]) in &self.moving {
+            self.gradients[rows.slope(external)] = slope;
+        }
+        self.program.evaluate_with_jacobian(
+            &self.constants,
+            &mut self.variables,
+            &mut self.gradients,
+        );
+    }
+
+    /// Evaluates everything at the beginning of the step, without the Jacobian.
+    #[inline(always)]
+    pub fn evaluate(&mut self) {
+        let n = self.y.len();
+        self.variables[..n].copy_from_slice(&self.y);
+        self.load_inputs(V::constant(0.0));
+        self.program.evaluate(&self.constants, &mut self.variables);
+    }
+
+    /// Runs the sampled equations of a clock in the lanes of the mask; needs
+    /// an evaluation first.
+    #[inline(always)]
+    pub fn tick(&mut self, clock: usize, lanes: V::Mask) {
+        let clock = &self.program.clocks()[clock];
+        clock.sequence.run(&self.constants, &mut self.variables);
+        for &(from, to) in &clock.exchanges {
+            let (from, to) = (from as usize, to as usize);
+            self.variables[to] = V::select(lanes, self.variables[from], self.variables[to]);
+        }
+    }
+
+    /// One Rosenbrock step (R1), (R2) from the last [`Batch::begin`]. Gives the
+    /// largest error of any state over its scale.
+    #[inline(always)]
+    pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
+        let n = self.y.len();
+        let reciprocal = V::constant(1.0) / h;
+        self.factorise(method, reciprocal);
+        self.collect_time_derivative();
+        for stage in 0..method.b.len() {
+            if stage > 0 {
+                self.stage_states(method, stage);
+                self.load_inputs(h * V::constant(method.alpha[stage]));
+                self.program.evaluate(&self.constants, &mut self.variables);
+            }
+            self.stage_right(method, stage, h, reciprocal);
+            let plan = self.program.plan();
+            plan.solve(&self.factors, &mut self.right);
+            self.stages[stage * n..][..n].copy_from_slice(&self.right);
+        }
+        self.combine(method)
+    }
+
+    #[inline(always)]
+    fn factorise(&mut self, method: &Tableau, reciprocal: V) {
+        let diagonal = reciprocal * V::constant(1.0 / method.gamma);
+        let plan = self.program.plan();
+        self.program
+            .rows()
+            .shifted(plan, diagonal, &self.gradients, &mut self.factors);
+        plan.factor(&mut self.factors);
+    }
+
+    #[inline(always)]
+    fn collect_time_derivative(&mut self) {
+        for x in &mut self.time_derivative {
+            *x = V::constant(0.0);
+        }
+        let rows = self.program.rows();
+        rows.add_time_derivative(V::constant(1.0), &self.gradients, &mut self.time_derivative);
+    }
+
+    /// `y + Σ a_ij U_j` into the variable array.
+    #[inline(always)]
+    fn stage_states(&mut self, method: &Tableau, stage: usize) {
+        let n = self.y.len();
+        let row = method.a[stage];
+        let before = method.a[stage - 1];
+        let stages = &self.stages;
+        let adds_one = row.len() > 1 && row[..stage - 1] == *before && row[stage - 1] == 1.0;
+        if adds_one {
+            // The row before plus the last stage: the array still holds it.
+            for k in 0..n {
+                self.variables[k] = self.variables[k] + stages[(stage - 1) * n + k];
+            }
+        } else {
+            weighted(&mut self.variables[..n], &self.y, row, stages);
+        }
+    }
+
+    /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`.
+    #[inline(always)]
+    fn stage_right(&mut self, method: &Tableau, stage: usize, h: V, reciprocal: V) {
+        let n = self.y.len();
+        let derivatives = &self.variables[self.program.derivatives()];
+        let gamma = h * V::constant(method.gamma_sum[stage]);
+        let row = method.c[stage];
+        for k in 0..n {
+            let mut sum = V::constant(0.0);
+            for (j, &c) in row.iter().enumerate() {
+                sum = sum + self.stages[j * n + k] * V::constant(c);
+            }
+            self.right[k] = derivatives[k] + sum * reciprocal + gamma * self.time_derivative[k];
+        }
+    }
+
+    #[inline(always)]
+    fn combine(&mut self, method: &Tableau) -> V {
+        let n = self.y.len();
+        weighted(&mut self.y_new, &self.y, method.b, &self.stages);
+        let zero = V::constant(0.0);
+        for e in &mut self.error {
+            *e = zero;
+        }
+        for (j, &weight) in method.error.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+            for k in 0..n {
+                self.error[k] = self.error[k] + self.stages[j * n + k] * V::constant(weight);
+            }
+        }
+        self.largest_error()
+    }
+
+    /// The largest error over scale; NaN where any error is NaN.
+    #[inline(always)]
+    fn largest_error(&self) -> V {
+        let zero = V::constant(0.0);
+        let mut largest = zero;
+        // Zero, unless some error is not finite: comparisons would lose a NaN.
+        let mut poison = zero;
+        for (e, &scale) in self.error.iter().zip(&self.reciprocal_scales) {
+            let relative = e.abs() * V::constant(scale);
+            largest = relative.max(largest);
+            poison = poison + relative * zero;
+        }
+        largest + poison
+    }
+
+    /// One step of the classical Runge–Kutta method from the last evaluation.
+    #[inline(always)]
+    pub fn runge_kutta(&mut self, h: V) {
+        let n = self.y.len();
+        let half = h * V::constant(0.5);
+        for (stage, offset) in [V::constant(0.0), half, half, h].into_iter().enumerate() {
+            if stage > 0 {
+                for k in 0..n {
+                    self.variables[k] = self.y[k] + self.stages[(stage - 1) * n + k] * offset;
+                }
+                self.load_inputs(offset);
+                self.program.evaluate(&self.constants, &mut self.variables);
+            }
+            let derivatives = &self.variables[self.program.derivatives()];
+            self.stages[stage * n..][..n].copy_from_slice(derivatives);
+        }
+        let sixth = h * V::constant(1.0 / 6.0);
+        for k in 0..n {
+            let [a, b, c, d] = core::array::from_fn(|j| self.stages[j * n + k]);
+            self.y_new[k] = self.y[k] + (a + (b + c) * V::constant(2.0) + d) * sixth;
+        }
+    }
+
+    /// Takes the step in the lanes of the mask.
+    #[inline(always)]
+    pub fn accept(&mut self, lanes: V::Mask) {
+        for (y, &new) in self.y.iter_mut().zip(&self.y_new) {
+            *y = V::select(lanes, new, *y);
+        }
+    }
+
+    /// Whether the new states of a lane are finite numbers.
+    pub fn finite(&self, lane: usize) -> bool {
+        self.y_new.iter().all(|v| v.lane(lane).is_finite())
+    }
+
+    /// The state with the largest error in a lane; NaN counts as largest.
+    pub fn worst_state(&self, lane: usize) -> usize {
+        let relative = |k: usize| {
+            let e = self.error[k].lane(lane) * self.reciprocal_scales[k];
+            let bad = !e.is_finite() || !self.y_new[k].lane(lane).is_finite();
+            if bad {
+                f64::INFINITY
+            } else {
+                crate::scalar::Scalar::abs(e)
+            }
+        };
+        let mut worst = 0;
+        for k in 1..self.error.len() {
+            if relative(k) > relative(worst) {
+                worst = k;
+            }
+        }
+        worst
+    }
+
+    /// The largest rate of change of any state over its scale in a lane, 1/s,
+    /// as of the last evaluation.
+    pub fn largest_rate_per_s(&self, lane: usize) -> f64 {
+        let derivatives = &self.variables[self.program.derivatives()];
+        let rates = derivatives.iter().zip(&self.reciprocal_scales);
+        rates.fold(0.0, |largest, (d, scale)| {
+            let rate = crate::scalar::Scalar::abs(d.lane(lane) * scale);
+            if rate < largest { largest } else { rate }
+        })
+    }
+
+    /// Puts the states at a fraction of the last step (R3) into the variable
+    /// array and evaluates everything there; the beginning of the step stays.
+    ///
+    /// `fraction` is per lane. To be called before [`Batch::accept`].
+    #[inline(always)]
+    pub fn interpolate(&mut self, method: &Tableau, h: V, fraction: V) {
+        let n = self.y.len();
+        let rest = V::constant(1.0) - fraction;
+        for k in 0..n {
+            let mut bend = V::constant(0.0);
+            for row in method.dense.iter().rev() {
+                let mut sum = V::constant(0.0);
+                for (j, &weight) in row.iter().enumerate() {
+                    sum = sum + self.stages[j * n + k] * V::constant(weight);
+                }
+                bend = bend * fraction + sum;
+            }
+            self.variables[k] = rest * self.y[k] + fraction * (self.y_new[k] + rest * bend);
+        }
+        self.load_inputs(h * fraction);
+        self.program.evaluate(&self.constants, &mut self.variables);
+    }
+}
+
+/// `target = base + Σ weights_j · vectors_j`.
+#[inline(always)]
+fn weighted<V: Lanes>(target: &mut [V], base: &[V], weights: &[f64], vectors: &[V]) {
+    let n = base.len();
+    for k in 0..n {
+        let mut sum = base[k];
+        for (j, &weight) in weights.iter().enumerate() {
+            sum = sum + vectors[j * n + k] * V::constant(weight);
+        }
+        target[k] = sum;
+    }
+}

@@ -1,0 +1,352 @@
+//! The solver: many variants at once, each with its own time and step.
+//!
+//! A linearly implicit (Rosenbrock) step needs no iteration, so all lanes do
+//! the same work whatever their step sizes are. Every lane therefore has its
+//! own time, its own error control and its own events; a lane that has finished
+//! takes the next variant. Nothing that one lane computes depends on another,
+//! hence results are the same bits for a variant alone, in any lane and on any
+//! thread.
+//!
+//! - [`tableau`]: the methods' coefficients
+//! - [`Batch`]: the variables of a few lanes, and one step of them
+//! - [`ensemble`]: times, events, samples, and what runs in which lane
+
+mod batch;
+mod ensemble;
+pub mod tableau;
+mod trim;
+
+pub use batch::Batch;
+pub use ensemble::{Case, Feed, run};
+pub use trim::settle;
+
+use core::fmt;
+use tableau::Tableau;
+
+/// How to step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Rosenbrock, order 3.
+    Rodas3,
+    /// Rosenbrock, order 4.
+    Rodas4P,
+    /// Rosenbrock, order 5.
+    Rodas5P,
+    /// The classical explicit Runge–Kutta method, for cross-checks; fixed step.
+    RungeKutta4,
+}
+
+impl Method {
+    /// Every method.
+    pub const ALL: [Method; 4] = [
+        Method::Rodas3,
+        Method::Rodas4P,
+        Method::Rodas5P,
+        Method::RungeKutta4,
+    ];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Rodas3 => "rodas3",
+            Method::Rodas4P => "rodas4p",
+            Method::Rodas5P => "rodas5p",
+            Method::RungeKutta4 => "rk4",
+        }
+    }
+
+    /// The coefficients; `None` for the explicit method.
+    pub fn tableau(self) -> Option<&'static Tableau> {
+        match self {
+            Method::Rodas3 => Some(&tableau::RODAS3),
+            Method::Rodas4P => Some(&tableau::RODAS4P),
+            Method::Rodas5P => Some(&tableau::RODAS5P),
+            Method::RungeKutta4 => None,
+        }
+    }
+}
+
+/// How long a step is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Control {
+    /// Always the same, shortened to land on events.
+    Fixed {
+        /// The step, s.
+        step_s: f64,
+    },
+    /// As long as the estimated error of no state exceeds `tolerance` times its
+    /// scale per step.
+    Adaptive {
+        /// Allowed error per step over the state's scale.
+        tolerance: f64,
+        /// The longest step, s.
+        max_step_s: f64,
+    },
+}
+
+/// Everything a run needs to know about the method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The method.
+    pub method: Method,
+    /// The step.
+    pub control: Control,
+    /// Whether steps end on every sample (`false`: samples are interpolated by
+    /// the method's dense output, for long steps between frequent samples).
+    pub land_on_samples: bool,
+}
+
+impl Settings {
+    /// For campaigns: errors of about 1e-4 of scale.
+    pub fn campaign() -> Self {
+        Self {
+            method: Method::Rodas4P,
+            control: Control::Adaptive {
+                tolerance: 1e-4,
+                max_step_s: 0.1,
+            },
+            land_on_samples: true,
+        }
+    }
+
+    /// For reference runs.
+    pub fn reference() -> Self {
+        Self {
+            method: Method::Rodas5P,
+            control: Control::Adaptive {
+                tolerance: 1e-9,
+                max_step_s: 0.1,
+            },
+            land_on_samples: true,
+        }
+    }
+
+    /// For real time: a fixed step of a millisecond.
+    pub fn real_time() -> Self {
+        Self {
+            method: Method::Rodas3,
+            control: Control::Fixed { step_s: 1e-3 },
+            land_on_samples: true,
+        }
+    }
+}
+
+/// The work that a variant took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Accepted steps.
+    pub steps: u64,
+    /// Steps whose error was too large.
+    pub rejected: u64,
+    /// Evaluations of all equations without the Jacobian.
+    pub evaluations: u64,
+    /// Evaluations with the Jacobian, each followed by a factorisation.
+    pub jacobians: u64,
+}
+
+impl core::ops::AddAssign for Statistics {
+    fn add_assign(&mut self, other: Self) {
+        self.steps += other.steps;
+        self.rejected += other.rejected;
+        self.evaluations += other.evaluations;
+        self.jacobians += other.jacobians;
+    }
+}
+
+/// Why a variant could not be finished.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Failure {
+    /// When, s.
+    pub time_s: f64,
+    /// The state with the largest error, by its place in the program.
+    pub state: usize,
+    /// What happened.
+    pub cause: Cause,
+}
+
+/// What stopped a variant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The error stayed too large down to the smallest step.
+    StepTooSmall,
+    /// A number was not finite.
+    NotFinite,
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Cause::StepTooSmall => "the error stayed too large down to the smallest step",
+            Cause::NotFinite => "a value became infinite or not a number",
+        })
+    }
+}
+
+/// Events closer together than this are one, s.
+pub(crate) const SAME_TIME_S: f64 = 1e-9;
+/// Steps that are not cut short by an event are at least this long, s.
+pub(crate) const SMALLEST_STEP_S: f64 = 1e-8;
+
+#[cfg(test)]
+mod tests {
+    //! The order of the methods, measured on a nonlinear, time-dependent
+    //! system: a volume filled through an orifice from a swinging supply.
+
+    use super::*;
+    use crate::components;
+    use crate::lanes::Level;
+    use crate::network::{ExternalInput, Instance, Network, PortOf};
+    use crate::program::Program;
+    use crate::signal::Piecewise;
+    use crate::spec::Unit;
+    use alloc::vec;
+    use alloc::vec::Vec;
+
+    fn filling() -> Program {
+        let component = |id: &str, kind| Instance::new(id, components::find(kind).unwrap());
+        let port = |component: usize, name: &str, network: &Network| PortOf {
+            component,
+            port: network.components[component]
+                .component
+                .spec()
+                .port(name)
+                .unwrap(),
+        };
+        let mut network = Network {
+            components: vec![
+                component("supply", "pressure_source"),
+                component("orifice", "orifice").with("area_m2", 1e-6),
+                component("volume", "volume").with("volume_m3", 1e-3),
+            ],
+            ..Network::default()
+        };
+        network.connections = vec![
+            vec![port(0, "port", &network), port(1, "a", &network)],
+            vec![port(1, "b", &network), port(2, "port", &network)],
+        ];
+        network.inputs = vec![ExternalInput {
+            id: "pressure".into(),
+            unit: Unit::Pascal,
+            default: 1e7,
+            targets: vec![port(0, "pressure", &network)],
+        }];
+        network.compile().unwrap()
+    }
+
+    struct Record<'a> {
+        cases: Vec<Case<'a>>,
+        samples: Vec<Vec<f64>>,
+        outcomes: Vec<Option<Result<Statistics, Failure>>>,
+    }
+
+    impl<'a> Feed<'a> for Record<'a> {
+        fn next(&mut self) -> Option<Case<'a>> {
+            self.cases.pop()
+        }
+        fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
+            self.samples[job].push(values[0]);
+        }
+        fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+            self.outcomes[job] = Some(outcome);
+        }
+    }
+
+    fn pressures(settings: Settings, level: Level, jobs: usize) -> Vec<Vec<f64>> {
+        let program = filling();
+        let swing = Piecewise {
+            breaks_s: vec![0.0],
+            pieces: vec![[2e7, -3e7, 4e7, -1e7]],
+        };
+        let parameters = program.parameters(&[]);
+        let case = |job| Case {
+            job,
+            constants: program.block_constants(&parameters),
+            stand_ins: program.stand_in_values(&parameters),
+            inputs: vec![&swing],
+            start: vec![1e6 + 1e5 * job as f64],
+            settle: false,
+            duration_s: 1.0,
+            sample_period_s: 0.25,
+        };
+        let mut record = Record {
+            cases: (0..jobs).rev().map(case).collect(),
+            samples: vec![Vec::new(); jobs],
+            outcomes: vec![None; jobs],
+        };
+        run(&program, settings, &[0], level, &mut record);
+        assert!(
+            record.outcomes.iter().all(|o| matches!(o, Some(Ok(_)))),
+            "{:?}",
+            record.outcomes
+        );
+        record.samples
+    }
+
+    fn fixed(method: Method, step_s: f64) -> f64 {
+        let control = Control::Fixed { step_s };
+        let settings = Settings {
+            method,
+            control,
+            land_on_samples: true,
+        };
+        pressures(settings, Level::Portable, 1)[0][4]
+    }
+
+    #[test]
+    fn every_method_converges_with_its_order() {
+        let exact = pressures(Settings::reference(), Level::Portable, 1)[0][4];
+        for (method, order, step) in [
+            (Method::Rodas3, 3.0, 0.005),
+            (Method::Rodas4P, 4.0, 0.02),
+            (Method::Rodas5P, 5.0, 0.02),
+            (Method::RungeKutta4, 4.0, 0.02),
+        ] {
+            let coarse = fixed(method, step) - exact;
+            let fine = fixed(method, step / 2.0) - exact;
+            let ratio = (coarse / fine).abs();
+            let expected = crate::math::power(2f64, order);
+            assert!(
+                ratio > 0.75 * expected,
+                "{}: {coarse:e} {fine:e}",
+                method.name()
+            );
+        }
+    }
+
+    #[test]
+    fn a_variant_is_the_same_alone_in_any_lane_and_at_any_level() {
+        let settings = Settings {
+            method: Method::Rodas4P,
+            ..Settings::campaign()
+        };
+        let together = pressures(settings, Level::Portable, 11);
+        for level in crate::lanes::ALL.into_iter().filter(|l| l.available()) {
+            assert_eq!(pressures(settings, level, 11), together, "{}", level.name());
+        }
+        assert_eq!(pressures(settings, Level::best(), 1)[0], together[0]);
+    }
+
+    #[test]
+    fn dense_output_agrees_with_landing() {
+        for method in [Method::Rodas4P, Method::Rodas5P] {
+            let control = Control::Adaptive {
+                tolerance: 1e-9,
+                max_step_s: 1.0,
+            };
+            let landing = Settings {
+                method,
+                control,
+                land_on_samples: true,
+            };
+            let dense = Settings {
+                land_on_samples: false,
+                ..landing
+            };
+            let a = &pressures(landing, Level::best(), 1)[0];
+            let b = &pressures(dense, Level::best(), 1)[0];
+            for (a, b) in a.iter().zip(b) {
+                assert!((a - b).abs() < 2e7 * 1e-6, "{}: {a} {b}", method.name());
+            }
+        }
+    }
+}

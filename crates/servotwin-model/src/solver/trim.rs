@@ -1,0 +1,44 @@
+//! The steady state that a run starts from.
+
+use super::ensemble::{Case, Ensemble, Feed};
+use super::{Failure, Settings, Statistics};
+use crate::program::{Program, Slot};
+use alloc::vec::Vec;
+
+/// The steady state of a variant at its inputs of time zero, from a first
+/// guess. A system without one (a limit cycle, an integrator that drifts) gives
+/// the state where the search ended.
+///
+/// # Errors
+/// Where the search met numbers that are not finite.
+pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
+    struct Catch<'a> {
+        case: Option<Case<'a>>,
+        states: Vec<f64>,
+        outcome: Result<Statistics, Failure>,
+    }
+    impl<'a> Feed<'a> for Catch<'a> {
+        fn next(&mut self) -> Option<Case<'a>> {
+            self.case.take()
+        }
+        fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
+            self.states = values.to_vec();
+        }
+        fn finish(&mut self, _job: usize, outcome: Result<Statistics, Failure>) {
+            self.outcome = outcome;
+        }
+    }
+    let record: Vec<Slot> = (0..program.states().len() as Slot).collect();
+    let case = Case {
+        settle: true,
+        duration_s: 0.0,
+        ..case
+    };
+    let mut catch = Catch {
+        case: Some(case),
+        states: Vec::new(),
+        outcome: Ok(Statistics::default()),
+    };
+    Ensemble::<f64, _>::new(program, Settings::campaign(), &record, &mut catch).run();
+    catch.outcome.map(|_| catch.states)
+}

@@ -1,0 +1,216 @@
+//! Variants on all cores: threads × lanes.
+//!
+//! Every thread fills its lanes from one counter; a lane that is free takes the
+//! next variant. What a variant computes depends on nothing else, so results
+//! are the same bits for any number of threads and any instruction set; only
+//! the order in which variants finish differs.
+
+use servotwin_model::lanes::Level;
+use servotwin_model::program::{FaultAt, Program, Slot};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::solver::{Case, Failure, Feed, Settings, Statistics, run, settle};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// How to run variants of a program.
+pub struct Ensemble<'p> {
+    /// The system.
+    pub program: &'p Program,
+    /// The solver's settings.
+    pub settings: Settings,
+    /// The lanes.
+    pub level: Level,
+    /// Number of threads, at least one.
+    pub threads: usize,
+    /// What to record, as places in the variable array.
+    pub record: Vec<Slot>,
+    /// Length of every run, s.
+    pub duration_s: f64,
+    /// Time between samples, s.
+    pub sample_period_s: f64,
+    /// Set from elsewhere to stop: variants that have not ended are dropped.
+    pub cancel: Option<&'p AtomicBool>,
+}
+
+/// One variant: the system with faults and changed parameters, and its inputs.
+#[derive(Clone, Default)]
+pub struct Variant<'a> {
+    /// The faults.
+    pub faults: Vec<FaultAt>,
+    /// Parameters that differ from the system's, before faults: (component,
+    /// parameter, value).
+    pub overrides: Vec<(usize, usize, f64)>,
+    /// One signal per external input.
+    pub inputs: Vec<&'a Piecewise>,
+    /// First guess of the states; `None` for the declared one.
+    pub guess: Option<&'a [f64]>,
+}
+
+/// What takes the samples of one variant.
+pub trait Sink {
+    /// The recorded values at a sample.
+    fn sample(&mut self, index: usize, values: &[f64]);
+}
+
+impl Sink for Vec<Vec<f64>> {
+    /// One vector per recorded slot.
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        self.resize_with(values.len(), Vec::new);
+        for (column, &value) in self.iter_mut().zip(values) {
+            column.push(value);
+        }
+    }
+}
+
+impl<'p> Ensemble<'p> {
+    /// All processors, the widest lanes, campaign settings.
+    pub fn new(program: &'p Program) -> Self {
+        Self {
+            program,
+            settings: Settings::campaign(),
+            level: Level::best(),
+            threads: std::thread::available_parallelism().map_or(1, |n| n.get()),
+            record: Vec::new(),
+            duration_s: 1.0,
+            sample_period_s: 0.01,
+            cancel: None,
+        }
+    }
+
+    /// Number of samples of every run.
+    pub fn samples(&self) -> usize {
+        // A period that divides the duration must not lose its last sample to
+        // rounding.
+        (self.duration_s / self.sample_period_s + 1e-6) as usize + 1
+    }
+
+    /// Runs the variants `0 .. count`: `variant` and `sink` make each of them
+    /// in its thread; `done` is called when one has ended, one call at a time,
+    /// in no particular order.
+    pub fn run<'a, S: Sink + Send>(
+        &self,
+        count: usize,
+        variant: impl Fn(usize) -> Variant<'a> + Sync,
+        sink: impl Fn(usize) -> S + Sync,
+        done: impl FnMut(usize, S, Result<Statistics, Failure>) + Send,
+    ) {
+        let next = AtomicUsize::new(0);
+        let done = Mutex::new(done);
+        std::thread::scope(|scope| {
+            for _ in 0..self.threads.clamp(1, count.max(1)) {
+                scope.spawn(|| {
+                    let mut worker = Worker {
+                        ensemble: self,
+                        next: &next,
+                        count,
+                        variant: &variant,
+                        sink: &sink,
+                        done: &done,
+                        open: Vec::new(),
+                    };
+                    run(self.program, self.settings, &self.record, self.level, &mut worker);
+                });
+            }
+        });
+    }
+
+    /// Runs one variant and gives its samples, one vector per recorded slot.
+    ///
+    /// # Errors
+    /// Where the solver could not go on.
+    pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
+        let mut result = None;
+        self.run(
+            1,
+            |_| variant.clone(),
+            |_| vec![Vec::new(); self.record.len()],
+            |_, samples, outcome| result = Some(outcome.map(|statistics| (samples, statistics))),
+        );
+        result.expect("one variant ends once")
+    }
+
+    /// The steady state of a variant at its inputs of time zero.
+    ///
+    /// # Errors
+    /// Where the search met numbers that are not finite.
+    pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, Failure> {
+        settle(self.program, self.case(0, variant))
+    }
+
+    fn case<'a>(&self, job: usize, variant: &Variant<'a>) -> Case<'a> {
+        let parameters = self.program.parameters_with(&variant.overrides, &variant.faults);
+        let start = match variant.guess {
+            Some(guess) => guess.to_vec(),
+            None => self.program.first_guess(&parameters),
+        };
+        let constants = self.program.block_constants(&parameters);
+        let stand_ins = self.program.stand_in_values(&parameters);
+        let explicit = self.settings.method.tableau().is_none();
+        let mut case = Case {
+            job,
+            constants,
+            stand_ins,
+            inputs: variant.inputs.clone(),
+            start,
+            settle: true,
+            duration_s: self.duration_s,
+            sample_period_s: self.sample_period_s,
+        };
+        if explicit {
+            // The search for rest takes steps that only an implicit method can.
+            let rest = settle(self.program, case.clone());
+            case.settle = false;
+            case.start = rest.unwrap_or(case.start);
+        }
+        case
+    }
+}
+
+
+
+struct Worker<'w, 'p, V, K, S, D> {
+    ensemble: &'w Ensemble<'p>,
+    next: &'w AtomicUsize,
+    count: usize,
+    variant: &'w V,
+    sink: &'w K,
+    done: &'w Mutex<D>,
+    /// Variants that are in a lane now.
+    open: Vec<(usize, S)>,
+}
+
+impl<'a, V, K, S, D> Feed<'a> for Worker<'_, '_, V, K, S, D>
+where
+    V: Fn(usize) -> Variant<'a>,
+    K: Fn(usize) -> S,
+    S: Sink,
+    D: FnMut(usize, S, Result<Statistics, Failure>),
+{
+    fn next(&mut self) -> Option<Case<'a>> {
+        if self.cancelled() {
+            return None;
+        }
+        let job = self.next.fetch_add(1, Ordering::Relaxed);
+        if job >= self.count {
+            return None;
+        }
+        self.open.push((job, (self.sink)(job)));
+        Some(self.ensemble.case(job, &(self.variant)(job)))
+    }
+
+    fn sample(&mut self, job: usize, index: usize, values: &[f64]) {
+        let (_, sink) = self.open.iter_mut().find(|(open, _)| *open == job).expect("an open job");
+        sink.sample(index, values);
+    }
+
+    fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+        let place = self.open.iter().position(|(open, _)| *open == job).expect("an open job");
+        let (_, sink) = self.open.swap_remove(place);
+        let mut done = self.done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        done(job, sink, outcome);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.ensemble.cancel.is_some_and(|c| c.load(Ordering::Relaxed))
+    }
+}
