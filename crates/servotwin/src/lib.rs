@@ -1,3 +1,6 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
 pub mod ensemble;
+pub mod files;
+pub mod nearest;
+pub mod table;

@@ -214,7 +214,7 @@ impl<'p, 'f, 'a, V: Lanes, F: Feed<'a>> Ensemble<'p, 'f, 'a, V, F> {
         let first = self.program.externals().start;
         for (external, input) in case.inputs.iter().enumerate() {
             self.batch
-                .set_variable(lane, first + external, input.pieces[0][0]);
+                .set_variable(lane, first + external, input.pieces()[0][0]);
         }
     }
 
@@ -247,7 +247,7 @@ impl<'p, 'f, 'a, V: Lanes, F: Feed<'a>> Ensemble<'p, 'f, 'a, V, F> {
         let lanes = &self.lanes;
         for external in 0..self.program.externals().len() {
             let moves = |lane: &Lane| {
-                let pieces = &lane.case.inputs[external].pieces;
+                let pieces = &lane.case.inputs[external].pieces();
                 pieces.len() > 1 || pieces[0][1..] != [0.0; 3]
             };
             if lanes.iter().any(moves) {
@@ -490,7 +490,7 @@ impl<'a> Lane<'a> {
     fn find_pieces(&mut self) {
         let time = self.input_time_s() + SAME_TIME_S;
         for (piece, input) in self.pieces.iter_mut().zip(&self.case.inputs) {
-            while *piece + 1 < input.breaks_s.len() && input.breaks_s[*piece + 1] <= time {
+            while *piece + 1 < input.breaks_s().len() && input.breaks_s()[*piece + 1] <= time {
                 *piece += 1;
             }
         }
@@ -501,8 +501,8 @@ impl<'a> Lane<'a> {
     fn cubic(&self, external: usize) -> [f64; 4] {
         let input = self.case.inputs[external];
         let piece = self.pieces[external];
-        let [a, b, c, d] = input.pieces[piece];
-        let t = self.input_time_s() - input.breaks_s[piece];
+        let [a, b, c, d] = input.pieces()[piece];
+        let t = self.input_time_s() - input.breaks_s()[piece];
         // Before the first break and while settling the first value holds.
         if self.phase != Phase::Running || t < -SAME_TIME_S {
             return [a, 0.0, 0.0, 0.0];
@@ -532,10 +532,10 @@ impl<'a> Lane<'a> {
             consider(*tick as f64 * period);
         }
         for (&piece, input) in self.pieces.iter().zip(&self.case.inputs) {
-            if let Some(&time) = input.breaks_s.get(piece + 1) {
+            if let Some(&time) = input.breaks_s().get(piece + 1) {
                 consider(time);
             }
-            consider(input.breaks_s[piece]);
+            consider(input.breaks_s()[piece]);
         }
         event
     }

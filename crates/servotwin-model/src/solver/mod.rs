@@ -253,10 +253,7 @@ mod tests {
 
     fn pressures(settings: Settings, level: Level, jobs: usize) -> Vec<Vec<f64>> {
         let program = filling();
-        let swing = Piecewise {
-            breaks_s: vec![0.0],
-            pieces: vec![[2e7, -3e7, 4e7, -1e7]],
-        };
+        let swing = Piecewise::new(vec![0.0], vec![[2e7, -3e7, 4e7, -1e7]]).unwrap();
         let parameters = program.parameters(&[]);
         let case = |job| Case {
             job,

@@ -1,0 +1,140 @@
+//! A gas accumulator: a fluid reserve, a pulsation damper.
+//!
+//! ```text
+//! V_g  = V_0 (p_0/p)^{1/n}                      polytropic gas            (A1)
+//! C    = σ V_g/(n p) + V_f/E(p)                                           (A2)
+//! p'   = q/C                                                              (A3)
+//! ```
+//!
+//! `V_0` and `p_0` are the gas volume and the pressure before it is filled. Below
+//! the precharge the bladder rests on its seat and only the fluid in the
+//! connection, `V_f`, is compressed: `σ`, the cubic step of
+//! [`crate::math::smooth_step`], closes the gas off between 1.0 and 0.95 times
+//! `p_0`. With `E` the modulus of [`crate::fluid`] the pressure stays positive
+//! when the accumulator is emptied.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::fluid::{BULK_CONSTANTS, LOWEST_PRESSURE_PA, compressibility_per_pa};
+use crate::math::{power, smooth_step};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Accumulator;
+
+const GAS_VOLUME: usize = 0;
+const PRECHARGE: usize = 1;
+const EXPONENT: usize = 2;
+const FLUID_VOLUME: usize = 3;
+
+/// The bladder begins to leave its seat here, per unit of the precharge.
+const SEATED: f64 = 0.95;
+
+static SPEC: Spec = Spec {
+    kind: "accumulator",
+    summary: "gas accumulator",
+    parameters: &[
+        required(
+            "gas_volume_m3",
+            Unit::CubicMetre,
+            (1e-7, 1.0),
+            "gas volume before filling",
+        ),
+        required(
+            "precharge_pa",
+            Unit::Pascal,
+            (1e4, 1e8),
+            "gas pressure before filling, absolute",
+        ),
+        parameter(
+            "polytropic_exponent",
+            Unit::None,
+            1.4,
+            (1.0, 1.7),
+            "of the gas",
+        ),
+        parameter(
+            "fluid_volume_m3",
+            Unit::CubicMetre,
+            2e-5,
+            (1e-8, 1.0),
+            "in the connection",
+        ),
+        parameter(
+            "start_pa",
+            Unit::Pascal,
+            1e7,
+            (1e3, 1e8),
+            "first guess for the steady state",
+        ),
+    ],
+    faults: &[scales(
+        "precharge_loss",
+        "precharge_pa",
+        0.1,
+        (0.01, 1.0),
+        Category::Wear,
+        "gas has been lost",
+    )],
+    ports: &[pressure("port", "fluid side")],
+    states: &[state(
+        "pressure_pa",
+        Unit::Pascal,
+        2e7,
+        Start::Parameter("start_pa"),
+        "pressure, absolute",
+    )],
+    reference: false,
+};
+
+impl Component for Accumulator {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let pressure = wiring.state("pressure_pa");
+        wiring.set("port", pressure);
+        let flow = wiring.flow("port").variable();
+        let rate = Output::add(wiring.derivative("pressure_pa"));
+        wiring.equation::<GasPressure, 2, 1, 11>(0, [pressure, flow], [rate]);
+    }
+}
+
+/// Equations (A1)–(A3): (pressure, flow into the accumulator) → pressure rate.
+pub struct GasPressure;
+
+impl Equation<2, 1, { 5 + BULK_CONSTANTS }> for GasPressure {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5 + BULK_CONSTANTS] {
+        let one = S::constant(1.0);
+        let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
+        let per_exponent = one / given[EXPONENT];
+        let precharge = given[PRECHARGE];
+        // V_g/(n p) = (V_0/n) p_0^{1/n} p^{−1/n − 1}
+        let gas = given[GAS_VOLUME] * per_exponent * power(precharge, per_exponent);
+        let seated = precharge * S::constant(SEATED);
+        let per_lift = one / (precharge - seated);
+        [
+            gas,
+            -(per_exponent + one),
+            seated,
+            per_lift,
+            given[FLUID_VOLUME],
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 5 + BULK_CONSTANTS], [p, flow]: [S; 2]) -> [S; 1] {
+        let gas = power(p.max(S::constant(LOWEST_PRESSURE_PA)), c[1]) * c[0];
+        let open = smooth_step((p - c[2]) * c[3]);
+        [flow / (open * gas + compressibility_per_pa(&c[5..], p) * c[4])]
+    }
+}

@@ -1,0 +1,139 @@
+//! A check valve that opens smoothly over a range of pressure drop.
+//!
+//! ```text
+//! A = A_0 σ((p_a − p_b − p_c)/Δp_r) + A_l                                  (K1)
+//! q = A v(p_a − p_b)                                                      (K2)
+//! ```
+//!
+//! `σ` is the cubic step of [`crate::math::smooth_step`] and `v` the velocity
+//! (O2) of [`super::orifice`]. The valve begins to open at the cracking pressure
+//! `p_c` and is open at `p_c + Δp_r`; `A_l` is a leak through the seat, in both
+//! directions. Its own inertia is neglected. The laminar part is that of the
+//! open valve.
+//!
+//! The relief valve is the same valve with a higher spring force and uses the
+//! same equation: its parameters stand in the same order.
+
+use super::Component;
+use super::orifice::{hole, velocity_at_m_s};
+use crate::equation::{Equation, Given};
+use crate::math::smooth_step;
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct CheckValve;
+
+const AREA: usize = 0;
+const CRACKING: usize = 1;
+const RANGE: usize = 2;
+const LEAK_AREA: usize = 3;
+const DISCHARGE: usize = 4;
+const REYNOLDS: usize = 5;
+
+static SPEC: Spec = Spec {
+    kind: "check_valve",
+    summary: "check valve with smooth opening",
+    parameters: &[
+        parameter(
+            "area_m2",
+            Unit::SquareMetre,
+            1e-5,
+            (0.0, 1e-2),
+            "flow area when open",
+        ),
+        parameter(
+            "cracking_pa",
+            Unit::Pascal,
+            5e4,
+            (0.0, 1e7),
+            "drop at which it begins to open",
+        ),
+        parameter(
+            "range_pa",
+            Unit::Pascal,
+            1e5,
+            (1e2, 1e7),
+            "further drop until it is open",
+        ),
+        parameter(
+            "leak_area_m2",
+            Unit::SquareMetre,
+            0.0,
+            (0.0, 1e-2),
+            "leak through the seat",
+        ),
+        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
+        parameter(
+            "transition_reynolds",
+            Unit::None,
+            50.0,
+            (1.0, 2500.0),
+            "Re_t",
+        ),
+    ],
+    faults: &[
+        adds(
+            "stuck_open",
+            "leak_area_m2",
+            1e-6,
+            (0.0, 1e-2),
+            Category::Jamming,
+            "does not close: it passes fluid back",
+        ),
+        scales(
+            "clogging",
+            "area_m2",
+            0.05,
+            (0.0, 1.0),
+            Category::Clogging,
+            "does not open far enough",
+        ),
+    ],
+    ports: &[hydraulic("a", "inlet"), hydraulic("b", "outlet")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for CheckValve {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        connect(wiring);
+    }
+}
+
+/// Wires (K1) and (K2) between the ports `a` and `b`.
+pub(super) fn connect(wiring: &mut Wiring) {
+    let pressures = [wiring.pressure("a"), wiring.pressure("b")];
+    let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation::<OneWayFlow, 2, 1, 6>(0, pressures, [flow]);
+}
+
+/// Equations (K1) and (K2): (p_a, p_b) → flow from a to b.
+pub struct OneWayFlow;
+
+impl Equation<2, 1, 6> for OneWayFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
+        let [area, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
+        let per_range = S::constant(1.0) / given[RANGE];
+        [
+            area,
+            r,
+            four_k,
+            given[CRACKING],
+            per_range,
+            given[LEAK_AREA],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 6], [p_a, p_b]: [S; 2]) -> [S; 1] {
+        let drop = p_a - p_b;
+        let area = smooth_step((drop - c[3]) * c[4]) * c[0] + c[5];
+        [area * velocity_at_m_s(drop, c[1], c[2])]
+    }
+}

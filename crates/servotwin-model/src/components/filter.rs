@@ -1,0 +1,80 @@
+//! A filter, a cooler, a hose: a resistance that is known from its data sheet.
+//!
+//! ```text
+//! Δp = R q + K q|q|                                                       (F1)
+//! q  = 2Δp / (R + √(R² + 4 K |Δp|))                                        (F2)
+//! ```
+//!
+//! (F2) is (F1) solved for the flow. Both resistances are taken as they are:
+//! they do not follow the fluid's temperature.
+
+use super::Component;
+use super::orifice::velocity_at_m_s;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct Filter;
+
+const RESISTANCE: usize = 0;
+const QUADRATIC: usize = 1;
+
+static SPEC: Spec = Spec {
+    kind: "filter",
+    summary: "laminar and quadratic resistance of a filter or a line",
+    parameters: &[
+        parameter(
+            "resistance_pa_s_m3",
+            Unit::PascalSecondPerCubicMetre,
+            3.84e9,
+            (1.0, 1e16),
+            "laminar resistance R",
+        ),
+        parameter(
+            "quadratic_pa_s2_m6",
+            Unit::PascalSecondSquaredPerMetreToTheSixth,
+            0.0,
+            (0.0, 1e20),
+            "turbulent resistance K",
+        ),
+    ],
+    faults: &[scales(
+        "clogging",
+        "resistance_pa_s_m3",
+        30.0,
+        (1.0, 1e5),
+        Category::Clogging,
+        "the element fills with dirt",
+    )],
+    ports: &[hydraulic("a", "one side"), hydraulic("b", "other side")],
+    states: &[],
+    reference: false,
+};
+
+impl Component for Filter {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let pressures = [wiring.pressure("a"), wiring.pressure("b")];
+        let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+        wiring.equation::<FilterFlow, 2, 1, 2>(0, pressures, [flow]);
+    }
+}
+
+/// Equation (F2): (p_a, p_b) → flow from a to b.
+pub struct FilterFlow;
+
+impl Equation<2, 1, 2> for FilterFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [given[RESISTANCE], given[QUADRATIC] * S::constant(4.0)]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b]: [S; 2]) -> [S; 1] {
+        [velocity_at_m_s(p_a - p_b, c[0], c[1])]
+    }
+}

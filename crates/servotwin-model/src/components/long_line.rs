@@ -1,0 +1,142 @@
+//! A long line with the inertia, the friction and the stiffness of its fluid.
+//!
+//! ```text
+//! q' = (p_a − p_b − Δp_f)/L_h,   L_h = ρ l/A                               (L1)
+//! p' = E(p)/(A l) (q + Σq_b)                                              (L2)
+//! Δp_f = R q [1 + σ(φ − 1)],     R = 128 ρ ν l/(π d⁴)                       (L3)
+//! φ  = 0.3164 Re^{3/4}/64,   Re = |q| d/(A ν),   σ = σ((Re − 2300)/1700)     (L4)
+//! ```
+//!
+//! One section: the inertia stands at `a`, the whole capacitance at `b`; the
+//! first mode is `1/(2π √(L_h C_h))`, valid well below it. Friction is
+//! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
+//! 1e5, joined by the cubic step `σ` of [`crate::math::smooth_step`]; both are
+//! textbook laws for steady flow.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::fluid::{BULK_CONSTANTS, compressibility_per_pa};
+use crate::math::{power, smooth_step};
+use crate::scalar::{Scalar, lit};
+use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct LongLine;
+
+const LENGTH: usize = 0;
+const DIAMETER: usize = 1;
+
+static SPEC: Spec = Spec {
+    kind: "long_line",
+    summary: "line with inertia, friction and compressible fluid",
+    parameters: &[
+        required("length_m", Unit::Metre, (1e-2, 1e3), "length"),
+        required("diameter_m", Unit::Metre, (1e-4, 1.0), "inner diameter"),
+        parameter(
+            "start_pa",
+            Unit::Pascal,
+            1e7,
+            (1e3, 1e8),
+            "first guess for the steady state",
+        ),
+    ],
+    faults: &[],
+    ports: &[
+        hydraulic("a", "end with the inertia"),
+        pressure("b", "end with the capacitance, whose pressure it sets"),
+    ],
+    states: &[
+        state(
+            "flow_m3_s",
+            Unit::CubicMetrePerSecond,
+            2e-4,
+            Start::Value(0.0),
+            "flow from a to b",
+        ),
+        state(
+            "pressure_pa",
+            Unit::Pascal,
+            2e7,
+            Start::Parameter("start_pa"),
+            "pressure at b, absolute",
+        ),
+    ],
+    reference: false,
+};
+
+impl Component for LongLine {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let flow = wiring.state("flow_m3_s");
+        let pressure = wiring.state("pressure_pa");
+        wiring.set("b", pressure);
+        let inputs = [wiring.pressure("a"), pressure, flow];
+        let outputs = [
+            Output::add(wiring.derivative("flow_m3_s")),
+            Output::transfer(wiring.flow("a"), wiring.flow("b")),
+        ];
+        wiring.equation::<LineFlow, 3, 2, 3>(0, inputs, outputs);
+        let into = wiring.flow("b").variable();
+        let rate = Output::add(wiring.derivative("pressure_pa"));
+        wiring.equation::<LinePressure, 2, 1, 7>(0, [pressure, into], [rate]);
+    }
+}
+
+fn section_m2<S: Scalar<Base = S>>(diameter_m: S) -> S {
+    diameter_m * diameter_m * S::constant(core::f64::consts::FRAC_PI_4)
+}
+
+/// Equations (L1), (L3) and (L4): (p_a, p_b, q) → (q', q).
+pub struct LineFlow;
+
+impl Equation<3, 2, 3> for LineFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        let (length, diameter) = (given[LENGTH], given[DIAMETER]);
+        let area = section_m2(diameter);
+        let viscosity = given.fluid.kinematic_viscosity_m2_s;
+        let density = given.fluid.density_kg_m3;
+        let square = diameter * diameter;
+        let resistance = S::constant(128.0 / core::f64::consts::PI) * density * viscosity * length
+            / (square * square);
+        let reynolds_per_flow = diameter / (area * viscosity);
+        let per_inertia = area / (density * length);
+        [per_inertia, resistance, reynolds_per_flow]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [p_a, p_b, q]: [S; 3]) -> [S; 2] {
+        let one = lit::<S>(1.0);
+        let reynolds = (q.abs() * c[2]).max(S::constant(1.0));
+        let turbulent = smooth_step((reynolds - lit::<S>(2300.0)) * lit::<S>(1.0 / 1700.0));
+        let blasius = power(reynolds, lit::<S>(0.75)) * lit::<S>(0.3164 / 64.0);
+        let friction = q * (turbulent * (blasius - one) + one) * c[1];
+        [(p_a - p_b - friction) * c[0], q]
+    }
+}
+
+/// Equation (L2): (p, flow into the line's fluid) → p'.
+pub struct LinePressure;
+
+impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1 + BULK_CONSTANTS] {
+        let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
+        [
+            section_m2(given[DIAMETER]) * given[LENGTH],
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 1 + BULK_CONSTANTS], [p, flow]: [S; 2]) -> [S; 1] {
+        [flow / (compressibility_per_pa(&c[1..], p) * c[0])]
+    }
+}

@@ -1,0 +1,95 @@
+//! A relief valve: it opens from a to b when the pressure drop exceeds its set
+//! pressure.
+//!
+//! ```text
+//! A = A_0 σ((p_a − p_b − p_set)/Δp_r) + A_l
+//! ```
+//!
+//! Equations (K1) and (K2) of [`super::check_valve`] with the set pressure for
+//! the cracking pressure. The spring chamber is at the outlet's pressure. The
+//! poppet's own dynamics are neglected.
+
+use super::{Component, check_valve};
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::Wiring;
+
+/// See the module.
+pub struct ReliefValve;
+
+static SPEC: Spec = Spec {
+    kind: "relief_valve",
+    summary: "relief valve with smooth opening",
+    // In the order of the check valve, whose equation this is.
+    parameters: &[
+        parameter(
+            "area_m2",
+            Unit::SquareMetre,
+            1e-5,
+            (0.0, 1e-2),
+            "flow area when open",
+        ),
+        parameter(
+            "set_pa",
+            Unit::Pascal,
+            25.8e6,
+            (0.0, 1e8),
+            "drop at which it begins to open",
+        ),
+        parameter(
+            "range_pa",
+            Unit::Pascal,
+            1e6,
+            (1e2, 1e8),
+            "further drop until it is open",
+        ),
+        parameter(
+            "leak_area_m2",
+            Unit::SquareMetre,
+            0.0,
+            (0.0, 1e-2),
+            "leak through the seat",
+        ),
+        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
+        parameter(
+            "transition_reynolds",
+            Unit::None,
+            50.0,
+            (1.0, 2500.0),
+            "Re_t",
+        ),
+    ],
+    faults: &[
+        scales(
+            "set_pressure_loss",
+            "set_pa",
+            0.5,
+            (0.0, 1.0),
+            Category::Wear,
+            "the spring has lost force",
+        ),
+        adds(
+            "seat_leakage",
+            "leak_area_m2",
+            2e-7,
+            (0.0, 1e-2),
+            Category::InternalLeakage,
+            "the seat is worn",
+        ),
+    ],
+    ports: &[
+        hydraulic("a", "protected side"),
+        hydraulic("b", "where it relieves to"),
+    ],
+    states: &[],
+    reference: false,
+};
+
+impl Component for ReliefValve {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        check_valve::connect(wiring);
+    }
+}

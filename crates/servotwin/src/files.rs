@@ -1,0 +1,321 @@
+//! Reading and writing whole files: every writer of the toolkit goes through here.
+//!
+//! A result file is either the old one or the complete new one, never half of it. [`AtomicFile`]
+//! writes beside the target under a hidden temporary name, and [`AtomicFile::commit`] flushes it
+//! to the disk and renames it over the target. Dropped without a commit, on an error or while a
+//! panic unwinds, it removes what it wrote.
+//!
+//! A target that exists and is no regular file (`/dev/stdout`, a pipe) cannot be renamed over
+//! without harm, so it is written directly.
+
+use std::fmt;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Why a file could not be read or written, with its path.
+#[derive(Debug)]
+pub enum FileError {
+    /// The file does not exist.
+    Missing {
+        /// The file asked for.
+        path: PathBuf,
+    },
+    /// The folder that should hold the file does not exist.
+    MissingFolder {
+        /// The file that was to be written.
+        path: PathBuf,
+    },
+    /// The path names a folder where a file is needed.
+    IsFolder {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A part of the path that should be a folder is a file.
+    NotFolder {
+        /// The path asked for.
+        path: PathBuf,
+    },
+    /// The file or its folder may not be read or written by this user.
+    Denied {
+        /// The path asked for.
+        path: PathBuf,
+    },
+    /// The file, its folder or the file system is read-only.
+    ReadOnly {
+        /// The file that was to be written.
+        path: PathBuf,
+    },
+    /// No space is left on the disk, or the user's share of it is used up.
+    DiskFull {
+        /// The file that was to be written.
+        path: PathBuf,
+    },
+    /// The content is no UTF-8 text.
+    NotText {
+        /// The file read.
+        path: PathBuf,
+        /// The first line, from 1, with a byte that is no text.
+        line: usize,
+    },
+    /// Any other failure reported by the operating system.
+    System {
+        /// The file concerned.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+}
+
+impl FileError {
+    /// Classifies an operating system's error on `path`.
+    pub fn from_io(path: &Path, source: io::Error) -> Self {
+        use io::ErrorKind as Kind;
+        let path = path.to_path_buf();
+        match source.kind() {
+            Kind::NotFound => FileError::Missing { path },
+            Kind::IsADirectory => FileError::IsFolder { path },
+            Kind::NotADirectory => FileError::NotFolder { path },
+            Kind::PermissionDenied => FileError::Denied { path },
+            Kind::ReadOnlyFilesystem => FileError::ReadOnly { path },
+            Kind::StorageFull | Kind::QuotaExceeded => FileError::DiskFull { path },
+            _ => FileError::System { path, source },
+        }
+    }
+
+    /// The file concerned.
+    pub fn path(&self) -> &Path {
+        match self {
+            FileError::Missing { path }
+            | FileError::MissingFolder { path }
+            | FileError::IsFolder { path }
+            | FileError::NotFolder { path }
+            | FileError::Denied { path }
+            | FileError::ReadOnly { path }
+            | FileError::DiskFull { path }
+            | FileError::NotText { path, .. }
+            | FileError::System { path, .. } => path,
+        }
+    }
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{}: ", self.path().display())?;
+        match self {
+            FileError::Missing { .. } => write!(out, "no such file"),
+            FileError::MissingFolder { path } => {
+                write!(
+                    out,
+                    "the folder {} does not exist",
+                    folder_of(path).display()
+                )
+            }
+            FileError::IsFolder { .. } => write!(out, "this is a folder, a file is needed"),
+            FileError::NotFolder { .. } => {
+                write!(
+                    out,
+                    "a part of this path is a file where a folder is needed"
+                )
+            }
+            FileError::Denied { .. } => write!(out, "permission denied"),
+            FileError::ReadOnly { .. } => write!(out, "read-only, it cannot be written"),
+            FileError::DiskFull { .. } => write!(out, "the disk is full"),
+            FileError::NotText { line, .. } => write!(out, "line {line} is not UTF-8 text"),
+            FileError::System { source, .. } => write!(out, "{source}"),
+        }
+    }
+}
+
+impl std::error::Error for FileError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            FileError::System { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+/// A file that replaces its target only when committed.
+#[derive(Debug)]
+pub struct AtomicFile {
+    target: PathBuf,
+    /// `None` when the target is a device or a pipe and is written directly.
+    temporary: Option<PathBuf>,
+    /// `None` once committed.
+    writer: Option<BufWriter<File>>,
+}
+
+impl AtomicFile {
+    /// Opens a temporary file in the folder of `path`.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
+        // Behind a symbolic link, the file pointed at is replaced and the link stays.
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        let existing = fs::metadata(&target).ok();
+        match &existing {
+            Some(found) if found.is_dir() => Err(FileError::IsFolder { path: target }),
+            Some(found) if !found.is_file() => Self::open_directly(target),
+            // A rename would succeed over a read-only file: respect the user's wish instead.
+            Some(found) if found.permissions().readonly() => {
+                Err(FileError::ReadOnly { path: target })
+            }
+            _ => Self::open_beside(target, existing.map(|found| found.permissions())),
+        }
+    }
+
+    fn open_directly(target: PathBuf) -> Result<Self, FileError> {
+        let file = OpenOptions::new().write(true).open(&target);
+        let file = file.map_err(|cause| FileError::from_io(&target, cause))?;
+        Ok(Self {
+            target,
+            temporary: None,
+            writer: Some(BufWriter::new(file)),
+        })
+    }
+
+    fn open_beside(
+        target: PathBuf,
+        permissions: Option<fs::Permissions>,
+    ) -> Result<Self, FileError> {
+        let temporary = temporary_name(&target);
+        let file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&temporary);
+        let file = file.map_err(|cause| match cause.kind() {
+            io::ErrorKind::NotFound => FileError::MissingFolder {
+                path: target.clone(),
+            },
+            _ => FileError::from_io(&target, cause),
+        })?;
+        if let Some(permissions) = permissions {
+            // Best effort: a file system without permissions is no reason to lose a result.
+            let _ = file.set_permissions(permissions);
+        }
+        Ok(Self {
+            target,
+            temporary: Some(temporary),
+            writer: Some(BufWriter::new(file)),
+        })
+    }
+
+    /// The file that [`commit`](Self::commit) will replace.
+    pub fn path(&self) -> &Path {
+        &self.target
+    }
+
+    /// Brings everything to the disk and puts the file in the target's place.
+    pub fn commit(mut self) -> Result<(), FileError> {
+        let target = self.target.clone();
+        self.finish()
+            .map_err(|cause| FileError::from_io(&target, cause))
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        let Some(mut writer) = self.writer.take() else {
+            return Ok(());
+        };
+        writer.flush()?;
+        let Some(temporary) = &self.temporary else {
+            return Ok(());
+        };
+        writer.get_ref().sync_all()?;
+        drop(writer);
+        fs::rename(temporary, &self.target)?;
+        self.temporary = None;
+        // The rename itself is durable only with its folder; not every file system can do it.
+        if let Ok(folder) = File::open(folder_of(&self.target)) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.writer {
+            Some(writer) => writer.write(bytes),
+            None => Err(io::ErrorKind::BrokenPipe.into()),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.as_mut().map_or(Ok(()), BufWriter::flush)
+    }
+}
+
+impl Drop for AtomicFile {
+    fn drop(&mut self) {
+        if let Some(writer) = self.writer.take() {
+            // Without a commit, what is still buffered shall not be written.
+            let _ = writer.into_parts();
+        }
+        if let Some(temporary) = self.temporary.take() {
+            let _ = fs::remove_file(temporary);
+        }
+    }
+}
+
+/// Writes a whole file through `fill`; on any error the old file stays as it was.
+pub fn write_atomically(
+    path: impl AsRef<Path>,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), FileError> {
+    let mut file = AtomicFile::create(path)?;
+    fill(&mut file).map_err(|cause| FileError::from_io(file.path(), cause))?;
+    file.commit()
+}
+
+/// Reads a whole file.
+pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
+    let path = path.as_ref();
+    fs::read(path).map_err(|cause| FileError::from_io(path, cause))
+}
+
+/// Reads a whole UTF-8 text file; a byte order mark at its start is dropped.
+pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
+    let path = path.as_ref();
+    let text = String::from_utf8(read_bytes(path)?).map_err(|cause| {
+        let valid = cause.utf8_error().valid_up_to();
+        let line = 1 + cause.as_bytes()[..valid]
+            .iter()
+            .filter(|byte| **byte == b'\n')
+            .count();
+        FileError::NotText {
+            path: path.to_path_buf(),
+            line,
+        }
+    })?;
+    Ok(text
+        .strip_prefix('\u{feff}')
+        .map(str::to_owned)
+        .unwrap_or(text))
+}
+
+/// Makes a folder and those above it; one that exists already is no error.
+pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
+    let path = path.as_ref();
+    fs::create_dir_all(path).map_err(|cause| match cause.kind() {
+        io::ErrorKind::AlreadyExists => FileError::NotFolder {
+            path: path.to_path_buf(),
+        },
+        _ => FileError::from_io(path, cause),
+    })
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// A name in the target's folder that no other writer, thread or process, has.
+fn temporary_name(target: &Path) -> PathBuf {
+    static COUNTER: AtomicU64 = AtomicU64::new(0);
+    let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+    let name = format!(".servotwin-{}-{count}.tmp", std::process::id());
+    folder_of(target).join(name)
+}

@@ -1,0 +1,422 @@
+//! Tables of named columns, and the file formats they are kept in.
+//!
+//! A [`Table`] is what a campaign, a data set and an evaluation are stored as. A column's name
+//! ends with its physical unit (`pressure_a_pa`); the unit itself is kept beside it as text (`Pa`)
+//! and goes into the file where the format has a place for it.
+//!
+//! [`ALL`] lists the formats; [`read`] and [`write`] choose one by the file's extension.
+
+pub mod csv;
+mod error;
+pub mod parquet;
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::nearest::nearest;
+pub use error::{ContentError, TableError};
+
+/// A file format for tables.
+#[derive(Debug)]
+pub struct Format {
+    /// The name shown to users.
+    pub name: &'static str,
+    /// The file name's ending, without the dot and in lower case.
+    pub extension: &'static str,
+    /// Reads a whole file.
+    pub read: fn(&Path) -> Result<Table, TableError>,
+    /// Writes a whole file, atomically.
+    pub write: fn(&Path, &Table) -> Result<(), TableError>,
+}
+
+/// Every known format, the preferred one first.
+pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
+
+/// Reads a table; the file's extension names the format.
+pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
+    let path = path.as_ref();
+    (format_of(path)?.read)(path)
+}
+
+/// Writes a table atomically; the file's extension names the format.
+pub fn write(path: impl AsRef<Path>, table: &Table) -> Result<(), TableError> {
+    let path = path.as_ref();
+    (format_of(path)?.write)(path, table)
+}
+
+/// The format that a file's extension names.
+pub fn format_of(path: &Path) -> Result<&'static Format, TableError> {
+    let extension = path.extension().and_then(|text| text.to_str());
+    let extension = extension.map(str::to_ascii_lowercase);
+    let found = ALL
+        .into_iter()
+        .find(|format| Some(format.extension) == extension.as_deref());
+    found.ok_or_else(|| TableError::UnknownFormat {
+        path: path.to_path_buf(),
+    })
+}
+
+/// What a column's values are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// `f64`.
+    Float,
+    /// `i64`.
+    Integer,
+    /// `u32`.
+    Unsigned,
+    /// `bool`.
+    Flag,
+    /// UTF-8 text.
+    Text,
+}
+
+impl Kind {
+    /// The kind in words, for messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Float => "numbers",
+            Kind::Integer => "whole numbers",
+            Kind::Unsigned => "non-negative whole numbers",
+            Kind::Flag => "true or false",
+            Kind::Text => "text",
+        }
+    }
+}
+
+/// The values of one column.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// Real numbers; NaN and infinities are kept.
+    Float(Vec<f64>),
+    /// Whole numbers.
+    Integer(Vec<i64>),
+    /// Counts, indices and seeds.
+    Unsigned(Vec<u32>),
+    /// True or false.
+    Flag(Vec<bool>),
+    /// Text.
+    Text(Vec<String>),
+}
+
+impl Values {
+    /// An empty column of a kind.
+    pub fn empty(kind: Kind) -> Self {
+        match kind {
+            Kind::Float => Values::Float(Vec::new()),
+            Kind::Integer => Values::Integer(Vec::new()),
+            Kind::Unsigned => Values::Unsigned(Vec::new()),
+            Kind::Flag => Values::Flag(Vec::new()),
+            Kind::Text => Values::Text(Vec::new()),
+        }
+    }
+
+    /// The kind of the values.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Values::Float(_) => Kind::Float,
+            Values::Integer(_) => Kind::Integer,
+            Values::Unsigned(_) => Kind::Unsigned,
+            Values::Flag(_) => Kind::Flag,
+            Values::Text(_) => Kind::Text,
+        }
+    }
+
+    /// The number of values.
+    pub fn len(&self) -> usize {
+        match self {
+            Values::Float(values) => values.len(),
+            Values::Integer(values) => values.len(),
+            Values::Unsigned(values) => values.len(),
+            Values::Flag(values) => values.len(),
+            Values::Text(values) => values.len(),
+        }
+    }
+
+    /// Whether there are no values.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Appends values of the same kind; `false`, and nothing done, if the kinds differ.
+    pub(crate) fn append(&mut self, other: Values) -> bool {
+        match (self, other) {
+            (Values::Float(own), Values::Float(more)) => own.extend(more),
+            (Values::Integer(own), Values::Integer(more)) => own.extend(more),
+            (Values::Unsigned(own), Values::Unsigned(more)) => own.extend(more),
+            (Values::Flag(own), Values::Flag(more)) => own.extend(more),
+            (Values::Text(own), Values::Text(more)) => own.extend(more),
+            _ => return false,
+        }
+        true
+    }
+}
+
+macro_rules! values_from {
+    ($($item:ty => $variant:ident),*) => {$(
+        impl From<Vec<$item>> for Values {
+            fn from(values: Vec<$item>) -> Self {
+                Values::$variant(values)
+            }
+        }
+    )*};
+}
+values_from!(f64 => Float, i64 => Integer, u32 => Unsigned, bool => Flag, String => Text);
+
+/// A named column with its unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// The name, ending with the unit's suffix if there is a unit.
+    pub name: String,
+    /// The unit as text (`Pa`, `m³/s`), empty if the column has none.
+    pub unit: String,
+    /// The values.
+    pub values: Values,
+}
+
+impl Column {
+    /// A column from its parts.
+    pub fn new(
+        name: impl Into<String>,
+        unit: impl Into<String>,
+        values: impl Into<Values>,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            unit: unit.into(),
+            values: values.into(),
+        }
+    }
+}
+
+/// Named columns of equal length, with key-value metadata.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    columns: Vec<Column>,
+    /// Notes about the whole table (study, seed, version); kept by Parquet, not by CSV.
+    pub metadata: BTreeMap<String, String>,
+}
+
+impl Table {
+    /// A table without columns.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A table from columns with different names and equal lengths.
+    pub fn from_columns(columns: Vec<Column>) -> Result<Self, TableError> {
+        let mut table = Table::new();
+        columns
+            .into_iter()
+            .try_for_each(|column| table.push(column))?;
+        Ok(table)
+    }
+
+    /// Adds a column at the right.
+    pub fn push(&mut self, column: Column) -> Result<(), TableError> {
+        if self.position(&column.name).is_some() {
+            return Err(TableError::DuplicateColumn {
+                column: column.name,
+            });
+        }
+        let expected = self
+            .columns
+            .first()
+            .map_or(column.values.len(), |first| first.values.len());
+        if column.values.len() != expected {
+            return Err(TableError::UnequalLength {
+                found: column.values.len(),
+                column: column.name,
+                expected,
+            });
+        }
+        self.columns.push(column);
+        Ok(())
+    }
+
+    /// Adds a metadata entry.
+    pub fn with_metadata(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
+        self.metadata.insert(key.into(), value.into());
+        self
+    }
+
+    /// The columns from left to right.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// The column names from left to right.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(|column| column.name.as_str())
+    }
+
+    /// The number of rows.
+    pub fn row_count(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.values.len())
+    }
+
+    /// The same columns without rows: the schema for a streaming writer.
+    pub fn without_rows(&self) -> Table {
+        let empty = |column: &Column| Column {
+            values: Values::empty(column.values.kind()),
+            ..Column::new(&column.name, &column.unit, Vec::<f64>::new())
+        };
+        Table {
+            columns: self.columns.iter().map(empty).collect(),
+            metadata: self.metadata.clone(),
+        }
+    }
+
+    /// Adds the rows of a table with the same column names and kinds in the same order.
+    pub fn append(&mut self, other: Table) -> Result<(), TableError> {
+        self.require_same_columns(&other)?;
+        for (own, more) in self.columns.iter_mut().zip(other.columns) {
+            own.values.append(more.values);
+        }
+        Ok(())
+    }
+
+    /// That another table has the same column names and kinds in the same order.
+    pub(crate) fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
+        if self.columns.len() != other.columns.len() {
+            return Err(TableError::ColumnCount {
+                found: other.columns.len(),
+                expected: self.columns.len(),
+            });
+        }
+        for (own, given) in self.columns.iter().zip(&other.columns) {
+            if own.name != given.name {
+                let expected = own.name.clone();
+                return Err(TableError::OtherColumn {
+                    found: given.name.clone(),
+                    expected,
+                });
+            }
+            require_kind(given, own.values.kind())?;
+        }
+        Ok(())
+    }
+
+    /// The column of a name; the error suggests the nearest one.
+    pub fn column(&self, name: &str) -> Result<&Column, TableError> {
+        let found = self.position(name).map(|place| &self.columns[place]);
+        found.ok_or_else(|| unknown_column(name, self.names()))
+    }
+
+    /// Several columns by name, in the order asked for.
+    pub fn columns_by_name(&self, names: &[&str]) -> Result<Vec<&Column>, TableError> {
+        names.iter().map(|name| self.column(name)).collect()
+    }
+
+    /// The numbers of a column; whole numbers are converted.
+    pub fn f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
+        let column = self.column(name)?;
+        Ok(match &column.values {
+            Values::Float(values) => Cow::Borrowed(values),
+            Values::Integer(values) => values.iter().map(|value| *value as f64).collect(),
+            Values::Unsigned(values) => values.iter().map(|value| f64::from(*value)).collect(),
+            _ => return Err(wrong_kind(column, Kind::Float)),
+        })
+    }
+
+    /// The numbers of a column in which NaN and infinities are not permitted.
+    pub fn finite_f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
+        let values = self.f64(name)?;
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(row) => Err(TableError::NotFinite {
+                column: name.to_owned(),
+                row,
+                value: values[row],
+            }),
+            None => Ok(values),
+        }
+    }
+
+    /// The whole numbers of a column.
+    pub fn i64(&self, name: &str) -> Result<Cow<'_, [i64]>, TableError> {
+        let column = self.column(name)?;
+        Ok(match &column.values {
+            Values::Integer(values) => Cow::Borrowed(values),
+            Values::Unsigned(values) => values.iter().map(|value| i64::from(*value)).collect(),
+            _ => return Err(wrong_kind(column, Kind::Integer)),
+        })
+    }
+
+    /// The non-negative whole numbers of a column; signed ones are converted if all of them fit.
+    pub fn u32(&self, name: &str) -> Result<Cow<'_, [u32]>, TableError> {
+        let column = self.column(name)?;
+        let convert = |(row, value): (usize, &i64)| {
+            u32::try_from(*value).map_err(|_| TableError::OutOfRange {
+                column: name.to_owned(),
+                row,
+                value: *value,
+            })
+        };
+        Ok(match &column.values {
+            Values::Unsigned(values) => Cow::Borrowed(values),
+            Values::Integer(values) => Cow::Owned(
+                values
+                    .iter()
+                    .enumerate()
+                    .map(convert)
+                    .collect::<Result<_, _>>()?,
+            ),
+            _ => return Err(wrong_kind(column, Kind::Unsigned)),
+        })
+    }
+
+    /// The flags of a column.
+    pub fn bool(&self, name: &str) -> Result<&[bool], TableError> {
+        match self.column(name)? {
+            Column {
+                values: Values::Flag(values),
+                ..
+            } => Ok(values),
+            column => Err(wrong_kind(column, Kind::Flag)),
+        }
+    }
+
+    /// The texts of a column.
+    pub fn text(&self, name: &str) -> Result<&[String], TableError> {
+        match self.column(name)? {
+            Column {
+                values: Values::Text(values),
+                ..
+            } => Ok(values),
+            column => Err(wrong_kind(column, Kind::Text)),
+        }
+    }
+
+    fn position(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.name == name)
+    }
+}
+
+/// The error for a column that is not there.
+pub(crate) fn unknown_column<'a>(
+    name: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> TableError {
+    let nearest = nearest(name, known).map(str::to_owned);
+    TableError::UnknownColumn {
+        column: name.to_owned(),
+        nearest,
+    }
+}
+
+fn require_kind(column: &Column, expected: Kind) -> Result<(), TableError> {
+    if column.values.kind() == expected {
+        return Ok(());
+    }
+    Err(wrong_kind(column, expected))
+}
+
+fn wrong_kind(column: &Column, expected: Kind) -> TableError {
+    let found = column.values.kind();
+    TableError::WrongKind {
+        column: column.name.clone(),
+        expected,
+        found,
+    }
+}

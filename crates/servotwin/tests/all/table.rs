@@ -1,0 +1,349 @@
+//! Tables survive their files, and files that are no tables are refused in plain words.
+
+use std::fs;
+
+use proptest::prelude::*;
+use servotwin::table::parquet::{ParquetReader, ParquetWriter, read_columns};
+use servotwin::table::{self, Column, Kind, Table, TableError, Values};
+
+use crate::files::Folder;
+
+fn sample() -> Table {
+    let columns = vec![
+        Column::new("time_s", "s", vec![0.0, 0.1, -0.0, f64::INFINITY]),
+        Column::new(
+            "pressure_a_pa",
+            "Pa",
+            vec![2.1e7, 1.0e-300, f64::MIN_POSITIVE, 1.0 / 3.0],
+        ),
+        Column::new("offset", "", vec![i64::MIN, -1, 0, i64::MAX]),
+        Column::new("variant", "", vec![0_u32, 7, 8, u32::MAX]),
+        Column::new("healthy", "", vec![true, false, true, true]),
+        Column::new(
+            "fault",
+            "",
+            ["none", "12", "say \"hi\", all\r\nof you", ""]
+                .map(str::to_owned)
+                .to_vec(),
+        ),
+    ];
+    Table::from_columns(columns)
+        .unwrap()
+        .with_metadata("seed", "42")
+        .with_metadata("a", "ü")
+}
+
+/// What CSV keeps of a table: no units, no metadata, and `u32` becomes `i64`.
+fn as_csv_keeps(table: &Table) -> Table {
+    let keep = |column: &Column| match &column.values {
+        Values::Unsigned(values) => {
+            let values: Vec<i64> = values.iter().map(|value| i64::from(*value)).collect();
+            Column::new(&column.name, "", values)
+        }
+        values => Column {
+            unit: String::new(),
+            values: values.clone(),
+            name: column.name.clone(),
+        },
+    };
+    Table::from_columns(table.columns().iter().map(keep).collect()).unwrap()
+}
+
+fn bits(values: &Values) -> Vec<u64> {
+    match values {
+        // Every NaN reads back as a NaN; its payload is not kept by text.
+        Values::Float(values) => values
+            .iter()
+            .map(|value| if value.is_nan() { 1 } else { value.to_bits() })
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn assert_same(found: &Table, expected: &Table) {
+    assert_eq!(
+        found.names().collect::<Vec<_>>(),
+        expected.names().collect::<Vec<_>>()
+    );
+    for (one, other) in found.columns().iter().zip(expected.columns()) {
+        assert_eq!(bits(&one.values), bits(&other.values), "{}", one.name);
+        if one.values.kind() != Kind::Float {
+            assert_eq!(one.values, other.values, "{}", one.name);
+        }
+        assert_eq!(one.values.kind(), other.values.kind());
+        assert_eq!(one.unit, other.unit);
+    }
+    assert_eq!(found.metadata, expected.metadata);
+}
+
+#[test]
+fn every_format_keeps_its_promise() {
+    let folder = Folder::new("formats");
+    for format in table::ALL {
+        let path = folder.file(&format!("a.{}", format.extension));
+        table::write(&path, &sample()).unwrap();
+        let first = fs::read(&path).unwrap();
+        let expected = if format.extension == "csv" {
+            as_csv_keeps(&sample())
+        } else {
+            sample()
+        };
+        assert_same(&table::read(&path).unwrap(), &expected);
+        table::write(&path, &sample()).unwrap();
+        assert_eq!(
+            first,
+            fs::read(&path).unwrap(),
+            "{} is not deterministic",
+            format.name
+        );
+        table::write(&path, &sample().without_rows()).unwrap();
+        let empty = table::read(&path).unwrap();
+        assert_eq!((empty.row_count(), empty.columns().len()), (0, 6));
+        assert!(matches!(
+            table::write(
+                folder.file("none").join(path.file_name().unwrap()),
+                &sample()
+            ),
+            Err(TableError::File(_))
+        ));
+    }
+}
+
+#[test]
+fn an_unknown_extension_is_told_the_known_ones() {
+    for name in ["a.xlsx", "a", "a.CSVX"] {
+        let message = table::read(name).unwrap_err().to_string();
+        let expected = "no known table format; known are .parquet (Parquet), .csv (CSV)";
+        assert!(message.contains(expected), "{message}");
+    }
+    assert_eq!(table::format_of("a.CSV".as_ref()).unwrap().name, "CSV");
+}
+
+fn values(rows: usize) -> impl Strategy<Value = Values> {
+    let float = prop::num::f64::ANY;
+    prop_oneof![
+        prop::collection::vec(float, rows).prop_map(Values::Float),
+        prop::collection::vec(any::<i64>(), rows).prop_map(Values::Integer),
+        prop::collection::vec(any::<u32>(), rows).prop_map(Values::Unsigned),
+        prop::collection::vec(any::<bool>(), rows).prop_map(Values::Flag),
+        prop::collection::vec("[ -~äß\"\n\r,]{0,8}", rows).prop_map(Values::Text),
+    ]
+}
+
+fn tables() -> impl Strategy<Value = Table> {
+    let columns = (1..40_usize).prop_flat_map(|rows| prop::collection::vec(values(rows), 1..6));
+    columns.prop_map(|columns| {
+        let named = columns.into_iter().enumerate();
+        let column = |(place, values)| Column {
+            name: format!("c{place}, \"x\""),
+            unit: "Pa".into(),
+            values,
+        };
+        Table::from_columns(named.map(column).collect()).unwrap()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_table_survives(table in tables()) {
+        let folder = Folder::new("any");
+        let (csv, parquet) = (folder.file("t.csv"), folder.file("t.parquet"));
+        table::write(&csv, &table).unwrap();
+        assert_same(&table::read(&csv).unwrap(), &as_csv_keeps(&table));
+        table::write(&parquet, &table).unwrap();
+        assert_same(&table::read(&parquet).unwrap(), &table);
+    }
+
+    #[test]
+    fn no_text_makes_the_csv_reader_panic(text in "[a1.,\"\n\r; -]{0,40}") {
+        let _ = table::csv::parse(&text);
+    }
+}
+
+#[test]
+fn broken_csv_is_refused_with_its_place() {
+    let cases = [
+        ("", "the file is empty"),
+        ("\n\n", "the file is empty"),
+        ("a,b\n1,2\n3\n", "line 3 has 1 cells, the header has 2"),
+        ("a,b\n1,2,3\n", "line 2 has 3 cells, the header has 2"),
+        ("a,b\n1,2\n\n3,x\n", "line 4, column 'b': 'x' among numbers"),
+        ("a\n1.5\n1,5\n", "line 3 has 2 cells, the header has 1"),
+        (
+            "a\n1.5\n1.5.2\n",
+            "line 3, column 'a': '1.5.2' among numbers",
+        ),
+        (
+            "a\ntrue\nyes\n",
+            "line 3, column 'a': 'yes' among true or false",
+        ),
+        ("a,b,a\n1,2,3\n", "two columns are named 'a'"),
+        ("a,,c\n1,2,3\n", "line 1: column 2 has no name"),
+        (
+            "a;b\n1;2\n",
+            "line 1: cells are separated by ';', a comma is needed",
+        ),
+        ("a\tb\n1\t2\n", "line 1: cells are separated by '\\t'"),
+        ("a\n\"x\ny\n", "line 2: a quote is opened and never closed"),
+        (
+            "a,b\n1,\"x\ny\"z\n",
+            "line 3: a comma is needed after the closing quote",
+        ),
+    ];
+    let folder = Folder::new("broken-csv");
+    for (text, expected) in cases {
+        let path = folder.file("broken.csv");
+        fs::write(&path, text).unwrap();
+        let message = table::read(&path).unwrap_err().to_string();
+        assert!(message.contains("broken.csv: "), "{message}");
+        assert!(message.contains(expected), "{text:?}: {message}");
+    }
+    fs::write(folder.file("latin.csv"), b"a\n\"\xe9\"\n").unwrap();
+    let message = table::read(folder.file("latin.csv"))
+        .unwrap_err()
+        .to_string();
+    assert!(message.ends_with("line 2 is not UTF-8 text"), "{message}");
+}
+
+#[test]
+fn csv_of_other_writers_is_understood() {
+    let text =
+        "\u{feff}time, x ,name,ok\r\n0, 1,left,True\r\n\r\n1,,\"right\",False\r\n2,2.5,,False";
+    let folder = Folder::new("foreign-csv");
+    fs::write(folder.file("a.csv"), text).unwrap();
+    let table = table::read(folder.file("a.csv")).unwrap();
+    assert_eq!(*table.i64("time").unwrap(), [0, 1, 2]);
+    let x = table.f64("x").unwrap();
+    assert!(x[0] == 1.0 && x[1].is_nan() && x[2] == 2.5);
+    assert_eq!(table.text("name").unwrap(), ["left", "right", ""]);
+    assert_eq!(table.bool("ok").unwrap(), [true, false, false]);
+    let message = table.finite_f64("x").unwrap_err().to_string();
+    assert_eq!(message, "column 'x', row 2: NaN is no finite number");
+}
+
+#[test]
+fn getters_convert_what_they_can_and_explain_what_not() {
+    let table = sample();
+    assert_eq!(table.f64("variant").unwrap()[1], 7.0);
+    assert_eq!(table.i64("variant").unwrap()[3], i64::from(u32::MAX));
+    assert_eq!(
+        table.columns_by_name(&["fault", "time_s"]).unwrap()[0].name,
+        "fault"
+    );
+    let messages = [
+        (
+            table.f64("presure_a_pa").unwrap_err(),
+            "there is no column 'presure_a_pa'; did you mean 'pressure_a_pa'?",
+        ),
+        (
+            table.f64("xyzzy_kg").unwrap_err(),
+            "there is no column 'xyzzy_kg'",
+        ),
+        (
+            table.f64("fault").unwrap_err(),
+            "column 'fault' holds text, needed are numbers",
+        ),
+        (
+            table.text("healthy").unwrap_err(),
+            "column 'healthy' holds true or false, needed are text",
+        ),
+        (
+            table.u32("offset").unwrap_err(),
+            "column 'offset', row 1: -9223372036854775808 is not in 0 … 4294967295",
+        ),
+    ];
+    for (error, expected) in messages {
+        assert_eq!(error.to_string(), expected);
+    }
+}
+
+#[test]
+fn a_table_refuses_columns_that_do_not_fit() {
+    let mut table = sample();
+    let twice = table
+        .push(Column::new("time_s", "s", vec![0.0; 4]))
+        .unwrap_err();
+    assert_eq!(twice.to_string(), "there is already a column 'time_s'");
+    let short = table.push(Column::new("x", "", vec![0.0])).unwrap_err();
+    assert_eq!(
+        short.to_string(),
+        "column 'x' has 1 rows, the others have 4"
+    );
+    let other = Table::from_columns(vec![Column::new("x", "", vec![1.0])]).unwrap();
+    assert!(matches!(
+        table.append(other),
+        Err(TableError::ColumnCount { .. })
+    ));
+}
+
+#[test]
+fn parquet_streams_without_changing_the_table() {
+    let folder = Folder::new("stream");
+    let path = folder.file("a.parquet");
+    let mut writer = ParquetWriter::create(&path, &sample()).unwrap();
+    for _ in 0..50_000 {
+        writer.append(&sample()).unwrap();
+    }
+    assert!(!path.exists(), "nothing is there before the end");
+    let wrong = Table::from_columns(vec![Column::new("x", "", vec![1.0])]).unwrap();
+    assert!(writer.append(&wrong).is_err());
+    writer.end_group().unwrap();
+    writer.finish().unwrap();
+    let reader = ParquetReader::open_columns(&path, &["variant", "time_s"]).unwrap();
+    assert_eq!(reader.row_count(), 200_000);
+    assert_eq!(
+        reader.schema().names().collect::<Vec<_>>(),
+        ["variant", "time_s"]
+    );
+    let mut rows = 0;
+    for part in reader {
+        let part = part.unwrap();
+        assert_eq!(part.u32("variant").unwrap()[..4], [0, 7, 8, u32::MAX]);
+        rows += part.row_count();
+    }
+    assert_eq!(rows, 200_000);
+    let message = read_columns(&path, &["varian"]).unwrap_err().to_string();
+    assert!(message.ends_with("did you mean 'variant'?"), "{message}");
+}
+
+#[test]
+fn an_unfinished_stream_leaves_nothing() {
+    let folder = Folder::new("unfinished");
+    let mut writer = ParquetWriter::create(folder.file("a.parquet"), &sample()).unwrap();
+    writer.append(&sample()).unwrap();
+    drop(writer);
+    assert_eq!(folder.names(), [""; 0]);
+}
+
+#[test]
+fn damaged_parquet_is_refused_and_never_panics() {
+    let folder = Folder::new("damaged");
+    let path = folder.file("a.parquet");
+    table::write(&path, &sample()).unwrap();
+    let whole = fs::read(&path).unwrap();
+    let refused = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        table::read(&path).unwrap_err().to_string()
+    };
+    assert!(refused(b"").ends_with("a.parquet: the file is empty"));
+    for length in [3, 11, 12, whole.len() / 2, whole.len() - 1] {
+        let message = refused(&whole[..length]);
+        assert!(
+            message.ends_with("this is no Parquet file, or its end is missing"),
+            "{message}"
+        );
+    }
+    assert!(refused(b"a,b\n1,2\nand so on\n").contains("this is no Parquet file"));
+    let marks_only = [&b"PAR1"[..], &[0; 40], b"PAR1"].concat();
+    assert!(refused(&marks_only).contains("damaged or unreadable: "));
+    for place in 4..whole.len() - 4 {
+        for flip in [0x01, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[place] ^= flip;
+            fs::write(&path, &bytes).unwrap();
+            let _ = table::read(&path);
+        }
+    }
+}
