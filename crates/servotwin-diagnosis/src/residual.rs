@@ -250,6 +250,9 @@ mod tests {
             exchanged.cross_covariance(0, 2),
             window.cross_covariance(1, 2)
         );
-        assert_eq!(exchanged.reordered(&[1, 0, 2]), window.reordered(&[0, 1, 2]));
+        assert_eq!(
+            exchanged.reordered(&[1, 0, 2]),
+            window.reordered(&[0, 1, 2])
+        );
     }
 }
