@@ -139,6 +139,13 @@ impl CFunction {
             .collect()
     }
 
+    fn phrases<'a>(&'a self, prefix: &'a str) -> Phrases<'a> {
+        Phrases {
+            prefix,
+            expressions: &self.expressions,
+        }
+    }
+
     fn write(&self, c: &mut String, prefix: &str, names: &Names) {
         let live: Vec<_> = self.live().collect();
         let reads = |array: &str| {
@@ -161,19 +168,19 @@ impl CFunction {
         for unread in self.arguments.iter().filter(|a| !reads(a)) {
             line(c, format_args!("    (void){unread};"));
         }
+        let phrases = self.phrases(prefix);
         for &(node, expression) in &live {
-            statement(c, prefix, node, expression);
-            if let Expression::Variable(array, index) = expression {
-                let name = names.of(array, index as usize);
-                let comment = name.map_or(String::new(), |n| format!(" /* {n} */"));
-                c.pop();
-                line(c, format_args!("{comment}"));
-            }
+            let name = match expression {
+                Expression::Variable(array, index) => names.of(array, index as usize),
+                _ => None,
+            };
+            let comment = name.map_or(String::new(), |n| format!(" /* {n} */"));
+            phrases.statement(c, node, &comment);
         }
         for (index, &value) in self.values.iter().enumerate() {
             line(
                 c,
-                format_args!("    {}[{index}] = {};", self.result, text(value)),
+                format_args!("    {}[{index}] = {};", self.result, phrases.operand(value)),
             );
         }
         line(c, format_args!("}}\n"));
@@ -212,11 +219,10 @@ fn held(program: &Program) -> CFunction {
 fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {
     let mut index = 0;
     let components = program.network().components.iter();
-    let next = |_: &f64| {
+    let mut next = |_: &f64| {
         index += 1;
         graph.variable("parameters", index - 1)
     };
-    let mut next = next;
     components
         .map(|c| c.parameters.iter().map(&mut next).collect())
         .collect()
@@ -508,12 +514,13 @@ fn prelude(c: &mut String, prefix: &str, used: &BTreeSet<Helper>) {
             c,
             format_args!("static double {prefix}_{}(double x)\n{{", kernel.name),
         );
-        for (node, expression) in kernel.live() {
-            statement(c, prefix, node, expression);
+        let phrases = kernel.phrases(prefix);
+        for (node, _) in kernel.live() {
+            phrases.statement(c, node, "");
         }
         line(
             c,
-            format_args!("    return {};\n}}\n", text(kernel.values[0])),
+            format_args!("    return {};\n}}\n", phrases.operand(kernel.values[0])),
         );
     }
 }
@@ -528,59 +535,97 @@ fn kernel(function: Function) -> CFunction {
 /// The only argument of a kernel, which is no array.
 const ARGUMENT: &str = "x";
 
-/// One expression as a C statement.
-fn statement(c: &mut String, prefix: &str, node: usize, expression: Expression) {
-    let kind = if expression.is_truth() {
-        "int"
-    } else {
-        "double"
-    };
-    let value = match expression {
-        Expression::Variable(ARGUMENT, _) => ARGUMENT.to_string(),
-        Expression::Variable(array, index) => format!("{array}[{index}]"),
-        Expression::Unary(operation, a) => unary(prefix, operation, &text(a)),
-        Expression::Binary(operation, a, b) => binary(prefix, operation, &text(a), &text(b)),
-        Expression::Less(a, b) => format!("{} < {}", text(a), text(b)),
-        Expression::Select(truth, a, b) => format!("v{truth} ? {} : {}", text(a), text(b)),
-    };
-    line(c, format_args!("    const {kind} v{node} = {value};"));
+/// Writes expressions as C.
+struct Phrases<'a> {
+    prefix: &'a str,
+    expressions: &'a [Expression],
 }
 
-fn unary(prefix: &str, operation: Unary, a: &str) -> String {
-    match operation {
-        Unary::Negative => format!("-{a}"),
-        Unary::SquareRoot => format!("sqrt({a})"),
-        Unary::Absolute => format!("fabs({a})"),
-        Unary::Round => format!("{prefix}_rounded({a})"),
-        Unary::Mantissa => format!("{prefix}_mantissa({a})"),
-        Unary::Exponent => format!("{prefix}_exponent({a})"),
-        Unary::Call(function) => format!("{prefix}_{}({a})", function.name()),
+impl Phrases<'_> {
+    /// An expression as a statement; nothing for one that is written where it
+    /// is used.
+    fn statement(&self, c: &mut String, node: usize, comment: &str) {
+        let expression = self.expressions[node];
+        if in_place(expression).is_some() {
+            return;
+        }
+        let kind = if expression.is_truth() {
+            "int"
+        } else {
+            "double"
+        };
+        let value = self.value(expression);
+        line(
+            c,
+            format_args!("    const {kind} v{node} = {value};{comment}"),
+        );
+    }
+
+    fn value(&self, expression: Expression) -> String {
+        match expression {
+            Expression::Variable(array, index) => format!("{array}[{index}]"),
+            Expression::Unary(operation, a) => self.unary(operation, &self.operand(a)),
+            Expression::Binary(operation, a, b) => {
+                self.binary(operation, &self.operand(a), &self.operand(b))
+            }
+            Expression::Less(a, b) => format!("{} < {}", self.operand(a), self.operand(b)),
+            Expression::Select(truth, a, b) => {
+                format!("v{truth} ? {} : {}", self.operand(a), self.operand(b))
+            }
+        }
+    }
+
+    fn unary(&self, operation: Unary, a: &str) -> String {
+        let prefix = self.prefix;
+        match operation {
+            Unary::Negative => format!("-{a}"),
+            Unary::SquareRoot => format!("sqrt({a})"),
+            Unary::Absolute => format!("fabs({a})"),
+            Unary::Round => format!("{prefix}_rounded({a})"),
+            Unary::Mantissa => format!("{prefix}_mantissa({a})"),
+            Unary::Exponent => format!("{prefix}_exponent({a})"),
+            Unary::Call(function) => format!("{prefix}_{}({a})", function.name()),
+        }
+    }
+
+    fn binary(&self, operation: Binary, a: &str, b: &str) -> String {
+        match operation {
+            Binary::Sum => format!("{a} + {b}"),
+            Binary::Difference => format!("{a} - {b}"),
+            Binary::Product => format!("{a} * {b}"),
+            Binary::Quotient => format!("{a} / {b}"),
+            Binary::Scaled => format!("{}_scaled({a}, {b})", self.prefix),
+        }
+    }
+
+    fn operand(&self, operand: Operand) -> String {
+        match operand {
+            Operand::Node(node) => {
+                let short = in_place(self.expressions[node as usize]);
+                short.unwrap_or_else(|| format!("v{node}"))
+            }
+            Operand::Constant(bits) => literal(f64::from_bits(bits)),
+        }
     }
 }
 
-fn binary(prefix: &str, operation: Binary, a: &str, b: &str) -> String {
-    match operation {
-        Binary::Sum => format!("{a} + {b}"),
-        Binary::Difference => format!("{a} - {b}"),
-        Binary::Product => format!("{a} * {b}"),
-        Binary::Quotient => format!("{a} / {b}"),
-        Binary::Scaled => format!("{prefix}_scaled({a}, {b})"),
+/// What needs no statement of its own: the argument of a kernel, and constants,
+/// which no function both reads and writes.
+fn in_place(expression: Expression) -> Option<String> {
+    match expression {
+        Expression::Variable(ARGUMENT, _) => Some(ARGUMENT.to_string()),
+        Expression::Variable("constants", index) => Some(format!("constants[{index}]")),
+        _ => None,
     }
 }
 
-/// A constant as the shortest decimal number that is read back to the same
-/// bits, or the name of an expression.
-fn text(operand: Operand) -> String {
-    let bits = match operand {
-        Operand::Node(node) => return format!("v{node}"),
-        Operand::Constant(bits) => bits,
-    };
-    let value = f64::from_bits(bits);
-    let sign = if value.is_sign_negative() { "-" } else { "" };
+/// The shortest decimal number that is read back to the same bits.
+fn literal(value: f64) -> String {
     if value.is_nan() {
         "NAN".to_string()
     } else if value.is_infinite() {
-        format!("{sign}INFINITY")
+        let sign = if value < 0.0 { "-" } else { "" };
+        format!("({sign}INFINITY)")
     } else if value.is_sign_negative() {
         format!("({value:?})")
     } else {

@@ -2,7 +2,7 @@
 
 use crate::rig;
 use servotwin_model::c_source::{self, BadPrefix};
-use servotwin_model::program::{FaultAt, Program};
+use servotwin_model::program::{FaultAt, Observable, Program};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -114,11 +114,11 @@ int main(void)
 }
 "#;
 
-fn compiled(program: &Program, name: &str) -> PathBuf {
+fn compiled(program: &Program, name: &str, outputs: &[Observable], main: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let (source, binary) = (folder.join(format!("{name}.c")), folder.join(name));
-    let c = c_source::write(program, "t", program.observables()).unwrap();
-    std::fs::write(&source, format!("{c}{MAIN}")).unwrap();
+    let c = c_source::write(program, "t", outputs).unwrap();
+    std::fs::write(&source, format!("{c}{main}")).unwrap();
     let status = Command::new("cc")
         .args([
             "-std=c99",
@@ -163,7 +163,11 @@ fn assert_same(program: &Program, name: &str, faults: &[FaultAt]) {
     let parameters = program.parameters(faults);
     let points = points(program, &parameters);
     let expected = expected(program, &parameters, &points);
-    let found = in_c(&compiled(program, name), &parameters, &points);
+    let found = in_c(
+        &compiled(program, name, program.observables(), MAIN),
+        &parameters,
+        &points,
+    );
     assert_eq!(expected.len(), found.len());
     assert!(expected.iter().all(|x| x.is_finite()));
     for (index, (a, b)) in expected.iter().zip(&found).enumerate() {
@@ -200,11 +204,71 @@ fn a_faulty_actuator_is_the_same_in_c() {
 }
 
 #[test]
+fn without_outputs_there_is_no_function_for_them() {
+    let c = c_source::write(&rig::filling(), "t", &[]).unwrap();
+    assert!(c.contains("void t_derivatives("));
+    assert!(!c.contains("t_outputs("));
+}
+
+/// Prints the three currents that the controller of the actuator holds after each
+/// of three ticks; its two open inputs stand behind them.
+const TICK: &str = r#"
+#include <stdio.h>
+
+int main(void)
+{
+    static double parameters[T_PARAMETERS], constants[T_CONSTANTS];
+    static double states[T_STATES] = {0}, inputs[T_INPUTS] = {0.001, 1.0, 3000.0};
+    static double held[T_HELD];
+    int i;
+    for (i = 0; i < T_PARAMETERS; i++) scanf("%lf", &parameters[i]);
+    t_constants(parameters, constants);
+    t_held(parameters, held);
+    for (i = 0; i < 3; i++) {
+        t_tick_0(constants, states, inputs, held, held);
+        printf("%.17g %.17g %.17g\n", held[T_HELD - 5], held[T_HELD - 4], held[T_HELD - 3]);
+    }
+    return 0;
+}
+"#;
+
+#[test]
 fn a_tick_moves_the_held_values_on() {
     let program = rig::actuator();
-    let c = c_source::write(&program, "t", &[]).unwrap();
-    assert!(c.contains("void t_tick_0(const double *constants, "));
-    assert!(!c.contains("t_outputs("));
+    // With all states zero the sensors read −25 % and the position zero.
+    let binary = compiled(&program, "tick", &[], TICK);
+    let parameters: Vec<String> = program
+        .parameters(&[])
+        .iter()
+        .flatten()
+        .map(|p| format!("{p:e}"))
+        .collect();
+    let mut child = Command::new(binary)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(parameters.join("\n").as_bytes())
+        .unwrap();
+    let output = String::from_utf8(child.wait_with_output().unwrap().stdout).unwrap();
+    let currents: Vec<f64> = output
+        .split_whitespace()
+        .map(|x| x.parse().unwrap())
+        .collect();
+    // Both pressure readings are equal, so only the command acts; the delayed
+    // currents follow tick by tick.
+    let current = 272.0 * 0.0525 * 0.001;
+    let expected = [
+        current, 0.0, 0.0, current, current, 0.0, current, current, current,
+    ];
+    for (found, expected) in currents.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-8, "{currents:?}");
+    }
+    assert_eq!(currents.len(), expected.len());
 }
 
 #[test]
