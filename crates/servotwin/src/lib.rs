@@ -6,5 +6,6 @@ pub mod figure;
 pub mod files;
 pub mod nearest;
 pub mod signal;
+pub mod study;
 pub mod system;
 pub mod table;

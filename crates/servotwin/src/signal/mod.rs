@@ -12,7 +12,7 @@ mod contract;
 mod error;
 mod noise;
 mod ramp;
-mod random;
+pub mod random;
 mod serial;
 mod sine;
 mod spec;

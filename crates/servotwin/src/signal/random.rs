@@ -8,7 +8,7 @@ use servotwin_model::math::{ln, sin_cos};
 use std::f64::consts::PI;
 
 /// A generator of random numbers.
-pub(super) struct Random {
+pub struct Random {
     state: [u64; 4],
     /// The second of a pair of normal deviates.
     spare: Option<f64>,
@@ -22,7 +22,8 @@ impl Random {
         Self { state, spare: None }
     }
 
-    fn next(&mut self) -> u64 {
+    /// The next 64 random bits.
+    pub fn next(&mut self) -> u64 {
         let [a, b, c, d] = self.state;
         let result = a.wrapping_add(d).rotate_left(23).wrapping_add(a);
         let (c, d) = (c ^ a, d ^ b);
@@ -31,7 +32,7 @@ impl Random {
     }
 
     /// Uniform in (0, 1].
-    fn uniform(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         ((self.next() >> 11) + 1) as f64 / (1_u64 << 53) as f64
     }
 
