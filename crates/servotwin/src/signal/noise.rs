@@ -10,9 +10,13 @@
 //!
 //! (SN3)  s_k = u(t_k) l tanh(c y_k/l),  u = x² (3 − 2x), x = min(t/t_f, 1)
 //!
-//! with straight lines between the samples. The factor c makes the rms of s,
-//! over the first `window` seconds, the one that was asked for: after the limit
-//! and the fade-in. The values do not depend on the duration of the run.
+//! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
+//!
+//! with cubics through the samples and slopes. (Straight lines would have a
+//! corner at every sample; each corner excites the valve and costs the solver a
+//! third more steps, for frequencies that are not in the signal.) The factor c makes the rms of s,
+//! over the first `window` seconds, the one that was asked for (of straight
+//! lines between the samples): after the limit and the fade-in. The values do not depend on the duration of the run.
 //! Without a limit the tanh is left out.
 
 use super::error::SignalError;
@@ -209,10 +213,23 @@ impl Kind for Noise {
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));
         let seed = given.number("seed") as u64;
-        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run));
+        // Two samples more than the run, for the slopes at its end.
+        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run + 2));
         let factor = shape.factor(&filtered[..window], rms);
-        let values = shape.samples(&filtered[..run], factor);
+        let values = shape.samples(&filtered[..run + 2], factor);
         let times_s: Vec<f64> = (0..run).map(|k| k as f64 / sampling_hz).collect();
-        Ok(Piecewise::linear(&times_s, &values)?)
+        Ok(Piecewise::hermite(&times_s, &values[..run], &slopes(&values, sampling_hz))?)
     }
+}
+
+/// Equation (SN4) at all samples but the last two; before the first there is
+/// rest.
+fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
+    let at = |k: usize, back: usize| if k < back { values[0] } else { values[k - back] };
+    let slope = |k: usize| {
+        let near = values[k + 1] - at(k, 1);
+        let far = values[k + 2] - at(k, 2);
+        (8.0 * near - far) * sampling_hz / 12.0
+    };
+    (0..values.len() - 2).map(slope).collect()
 }

@@ -1,0 +1,277 @@
+//! System files: good ones become systems, and each broken one is told what is
+//! wrong, exactly as in the `.expected` file beside it.
+//!
+//! `UPDATE=1 cargo test -p servotwin system` writes the expected files anew.
+
+use servotwin::files::{read_text, write_atomically};
+use servotwin::system::{Mistake, System, SystemError};
+use servotwin_model::network::Instance;
+use servotwin_model::spec::Unit;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+fn folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+fn shipped(name: &str) -> System {
+    let path = folder("../../systems").join(name);
+    System::read(&path).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn component<'a>(system: &'a System, id: &str) -> &'a Instance {
+    let found = system.network().components.iter().find(|c| c.id == id);
+    found.unwrap_or_else(|| panic!("no component {id}"))
+}
+
+fn parameter(system: &System, id: &str, name: &str) -> f64 {
+    let instance = component(system, id);
+    instance.parameters[instance.component.spec().parameter(name).expect("declared")]
+}
+
+fn fault(system: &System, id: &str, name: &str) -> f64 {
+    let instance = component(system, id);
+    instance.fault_full[instance.component.spec().fault(name).expect("declared")]
+}
+
+/// A source fills a volume through an orifice; `more` follows.
+fn small(more: &str) -> String {
+    format!(
+        r#"format = 1
+name = "small"
+{more}
+"#
+    )
+}
+
+const FILLING: &str = r#"
+[components.supply]
+kind = "pressure_source"
+[components.leak]
+kind = "orifice"
+area_m2 = 1e-7
+[components.chamber]
+kind = "volume"
+volume_m3 = 1e-4
+[system]
+connections = [["supply.port", "leak.a"], ["leak.b", "chamber.port"]]
+"#;
+
+#[test]
+fn broken_systems_are_told_what_is_wrong() {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder("tests/broken_systems"))
+        .expect("the folder of broken systems")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    files.sort();
+    assert!(files.len() >= 40, "{} broken systems", files.len());
+    let update = std::env::var_os("UPDATE").is_some();
+    let mut wrong = Vec::new();
+    for path in files {
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        let text = read_text(&path).expect("readable");
+        let found = match System::parse(&text, &name) {
+            Ok(_) => "no mistake was found".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        let golden = path.with_extension("expected");
+        if update {
+            write_atomically(&golden, |out| out.write_all(found.as_bytes())).expect("written");
+        }
+        let expected = read_text(&golden).unwrap_or_default();
+        if found != expected {
+            wrong.push(format!("--- {name}: expected\n{expected}\n--- found\n{found}\n"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_aileron_has_the_agreed_parts() {
+    let system = System::default();
+    assert_eq!(system.name, "aileron_dual");
+    assert_eq!(system.network().components.len(), 2 * 23 + 4);
+    assert_eq!(system.program.states().len(), 41);
+    let ids: Vec<&str> = system.network().components.iter().map(|c| c.id.as_str()).collect();
+    let first = ["supply", "tank", "supply_valve", "tank_valve", "manifold_supply"];
+    for (id, name) in ids.iter().zip(first) {
+        assert_eq!(*id, format!("actuator_1.{name}"), "components keep the file's order");
+    }
+    assert_eq!(ids[46..], ["equaliser", "aileron", "lever", "air"]);
+    let inputs: Vec<&str> = system.network().inputs.iter().map(|i| i.id.as_str()).collect();
+    assert_eq!(
+        inputs,
+        [
+            "actuator_1.mode",
+            "actuator_1.supply_pressure",
+            "actuator_1.return_pressure",
+            "actuator_2.mode",
+            "actuator_2.supply_pressure",
+            "actuator_2.return_pressure",
+            "command",
+            "load_factor",
+            "air_speed",
+            "altitude",
+            "incidence",
+        ]
+    );
+    // mode_valve.command, controller.mode and the equaliser.
+    assert_eq!(system.network().inputs[0].targets.len(), 3);
+}
+
+#[test]
+fn the_aileron_has_twelve_residuals_in_order() {
+    let system = System::default();
+    let ids: Vec<&str> = system.sensors.iter().map(|s| s.id.as_str()).collect();
+    let order = ["p_a", "p_b", "x_p", "x_v", "p_s", "p_t"];
+    let expected: Vec<String> =
+        ["1", "2"].iter().flat_map(|k| order.map(|name| format!("{name}_{k}"))).collect();
+    assert_eq!(ids, expected);
+    for sensor in &system.sensors {
+        let observable = system.program.observable(&sensor.signal).expect("observable");
+        assert_eq!(observable.unit, sensor.unit);
+    }
+    assert_eq!(system.sensor("x_p_2").map(|s| s.scale), Some(22.2e-3));
+    assert_eq!(system.sensor("p_t_1").map(|s| (s.scale, s.unit)), Some((25e5, Unit::Pascal)));
+}
+
+#[test]
+fn the_aileron_overrides_faults_and_keeps_the_others() {
+    let system = System::default();
+    for k in [1, 2] {
+        assert_eq!(fault(&system, &format!("actuator_{k}.leakage_a"), "leakage"), 2.0e-7);
+        assert_eq!(fault(&system, &format!("actuator_{k}.leakage_supply"), "leakage"), 2.5e-6);
+        assert_eq!(fault(&system, &format!("actuator_{k}.leakage_tank"), "leakage"), 5.0e-6);
+    }
+}
+
+#[test]
+fn the_smaller_systems_compile() {
+    let learning = shipped("valve_and_cylinder.toml");
+    assert_eq!(learning.network().components.len(), 4);
+    assert_eq!(learning.program.states().len(), 6);
+    let spring = shipped("spring_actuator.toml");
+    assert_eq!(spring.network().components.len(), 15);
+    assert_eq!(spring.program.states().len(), 16);
+    assert_eq!(spring.sensors.len(), 5);
+}
+
+#[test]
+fn the_default_is_the_shipped_file() {
+    let file = shipped("aileron_dual.toml");
+    assert_eq!(file.text, System::default().text);
+}
+
+#[test]
+fn defaults_stand_where_the_file_says_nothing() {
+    let system = System::parse(&small(FILLING), "small.toml").expect("a system");
+    assert_eq!(system.title, "small");
+    assert_eq!(parameter(&system, "supply", "pressure_pa"), 20.684e6);
+    assert_eq!(parameter(&system, "leak", "area_m2"), 1e-7);
+    assert_eq!(fault(&system, "leak", "clogging"), 0.05);
+    assert_eq!(component(&system, "supply").fluid.air_fraction, 0.005);
+}
+
+#[test]
+fn an_instance_overrides_its_assembly() {
+    let text = small(
+        r#"
+[fluids.green]
+kind = "mil_prf_5606"
+[fluids.yellow]
+kind = "phosphate_ester"
+[assemblies.filling.components.supply]
+kind = "pressure_source"
+fluid = "green"
+[assemblies.filling.components.leak]
+kind = "orifice"
+area_m2 = 1e-7
+faults.clogging = 0.1
+[assemblies.filling.components.chamber]
+kind = "volume"
+[assemblies.filling]
+connections = [["supply.port", "leak.a"], ["leak.b", "chamber.port"]]
+[components.second]
+assembly = "filling"
+chamber.volume_m3 = 2e-4
+[components.first]
+assembly = "filling"
+fluid = "yellow"
+chamber.volume_m3 = 1
+leak.area_m2 = 2e-7
+leak.faults.clogging = 0.2
+"#,
+    );
+    let system = System::parse(&text, "small.toml").unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(system.program.states()[0].name, "second.chamber.pressure_pa");
+    assert_eq!(parameter(&system, "first.leak", "area_m2"), 2e-7);
+    assert_eq!(parameter(&system, "second.leak", "area_m2"), 1e-7);
+    assert_eq!(parameter(&system, "first.chamber", "volume_m3"), 1.0);
+    assert_eq!(fault(&system, "first.leak", "clogging"), 0.2);
+    assert_eq!(fault(&system, "second.leak", "clogging"), 0.1);
+    let fluid = |id| component(&system, id).fluid.kind.name();
+    assert_eq!(fluid("first.supply"), "phosphate_ester");
+    assert_eq!(fluid("second.supply"), "mil_prf_5606");
+}
+
+#[test]
+fn the_order_of_states_is_the_order_of_the_file() {
+    let reversed = FILLING.replace("chamber", "z_chamber").replace("leak", "y_leak");
+    let more = r#"
+[components.a_chamber]
+kind = "volume"
+volume_m3 = 1e-4
+[components.a_leak]
+kind = "orifice"
+area_m2 = 1e-7
+"#;
+    let text = small(&format!("{more}{reversed}")).replace(
+        "connections = [",
+        "connections = [[\"a_leak.a\", \"supply.port\"], [\"a_leak.b\", \"a_chamber.port\"], ",
+    );
+    let system = System::parse(&text, "small.toml").unwrap_or_else(|error| panic!("{error}"));
+    let names: Vec<&str> = system.program.states().iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["a_chamber.pressure_pa", "z_chamber.pressure_pa"]);
+    let swapped = small(&format!("{reversed}{more}")).replace(
+        "connections = [",
+        "connections = [[\"a_leak.a\", \"supply.port\"], [\"a_leak.b\", \"a_chamber.port\"], ",
+    );
+    let system = System::parse(&swapped, "small.toml").unwrap_or_else(|error| panic!("{error}"));
+    let names: Vec<&str> = system.program.states().iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["z_chamber.pressure_pa", "a_chamber.pressure_pa"]);
+}
+
+#[test]
+fn several_mistakes_are_told_in_the_order_of_the_file() {
+    let text = small(&FILLING.replace("1e-7", "7.0").replace("1e-4", "nan"));
+    let Err(SystemError::Mistakes { mistakes, .. }) = System::parse(&text, "small.toml") else {
+        panic!("mistakes expected");
+    };
+    let lines: Vec<usize> = mistakes.iter().map(|m| m.line).collect();
+    assert_eq!(lines, [8, 11]);
+    assert!(mistakes.iter().all(|m| matches!(m.mistake, Mistake::Document(_))));
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told() {
+    let error = System::read("no/such/system.toml").err().expect("no system");
+    assert_eq!(error.to_string(), "no/such/system.toml: no such file");
+}
+
+/// No cut or damaged file makes the reader panic.
+#[test]
+fn damaged_files_are_no_reason_to_panic() {
+    let whole = System::default().text;
+    for cut in (0..whole.len()).step_by(97).filter(|&at| whole.is_char_boundary(at)) {
+        assert!(System::parse(&whole[..cut], "cut.toml").is_err());
+    }
+    let lines: Vec<&str> = whole.lines().collect();
+    for skipped in 0..lines.len() {
+        let rest: Vec<&str> =
+            lines.iter().enumerate().filter(|&(i, _)| i != skipped).map(|(_, l)| *l).collect();
+        if let Err(error) = System::parse(&rest.join("\n"), "skipped.toml") {
+            assert!(!error.to_string().is_empty());
+        }
+    }
+}
