@@ -1,6 +1,7 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
 pub mod document;
+pub mod eigenvalues;
 pub mod ensemble;
 pub mod figure;
 pub mod files;
