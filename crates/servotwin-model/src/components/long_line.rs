@@ -4,13 +4,13 @@
 //! q' = (p_a − p_b − Δp_f)/L_h,   L_h = ρ l/A                               (L1)
 //! p' = E(p)/(A l) (q + Σq_b)                                              (L2)
 //! Δp_f = R q [1 + σ(φ − 1)],     R = 128 ρ ν l/(π d⁴)                       (L3)
-//! φ  = 0.3164 Re^{3/4}/64,   Re = |q| d/(A ν),   σ = σ((Re − 2300)/1700)     (L4)
+//! φ  = 0.3164 Re^{3/4}/64,  Re = |q| d/(A ν),  σ = step((Re − 2300)/1700)    (L4)
 //! ```
 //!
 //! One section: the inertia stands at `a`, the whole capacitance at `b`; the
 //! first mode is `1/(2π √(L_h C_h))`, valid well below it. Friction is
 //! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
-//! 1e5, joined by the cubic step `σ` of [`crate::math::smooth_step`]; both are
+//! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
 //! textbook laws for steady flow.
 
 use super::Component;
