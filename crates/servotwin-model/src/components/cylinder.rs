@@ -402,3 +402,52 @@ pub fn end_stop<S: Scalar>(
     // A stop does not hold back what leaves it.
     S::select(excess.less(zero), push.min(zero), push.max(zero))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn the_oil_is_a_spring_of_the_expected_stiffness() {
+        // dF/dx = A dp/dt / v summed over both chambers: 2 E A²/V = 2.14e8 N/m.
+        let chamber = |which| {
+            let c = constants::<ChamberPressure, 4, 1, 9>(&Cylinder, &[], which);
+            2.2723e-3 * ChamberPressure::evaluate(&c, [106.35e5, 0.0, 0.0, 1.0])[0]
+        };
+        let stiffness = chamber(1) - chamber(0);
+        assert!((stiffness / 2.14e8 - 1.0).abs() < 5e-3, "{stiffness:e}");
+    }
+
+    #[test]
+    fn friction_is_odd_and_has_a_maximum_near_the_stribeck_velocity() {
+        let changes = [("viscous_friction_n_s_m", 0.0)];
+        let c = constants::<PistonFriction, 1, 2, 5>(&Cylinder, &changes, 0);
+        let mass = 2.0;
+        let force = |v: f64| PistonFriction::evaluate(&c, [v])[1] * mass;
+        assert_eq!(force(-3e-3), -force(3e-3));
+        assert_eq!(force(0.0), 0.0);
+        assert!((force(0.1) - 500.0).abs() < 1e-6);
+        assert!(force(7e-3) > force(0.1) && force(7e-3) < 750.0);
+        // The slope at rest, which is the fastest pole of the actuator.
+        let slope = force(1e-9) / 1e-9;
+        assert!((slope / (750.0 / 5e-3) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn end_stops_push_back_and_never_pull() {
+        let c = end_stop_constants(23.5e-3, 2e8, 5e4);
+        assert_eq!(end_stop(23e-3, 1.0, &c), 0.0);
+        assert!((end_stop(24.5e-3, 0.0, &c) - 2e5).abs() < 1e-3);
+        assert!((end_stop(-24.5e-3, 0.0, &c) + 2e5).abs() < 1e-3);
+        assert_eq!(end_stop(23.6e-3, -10.0, &c), 0.0);
+        assert_eq!(end_stop(-23.6e-3, 10.0, &c), 0.0);
+    }
+
+    #[test]
+    fn a_chamber_keeps_a_volume() {
+        let c = constants::<ChamberPressure, 4, 1, 9>(&Cylinder, &[], 0);
+        let [rate] = ChamberPressure::evaluate(&c, [1e7, 1e-6, -1.0, 0.0]);
+        assert!(rate.is_finite() && rate > 0.0);
+    }
+}

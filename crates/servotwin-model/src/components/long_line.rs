@@ -140,3 +140,41 @@ impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {
         [flow / (compressibility_per_pa(&c[1..], p) * c[0])]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+    use crate::fluid::Fluid;
+
+    const LINE: &[(&str, f64)] = &[("length_m", 10.0), ("diameter_m", 8e-3)];
+
+    #[test]
+    fn ten_metres_ring_at_nineteen_hertz() {
+        let c = constants::<LineFlow, 3, 2, 3>(&LongLine, LINE, 0);
+        let [per_inertia, _] = LineFlow::evaluate(&c, [1.0, 0.0, 0.0]);
+        assert!((1.0 / per_inertia / 1.96e8 - 1.0).abs() < 2e-3);
+        let c = constants::<LinePressure, 2, 1, 7>(&LongLine, LINE, 0);
+        let [per_capacitance] = LinePressure::evaluate(&c, [2e7, 1.0]);
+        let hertz = libm::sqrt(per_inertia * per_capacitance) / (2.0 * core::f64::consts::PI);
+        assert!((19.0..19.6).contains(&hertz), "{hertz}");
+    }
+
+    #[test]
+    fn friction_is_that_of_the_textbook() {
+        let c = constants::<LineFlow, 3, 2, 3>(&LongLine, LINE, 0);
+        let fluid = Fluid::default().at(313.15);
+        let density: f64 = fluid.density_kg_m3;
+        let area = core::f64::consts::FRAC_PI_4 * 64e-6;
+        for (reynolds, factor) in [(1000.0, 0.064), (2300.0, 64.0 / 2300.0), (1e4, 0.03164)] {
+            let velocity = reynolds * fluid.kinematic_viscosity_m2_s / 8e-3;
+            let expected = factor * 10.0 / 8e-3 * 0.5 * density * velocity * velocity;
+            let [rate, _] = LineFlow::evaluate(&c, [0.0, 0.0, velocity * area]);
+            let drop = -rate * density * 10.0 / area;
+            assert!(
+                (drop / expected - 1.0).abs() < 1e-9,
+                "{drop} instead of {expected}"
+            );
+        }
+    }
+}
