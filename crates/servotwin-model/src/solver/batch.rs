@@ -295,8 +295,20 @@ impl<'p, V: Lanes> Batch<'p, V> {
         self.y_new.iter().all(|v| v.lane(lane).is_finite())
     }
 
-    /// The state with the largest error in a lane; NaN counts as largest.
-    pub fn worst_state(&self, lane: usize) -> usize {
+    /// The state to blame for a step that failed in a lane: the first whose rate
+    /// is not finite where the step began, else the one with the largest error.
+    ///
+    /// One such rate spoils all states of the step, so the errors do not tell.
+    /// Evaluates everything again.
+    pub fn worst_state(&mut self, lane: usize) -> usize {
+        self.evaluate();
+        let rates = &self.variables[self.program.derivatives()];
+        let broken = rates.iter().position(|rate| !rate.lane(lane).is_finite());
+        broken.unwrap_or_else(|| self.state_with_largest_error(lane))
+    }
+
+    /// NaN counts as largest.
+    fn state_with_largest_error(&self, lane: usize) -> usize {
         let relative = |k: usize| {
             let e = self.error[k].lane(lane) * self.reciprocal_scales[k];
             let bad = !e.is_finite() || !self.y_new[k].lane(lane).is_finite();

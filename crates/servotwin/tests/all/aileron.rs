@@ -94,10 +94,6 @@ impl Samples {
             .unwrap_or_else(|| panic!("{id} was not recorded"))
     }
 
-    pub fn last(&self, id: &str) -> f64 {
-        *self.of(id).last().expect("samples")
-    }
-
     /// The integral over time of what `f` makes of each sample, by Simpson's
     /// rule.
     pub fn integral(&self, f: impl Fn(usize) -> f64) -> f64 {

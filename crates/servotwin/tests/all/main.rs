@@ -3,6 +3,8 @@
 mod aileron;
 mod figure;
 mod files;
+mod peer_cases;
 mod physics;
 mod system;
 mod table;
+mod val_peers;

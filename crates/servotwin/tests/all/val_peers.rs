@@ -1,0 +1,83 @@
+//! The aileron against independent integrators (`peers/`, results in `golden/`).
+
+use crate::aileron::{Samples, Test, program, test};
+use crate::peer_cases::{CASES, COMMAND, DURATION_S, PERIOD_S};
+use servotwin::signal::Signal;
+use servotwin_model::solver::Settings;
+use servotwin_model::spec::Unit;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A golden table: the names of the columns behind `case` and `time_s`, and the
+/// rows of each case.
+struct Golden {
+    names: Vec<String>,
+    rows: BTreeMap<String, Vec<Vec<f64>>>,
+}
+
+fn golden(file: &str) -> Golden {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../golden").join(file);
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let names = lines.next().unwrap().split(',').skip(2).map(String::from).collect();
+    let mut rows: BTreeMap<String, Vec<Vec<f64>>> = BTreeMap::new();
+    for line in lines {
+        let (case, numbers) = line.split_once(',').unwrap();
+        let numbers = numbers.split(',').skip(1).map(|n| n.parse().unwrap()).collect();
+        rows.entry(case.into()).or_default().push(numbers);
+    }
+    Golden { names, rows }
+}
+
+/// The largest difference over the state's scale, and where.
+fn largest_error(run: &Samples, golden: &Golden, case: &str) -> (f64, String) {
+    let mut worst = (0.0, String::new());
+    for (column, name) in golden.names.iter().enumerate() {
+        let states = program().states();
+        let scale = states.iter().find(|s| s.name == *name).expect("a state").scale;
+        let rows = &golden.rows[case];
+        let every = (run.of(name).len() - 1) / (rows.len() - 1);
+        let ours = run.of(name).iter().enumerate().step_by(every);
+        assert_eq!(rows.len(), ours.len());
+        for (row, (k, ours)) in rows.iter().zip(ours) {
+            let error = (row[column] - ours).abs() / scale;
+            if error > worst.0 {
+                worst = (error, format!("{name} at {:.1} s", run.time_s[k]));
+            }
+        }
+    }
+    worst
+}
+
+/// `period_s` is the time between samples, of which those of the peer count.
+fn against_cvode(settings: Settings, period_s: f64, allowed: f64) {
+    let golden = golden("cvode_aileron.csv");
+    let names: Vec<&str> = golden.names.iter().map(String::as_str).collect();
+    assert_eq!(names.len(), program().states().len());
+    let mut too_large = Vec::new();
+    for (case, fault) in CASES {
+        let command = COMMAND.parse::<Signal>().unwrap().build(Unit::Radian, DURATION_S).unwrap();
+        let test: Test = test().command(command).settings(settings).lasting(DURATION_S, period_s);
+        let test = match fault {
+            Some((id, intensity)) => test.fault(id, intensity),
+            None => test,
+        };
+        let run = test.run(&names);
+        let (error, place) = largest_error(&run, &golden, case);
+        println!("{case}: {error:.1e} of scale, {place}; {:?}", run.statistics);
+        if error > allowed {
+            too_large.push(format!("{case}: {error:.1e} {place}"));
+        }
+    }
+    assert!(too_large.is_empty(), "{}", too_large.join("\n"));
+}
+
+#[test]
+fn val_cvode_aileron_at_the_reference_setting() {
+    against_cvode(Settings::reference(), PERIOD_S, 1e-5);
+}
+
+#[test]
+fn val_cvode_aileron_at_the_campaign_setting() {
+    against_cvode(Settings::campaign(), 0.01, 1e-4);
+}
