@@ -3,9 +3,11 @@
 use crate::aileron::{Samples, Test, program, test};
 use crate::peer_cases::{CASES, COMMAND, DURATION_S, PERIOD_S};
 use servotwin::signal::Signal;
+use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::Settings;
 use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::Path;
 
 /// A golden table: the names of the columns behind `case` and `time_s`, and the
@@ -80,4 +82,33 @@ fn val_cvode_aileron_at_the_reference_setting() {
 #[test]
 fn val_cvode_aileron_at_the_campaign_setting() {
     against_cvode(Settings::campaign(), 0.01, 1e-4);
+}
+
+/// The command of `peers/radau_aileron.py`: its value and slope.
+fn smooth_command(time_s: f64) -> (f64, f64) {
+    let waves = [(3.0_f64, 0.4), (-2.5, 1.1), (1.0, 2.3)];
+    waves.iter().fold((0.0, 0.0), |(value, slope), (amplitude_deg, frequency_hz)| {
+        let (amplitude, omega) = (amplitude_deg.to_radians(), TAU * frequency_hz);
+        let (sin, cos) = (omega * time_s).sin_cos();
+        (value + amplitude * (1.0 - cos), slope + amplitude * omega * sin)
+    })
+}
+
+#[test]
+fn val_scipy_radau_aileron() {
+    // Equations written by hand in Python, in another order and another form.
+    let golden = golden("scipy_radau_aileron.csv");
+    let times: Vec<f64> = (0..=5000).map(|k| f64::from(k) * 2e-3).collect();
+    let (values, slopes): (Vec<f64>, Vec<f64>) = times.iter().map(|t| smooth_command(*t)).unzip();
+    // Cubics of 2 ms err by 1e-11 rad.
+    let command = Piecewise::hermite(&times, &values, &slopes).unwrap();
+    let names: Vec<&str> = golden.names.iter().map(String::as_str).collect();
+    let run = test()
+        .command(command)
+        .settings(Settings::reference())
+        .lasting(DURATION_S, PERIOD_S)
+        .run(&names);
+    let (error, place) = largest_error(&run, &golden, "healthy");
+    println!("{error:.1e} of scale, {place}");
+    assert!(error < 1e-5, "{error:.1e} {place}");
 }
