@@ -1,6 +1,24 @@
-//! From residuals to a diagnosis.
+//! From residuals to a diagnosis: learning and running classifiers of faults.
+//!
+//! `no_std` with `alloc`. What is here, from the bottom up:
+//! [`data`] holds validated training samples, [`tree`] the decision tree that CART, random forest
+//! and AdaBoost share, [`classifiers`] the eight classifiers behind one trait, [`evaluation`] the
+//! splits and scores they are judged with.
+//!
+//! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the
+//! same samples and settings give the same model bit for bit.
 #![no_std]
 extern crate alloc;
 
+pub mod classifiers;
+pub mod data;
+pub mod error;
+pub mod evaluation;
 pub mod features;
+mod numeric;
+pub mod random;
 pub mod residual;
+pub mod tree;
+
+pub use data::Samples;
+pub use error::Error;

@@ -106,6 +106,14 @@ pub trait Primitive: Scalar<Base = Self> {
     fn split_exponent(self) -> (Self, Self);
 }
 
+/// Work on lanes of one type; see [`Lanes::outline`].
+pub trait Work<V> {
+    /// What comes out.
+    type Output;
+    /// Does the work. Implementations are `#[inline(always)]`.
+    fn run(self) -> Self::Output;
+}
+
 /// Several independent numbers of which each belongs to one variant.
 ///
 /// `f64` is the case of one lane.
@@ -121,4 +129,9 @@ pub trait Lanes: Primitive {
     fn set_lane(&mut self, lane: usize, value: f64);
     /// One bit per lane, lane 0 the lowest.
     fn bits(mask: Self::Mask) -> u32;
+    /// Does the work in a function of its own, compiled for the instruction
+    /// set. All other lane code is inlined into its caller, because only so it
+    /// is compiled for the instruction set; this is for what is called from
+    /// several places and too large to be repeated.
+    fn outline<W: Work<Self>>(work: W) -> W::Output;
 }

@@ -1,7 +1,7 @@
 //! Four lanes in a 256-bit register.
 
 use super::{base_scalar, bits, operator};
-use crate::scalar::{Lanes, Primitive, Scalar};
+use crate::scalar::{Lanes, Primitive, Scalar, Work};
 use core::arch::x86_64::*;
 
 /// Four lanes of AVX2.
@@ -123,5 +123,15 @@ impl Lanes for Avx2 {
     fn bits(mask: __m256d) -> u32 {
         // SAFETY: see the type.
         unsafe { _mm256_movemask_pd(mask) as u32 }
+    }
+
+    fn outline<W: Work<Self>>(work: W) -> W::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx2")]
+        fn outlined<V, W: Work<V>>(work: W) -> W::Output {
+            work.run()
+        }
+        // SAFETY: see the type.
+        unsafe { outlined::<Self, W>(work) }
     }
 }

@@ -1,7 +1,7 @@
 //! Eight lanes in a 512-bit register.
 
 use super::{base_scalar, bits, operator};
-use crate::scalar::{Lanes, Primitive, Scalar};
+use crate::scalar::{Lanes, Primitive, Scalar, Work};
 use core::arch::x86_64::*;
 
 /// Eight lanes of AVX-512 (F and DQ).
@@ -122,5 +122,15 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn bits(mask: __mmask8) -> u32 {
         mask as u32
+    }
+
+    fn outline<W: Work<Self>>(work: W) -> W::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx512f,avx512dq")]
+        fn outlined<V, W: Work<V>>(work: W) -> W::Output {
+            work.run()
+        }
+        // SAFETY: see the type.
+        unsafe { outlined::<Self, W>(work) }
     }
 }

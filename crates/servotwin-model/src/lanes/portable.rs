@@ -1,7 +1,7 @@
 //! Four lanes as a plain array, for every processor.
 
 use super::base_scalar;
-use crate::scalar::{Lanes, Primitive, Scalar};
+use crate::scalar::{Lanes, Primitive, Scalar, Work};
 
 const WIDTH: usize = 4;
 
@@ -109,5 +109,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn bits(mask: Self::Mask) -> u32 {
         (0..WIDTH).fold(0, |bits, i| bits | (mask[i] as u32) << i)
+    }
+
+    #[inline(never)]
+    fn outline<W: Work<Self>>(work: W) -> W::Output {
+        work.run()
     }
 }

@@ -1,7 +1,7 @@
 //! `f64`: one lane.
 
 use super::{base_scalar, bits};
-use crate::scalar::{Lanes, Primitive, Scalar};
+use crate::scalar::{Lanes, Primitive, Scalar, Work};
 
 impl Scalar for f64 {
     base_scalar!();
@@ -66,5 +66,10 @@ impl Lanes for f64 {
     #[inline(always)]
     fn bits(mask: bool) -> u32 {
         mask as u32
+    }
+
+    #[inline(never)]
+    fn outline<W: Work<Self>>(work: W) -> W::Output {
+        work.run()
     }
 }

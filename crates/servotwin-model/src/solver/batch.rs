@@ -2,7 +2,7 @@
 
 use super::tableau::Tableau;
 use crate::program::Program;
-use crate::scalar::Lanes;
+use crate::scalar::{Lanes, Work};
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -138,7 +138,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         self.variables[..n].copy_from_slice(&self.y);
         self.load_inputs(V::constant(0.0));
-        self.program.evaluate(&self.constants, &mut self.variables);
+        evaluate(self.program, &self.constants, &mut self.variables);
     }
 
     /// Runs the sampled equations of a clock in the lanes of the mask; needs
@@ -165,7 +165,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
             if stage > 0 {
                 self.stage_states(method, stage);
                 self.load_inputs(h * V::constant(method.alpha[stage]));
-                self.program.evaluate(&self.constants, &mut self.variables);
+                evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
             let plan = self.program.plan();
@@ -270,7 +270,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
                     self.variables[k] = self.y[k] + self.stages[(stage - 1) * n + k] * offset;
                 }
                 self.load_inputs(offset);
-                self.program.evaluate(&self.constants, &mut self.variables);
+                evaluate(self.program, &self.constants, &mut self.variables);
             }
             let derivatives = &self.variables[self.program.derivatives()];
             self.stages[stage * n..][..n].copy_from_slice(derivatives);
@@ -346,8 +346,25 @@ impl<'p, V: Lanes> Batch<'p, V> {
             self.variables[k] = rest * self.y[k] + fraction * (self.y_new[k] + rest * bend);
         }
         self.load_inputs(h * fraction);
-        self.program.evaluate(&self.constants, &mut self.variables);
+        evaluate(self.program, &self.constants, &mut self.variables);
     }
+}
+
+/// [`Program::evaluate`] in a function of its own: it is called for every stage.
+fn evaluate<V: Lanes>(program: &Program, constants: &[V], variables: &mut [V]) {
+    struct Evaluation<'a, V> {
+        program: &'a Program,
+        constants: &'a [V],
+        variables: &'a mut [V],
+    }
+    impl<V: Lanes> Work<V> for Evaluation<'_, V> {
+        type Output = ();
+        #[inline(always)]
+        fn run(self) {
+            self.program.evaluate(self.constants, self.variables);
+        }
+    }
+    V::outline(Evaluation { program, constants, variables });
 }
 
 /// `target = base + Σ weights_j · vectors_j`.

@@ -47,35 +47,27 @@ pub trait Feed<'a> {
 }
 
 /// Runs everything that the feed gives, with the lanes of a level.
-pub fn run<'a, F: Feed<'a>>(
+pub fn run<'a>(
     program: &Program,
     settings: Settings,
     record: &[Slot],
     level: Level,
-    feed: &mut F,
+    feed: &mut dyn Feed<'a>,
 ) {
-    struct Work<'w, F> {
+    struct All<'w, 'a> {
         program: &'w Program,
         settings: Settings,
         record: &'w [Slot],
-        feed: &'w mut F,
+        feed: &'w mut dyn Feed<'a>,
     }
-    impl<'a, F: Feed<'a>> Kernel for Work<'_, F> {
+    impl Kernel for All<'_, '_> {
         type Output = ();
         #[inline(always)]
         fn run<V: Lanes>(self) {
-            Ensemble::<V, F>::new(self.program, self.settings, self.record, self.feed).run();
+            Ensemble::<V>::new(self.program, self.settings, self.record, self.feed).run();
         }
     }
-    dispatch(
-        level,
-        Work {
-            program,
-            settings,
-            record,
-            feed,
-        },
-    );
+    dispatch(level, All { program, settings, record, feed });
 }
 
 /// What one lane is doing.
@@ -110,11 +102,11 @@ enum Phase {
     Running,
 }
 
-pub(super) struct Ensemble<'p, 'f, 'a, V, F> {
+struct Ensemble<'p, 'f, 'a, V> {
     program: &'p Program,
     settings: Settings,
     record: &'p [Slot],
-    feed: &'f mut F,
+    feed: &'f mut dyn Feed<'a>,
     batch: Batch<'p, V>,
     lanes: Vec<Lane<'a>>,
     values: Vec<f64>,
@@ -134,12 +126,12 @@ const AT_REST_PER_S: f64 = 1e-9;
 /// has none.
 const LONGEST_SETTLING_S: f64 = 1e5;
 
-impl<'p, 'f, 'a, V: Lanes, F: Feed<'a>> Ensemble<'p, 'f, 'a, V, F> {
-    pub(super) fn new(
+impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
+    fn new(
         program: &'p Program,
         settings: Settings,
         record: &'p [Slot],
-        feed: &'f mut F,
+        feed: &'f mut dyn Feed<'a>,
     ) -> Self {
         Self {
             program,
@@ -154,7 +146,7 @@ impl<'p, 'f, 'a, V: Lanes, F: Feed<'a>> Ensemble<'p, 'f, 'a, V, F> {
     }
 
     #[inline(always)]
-    pub(super) fn run(mut self) {
+    fn run(mut self) {
         if !self.fill() {
             return;
         }

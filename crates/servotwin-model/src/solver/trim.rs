@@ -1,7 +1,8 @@
 //! The steady state that a run starts from.
 
-use super::ensemble::{Case, Ensemble, Feed};
+use super::ensemble::{Case, Feed, run};
 use super::{Failure, Settings, Statistics};
+use crate::lanes::Level;
 use crate::program::{Program, Slot};
 use alloc::vec::Vec;
 
@@ -39,6 +40,6 @@ pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
         states: Vec::new(),
         outcome: Ok(Statistics::default()),
     };
-    Ensemble::<f64, _>::new(program, Settings::campaign(), &record, &mut catch).run();
+    run(program, Settings::campaign(), &record, Level::best(), &mut catch);
     catch.outcome.map(|_| catch.states)
 }

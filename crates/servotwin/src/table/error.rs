@@ -146,6 +146,13 @@ pub enum ContentError {
         /// The type's name in Arrow.
         found: String,
     },
+    /// A column is compressed in a way that is not known here.
+    UnknownCodec {
+        /// The column.
+        column: String,
+        /// The codec's name in Parquet.
+        codec: String,
+    },
     /// A column has an empty place.
     Null {
         /// The column.
@@ -302,6 +309,13 @@ impl fmt::Display for ContentError {
                 write!(
                     out,
                     "whole and real numbers, booleans, text, and dictionaries of these"
+                )
+            }
+            ContentError::UnknownCodec { column, codec } => {
+                write!(out, "column '{column}' is compressed with {codec}; ")?;
+                write!(
+                    out,
+                    "known are Snappy, gzip, LZ4 and none: write the file with one of these"
                 )
             }
             ContentError::Null { column, row } => {

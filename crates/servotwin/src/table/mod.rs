@@ -4,7 +4,7 @@
 //! ends with its physical unit (`pressure_a_pa`); the unit itself is kept beside it as text (`Pa`)
 //! and goes into the file where the format has a place for it.
 //!
-//! [`ALL`] lists the formats; [`read`] and [`write`] choose one by the file's extension.
+//! [`ALL`] lists the formats; [`read`] and [`write()`] choose one by the file's extension.
 
 pub mod csv;
 mod error;

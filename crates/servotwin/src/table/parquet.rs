@@ -21,7 +21,7 @@ use ::parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatc
 use ::parquet::arrow::{ArrowWriter, ProjectionMask};
 use ::parquet::basic::Compression;
 use ::parquet::errors::ParquetError;
-use ::parquet::file::metadata::KeyValue;
+use ::parquet::file::metadata::{KeyValue, ParquetMetaData};
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{
@@ -192,6 +192,7 @@ impl ParquetReader {
                 schema.metadata.insert(entry.key.clone(), value);
             }
         }
+        require_known_codecs(builder.metadata()).map_err(content)?;
         let row_count = usize::try_from(file_metadata.num_rows()).unwrap_or(0);
         let mask = ProjectionMask::roots(builder.parquet_schema(), places);
         let builder = builder.with_projection(mask).with_batch_size(BATCH_ROWS);
@@ -295,6 +296,29 @@ fn require_different_names(fields: &arrow_schema::Fields) -> Result<(), ContentE
     match fields.iter().find(|field| !known.insert(field.name())) {
         Some(twice) => Err(ContentError::DuplicateColumn {
             column: twice.name().clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn require_known_codecs(file: &ParquetMetaData) -> Result<(), ContentError> {
+    let columns = file.row_groups().iter().flat_map(|group| group.columns());
+    let unknown = columns
+        .map(|column| (column, column.compression()))
+        .find(|(_, codec)| {
+            use Compression as Codec;
+            let known = [
+                Codec::UNCOMPRESSED,
+                Codec::SNAPPY,
+                Codec::LZ4,
+                Codec::LZ4_RAW,
+            ];
+            !known.contains(codec) && !matches!(codec, Codec::GZIP(_))
+        });
+    match unknown {
+        Some((column, codec)) => Err(ContentError::UnknownCodec {
+            column: column.column_path().string(),
+            codec: codec.to_string(),
         }),
         None => Ok(()),
     }

@@ -1,0 +1,122 @@
+//! One linear function per class: what linear SVM, discriminant analysis and logistic regression
+//! have in common once trained.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, same_length};
+use crate::numeric::{Standardiser, arg_max, dot, softmax};
+
+/// `f_k(x) = w_k · x + b_k` for the classes that were trained; the largest wins.
+///
+/// The weights are for features as they come: standardisation is folded in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinearFunctions {
+    features: usize,
+    classes: usize,
+    /// Labels of the trained classes, ascending.
+    labels: Vec<u32>,
+    /// Trained class-major: one weight per feature.
+    weights: Vec<f64>,
+    intercepts: Vec<f64>,
+}
+
+impl LinearFunctions {
+    /// From weights for standardised features, one row of `features` per label.
+    pub(crate) fn from_standardised(
+        classes: usize,
+        labels: Vec<u32>,
+        standardiser: &Standardiser,
+        mut weights: Vec<f64>,
+        mut intercepts: Vec<f64>,
+    ) -> Self {
+        let features = standardiser.means.len();
+        for (weights, intercept) in weights.chunks_exact_mut(features).zip(&mut intercepts) {
+            for (weight, scale) in weights.iter_mut().zip(&standardiser.scales) {
+                *weight *= scale;
+            }
+            *intercept -= dot(weights, &standardiser.means);
+        }
+        LinearFunctions {
+            features,
+            classes,
+            labels,
+            weights,
+            intercepts,
+        }
+    }
+
+    /// Number of features in a row.
+    pub fn features(&self) -> usize {
+        self.features
+    }
+
+    /// Number of classes, those without training rows included.
+    pub fn classes(&self) -> usize {
+        self.classes
+    }
+
+    /// The weights of each trained class: (label, weights, intercept).
+    pub fn functions(&self) -> impl Iterator<Item = (u32, &[f64], f64)> {
+        let weights = self.weights.chunks_exact(self.features);
+        self.labels
+            .iter()
+            .zip(weights)
+            .zip(&self.intercepts)
+            .map(|((l, w), b)| (*l, w, *b))
+    }
+
+    /// The label with the largest value.
+    pub(crate) fn predict(&self, row: &[f64]) -> u32 {
+        let row = &row[..self.features];
+        self.labels[arg_max(
+            self.functions()
+                .map(|(_, weights, b)| dot(weights, row) + b),
+        )]
+    }
+
+    /// Writes the values; classes that were not trained get minus infinity.
+    pub(crate) fn values_into(&self, row: &[f64], values: &mut [f64]) {
+        let row = &row[..self.features];
+        values.fill(f64::NEG_INFINITY);
+        for (label, weights, intercept) in self.functions() {
+            values[label as usize] = dot(weights, row) + intercept;
+        }
+    }
+
+    /// Writes the values as probabilities, by the softmax.
+    pub(crate) fn shares_into(&self, row: &[f64], shares: &mut [f64]) {
+        self.values_into(row, shares);
+        softmax(shares);
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        check_labels(&self.labels, self.classes)?;
+        same_length("intercepts", self.labels.len(), self.intercepts.len())?;
+        same_length(
+            "weights",
+            self.labels.len() * self.features,
+            self.weights.len(),
+        )
+    }
+}
+
+/// Checks the labels of the trained classes of a model from outside.
+pub(crate) fn check_labels(labels: &[u32], classes: usize) -> Result<(), Error> {
+    if !labels.is_empty() && labels.iter().all(|&label| (label as usize) < classes) {
+        Ok(())
+    } else {
+        Err(Error::CorruptModel {
+            broken: "labels must be known classes",
+        })
+    }
+}
+
+/// The mirror image of a two-class problem: the first class's function is minus the second's.
+pub(crate) fn mirrored(weights: Vec<f64>, intercept: f64) -> (Vec<f64>, Vec<f64>) {
+    let mut both: Vec<f64> = weights.iter().map(|weight| -weight).collect();
+    both.extend(weights);
+    (both, vec![-intercept, intercept])
+}

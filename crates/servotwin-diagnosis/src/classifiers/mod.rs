@@ -1,0 +1,245 @@
+//! The classifiers, one file each, behind one trait.
+//!
+//! A classifier file holds `Settings` (serialisable, with defaults) that implement [`Fit`], and the
+//! `Model` it trains, which implements [`Classifier`]. To add one: write the file, declare it, and
+//! add one line to the list below; [`Kind`], [`ALL`], [`Settings`] and [`Model`] follow from it, and
+//! the contract tests take it in.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::data::Samples;
+use crate::error::{Error, same_length};
+use crate::numeric::arg_max;
+
+pub mod adaboost;
+pub mod cart;
+pub mod linear_discriminant;
+pub mod linear_svm;
+pub mod logistic_regression;
+pub mod mlp;
+pub mod naive_bayes;
+pub mod random_forest;
+
+mod linear;
+
+/// What the scores of a classifier mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scores {
+    /// Not negative and sum to one: probabilities or shares of votes (not calibrated).
+    Shares,
+    /// Signed distances from each class's border; no common scale.
+    Margins,
+}
+
+/// Settings from which a model is trained.
+pub trait Fit {
+    /// What is trained.
+    type Model: Classifier;
+
+    /// Trains a model. The same samples and settings give the same model bit for bit.
+    ///
+    /// # Errors
+    /// [`Error::SettingOutOfRange`] and what else the classifier says.
+    fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
+}
+
+/// A trained model.
+///
+/// Rows must be finite. A NaN never panics, but what is predicted then means nothing.
+pub trait Classifier {
+    /// Number of features in a row.
+    fn features(&self) -> usize;
+
+    /// Number of classes, those without training rows included.
+    fn classes(&self) -> usize;
+
+    /// What the scores mean.
+    fn scores(&self) -> Scores {
+        Scores::Shares
+    }
+
+    /// Writes one score per class, the largest for the class predicted. Does not allocate.
+    ///
+    /// # Panics
+    /// If `row` is shorter than [`Classifier::features`] or `scores` is not as long as
+    /// [`Classifier::classes`]. [`Model::predict`] checks first.
+    fn scores_into(&self, row: &[f64], scores: &mut [f64]);
+
+    /// The predicted class, of equally good ones the lowest. Does not allocate; `scratch` has one
+    /// place per class, and may hold the scores afterwards.
+    ///
+    /// # Panics
+    /// As [`Classifier::scores_into`].
+    fn predict_with(&self, row: &[f64], scratch: &mut [f64]) -> u32 {
+        self.scores_into(row, scratch);
+        arg_max(scratch.iter().copied()) as u32
+    }
+
+    /// The predicted class. Allocates a scratch row; use [`Classifier::predict_with`] in a loop.
+    ///
+    /// # Panics
+    /// As [`Classifier::scores_into`].
+    fn predict_row(&self, row: &[f64]) -> u32 {
+        self.predict_with(row, &mut vec![0.0; self.classes()])
+    }
+
+    /// Checks that the parts of a model fit each other; for models that come from outside.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`] or [`Error::LengthMismatch`].
+    fn check(&self) -> Result<(), Error>;
+}
+
+macro_rules! classifiers {
+    ($($file:ident $kind:ident $title:literal,)*) => {
+        /// The kinds of classifier.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum Kind {
+            $(#[doc = $title] $kind,)*
+        }
+
+        /// Every kind of classifier, in the order of the reports.
+        pub const ALL: &[Kind] = &[$(Kind::$kind,)*];
+
+        impl Kind {
+            /// The stable name of the kind in files: that of its source file.
+            pub fn id(self) -> &'static str {
+                match self {
+                    $(Kind::$kind => stringify!($file),)*
+                }
+            }
+
+            /// The name to show.
+            pub fn title(self) -> &'static str {
+                match self {
+                    $(Kind::$kind => $title,)*
+                }
+            }
+
+            /// The settings a study starts from.
+            pub fn default_settings(self) -> Settings {
+                match self {
+                    $(Kind::$kind => Settings::$kind(Default::default()),)*
+                }
+            }
+        }
+
+        /// Settings of any classifier; in a file, `kind` names which.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "kind", rename_all = "snake_case")]
+        pub enum Settings {
+            $(#[doc = $title] $kind($file::Settings),)*
+        }
+
+        impl Settings {
+            /// Which classifier they are for.
+            pub fn kind(&self) -> Kind {
+                match self {
+                    $(Settings::$kind(_) => Kind::$kind,)*
+                }
+            }
+        }
+
+        impl Fit for Settings {
+            type Model = Model;
+
+            fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+                match self {
+                    $(Settings::$kind(settings) => settings.fit(samples).map(Model::$kind),)*
+                }
+            }
+        }
+
+        /// A trained model of any kind.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum Model {
+            $(#[doc = $title] $kind($file::Model),)*
+        }
+
+        impl Model {
+            /// Which classifier it is.
+            pub fn kind(&self) -> Kind {
+                match self {
+                    $(Model::$kind(_) => Kind::$kind,)*
+                }
+            }
+
+            fn inner(&self) -> &dyn Classifier {
+                match self {
+                    $(Model::$kind(model) => model,)*
+                }
+            }
+        }
+    };
+}
+
+// The one list. Source file, name of the kind, name to show.
+classifiers! {
+    linear_svm LinearSvm "Linear support vector",
+    cart Cart "Decision tree (CART)",
+    mlp Mlp "Multi-layer perceptron",
+    naive_bayes NaiveBayes "Gaussian naive Bayes",
+    random_forest RandomForest "Random forest",
+    linear_discriminant LinearDiscriminant "Linear discriminant analysis",
+    adaboost Adaboost "AdaBoost",
+    logistic_regression LogisticRegression "Logistic regression",
+}
+
+impl Classifier for Model {
+    fn features(&self) -> usize {
+        self.inner().features()
+    }
+
+    fn classes(&self) -> usize {
+        self.inner().classes()
+    }
+
+    fn scores(&self) -> Scores {
+        self.inner().scores()
+    }
+
+    fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
+        self.inner().scores_into(row, scores);
+    }
+
+    fn predict_with(&self, row: &[f64], scratch: &mut [f64]) -> u32 {
+        self.inner().predict_with(row, scratch)
+    }
+
+    fn predict_row(&self, row: &[f64]) -> u32 {
+        self.inner().predict_row(row)
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        self.inner().check()
+    }
+}
+
+impl Model {
+    /// The predicted class of every row of a table.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] if the table has another number of features.
+    pub fn predict(&self, samples: &Samples) -> Result<Vec<u32>, Error> {
+        predict(self, samples)
+    }
+}
+
+/// The class that a model predicts for every row of a table.
+///
+/// # Errors
+/// [`Error::LengthMismatch`] if the table has another number of features.
+pub fn predict(model: &impl Classifier, samples: &Samples) -> Result<Vec<u32>, Error> {
+    same_length("features", model.features(), samples.features())?;
+    let mut row_values = vec![0.0; samples.features()];
+    let mut scratch = vec![0.0; model.classes()];
+    let one = |row| {
+        samples.row_into(row, &mut row_values);
+        model.predict_with(&row_values, &mut scratch)
+    };
+    Ok((0..samples.rows()).map(one).collect())
+}

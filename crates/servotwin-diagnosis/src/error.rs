@@ -1,0 +1,176 @@
+//! The one error type of the crate.
+
+use alloc::string::String;
+use core::fmt;
+
+use crate::data::LARGEST;
+
+/// What can go wrong between a table of features and a trained model.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// A table without rows, or in which every row has weight zero.
+    NoSamples,
+    /// A table without feature columns, or from which every column was excluded.
+    NoFeatures,
+    /// Two lengths that must agree do not.
+    LengthMismatch {
+        /// What was being counted, for example `labels`.
+        what: &'static str,
+        /// The length that was needed.
+        expected: usize,
+        /// The length that came.
+        found: usize,
+    },
+    /// A feature value is NaN, infinite, or larger than [`crate::data::LARGEST`].
+    NotFinite {
+        /// Name of the feature column.
+        column: String,
+        /// Row, counted from zero.
+        row: usize,
+    },
+    /// A label points past the list of class names.
+    LabelOutOfRange {
+        /// Row, counted from zero.
+        row: usize,
+        /// The label.
+        label: u32,
+        /// Number of classes.
+        classes: usize,
+    },
+    /// A sample weight is negative, NaN, infinite, or larger than [`crate::data::LARGEST`].
+    WeightOutOfRange {
+        /// Row, counted from zero.
+        row: usize,
+        /// The weight.
+        weight: f64,
+    },
+    /// An index is past the end of what it indexes.
+    IndexOutOfRange {
+        /// What was indexed, for example `row`.
+        what: &'static str,
+        /// The index.
+        index: usize,
+        /// The length.
+        length: usize,
+    },
+    /// A setting names a feature that the samples do not have.
+    UnknownFeature {
+        /// The name.
+        name: String,
+    },
+    /// A setting is outside its range.
+    SettingOutOfRange {
+        /// Name of the setting.
+        setting: &'static str,
+        /// The value given.
+        value: f64,
+        /// The values allowed.
+        allowed: &'static str,
+    },
+    /// More folds were asked for than there are rows or groups to fill them.
+    TooFewForFolds {
+        /// Folds asked for.
+        folds: usize,
+        /// Rows or groups available.
+        available: usize,
+    },
+    /// The parts of a stored model do not fit each other.
+    CorruptModel {
+        /// Which promise is broken.
+        broken: &'static str,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::NoSamples => write!(out, "no samples with positive weight"),
+            Error::NoFeatures => write!(out, "no feature columns"),
+            Error::LengthMismatch {
+                what,
+                expected,
+                found,
+            } => {
+                write!(out, "{what}: expected {expected}, found {found}")
+            }
+            Error::NotFinite { column, row } => {
+                write!(
+                    out,
+                    "feature `{column}`, row {row}: value is not finite or too large"
+                )
+            }
+            Error::LabelOutOfRange {
+                row,
+                label,
+                classes,
+            } => {
+                write!(
+                    out,
+                    "row {row}: label {label}, but there are {classes} classes"
+                )
+            }
+            Error::WeightOutOfRange { row, weight } => {
+                write!(
+                    out,
+                    "row {row}: weight {weight} is not between 0 and {LARGEST:e}"
+                )
+            }
+            Error::IndexOutOfRange {
+                what,
+                index,
+                length,
+            } => {
+                write!(out, "{what} {index} is past the end ({length})")
+            }
+            Error::UnknownFeature { name } => write!(out, "no feature is named `{name}`"),
+            Error::SettingOutOfRange {
+                setting,
+                value,
+                allowed,
+            } => {
+                write!(out, "setting `{setting}` is {value}, allowed: {allowed}")
+            }
+            Error::TooFewForFolds { folds, available } => {
+                write!(
+                    out,
+                    "{folds} folds asked for, but only {available} to fill them"
+                )
+            }
+            Error::CorruptModel { broken } => write!(out, "stored model is corrupt: {broken}"),
+        }
+    }
+}
+
+impl core::error::Error for Error {}
+
+/// Returns an error unless `holds`; for the range checks of settings.
+pub(crate) fn require(
+    holds: bool,
+    setting: &'static str,
+    value: f64,
+    allowed: &'static str,
+) -> Result<(), Error> {
+    if holds {
+        Ok(())
+    } else {
+        Err(Error::SettingOutOfRange {
+            setting,
+            value,
+            allowed,
+        })
+    }
+}
+
+/// Returns an error unless the two lengths agree.
+pub(crate) fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(Error::LengthMismatch {
+            what,
+            expected,
+            found,
+        })
+    }
+}

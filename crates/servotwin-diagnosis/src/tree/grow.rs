@@ -1,0 +1,426 @@
+//! Growing a tree from the root down, depth first.
+//!
+//! When every feature is tried at each split, the presorted rows of all features are carried along
+//! and split in place, which costs O(rows · features) for each level. When features are drawn at
+//! random, only the drawn ones are sorted, node by node.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::criterion::{Criterion, EntropyScan, GiniScan, Scan};
+use super::presorted::Presorted;
+use super::split::{Candidate, Limits, NodeRows, best_of_feature};
+use super::{Costs, RejectedSplit, Tree};
+use crate::data::Samples;
+use crate::numeric::arg_max;
+use crate::random::Random;
+
+/// At most so many rejected splits are kept for a node.
+const REJECTED_PER_NODE: usize = 3;
+
+/// A node less impure than this is not split (rounding of the impurity of a pure node).
+const PURE: f64 = f64::EPSILON;
+
+/// When to split and where.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Rules {
+    pub criterion: Criterion,
+    pub max_depth: usize,
+    pub min_rows_split: usize,
+    pub min_rows_leaf: usize,
+    pub min_impurity_decrease: f64,
+    /// The features that may be asked for, ascending, not empty.
+    pub features: Vec<usize>,
+    /// How many of them are drawn for each split; all when not less than `features.len()`.
+    pub drawn_features: usize,
+    /// Limits for every feature of the samples, or empty for none.
+    pub limits: Vec<Limits>,
+    pub costs: Option<Costs>,
+}
+
+/// Everything a tree is grown from.
+pub(crate) struct Growth<'a> {
+    pub samples: &'a Samples,
+    pub presorted: &'a Presorted,
+    /// Weight of each row in counts and decisions; rows of weight 0 are left out.
+    pub weights: &'a [f64],
+    /// Weight of each row in the impurity.
+    pub impurity_weights: &'a [f64],
+    pub rules: &'a Rules,
+}
+
+/// Grows a tree. `random` is used only when features are drawn.
+pub(crate) fn grow(growth: &Growth, random: &mut Random) -> Tree {
+    match growth.rules.criterion {
+        Criterion::Gini => Grower::<GiniScan>::new(growth).run(random),
+        Criterion::Entropy => Grower::<EntropyScan>::new(growth).run(random),
+    }
+}
+
+/// A node whose rows are known but that is not yet in the tree.
+struct Pending {
+    /// Its rows are `start..end` of every row list.
+    start: usize,
+    end: usize,
+    depth: usize,
+    /// The parent and whether this is its right child.
+    parent: Option<(usize, bool)>,
+    /// Features not known to be constant here, ascending.
+    features: Vec<u32>,
+}
+
+struct Grower<'a, S> {
+    growth: &'a Growth<'a>,
+    tree: Tree,
+    scan: S,
+    /// The rows in use, grouped by node.
+    rows: Vec<u32>,
+    /// The same rows for each feature in ascending order of it, grouped by node; empty when
+    /// features are drawn.
+    sorted: Vec<u32>,
+    goes_left: Vec<bool>,
+    spare: Vec<u32>,
+    keys: Vec<u64>,
+    total_weight: f64,
+    /// Weights of the classes at the current node, as the impurity sees them.
+    node_weights: Vec<f64>,
+}
+
+impl<'a, S: Scan + Default> Grower<'a, S> {
+    fn new(growth: &'a Growth<'a>) -> Self {
+        let samples = growth.samples;
+        let used = |row: &u32| growth.weights[*row as usize] > 0.0;
+        let rows: Vec<u32> = (0..samples.rows() as u32).filter(used).collect();
+        let mut sorted = Vec::new();
+        if !draws(growth.rules) {
+            sorted.reserve_exact(rows.len() * samples.features());
+            for feature in 0..samples.features() {
+                sorted.extend(growth.presorted.order(feature).iter().copied().filter(used));
+            }
+        }
+        Grower {
+            tree: Tree::empty(samples.features(), samples.classes()),
+            scan: S::default(),
+            sorted,
+            goes_left: vec![false; samples.rows()],
+            spare: vec![0; rows.len()],
+            keys: Vec::new(),
+            total_weight: rows
+                .iter()
+                .map(|&row| growth.impurity_weights[row as usize])
+                .sum(),
+            node_weights: vec![],
+            rows,
+            growth,
+        }
+    }
+
+    fn run(mut self, random: &mut Random) -> Tree {
+        let features = self
+            .growth
+            .rules
+            .features
+            .iter()
+            .map(|&feature| feature as u32)
+            .collect();
+        let root = Pending {
+            start: 0,
+            end: self.rows.len(),
+            depth: 0,
+            parent: None,
+            features,
+        };
+        let mut stack = vec![root];
+        while let Some(mut pending) = stack.pop() {
+            let node = self.add_node(&pending);
+            let Some(best) = self.choose_split(node, &mut pending, random) else {
+                continue;
+            };
+            let middle = self.divide(&pending, &best);
+            let child = |start, end, is_right, features| Pending {
+                start,
+                end,
+                depth: pending.depth + 1,
+                parent: Some((node, is_right)),
+                features,
+            };
+            // The left child is on top of the stack, so that nodes come in preorder.
+            stack.push(child(middle, pending.end, true, pending.features.clone()));
+            stack.push(child(pending.start, middle, false, pending.features));
+        }
+        self.tree
+    }
+
+    /// Adds a leaf with its counts; `choose_split` may make it an inner node.
+    fn add_node(&mut self, pending: &Pending) -> usize {
+        let classes = self.tree.classes;
+        let node = self.tree.branches.push_leaf();
+        match pending.parent {
+            Some((parent, true)) => self.tree.branches.right[parent] = node as u32,
+            Some((parent, false)) => self.tree.branches.left[parent] = node as u32,
+            None => {}
+        }
+        let mut counts = vec![0; classes];
+        let mut weights = vec![0.0; classes];
+        self.node_weights.clear();
+        self.node_weights.resize(classes, 0.0);
+        for &row in &self.rows[pending.start..pending.end] {
+            let row = row as usize;
+            let class = self.growth.samples.labels()[row] as usize;
+            counts[class] += 1;
+            weights[class] += self.growth.weights[row];
+            self.node_weights[class] += self.growth.impurity_weights[row];
+        }
+        let decision = match &self.growth.rules.costs {
+            Some(costs) => costs.decide(&weights),
+            None => arg_max(weights.iter().copied()),
+        };
+        let share = self.node_weights.iter().sum::<f64>() / self.total_weight;
+        let tree = &mut self.tree;
+        tree.decision.push(decision as u32);
+        tree.depth.push(pending.depth as u32);
+        tree.counts.extend(counts);
+        tree.weights.extend(weights);
+        tree.impurity
+            .push(self.growth.rules.criterion.impurity(&self.node_weights));
+        tree.decrease.push(0.0);
+        tree.share.push(share);
+        node
+    }
+
+    /// Finds the split of a node and writes it into the tree; `None` leaves the node a leaf.
+    fn choose_split(
+        &mut self,
+        node: usize,
+        pending: &mut Pending,
+        random: &mut Random,
+    ) -> Option<Candidate> {
+        let rules = self.growth.rules;
+        let rows = pending.end - pending.start;
+        let final_leaf = pending.depth >= rules.max_depth
+            || rows < rules.min_rows_split
+            || rows < 2 * rules.min_rows_leaf
+            || self.tree.impurity[node] <= PURE;
+        if final_leaf {
+            return None;
+        }
+        let mut best: Option<Candidate> = None;
+        let mut forbidden: Vec<Candidate> = Vec::new();
+        if draws(rules) {
+            best = self.search_drawn(pending, random, &mut forbidden);
+        } else {
+            self.search_all(pending, &mut best, &mut forbidden);
+        }
+        self.keep_rejected(node, &best, forbidden);
+        let best = best?;
+        let decrease = self.decrease_of(node, &best);
+        if decrease + f64::EPSILON < rules.min_impurity_decrease {
+            return None;
+        }
+        self.tree.branches.feature[node] = best.feature as u32;
+        self.tree.branches.threshold[node] = best.threshold;
+        // A useless split (needed for patterns such as exclusive-or) may round below zero.
+        self.tree.decrease[node] = decrease.max(0.0);
+        Some(best)
+    }
+
+    fn decrease_of(&self, node: usize, candidate: &Candidate) -> f64 {
+        let total: f64 = self.node_weights.iter().sum();
+        let children = self
+            .growth
+            .rules
+            .criterion
+            .of_children(candidate.score, total);
+        self.tree.share[node] * (self.tree.impurity[node] - children)
+    }
+
+    fn keep_rejected(
+        &mut self,
+        node: usize,
+        best: &Option<Candidate>,
+        mut forbidden: Vec<Candidate>,
+    ) {
+        forbidden.retain(|candidate| best.is_none_or(|best| candidate.score > best.score));
+        forbidden.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.feature.cmp(&b.feature)));
+        for candidate in forbidden.into_iter().take(REJECTED_PER_NODE) {
+            let decrease = self.decrease_of(node, &candidate);
+            let Candidate {
+                feature,
+                threshold,
+                gap,
+                ..
+            } = candidate;
+            self.tree.rejected.push(RejectedSplit {
+                node,
+                feature,
+                threshold,
+                gap,
+                decrease,
+            });
+        }
+    }
+
+    /// Tries all features, and drops those that are constant at this node.
+    fn search_all(
+        &mut self,
+        pending: &mut Pending,
+        best: &mut Option<Candidate>,
+        forbidden: &mut Vec<Candidate>,
+    ) {
+        let mut features = core::mem::take(&mut pending.features);
+        features.retain(|&feature| {
+            let feature = feature as usize;
+            let first = feature * self.rows.len();
+            let sorted = &self.sorted[first + pending.start..first + pending.end];
+            let column = self.growth.samples.column(feature);
+            if is_constant(sorted, column) {
+                return false;
+            }
+            search(
+                self.growth,
+                &self.node_weights,
+                &mut self.scan,
+                sorted,
+                feature,
+                best,
+                forbidden,
+            );
+            true
+        });
+        pending.features = features;
+    }
+
+    /// Tries randomly drawn features until enough were not constant.
+    fn search_drawn(
+        &mut self,
+        pending: &mut Pending,
+        random: &mut Random,
+        forbidden: &mut Vec<Candidate>,
+    ) -> Option<Candidate> {
+        let mut best = None;
+        let mut constant: Vec<u32> = Vec::new();
+        let mut waiting = pending.features.clone();
+        let mut tried = 0;
+        while tried < self.growth.rules.drawn_features && !waiting.is_empty() {
+            let feature = waiting.swap_remove(random.index(waiting.len()));
+            self.sort_rows(pending, feature as usize);
+            let column = self.growth.samples.column(feature as usize);
+            let sorted = &self.sorted;
+            if is_constant(sorted, column) {
+                constant.push(feature);
+                continue;
+            }
+            tried += 1;
+            let (scan, feature) = (&mut self.scan, feature as usize);
+            search(
+                self.growth,
+                &self.node_weights,
+                scan,
+                sorted,
+                feature,
+                &mut best,
+                forbidden,
+            );
+        }
+        if !constant.is_empty() {
+            pending
+                .features
+                .retain(|feature| !constant.contains(feature));
+        }
+        best
+    }
+
+    /// Puts the rows of a node into `sorted`, in ascending order of a feature.
+    fn sort_rows(&mut self, pending: &Pending, feature: usize) {
+        let ranks = self.growth.presorted.rank(feature);
+        let rows = &self.rows[pending.start..pending.end];
+        self.keys.clear();
+        let key = |&row: &u32| u64::from(ranks[row as usize]) << 32 | u64::from(row);
+        self.keys.extend(rows.iter().map(key));
+        self.keys.sort_unstable();
+        self.sorted.clear();
+        self.sorted.extend(self.keys.iter().map(|&key| key as u32));
+    }
+
+    /// Divides the rows of a node between its children; returns where the right ones begin.
+    fn divide(&mut self, pending: &Pending, best: &Candidate) -> usize {
+        let rules = self.growth.rules;
+        let column = self.growth.samples.column(best.feature);
+        for &row in &self.rows[pending.start..pending.end] {
+            self.goes_left[row as usize] = column[row as usize] <= best.threshold;
+        }
+        let stride = self.rows.len();
+        let (goes_left, spare) = (&self.goes_left, &mut self.spare);
+        let left = partition(&mut self.rows[pending.start..pending.end], goes_left, spare);
+        let largest = left.max(pending.end - pending.start - left);
+        let may_split = pending.depth + 1 < rules.max_depth
+            && largest >= rules.min_rows_split.max(2 * rules.min_rows_leaf);
+        if may_split && !draws(rules) {
+            for &feature in &pending.features {
+                let feature = feature as usize;
+                // The rows sorted by the feature of the split are divided already.
+                if feature != best.feature {
+                    let first = feature * stride;
+                    let sorted = &mut self.sorted[first + pending.start..first + pending.end];
+                    partition(sorted, goes_left, spare);
+                }
+            }
+        }
+        pending.start + left
+    }
+}
+
+/// Whether features are drawn at random for each split.
+fn draws(rules: &Rules) -> bool {
+    rules.drawn_features < rules.features.len()
+}
+
+fn is_constant(sorted: &[u32], column: &[f64]) -> bool {
+    column[sorted[0] as usize] == column[sorted[sorted.len() - 1] as usize]
+}
+
+/// Tries one feature at a node and keeps what it offers.
+fn search<S: Scan>(
+    growth: &Growth,
+    node_weights: &[f64],
+    scan: &mut S,
+    sorted: &[u32],
+    feature: usize,
+    best: &mut Option<Candidate>,
+    forbidden: &mut Vec<Candidate>,
+) {
+    let rows = NodeRows {
+        sorted,
+        column: growth.samples.column(feature),
+        labels: growth.samples.labels(),
+        weights: growth.impurity_weights,
+    };
+    let limits = growth
+        .rules
+        .limits
+        .get(feature)
+        .copied()
+        .unwrap_or_default();
+    scan.restart(node_weights);
+    let offer = best_of_feature(&rows, feature, growth.rules.min_rows_leaf, limits, scan);
+    if let Some(candidate) = offer.allowed.filter(|candidate| candidate.beats(best)) {
+        *best = Some(candidate);
+    }
+    forbidden.extend(offer.forbidden);
+}
+
+/// Moves the rows that go left to the front, keeping the order on both sides; returns their number.
+fn partition(rows: &mut [u32], goes_left: &[bool], spare: &mut [u32]) -> usize {
+    let (mut left, mut right) = (0, 0);
+    for place in 0..rows.len() {
+        // Both are written and one is kept: no branch to mispredict.
+        let row = rows[place];
+        let is_left = goes_left[row as usize];
+        rows[left] = row;
+        spare[right] = row;
+        left += usize::from(is_left);
+        right += usize::from(!is_left);
+    }
+    rows[left..].copy_from_slice(&spare[..right]);
+    left
+}

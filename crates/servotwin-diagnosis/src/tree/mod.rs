@@ -1,0 +1,383 @@
+//! The decision tree: flat arrays to walk, and what every node knows about itself.
+//!
+//! One tree serves CART, random forest and AdaBoost. [`Branches`] is all that prediction needs;
+//! [`Tree`] adds the counts, impurities and rejected splits that explain it. Nodes are numbered in
+//! preorder: a node comes before its children and the left child follows its parent.
+//! A row goes left when its value is not above the threshold.
+//!
+//! Source: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", 1984.
+
+mod criterion;
+mod grow;
+mod presorted;
+mod prune;
+mod render;
+mod split;
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, same_length};
+use crate::numeric::arg_max;
+
+pub use criterion::Criterion;
+pub use prune::PruningStep;
+
+pub(crate) use grow::{Growth, Rules, grow};
+pub(crate) use presorted::Presorted;
+pub(crate) use split::Limits;
+
+/// In place of a feature: the node is a leaf.
+const LEAF: u32 = u32::MAX;
+
+/// The part of a tree that decides: four flat arrays with one entry per node.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Branches {
+    feature: Vec<u32>,
+    threshold: Vec<f64>,
+    left: Vec<u32>,
+    right: Vec<u32>,
+}
+
+impl Branches {
+    /// Number of nodes.
+    pub fn len(&self) -> usize {
+        self.feature.len()
+    }
+
+    /// Whether there is no node; never true for a grown tree.
+    pub fn is_empty(&self) -> bool {
+        self.feature.is_empty()
+    }
+
+    /// The question of a node as (feature, threshold), `None` for a leaf.
+    pub fn split(&self, node: usize) -> Option<(usize, f64)> {
+        let feature = self.feature[node];
+        (feature != LEAF).then(|| (feature as usize, self.threshold[node]))
+    }
+
+    /// Left and right child of a node, `None` for a leaf.
+    pub fn children(&self, node: usize) -> Option<(usize, usize)> {
+        let inner = self.feature[node] != LEAF;
+        inner.then(|| (self.left[node] as usize, self.right[node] as usize))
+    }
+
+    /// The leaf that a row of features falls into. Does not allocate.
+    ///
+    /// A NaN goes right at every split.
+    ///
+    /// # Panics
+    /// If the row has fewer features than the tree was trained with.
+    pub fn leaf_of(&self, row: &[f64]) -> usize {
+        let mut node = 0;
+        while self.feature[node] != LEAF {
+            let goes_left = row[self.feature[node] as usize] <= self.threshold[node];
+            node = if goes_left {
+                self.left[node]
+            } else {
+                self.right[node]
+            } as usize;
+        }
+        node
+    }
+
+    /// Checks what walking relies on: equal lengths, and children behind their parent, so that
+    /// every walk ends.
+    pub(crate) fn check(&self, features: usize) -> Result<(), Error> {
+        let nodes = self.len();
+        for length in [self.threshold.len(), self.left.len(), self.right.len()] {
+            same_length("tree nodes", nodes, length)?;
+        }
+        let sound = |node: usize| {
+            let behind = |child: u32| child as usize > node && (child as usize) < nodes;
+            let feature = self.feature[node];
+            feature == LEAF
+                || ((feature as usize) < features
+                    && behind(self.left[node])
+                    && behind(self.right[node]))
+        };
+        if nodes > 0 && (0..nodes).all(sound) {
+            Ok(())
+        } else {
+            Err(Error::CorruptModel {
+                broken: "tree nodes must point to later nodes",
+            })
+        }
+    }
+
+    fn push_leaf(&mut self) -> usize {
+        self.feature.push(LEAF);
+        self.threshold.push(0.0);
+        self.left.push(0);
+        self.right.push(0);
+        self.len() - 1
+    }
+}
+
+/// A split that lowers the impurity more than the one used, but that no sensor could resolve.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RejectedSplit {
+    /// The node that wanted it.
+    pub node: usize,
+    /// The feature it would have asked for.
+    pub feature: usize,
+    /// The threshold it would have used.
+    pub threshold: f64,
+    /// Distance of the two neighbouring values that the threshold separates.
+    pub gap: f64,
+    /// The impurity decrease it would have bought, weighted by the share of samples at the node.
+    pub decrease: f64,
+}
+
+/// A leaf as the report shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeafReport {
+    /// Number of the node.
+    pub node: usize,
+    /// The class decided here.
+    pub class: u32,
+    /// Share of the decided class among the weights of the leaf.
+    pub purity: f64,
+    /// Training rows in the leaf.
+    pub rows: u32,
+    /// Their weight.
+    pub weight: f64,
+    /// Number of questions on the way to the leaf.
+    pub depth: usize,
+}
+
+/// A grown decision tree with all that its nodes know.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tree {
+    features: usize,
+    classes: usize,
+    branches: Branches,
+    decision: Vec<u32>,
+    depth: Vec<u32>,
+    /// Training rows per node and class, node-major.
+    counts: Vec<u32>,
+    /// Their weights per node and class, node-major.
+    weights: Vec<f64>,
+    impurity: Vec<f64>,
+    decrease: Vec<f64>,
+    /// Share of all training weight at the node, as the impurity sees it.
+    share: Vec<f64>,
+    rejected: Vec<RejectedSplit>,
+}
+
+impl Tree {
+    fn empty(features: usize, classes: usize) -> Self {
+        Tree {
+            features,
+            classes,
+            branches: Branches::default(),
+            decision: vec![],
+            depth: vec![],
+            counts: vec![],
+            weights: vec![],
+            impurity: vec![],
+            decrease: vec![],
+            share: vec![],
+            rejected: vec![],
+        }
+    }
+
+    /// Number of features in a row.
+    pub fn features(&self) -> usize {
+        self.features
+    }
+
+    /// Number of classes.
+    pub fn classes(&self) -> usize {
+        self.classes
+    }
+
+    /// Number of nodes, leaves included.
+    pub fn nodes(&self) -> usize {
+        self.branches.len()
+    }
+
+    /// The arrays that prediction walks.
+    pub fn branches(&self) -> &Branches {
+        &self.branches
+    }
+
+    /// The question of a node as (feature, threshold), `None` for a leaf.
+    pub fn split(&self, node: usize) -> Option<(usize, f64)> {
+        self.branches.split(node)
+    }
+
+    /// Left and right child of a node, `None` for a leaf.
+    pub fn children(&self, node: usize) -> Option<(usize, usize)> {
+        self.branches.children(node)
+    }
+
+    /// The class that a node decides, or would decide if the tree were cut there.
+    pub fn decision(&self, node: usize) -> u32 {
+        self.decision[node]
+    }
+
+    /// Training rows of each class at a node.
+    pub fn counts(&self, node: usize) -> &[u32] {
+        &self.counts[node * self.classes..(node + 1) * self.classes]
+    }
+
+    /// Training weight of each class at a node.
+    pub fn weights(&self, node: usize) -> &[f64] {
+        &self.weights[node * self.classes..(node + 1) * self.classes]
+    }
+
+    /// Impurity of a node (with the altered priors, if costs enter the impurity).
+    pub fn impurity(&self, node: usize) -> f64 {
+        self.impurity[node]
+    }
+
+    /// Impurity decrease by the split of a node, weighted by the share of samples there; 0 for a
+    /// leaf.
+    pub fn decrease(&self, node: usize) -> f64 {
+        self.decrease[node]
+    }
+
+    /// Share of the decided class among the weights at a node, in 0..=1.
+    pub fn purity(&self, node: usize) -> f64 {
+        let weights = self.weights(node);
+        weights[self.decision[node] as usize] / weights.iter().sum::<f64>()
+    }
+
+    /// Number of questions above a node.
+    pub fn node_depth(&self, node: usize) -> usize {
+        self.depth[node] as usize
+    }
+
+    /// Largest number of questions on the way to a leaf.
+    pub fn depth(&self) -> usize {
+        self.depth.iter().copied().max().unwrap_or(0) as usize
+    }
+
+    /// Splits that were better than the ones used, but implausible: by node, best first.
+    pub fn rejected(&self) -> &[RejectedSplit] {
+        &self.rejected
+    }
+
+    /// The node numbers from the root to the leaf of a row. Does not allocate.
+    ///
+    /// # Panics
+    /// While iterating, if the row has fewer features than the tree was trained with.
+    pub fn decision_path<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
+        core::iter::successors(Some(0), move |&node| {
+            let (feature, threshold) = self.branches.split(node)?;
+            let (left, right) = self.branches.children(node)?;
+            Some(if row[feature] <= threshold {
+                left
+            } else {
+                right
+            })
+        })
+    }
+
+    /// Share of the total impurity decrease that each feature bought; sums to 1, or all 0 for a
+    /// tree without splits.
+    pub fn importances(&self) -> Vec<f64> {
+        let mut importances = vec![0.0; self.features];
+        for node in 0..self.nodes() {
+            if let Some((feature, _)) = self.split(node) {
+                importances[feature] += self.decrease[node];
+            }
+        }
+        let total: f64 = importances.iter().sum();
+        if total > 0.0 {
+            importances
+                .iter_mut()
+                .for_each(|importance| *importance /= total);
+        }
+        importances
+    }
+
+    /// All leaves, the least pure first; of equally pure ones the heavier, then the lower number.
+    pub fn leaves(&self) -> Vec<LeafReport> {
+        let is_leaf = |node: &usize| self.split(*node).is_none();
+        let mut leaves: Vec<_> = (0..self.nodes())
+            .filter(is_leaf)
+            .map(|node| self.report(node))
+            .collect();
+        leaves.sort_by(|a, b| {
+            a.purity
+                .total_cmp(&b.purity)
+                .then(b.weight.total_cmp(&a.weight))
+        });
+        leaves
+    }
+
+    fn report(&self, node: usize) -> LeafReport {
+        LeafReport {
+            node,
+            class: self.decision[node],
+            purity: self.purity(node),
+            rows: self.counts(node).iter().sum(),
+            weight: self.weights(node).iter().sum(),
+            depth: self.node_depth(node),
+        }
+    }
+
+    /// Writes the share of each class in the leaf of a row into `scores`.
+    pub(crate) fn shares_into(&self, row: &[f64], scores: &mut [f64]) {
+        let weights = self.weights(self.branches.leaf_of(row));
+        let total: f64 = weights.iter().sum();
+        for (score, weight) in scores.iter_mut().zip(weights) {
+            *score = weight / total;
+        }
+    }
+
+    /// Checks a tree that came from outside.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        self.branches.check(self.features)?;
+        let nodes = self.nodes();
+        for length in [self.decision.len(), self.depth.len(), self.impurity.len()] {
+            same_length("tree nodes", nodes, length)?;
+        }
+        for length in [self.decrease.len(), self.share.len()] {
+            same_length("tree nodes", nodes, length)?;
+        }
+        same_length("tree counts", nodes * self.classes, self.counts.len())?;
+        same_length("tree weights", nodes * self.classes, self.weights.len())?;
+        if self
+            .decision
+            .iter()
+            .all(|&class| (class as usize) < self.classes)
+        {
+            Ok(())
+        } else {
+            Err(Error::CorruptModel {
+                broken: "tree leaves must decide known classes",
+            })
+        }
+    }
+}
+
+/// What a wrong decision costs: `costs[true class][decided class]`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Costs(pub Vec<Vec<f64>>);
+
+impl Costs {
+    /// The class whose decision costs least for these class weights; of equal ones the lowest.
+    fn decide(&self, weights: &[f64]) -> usize {
+        let cost_of = |class: usize| -> f64 {
+            weights
+                .iter()
+                .zip(&self.0)
+                .map(|(weight, row)| weight * row[class])
+                .sum()
+        };
+        arg_max((0..weights.len()).map(|class| -cost_of(class)))
+    }
+
+    /// Sum of what can go wrong for each true class: the factors of the altered priors
+    /// (Breiman et al. 1984, section 4.4.3).
+    pub fn prior_factors(&self) -> Vec<f64> {
+        self.0.iter().map(|row| row.iter().sum()).collect()
+    }
+}

@@ -1,0 +1,135 @@
+//! The best threshold of one feature.
+
+use super::criterion::Scan;
+
+/// The smallest differences of a feature that a sensor resolves. Zero allows everything.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Limits {
+    /// The two values on both sides of a threshold must differ by at least this.
+    pub gap: f64,
+    /// A threshold must be at least this far from zero.
+    pub magnitude: f64,
+}
+
+impl Limits {
+    fn allow(self, threshold: f64, gap: f64) -> bool {
+        gap >= self.gap && libm::fabs(threshold) >= self.magnitude
+    }
+}
+
+/// A way to split a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Candidate {
+    pub feature: usize,
+    pub threshold: f64,
+    pub gap: f64,
+    /// Larger is better; comparable within one node.
+    pub score: f64,
+}
+
+impl Candidate {
+    /// Better, or as good with a lower feature.
+    pub fn beats(&self, other: &Option<Candidate>) -> bool {
+        other.as_ref().is_none_or(|other| {
+            self.score > other.score || (self.score == other.score && self.feature < other.feature)
+        })
+    }
+}
+
+/// What one feature offers at a node.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Offer {
+    /// The best split that the limits allow; of equally good ones the lowest threshold.
+    pub allowed: Option<Candidate>,
+    /// The best split that they forbid, if it is better than those allowed before it.
+    pub forbidden: Option<Candidate>,
+}
+
+/// The rows of a node and how they count.
+pub(crate) struct NodeRows<'a> {
+    /// Rows in ascending order of the feature.
+    pub sorted: &'a [u32],
+    /// The feature's value of every row of the samples.
+    pub column: &'a [f64],
+    /// Label of every row of the samples.
+    pub labels: &'a [u32],
+    /// Weight of every row of the samples, as the impurity sees it.
+    pub weights: &'a [f64],
+}
+
+/// The number that separates two neighbouring values: their middle, or the lower one where the
+/// middle is rounded up to the upper one.
+fn separate(lower: f64, upper: f64) -> f64 {
+    let middle = lower / 2.0 + upper / 2.0;
+    if lower <= middle && middle < upper {
+        middle
+    } else {
+        lower
+    }
+}
+
+/// Tries every threshold of a feature. `scan` must have been started with the node's weights.
+pub(crate) fn best_of_feature<S: Scan>(
+    rows: &NodeRows,
+    feature: usize,
+    min_rows: usize,
+    limits: Limits,
+    scan: &mut S,
+) -> Offer {
+    let mut offer = Offer::default();
+    let (mut best, mut best_forbidden) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let mut value = rows.column[rows.sorted[0] as usize];
+    // Past this many rows on the left, too few are on the right.
+    let last = rows.sorted.len() + 1 - min_rows.min(rows.sorted.len()).max(1);
+    for (left, pair) in (1..last).zip(rows.sorted.windows(2)) {
+        let row = pair[0] as usize;
+        scan.move_left(rows.labels[row] as usize, rows.weights[row]);
+        let next = rows.column[pair[1] as usize];
+        if next > value && left >= min_rows {
+            let score = scan.score();
+            if score > best {
+                let (threshold, gap) = (separate(value, next), next - value);
+                let candidate = Candidate {
+                    feature,
+                    threshold,
+                    gap,
+                    score,
+                };
+                if limits.allow(threshold, gap) {
+                    best = score;
+                    offer.allowed = Some(candidate);
+                } else if score > best_forbidden {
+                    best_forbidden = score;
+                    offer.forbidden = Some(candidate);
+                }
+            }
+        }
+        value = next;
+    }
+    offer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::separate;
+
+    #[test]
+    fn threshold_separates_any_two_values() {
+        let pairs = [
+            (1.0, 2.0, 1.5),
+            (1.0, 1.0_f64.next_up(), 1.0),
+            (
+                1.0_f64.next_up(),
+                1.0_f64.next_up().next_up(),
+                1.0_f64.next_up(),
+            ),
+            (f64::MIN, f64::MAX, 0.0),
+            (0.0, 5e-324, 0.0),
+            (-5e-324, 0.0, -5e-324),
+            (f64::MAX.next_down(), f64::MAX, f64::MAX.next_down()),
+        ];
+        for (lower, upper, expected) in pairs {
+            assert_eq!(separate(lower, upper), expected, "{lower:e} {upper:e}");
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! All integration tests of the crate in one binary, to link once.
+
+mod classifiers_contract;
+mod data;
+mod evaluation;
+mod tables;
+mod tree;
+mod val_sklearn;

@@ -1,0 +1,225 @@
+//! Axes: ranges, ticks at round numbers, and their labels.
+
+/// A tick with its label.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Tick {
+    pub at: f64,
+    pub label: String,
+}
+
+/// A range with ticks, linear or logarithmic.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Axis {
+    pub low: f64,
+    pub high: f64,
+    pub log: bool,
+    pub ticks: Vec<Tick>,
+    /// What the labels are to be multiplied by, such as `×10⁶`; empty for one.
+    pub factor: String,
+}
+
+impl Axis {
+    /// A linear axis over a range, with about `count` ticks.
+    pub fn linear(range: (f64, f64), count: usize) -> Self {
+        let (low, high) = widened(range);
+        let step = round_step((high - low) / count.max(1) as f64);
+        let largest = low.abs().max(high.abs());
+        let exponent = engineering_exponent(largest);
+        let unit = 10_f64.powi(exponent);
+        let digits = digits_after_point(step / unit);
+        let first = (low / step - 1e-9).ceil() as i64;
+        let last = (high / step + 1e-9).floor() as i64;
+        let tick = |index: i64| {
+            let at = index as f64 * step;
+            Tick {
+                at,
+                label: signed(format!("{:.digits$}", at / unit)),
+            }
+        };
+        let ticks = (first..=last).map(tick).collect();
+        let factor = if exponent == 0 {
+            String::new()
+        } else {
+            format!("×{}", power(exponent))
+        };
+        Self {
+            low,
+            high,
+            log: false,
+            ticks,
+            factor,
+        }
+    }
+
+    /// A logarithmic axis over the positive part of a range.
+    pub fn logarithmic(range: (f64, f64)) -> Self {
+        let (low, high) = match range {
+            (low, high) if low > 0.0 && high > low => (low, high),
+            (_, high) if high > 0.0 => (high / 10.0, high * 10.0_f64.sqrt()),
+            _ => (1.0, 10.0),
+        };
+        let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+        let decades = (high / low).log10();
+        let multiples: &[f64] = match decades {
+            ..1.2 => &[1.0, 2.0, 3.0, 5.0],
+            1.2..3.0 => &[1.0, 2.0, 5.0],
+            _ => &[1.0],
+        };
+        // Of many decades only every second, third … is labelled.
+        let every = (1 + (last - first) / 8) as usize;
+        let decades = (first..=last).step_by(every);
+        let all = decades.flat_map(|decade| multiples.iter().map(move |part| (*part, decade)));
+        let tick = |(part, decade): (f64, i32)| Tick {
+            at: part * 10_f64.powi(decade),
+            label: decade_label(part, decade),
+        };
+        let inside = |tick: &Tick| tick.at >= low * 0.999 && tick.at <= high * 1.001;
+        let ticks = all.map(tick).filter(inside).collect();
+        Self {
+            low,
+            high,
+            log: true,
+            ticks,
+            factor: String::new(),
+        }
+    }
+
+    /// The axis with its ends moved outwards to the next tick where that is very near, as 90 s is
+    /// to the end of 9000 samples at 100 Hz.
+    pub fn reaching_ticks(self) -> Self {
+        let [first, second, ..] = self.ticks.as_slice() else {
+            return self;
+        };
+        let (step, margin) = (second.at - first.at, 0.01 * (self.high - self.low));
+        let lower = (self.low / step).floor() * step;
+        let upper = (self.high / step).ceil() * step;
+        let low = if self.low - lower <= margin {
+            lower
+        } else {
+            self.low
+        };
+        let high = if upper - self.high <= margin {
+            upper
+        } else {
+            self.high
+        };
+        let count = ((high - low) / step).ceil().max(1.0) as usize;
+        Self::linear((low, high), count)
+    }
+
+    /// Where a value stands between two coordinates; `None` if it has no place on the axis.
+    pub fn place(&self, value: f64, from: f64, to: f64) -> Option<f64> {
+        let share = match self.log {
+            true if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
+            true => return None,
+            false => (value - self.low) / (self.high - self.low),
+        };
+        share.is_finite().then_some(from + share * (to - from))
+    }
+
+    /// An axis title with the ticks' factor.
+    pub fn title(&self, label: &str) -> String {
+        match (label, self.factor.as_str()) {
+            (label, "") => label.to_owned(),
+            ("", factor) => factor.to_owned(),
+            (label, factor) => format!("{label} ({factor})"),
+        }
+    }
+}
+
+/// The least and the greatest finite value; `None` without any.
+pub(super) fn extent(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    values
+        .into_iter()
+        .filter(|value| value.is_finite())
+        .fold(None, |range, value| {
+            let (low, high) = range.unwrap_or((value, value));
+            Some((low.min(value), high.max(value)))
+        })
+}
+
+/// A range with a share of its width added on both sides.
+pub(super) fn padded((low, high): (f64, f64), share: f64) -> (f64, f64) {
+    let (low, high) = widened((low, high));
+    let pad = (high - low) * share;
+    (low - pad, high + pad)
+}
+
+/// A range with some width around a single value.
+fn widened((low, high): (f64, f64)) -> (f64, f64) {
+    let scale = low.abs().max(high.abs());
+    if !(high - low).is_finite() {
+        return (0.0, 1.0);
+    }
+    if high - low > scale * 1e-12 {
+        return (low, high);
+    }
+    let margin = if scale > 0.0 { scale * 0.1 } else { 1.0 };
+    (low - margin, high + margin)
+}
+
+/// The next larger of 1, 2, 2.5, 5 times a power of ten.
+fn round_step(rough: f64) -> f64 {
+    if !(rough.is_finite() && rough > 0.0) {
+        return 1.0;
+    }
+    let decade = 10_f64.powi(rough.log10().floor() as i32);
+    let parts = [1.0, 2.0, 2.5, 5.0, 10.0];
+    let part = parts
+        .into_iter()
+        .find(|part| part * decade >= rough * (1.0 - 1e-9));
+    part.unwrap_or(10.0) * decade
+}
+
+/// The exponent taken out of the labels: a multiple of three, 0 for everyday numbers.
+fn engineering_exponent(largest: f64) -> i32 {
+    if !(1e-2..1e4).contains(&largest) && largest > 0.0 && largest.is_finite() {
+        return (largest.log10() / 3.0).floor() as i32 * 3;
+    }
+    0
+}
+
+fn digits_after_point(step: f64) -> usize {
+    (0..12)
+        .find(|digits| {
+            let scaled = step * 10_f64.powi(*digits);
+            (scaled - scaled.round()).abs() < 1e-6 * scaled
+        })
+        .unwrap_or(12) as usize
+}
+
+/// A number's text with the typographic minus sign, and without the sign of zero.
+pub(super) fn signed(text: String) -> String {
+    match text.strip_prefix('-') {
+        Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),
+        Some(digits) => format!("−{digits}"),
+        None => text,
+    }
+}
+
+fn decade_label(part: f64, decade: i32) -> String {
+    match decade {
+        0.. if decade <= 4 => format!("{}", part * 10_f64.powi(decade)),
+        -3..0 => format!(
+            "{:.*}",
+            decade.unsigned_abs() as usize,
+            part * 10_f64.powi(decade)
+        ),
+        _ if part == 1.0 => power(decade),
+        _ => format!("{part}·{}", power(decade)),
+    }
+}
+
+fn power(exponent: i32) -> String {
+    let raised = |digit: char| match digit {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        digit => char::from_u32('⁰' as u32 + digit.to_digit(10).unwrap_or(0)).unwrap_or('⁰'),
+    };
+    format!(
+        "10{}",
+        exponent.to_string().chars().map(raised).collect::<String>()
+    )
+}

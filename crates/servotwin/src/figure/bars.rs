@@ -1,0 +1,233 @@
+//! Grouped horizontal bars with confidence intervals: scores of several methods side by side.
+
+use super::Figure;
+use super::axis::{Axis, extent};
+use super::font;
+use super::frame::{Frame, TITLE_BELOW};
+use super::legend::{self, Entry, Swatch};
+use super::style::{GREY, INK, colour, tint};
+use super::svg::{Area, Canvas, Type};
+
+/// Groups of bars, one bar for each series in each group.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bars {
+    /// The figure's title, may be empty.
+    pub title: String,
+    /// The title of the horizontal axis, with its unit.
+    pub x_label: String,
+    /// The names of the series; with only one, no legend is drawn.
+    pub series: Vec<String>,
+    /// The groups from the top.
+    pub groups: Vec<Group>,
+    /// The range of the axis; without it, from zero to the largest value.
+    pub range: Option<(f64, f64)>,
+    /// Digits after the point of the values written beside the bars.
+    pub digits: usize,
+    /// The figure's width.
+    pub width: f64,
+}
+
+/// The bars of one label.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Group {
+    /// The label at the left.
+    pub label: String,
+    /// A bar for each series; `None` where there is no result.
+    pub bars: Vec<Option<Bar>>,
+}
+
+/// A value with its confidence interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bar {
+    /// The value.
+    pub value: f64,
+    /// The interval's ends, if known.
+    pub interval: Option<(f64, f64)>,
+}
+
+impl Bar {
+    /// A value without an interval.
+    pub fn new(value: f64) -> Self {
+        Self {
+            value,
+            interval: None,
+        }
+    }
+
+    /// A value with an interval.
+    pub fn with_interval(value: f64, low: f64, high: f64) -> Self {
+        Self {
+            value,
+            interval: Some((low, high)),
+        }
+    }
+}
+
+const MARGIN: f64 = 10.0;
+const BAR: f64 = 13.0;
+const GROUP_GAP: f64 = 9.0;
+const LABEL_SIZE: f64 = 10.5;
+const VALUE_SIZE: f64 = 9.5;
+
+impl Bars {
+    /// A figure without groups.
+    pub fn new(title: impl Into<String>, x_label: impl Into<String>, series: &[&str]) -> Self {
+        Self {
+            title: title.into(),
+            x_label: x_label.into(),
+            series: series.iter().map(|name| (*name).to_owned()).collect(),
+            groups: Vec::new(),
+            range: None,
+            digits: 3,
+            width: 680.0,
+        }
+    }
+
+    /// Adds a group below the others.
+    pub fn with(mut self, label: impl Into<String>, bars: Vec<Option<Bar>>) -> Self {
+        self.groups.push(Group {
+            label: label.into(),
+            bars,
+        });
+        self
+    }
+
+    /// Draws the figure.
+    pub fn draw(&self) -> Figure {
+        let mut canvas = Canvas::default();
+        let labels = self
+            .groups
+            .iter()
+            .map(|group| font::width(&group.label, LABEL_SIZE, false));
+        let left = MARGIN + labels.fold(0.0, f64::max).min(self.width * 0.4) + 8.0;
+        let top = self.draw_header(&mut canvas, left);
+        let value_width = font::width(&self.value_text(-0.5), VALUE_SIZE, false) + 16.0;
+        let area = Area {
+            x: left,
+            y: top,
+            width: self.width - left - MARGIN - value_width,
+            height: self
+                .groups
+                .iter()
+                .map(|group| self.group_height(group))
+                .sum(),
+        };
+        let y = Axis {
+            ticks: Vec::new(),
+            ..Axis::linear((0.0, 1.0), 1)
+        };
+        let frame = Frame {
+            area,
+            x: Axis::linear(self.range(), 6),
+            y,
+        };
+        frame.draw_grid(&mut canvas);
+        let mut y = top;
+        for group in &self.groups {
+            self.draw_group(&mut canvas, group, y, &frame);
+            y += self.group_height(group);
+        }
+        frame.draw_outline(&mut canvas);
+        frame.draw_x_labels(&mut canvas, &self.x_label);
+        canvas.finish(
+            self.width,
+            area.bottom() + TITLE_BELOW + MARGIN / 2.0,
+            &self.title,
+        )
+    }
+
+    fn draw_header(&self, canvas: &mut Canvas, left: f64) -> f64 {
+        let mut y = MARGIN;
+        if !self.title.is_empty() {
+            canvas.text((MARGIN, y + 12.0), &self.title, Type::new(13.0).bold());
+            y += 22.0;
+        }
+        if self.series.len() < 2 {
+            return y;
+        }
+        let named = self.series.iter().enumerate();
+        let entries: Vec<Entry> = named
+            .map(|(index, name)| Entry {
+                name: name.clone(),
+                swatch: Swatch::Box(index),
+            })
+            .collect();
+        let rows = legend::rows(&entries, self.width - left - MARGIN);
+        legend::draw(canvas, (left, y), &rows);
+        y + legend::ROW * rows.len() as f64 + 5.0
+    }
+
+    fn group_height(&self, group: &Group) -> f64 {
+        BAR * group.bars.len().max(1) as f64 + GROUP_GAP
+    }
+
+    fn range(&self) -> (f64, f64) {
+        let bars = self
+            .groups
+            .iter()
+            .flat_map(|group| group.bars.iter().flatten());
+        let ends = bars.flat_map(|bar| {
+            let (low, high) = bar.interval.unwrap_or((bar.value, bar.value));
+            [bar.value, low, high, 0.0]
+        });
+        self.range
+            .unwrap_or_else(|| extent(ends).unwrap_or((0.0, 1.0)))
+    }
+
+    fn value_text(&self, value: f64) -> String {
+        super::axis::signed(format!("{value:.*}", self.digits))
+    }
+
+    fn draw_group(&self, canvas: &mut Canvas, group: &Group, y: f64, frame: &Frame) {
+        let height = self.group_height(group);
+        let label = font::fit(&group.label, frame.area.x - MARGIN - 8.0, LABEL_SIZE);
+        let kind = Type::new(LABEL_SIZE).anchor(super::svg::Anchor::End);
+        canvas.text((frame.area.x - 6.0, y + height / 2.0 + 3.8), &label, kind);
+        for (index, bar) in group.bars.iter().enumerate() {
+            let middle = y + GROUP_GAP / 2.0 + BAR * (index as f64 + 0.5);
+            match bar {
+                Some(bar) => self.draw_bar(canvas, *bar, index, middle, frame),
+                None => {
+                    let kind = Type::new(VALUE_SIZE).colour(GREY);
+                    canvas.text((frame.area.x + 4.0, middle + 3.4), "no result", kind);
+                }
+            }
+        }
+    }
+
+    fn draw_bar(&self, canvas: &mut Canvas, bar: Bar, index: usize, middle: f64, frame: &Frame) {
+        let (left, right) = (frame.area.x, frame.area.right());
+        let at = |value: f64| frame.x_at(value).map(|at| at.clamp(left, right));
+        let (Some(zero), Some(end)) = (at(0.0), at(bar.value)) else {
+            return;
+        };
+        let area = Area {
+            x: zero.min(end),
+            y: middle - BAR / 2.0 + 1.0,
+            width: (end - zero).abs(),
+            height: BAR - 2.0,
+        };
+        let fill = tint(colour(index), 0.75);
+        canvas.rect(
+            area,
+            &format!(
+                " fill=\"{fill}\" stroke=\"{}\" stroke-width=\".6\"",
+                colour(index)
+            ),
+        );
+        if let Some((Some(low), Some(high))) = bar.interval.map(|(low, high)| (at(low), at(high))) {
+            let style = format!(" stroke=\"{INK}\" stroke-width=\"1.1\"");
+            canvas.line((low, middle), (high, middle), &style);
+            for end in [low, high] {
+                canvas.line((end, middle - 3.0), (end, middle + 3.0), &style);
+            }
+        }
+        // The values stand in a column of their own, where no bar or grid line crosses them.
+        let column = right + 6.0;
+        canvas.text(
+            (column, middle + 3.4),
+            &self.value_text(bar.value),
+            Type::new(VALUE_SIZE),
+        );
+    }
+}

@@ -1,0 +1,58 @@
+//! How wide a text is, so that nothing overlaps.
+//!
+//! The widths are DejaVu Sans's. It is one of the widest common faces, so a reader whose viewer
+//! takes another sans-serif font sees a little more space, not less.
+
+/// Advance widths of the printable ASCII characters, in thousandths of the font size.
+#[rustfmt::skip]
+const WIDTHS: [u16; 95] = [
+    318, 401, 460, 838, 636, 950, 780, 275, 390, 390, 500, 838, 318, 361, 318, 337, 636, 636, 636,
+    636, 636, 636, 636, 636, 636, 636, 337, 337, 838, 838, 838, 531, 1000, 684, 686, 698, 770, 632,
+    575, 775, 752, 295, 295, 656, 557, 863, 748, 787, 603, 787, 695, 635, 611, 732, 684, 989, 685,
+    611, 685, 390, 337, 390, 838, 500, 500, 613, 635, 550, 635, 615, 352, 635, 634, 278, 278, 579,
+    278, 974, 634, 612, 635, 635, 411, 521, 392, 634, 592, 818, 592, 592, 525, 636, 337, 636, 838,
+];
+
+/// How much wider bold text is, at most, on the average of a word.
+const BOLD: f64 = 1.12;
+
+/// The width of a text at a font size.
+pub(super) fn width(text: &str, size: f64, bold: bool) -> f64 {
+    let thousandths: f64 = text
+        .chars()
+        .map(|letter| f64::from(letter_width(letter)))
+        .sum();
+    thousandths * size / 1000.0 * if bold { BOLD } else { 1.0 }
+}
+
+fn letter_width(letter: char) -> u16 {
+    let place = (letter as usize).wrapping_sub(32);
+    match letter {
+        _ if place < WIDTHS.len() => WIDTHS[place],
+        '°' | '–' => 500,
+        '²' | '³' | '⁰'..='⁹' | '⁻' | '₀'..='₉' => 401,
+        '·' => 318,
+        '′' => 227,
+        '−' | '±' | '×' | '≤' | '≥' | '≠' | '→' => 838,
+        '…' => 1000,
+        _ => 700,
+    }
+}
+
+/// The text, or as much of its beginning as fits with an ellipsis.
+pub(super) fn fit(text: &str, available: f64, size: f64) -> String {
+    if width(text, size, false) <= available {
+        return text.to_owned();
+    }
+    let mut short = String::new();
+    let mut used = width("…", size, false);
+    for letter in text.chars() {
+        used += f64::from(letter_width(letter)) * size / 1000.0;
+        if used > available {
+            break;
+        }
+        short.push(letter);
+    }
+    short.truncate(short.trim_end().len());
+    short + "…"
+}

@@ -1,0 +1,271 @@
+//! Grids of small histograms: how residuals are distributed, sensor by sensor.
+//!
+//! A bar's height is the share of all finite values of its series (relative frequency). Several
+//! series are overlaid as outlines with a light filling. The limits of a band, such as the ±3 % of
+//! the scaled residuals, are marked by dashed lines.
+
+use std::borrow::Cow;
+
+use super::Figure;
+use super::axis::{Axis, extent, padded};
+use super::font;
+use super::frame::{Frame, TICKS_BELOW, labels_width};
+use super::legend::{self, Entry, Swatch};
+use super::style::{GREY, colour, dash};
+use super::svg::{Anchor, Area, Canvas, Type};
+
+/// A grid of histograms, filled row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HistogramGrid<'a> {
+    /// The figure's title, may be empty.
+    pub title: String,
+    /// The title of every horizontal axis, with its unit.
+    pub x_label: String,
+    /// The names of the overlaid series, the same in every panel.
+    pub series: Vec<String>,
+    /// The panels.
+    pub panels: Vec<HistogramPanel<'a>>,
+    /// The number of panels in a row.
+    pub columns: usize,
+    /// The number of bins.
+    pub bins: usize,
+    /// Dashed lines at plus and minus this value.
+    pub band: Option<f64>,
+    /// The range of every panel; without it each has its own, from its data and the band.
+    pub range: Option<(f64, f64)>,
+    /// The figure's width.
+    pub width: f64,
+}
+
+/// One histogram.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HistogramPanel<'a> {
+    /// The title.
+    pub title: String,
+    /// The values of each series.
+    pub values: Vec<Cow<'a, [f64]>>,
+}
+
+impl<'a> HistogramPanel<'a> {
+    /// A panel from its title and the values of its series.
+    pub fn new(title: impl Into<String>, values: Vec<Cow<'a, [f64]>>) -> Self {
+        Self {
+            title: title.into(),
+            values,
+        }
+    }
+}
+
+const MARGIN: f64 = 10.0;
+const PANEL_HEIGHT: f64 = 92.0;
+const HEADER: f64 = 17.0;
+
+impl<'a> HistogramGrid<'a> {
+    /// A grid without panels: four columns, 41 bins, no band.
+    pub fn new(title: impl Into<String>, x_label: impl Into<String>, series: &[&str]) -> Self {
+        Self {
+            title: title.into(),
+            x_label: x_label.into(),
+            series: series.iter().map(|name| (*name).to_owned()).collect(),
+            panels: Vec::new(),
+            columns: 4,
+            bins: 41,
+            band: None,
+            range: None,
+            width: 860.0,
+        }
+    }
+
+    /// Draws the figure.
+    pub fn draw(&self) -> Figure {
+        let mut canvas = Canvas::default();
+        let columns = self.columns.clamp(1, self.panels.len().max(1));
+        let mut top = self.draw_header(&mut canvas);
+        let cell = (self.width - 2.0 * MARGIN) / columns as f64;
+        for row in self.panels.chunks(columns) {
+            for (place, panel) in row.iter().enumerate() {
+                let corner = (MARGIN + cell * place as f64, top);
+                self.draw_panel(&mut canvas, panel, corner, cell);
+            }
+            top += HEADER + PANEL_HEIGHT + TICKS_BELOW + 8.0;
+        }
+        let kind = Type::new(11.0).anchor(Anchor::Middle);
+        canvas.text((self.width / 2.0, top + 8.0), &self.x_label, kind);
+        canvas.finish(self.width, top + 8.0 + MARGIN, &self.title)
+    }
+
+    fn draw_header(&self, canvas: &mut Canvas) -> f64 {
+        let mut y = MARGIN;
+        if !self.title.is_empty() {
+            canvas.text((MARGIN, y + 12.0), &self.title, Type::new(13.0).bold());
+            y += 20.0;
+        }
+        let series = self.series.iter().enumerate();
+        let boxes = series.map(|(index, name)| Entry {
+            name: name.clone(),
+            swatch: Swatch::Tinted(index),
+        });
+        let limit = self.band.map(|band| Entry {
+            name: format!("±{band}"),
+            swatch: Swatch::Limit,
+        });
+        let entries: Vec<Entry> = boxes.chain(limit).collect();
+        let rows = legend::rows(&entries, self.width - 2.0 * MARGIN);
+        legend::draw(canvas, (MARGIN, y), &rows);
+        y + legend::ROW * rows.len() as f64 + 6.0
+    }
+
+    fn draw_panel(
+        &self,
+        canvas: &mut Canvas,
+        panel: &HistogramPanel,
+        (x, y): (f64, f64),
+        width: f64,
+    ) {
+        let range = self.range_of(panel);
+        let bins = self.bins.max(1);
+        let shares: Vec<Shares> = panel
+            .values
+            .iter()
+            .map(|values| Shares::of(values, range, bins))
+            .collect();
+        let tallest = shares
+            .iter()
+            .flat_map(|shares| &shares.bins)
+            .copied()
+            .fold(0.0, f64::max);
+        let y_axis = percent_axis(if tallest > 0.0 { tallest * 1.08 } else { 1.0 });
+        let left = labels_width(&y_axis) + 2.0;
+        let area = Area {
+            x: x + left,
+            y: y + HEADER,
+            width: width - left - 10.0,
+            height: PANEL_HEIGHT,
+        };
+        let frame = Frame {
+            area,
+            x: Axis::linear(range, 5),
+            y: y_axis,
+        };
+        let title = font::fit(&panel.title, area.width / 1.12, 10.5);
+        canvas.text((area.x, y + 12.0), &title, Type::new(10.5).bold());
+        frame.draw_grid(canvas);
+        for (index, shares) in shares.iter().enumerate() {
+            draw_bins(canvas, &shares.bins, index, &frame);
+        }
+        self.draw_band(canvas, &frame);
+        frame.draw_outline(canvas);
+        frame.draw_x_labels(canvas, "");
+        frame.draw_y_labels(canvas, "", 0.0);
+        draw_outside(canvas, &shares, area);
+    }
+
+    fn range_of(&self, panel: &HistogramPanel) -> (f64, f64) {
+        let band = self.band.into_iter().flat_map(|band| [-band, band]);
+        let values = panel
+            .values
+            .iter()
+            .flat_map(|values| values.iter().copied());
+        let own = || padded(extent(values.chain(band)).unwrap_or((-1.0, 1.0)), 0.04);
+        self.range.unwrap_or_else(own)
+    }
+
+    fn draw_band(&self, canvas: &mut Canvas, frame: &Frame) {
+        let limits = self.band.into_iter().flat_map(|band| [-band, band]);
+        for at in limits.filter_map(|limit| frame.x_at(limit)) {
+            if at >= frame.area.x && at <= frame.area.right() {
+                let style = format!(" stroke=\"{GREY}\" stroke-dasharray=\"4 3\"");
+                canvas.line((at, frame.area.y), (at, frame.area.bottom()), &style);
+            }
+        }
+    }
+}
+
+/// The share of the values in each bin, and outside of all.
+struct Shares {
+    bins: Vec<f64>,
+    outside: f64,
+}
+
+impl Shares {
+    fn of(values: &[f64], (low, high): (f64, f64), bins: usize) -> Self {
+        let mut counts = vec![0_u64; bins];
+        let mut outside = 0_u64;
+        for value in values.iter().filter(|value| value.is_finite()) {
+            let place = (value - low) / (high - low) * bins as f64;
+            if *value < low || *value > high {
+                outside += 1;
+            } else {
+                counts[(place as usize).min(bins - 1)] += 1;
+            }
+        }
+        let total = (counts.iter().sum::<u64>() + outside).max(1) as f64;
+        let bins = counts.iter().map(|count| *count as f64 / total).collect();
+        Self {
+            bins,
+            outside: outside as f64 / total,
+        }
+    }
+}
+
+fn percent_axis(high: f64) -> Axis {
+    let mut axis = Axis::linear((0.0, high * 100.0), 4);
+    for tick in &mut axis.ticks {
+        tick.at /= 100.0;
+        tick.label.push('%');
+    }
+    Axis {
+        low: 0.0,
+        high,
+        factor: String::new(),
+        ..axis
+    }
+}
+
+fn draw_bins(canvas: &mut Canvas, bins: &[f64], index: usize, frame: &Frame) {
+    let area = frame.area;
+    let step = area.width / bins.len() as f64;
+    let mut outline = vec![(area.x, area.bottom())];
+    for (place, share) in bins.iter().enumerate() {
+        let top = frame.y_at(*share).unwrap_or(area.bottom());
+        let x = area.x + step * place as f64;
+        // Equal neighbours, most often empty bins, need no corner between them.
+        if outline.last().is_none_or(|last| last.1 != top) {
+            let before = outline.last().map_or(top, |last| last.1);
+            outline.push((x, before));
+            outline.push((x, top));
+        }
+    }
+    let last = outline.last().map_or(area.bottom(), |last| last.1);
+    outline.extend([(area.right(), last), (area.right(), area.bottom())]);
+    let style = format!(
+        " fill=\"{0}\" fill-opacity=\".2\" stroke=\"{0}\" stroke-width=\"1.2\"{1}",
+        colour(index),
+        dash(index)
+    );
+    canvas.polygon(&outline, &style);
+}
+
+/// Says how many values a fixed range leaves out.
+fn draw_outside(canvas: &mut Canvas, shares: &[Shares], area: Area) {
+    let outside: Vec<String> = shares
+        .iter()
+        .map(|shares| shares.outside)
+        .map(|share| {
+            if share > 0.0 {
+                format!("{:.1}%", share * 100.0)
+            } else {
+                "0".to_owned()
+            }
+        })
+        .collect();
+    if shares.iter().any(|shares| shares.outside > 0.0) {
+        let text = font::fit(
+            &format!("outside: {}", outside.join(", ")),
+            area.width - 6.0,
+            8.5,
+        );
+        let kind = Type::new(8.5).anchor(Anchor::End).colour(GREY).rim();
+        canvas.text((area.right() - 3.0, area.y + 10.0), &text, kind);
+    }
+}

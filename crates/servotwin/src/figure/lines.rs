@@ -1,0 +1,243 @@
+//! Curves of one quantity over another, with markers and optional intervals, on linear or
+//! logarithmic axes.
+
+use super::Figure;
+use super::axis::{Axis, extent, padded};
+use super::frame::{Frame, TITLE_BELOW, labels_width};
+use super::legend::{self, Entry, Swatch};
+use super::style::{colour, dash};
+use super::svg::{Area, Canvas, Type};
+use super::time_series::runs;
+
+/// A chart of curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lines {
+    /// The figure's title, may be empty.
+    pub title: String,
+    /// The title of the horizontal axis, with its unit.
+    pub x_label: String,
+    /// The title of the vertical axis, with its unit.
+    pub y_label: String,
+    /// Whether the horizontal axis is logarithmic.
+    pub x_log: bool,
+    /// Whether the vertical axis is logarithmic.
+    pub y_log: bool,
+    /// The range of the vertical axis; without it, the data's.
+    pub y_range: Option<(f64, f64)>,
+    /// The curves.
+    pub curves: Vec<Curve>,
+    /// The figure's width.
+    pub width: f64,
+    /// The height of the plotting area.
+    pub height: f64,
+}
+
+/// One curve. On a logarithmic axis, points that are not positive are left out.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Curve {
+    /// The name in the legend.
+    pub name: String,
+    /// The points, from left to right.
+    pub points: Vec<(f64, f64)>,
+    /// The interval of each point's `y`; empty for none.
+    pub intervals: Vec<(f64, f64)>,
+    /// Whether the points are marked; without it only the line is drawn.
+    pub marked: bool,
+}
+
+impl Curve {
+    /// A curve with marked points.
+    pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.into(),
+            points,
+            intervals: Vec::new(),
+            marked: true,
+        }
+    }
+
+    /// Gives each point an interval.
+    pub fn with_intervals(mut self, intervals: Vec<(f64, f64)>) -> Self {
+        self.intervals = intervals;
+        self
+    }
+
+    /// Draws the line without markers.
+    pub fn unmarked(mut self) -> Self {
+        self.marked = false;
+        self
+    }
+}
+
+const MARGIN: f64 = 10.0;
+
+impl Lines {
+    /// A chart without curves, on linear axes.
+    pub fn new(
+        title: impl Into<String>,
+        x_label: impl Into<String>,
+        y_label: impl Into<String>,
+    ) -> Self {
+        Self {
+            title: title.into(),
+            x_label: x_label.into(),
+            y_label: y_label.into(),
+            x_log: false,
+            y_log: false,
+            y_range: None,
+            curves: Vec::new(),
+            width: 620.0,
+            height: 300.0,
+        }
+    }
+
+    /// Adds a curve.
+    pub fn with(mut self, curve: Curve) -> Self {
+        self.curves.push(curve);
+        self
+    }
+
+    /// Draws the figure.
+    pub fn draw(&self) -> Figure {
+        let mut canvas = Canvas::default();
+        let y_axis = self.y_axis();
+        let left = MARGIN + 16.0 + labels_width(&y_axis);
+        let width = self.width - left - 1.5 * MARGIN;
+        let mut top = MARGIN;
+        if !self.title.is_empty() {
+            canvas.text((left, top + 12.0), &self.title, Type::new(13.0).bold());
+            top += 22.0;
+        }
+        let rows = legend::rows(&self.legend(), width);
+        legend::draw(&mut canvas, (left, top), &rows);
+        top += legend::ROW * rows.len() as f64 + 6.0;
+        let area = Area {
+            x: left,
+            y: top,
+            width,
+            height: self.height,
+        };
+        let frame = Frame {
+            area,
+            x: self.x_axis(),
+            y: y_axis,
+        };
+        frame.draw_grid(&mut canvas);
+        let wide = Area {
+            x: area.x - 5.0,
+            y: area.y - 5.0,
+            width: area.width + 10.0,
+            height: area.height + 10.0,
+        };
+        canvas.clipped(wide, |canvas| {
+            for (index, curve) in self.curves.iter().enumerate() {
+                draw_curve(canvas, curve, index, &frame);
+            }
+        });
+        frame.draw_outline(&mut canvas);
+        frame.draw_x_labels(&mut canvas, &self.x_label);
+        frame.draw_y_labels(&mut canvas, &self.y_label, MARGIN + 9.0);
+        canvas.finish(
+            self.width,
+            area.bottom() + TITLE_BELOW + MARGIN / 2.0,
+            &self.title,
+        )
+    }
+
+    fn legend(&self) -> Vec<Entry> {
+        let curves = self.curves.iter().enumerate();
+        curves
+            .filter(|(_, curve)| !curve.name.is_empty())
+            .map(|(index, curve)| Entry {
+                name: curve.name.clone(),
+                swatch: if curve.marked {
+                    Swatch::Marked(index)
+                } else {
+                    Swatch::Line(index)
+                },
+            })
+            .collect()
+    }
+
+    fn x_axis(&self) -> Axis {
+        let values = self
+            .curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(|point| point.0);
+        axis(values, self.x_log, None, 8)
+    }
+
+    fn y_axis(&self) -> Axis {
+        let points = self
+            .curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(|point| point.1);
+        let ends = self.curves.iter().flat_map(|curve| &curve.intervals);
+        axis(
+            points.chain(ends.flat_map(|(low, high)| [*low, *high])),
+            self.y_log,
+            self.y_range,
+            6,
+        )
+    }
+}
+
+fn axis(
+    values: impl Iterator<Item = f64>,
+    log: bool,
+    range: Option<(f64, f64)>,
+    count: usize,
+) -> Axis {
+    let usable = values.filter(|value| !log || *value > 0.0);
+    let found = range.or_else(|| extent(usable));
+    match (log, found, range) {
+        (true, Some((low, high)), None) => {
+            // On a logarithmic axis the margin is a factor.
+            let margin = (high / low).powf(0.03).max(1.02);
+            Axis::logarithmic((low / margin, high * margin))
+        }
+        (true, found, _) => Axis::logarithmic(found.unwrap_or((1.0, 10.0))),
+        (false, Some(range), Some(_)) => Axis::linear(range, count),
+        (false, found, _) => Axis::linear(padded(found.unwrap_or((0.0, 1.0)), 0.03), count),
+    }
+}
+
+fn draw_curve(canvas: &mut Canvas, curve: &Curve, index: usize, frame: &Frame) {
+    let stroke = format!(" stroke=\"{}\" stroke-width=\"1.7\"", colour(index));
+    let place = |point: &(f64, f64)| frame.point(point.0, point.1);
+    for run in runs(curve.points.iter().map(place)) {
+        canvas.path(
+            &run,
+            &format!("{stroke} stroke-linejoin=\"round\"{}", dash(index)),
+        );
+    }
+    for ((x, _), (low, high)) in curve.points.iter().zip(&curve.intervals) {
+        // An end below a logarithmic axis is drawn to the axis.
+        let low = frame
+            .point(*x, *low)
+            .or_else(|| frame.point(*x, frame.y.low));
+        if let (Some(low), Some(high)) = (low, frame.point(*x, *high)) {
+            canvas.line(
+                low,
+                high,
+                &format!(" stroke=\"{}\" stroke-width=\"1\"", colour(index)),
+            );
+            for (x, y) in [low, high] {
+                canvas.line(
+                    (x - 3.0, y),
+                    (x + 3.0, y),
+                    &format!(" stroke=\"{}\"", colour(index)),
+                );
+            }
+        }
+    }
+    if curve.marked {
+        curve
+            .points
+            .iter()
+            .filter_map(place)
+            .for_each(|at| legend::marker(canvas, index, at));
+    }
+}

@@ -1,0 +1,120 @@
+//! Static figures for reports: an SVG writer of our own and the chart kinds drawn with it.
+//!
+//! Every kind is a struct of plain data with a `draw` that returns a [`Figure`]. The bytes depend
+//! on the data only. Series differ by colour (Okabe and Ito's palette, made for colour-blind
+//! readers) and again by dash or marker, so that a figure survives a grey printer. Numbers that
+//! are not finite are left out: a line has a gap there.
+//!
+//! A PNG is made from the SVG with an embedded font, DejaVu Sans, and looks the same on every
+//! machine. The font is licensed by Bitstream (Vera licence: free to use, embed and redistribute);
+//! DejaVu's changes to it are in the public domain.
+
+mod axis;
+pub mod bars;
+pub mod decimate;
+pub mod diagram;
+mod font;
+mod frame;
+pub mod heatmap;
+pub mod histogram;
+mod legend;
+pub mod lines;
+mod png;
+mod style;
+mod svg;
+pub mod time_series;
+pub mod tree;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+pub use png::PngError;
+
+use crate::files::{FileError, write_atomically};
+
+/// A drawn figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// The figure as a complete SVG document.
+    pub svg: String,
+    /// The width in SVG units (pixels at 96 dpi).
+    pub width: f64,
+    /// The height in SVG units.
+    pub height: f64,
+}
+
+/// Why a figure could not be saved.
+#[derive(Debug)]
+pub enum FigureError {
+    /// The file could not be written.
+    File(FileError),
+    /// The file's extension is neither `svg` nor `png`.
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The figure could not be turned into pixels.
+    Png(PngError),
+}
+
+impl fmt::Display for FigureError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FigureError::File(error) => error.fmt(out),
+            FigureError::UnknownFormat { path } => {
+                write!(out, "{}: a figure is saved as .svg or .png", path.display())
+            }
+            FigureError::Png(error) => error.fmt(out),
+        }
+    }
+}
+
+impl std::error::Error for FigureError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            FigureError::File(error) => Some(error),
+            FigureError::Png(error) => Some(error),
+            FigureError::UnknownFormat { .. } => None,
+        }
+    }
+}
+
+impl From<FileError> for FigureError {
+    fn from(error: FileError) -> Self {
+        FigureError::File(error)
+    }
+}
+
+impl From<PngError> for FigureError {
+    fn from(error: PngError) -> Self {
+        FigureError::Png(error)
+    }
+}
+
+impl Figure {
+    /// Saves the figure atomically, as SVG or PNG after the file's extension.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FigureError> {
+        let path = path.as_ref();
+        let extension = path
+            .extension()
+            .and_then(|text| text.to_str())
+            .unwrap_or_default();
+        let bytes = match extension.to_ascii_lowercase().as_str() {
+            "svg" => self.svg.as_bytes().to_vec(),
+            "png" => self.png(2.0)?,
+            _ => {
+                return Err(FigureError::UnknownFormat {
+                    path: path.to_path_buf(),
+                });
+            }
+        };
+        Ok(write_atomically(path, |out| out.write_all(&bytes))?)
+    }
+
+    /// The figure as a PNG file's bytes, with `scale` pixels for one SVG unit.
+    ///
+    /// A figure too large for that scale is drawn at the largest one it fits in.
+    pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
+        png::render(&self.svg, scale)
+    }
+}

@@ -1,0 +1,259 @@
+//! A small SVG writer: numbers short, text escaped, no identifiers, no time stamps.
+
+use std::fmt::Write;
+
+use super::Figure;
+use super::style::INK;
+
+/// A rectangle in SVG units; `y` grows downwards.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Area {
+    pub x: f64,
+    pub y: f64,
+    pub width: f64,
+    pub height: f64,
+}
+
+impl Area {
+    pub fn right(self) -> f64 {
+        self.x + self.width
+    }
+
+    pub fn bottom(self) -> f64 {
+        self.y + self.height
+    }
+}
+
+/// Which point of a text its position names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// How a text is set.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Type {
+    pub size: f64,
+    pub anchor: Anchor,
+    pub bold: bool,
+    pub colour: &'static str,
+    /// Degrees, clockwise.
+    pub turn: f64,
+    /// A white rim, for text over lines.
+    pub rim: bool,
+}
+
+impl Type {
+    pub fn new(size: f64) -> Self {
+        Self {
+            size,
+            anchor: Anchor::Start,
+            bold: false,
+            colour: INK,
+            turn: 0.0,
+            rim: false,
+        }
+    }
+
+    pub fn anchor(self, anchor: Anchor) -> Self {
+        Self { anchor, ..self }
+    }
+
+    pub fn bold(self) -> Self {
+        Self { bold: true, ..self }
+    }
+
+    pub fn colour(self, colour: &'static str) -> Self {
+        Self { colour, ..self }
+    }
+
+    pub fn turn(self, turn: f64) -> Self {
+        Self { turn, ..self }
+    }
+
+    pub fn rim(self) -> Self {
+        Self { rim: true, ..self }
+    }
+}
+
+/// SVG elements in the order drawn.
+#[derive(Debug, Default)]
+pub(super) struct Canvas {
+    body: String,
+}
+
+impl Canvas {
+    /// A rectangle; `style` holds further attributes, each with a space before it.
+    pub fn rect(&mut self, area: Area, style: &str) {
+        let Area {
+            x,
+            y,
+            width,
+            height,
+        } = area;
+        let [x, y, width, height] = [x, y, width, height].map(number);
+        let _ = writeln!(
+            self.body,
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\"{style}/>"
+        );
+    }
+
+    pub fn line(&mut self, from: (f64, f64), to: (f64, f64), style: &str) {
+        self.path(&[from, to], style);
+    }
+
+    /// A line through points; no area is filled.
+    pub fn path(&mut self, points: &[(f64, f64)], style: &str) {
+        self.shape(&outline(points), &format!(" fill=\"none\"{style}"));
+    }
+
+    /// A closed and filled polygon.
+    pub fn polygon(&mut self, points: &[(f64, f64)], style: &str) {
+        self.shape(&(outline(points) + "Z"), style);
+    }
+
+    /// A shape given in SVG's path language.
+    pub fn shape(&mut self, path: &str, style: &str) {
+        let _ = writeln!(self.body, "<path d=\"{path}\"{style}/>");
+    }
+
+    pub fn circle(&mut self, centre: (f64, f64), radius: f64, style: &str) {
+        let [x, y, radius] = [centre.0, centre.1, radius].map(number);
+        let _ = writeln!(
+            self.body,
+            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{style}/>"
+        );
+    }
+
+    /// A text whose baseline begins, ends or has its middle at a point.
+    pub fn text(&mut self, at: (f64, f64), text: &str, kind: Type) {
+        if text.is_empty() {
+            return;
+        }
+        let [x, y, size] = [at.0, at.1, kind.size].map(number);
+        let _ = write!(self.body, "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"");
+        match kind.anchor {
+            Anchor::Start => {}
+            Anchor::Middle => self.body.push_str(" text-anchor=\"middle\""),
+            Anchor::End => self.body.push_str(" text-anchor=\"end\""),
+        }
+        if kind.bold {
+            self.body.push_str(" font-weight=\"bold\"");
+        }
+        if kind.colour != INK {
+            let _ = write!(self.body, " fill=\"{}\"", kind.colour);
+        }
+        if kind.turn != 0.0 {
+            let _ = write!(
+                self.body,
+                " transform=\"rotate({} {x} {y})\"",
+                number(kind.turn)
+            );
+        }
+        if kind.rim {
+            self.body.push_str(
+                " stroke=\"#ffffff\" stroke-width=\"3\" stroke-linejoin=\"round\" \
+                 paint-order=\"stroke\"",
+            );
+        }
+        let _ = writeln!(self.body, ">{}</text>", escaped(text));
+    }
+
+    /// Everything drawn by `draw` is cut at the area's edge.
+    pub fn clipped(&mut self, area: Area, draw: impl FnOnce(&mut Canvas)) {
+        let mut inner = Canvas::default();
+        draw(&mut inner);
+        let shifted = format!("{} {}", number(-area.x), number(-area.y));
+        let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(number);
+        // An inner document cuts at its edge without an identifier, which `clipPath` would need.
+        let _ = write!(
+            self.body,
+            "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\">\n\
+             <g transform=\"translate({shifted})\">\n{}</g>\n</svg>\n",
+            inner.body
+        );
+    }
+
+    /// The finished document on a white ground, with a title for readers that do not see it.
+    pub fn finish(self, width: f64, height: f64, title: &str) -> Figure {
+        let (width, height) = (width.ceil(), height.ceil());
+        let title = match title {
+            "" => String::new(),
+            title => format!("<title>{}</title>\n", escaped(title)),
+        };
+        let svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" \
+             font-family=\"DejaVu Sans, Verdana, Helvetica, Arial, sans-serif\" fill=\"{INK}\">\n\
+             {title}<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n{}</svg>\n",
+            self.body
+        );
+        Figure { svg, width, height }
+    }
+}
+
+/// A line as a path of steps in tenths of a unit: half the bytes of absolute coordinates.
+///
+/// Each step leads to the rounded place of its point, so that roundings do not add up.
+fn outline(points: &[(f64, f64)]) -> String {
+    let tenths = |value: f64| (value * 10.0).round() as i64;
+    let mut path = String::new();
+    let mut at = (0, 0);
+    for (place, (x, y)) in points.iter().enumerate() {
+        let next = (tenths(*x), tenths(*y));
+        let step = (next.0 - at.0, next.1 - at.1);
+        if place == 0 || step != (0, 0) || points.len() == 2 {
+            path.push(if place == 0 { 'M' } else { 'l' });
+            push_tenths(&mut path, step.0);
+            if step.1 >= 0 {
+                path.push(' ');
+            }
+            push_tenths(&mut path, step.1);
+        }
+        at = next;
+    }
+    path
+}
+
+fn push_tenths(path: &mut String, tenths: i64) {
+    if tenths < 0 {
+        path.push('-');
+    }
+    let (whole, part) = (tenths.unsigned_abs() / 10, tenths.unsigned_abs() % 10);
+    if whole > 0 || part == 0 {
+        let _ = write!(path, "{whole}");
+    }
+    if part > 0 {
+        let _ = write!(path, ".{part}");
+    }
+}
+
+/// A coordinate with at most two digits after the point; anything not finite becomes 0.
+pub(super) fn number(value: f64) -> String {
+    let rounded = (value * 100.0).round() / 100.0;
+    // Adding zero turns the negative zero into the positive one.
+    if rounded.is_finite() {
+        format!("{}", rounded + 0.0)
+    } else {
+        "0".to_owned()
+    }
+}
+
+/// Text with XML's special characters replaced, and those that XML forbids left out.
+pub(super) fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\u{fffe}' | '\u{ffff}' => {}
+            letter if letter.is_control() => out.push(' '),
+            letter => out.push(letter),
+        }
+    }
+    out
+}

@@ -1,0 +1,305 @@
+//! Signals over time: a column of panels that share their horizontal axis.
+
+use std::borrow::Cow;
+
+use super::Figure;
+use super::axis::{Axis, extent, padded};
+use super::decimate::decimate;
+use super::font;
+use super::frame::{Frame, TICKS_BELOW, TITLE_BELOW, labels_width};
+use super::legend::{self, Entry, Swatch};
+use super::style::{colour, dash};
+use super::svg::{Area, Canvas, Type};
+
+/// A figure of panels above each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TimeSeries<'a> {
+    /// The figure's title, may be empty.
+    pub title: String,
+    /// The title of the shared horizontal axis, with its unit.
+    pub x_label: String,
+    /// The panels from the top.
+    pub panels: Vec<Panel<'a>>,
+    /// The figure's width.
+    pub width: f64,
+    /// The height of each panel's plotting area.
+    pub panel_height: f64,
+}
+
+/// One panel.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Panel<'a> {
+    /// The title, may be empty.
+    pub title: String,
+    /// The title of the vertical axis, with its unit.
+    pub y_label: String,
+    /// The signals.
+    pub series: Vec<Series<'a>>,
+    /// A shaded band behind them.
+    pub band: Option<Band<'a>>,
+}
+
+/// One signal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series<'a> {
+    /// The name in the legend.
+    pub name: String,
+    /// The times.
+    pub x: Cow<'a, [f64]>,
+    /// The values; a gap is drawn where one is not finite.
+    pub y: Cow<'a, [f64]>,
+}
+
+/// A shaded band between two lines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Band<'a> {
+    /// The name in the legend.
+    pub name: String,
+    /// The times; empty for a band of constant limits.
+    pub x: Cow<'a, [f64]>,
+    /// The lower limit.
+    pub low: Cow<'a, [f64]>,
+    /// The upper limit.
+    pub high: Cow<'a, [f64]>,
+}
+
+impl<'a> Series<'a> {
+    /// A signal from its name, times and values, borrowed or owned.
+    pub fn new(
+        name: impl Into<String>,
+        x: impl Into<Cow<'a, [f64]>>,
+        y: impl Into<Cow<'a, [f64]>>,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            x: x.into(),
+            y: y.into(),
+        }
+    }
+}
+
+impl Band<'_> {
+    /// A band of constant limits.
+    pub fn constant(name: impl Into<String>, low: f64, high: f64) -> Self {
+        Self {
+            name: name.into(),
+            x: Cow::Borrowed(&[]),
+            low: vec![low].into(),
+            high: vec![high].into(),
+        }
+    }
+}
+
+impl<'a> Panel<'a> {
+    /// A panel without signals.
+    pub fn new(title: impl Into<String>, y_label: impl Into<String>) -> Self {
+        Self {
+            title: title.into(),
+            y_label: y_label.into(),
+            ..Self::default()
+        }
+    }
+
+    /// Adds a signal.
+    pub fn with(mut self, series: Series<'a>) -> Self {
+        self.series.push(series);
+        self
+    }
+
+    /// Sets the band.
+    pub fn with_band(mut self, band: Band<'a>) -> Self {
+        self.band = Some(band);
+        self
+    }
+
+    fn y_axis(&self) -> Axis {
+        let band = self
+            .band
+            .iter()
+            .flat_map(|band| band.low.iter().chain(band.high.iter()));
+        let values = self
+            .series
+            .iter()
+            .flat_map(|series| series.y.iter())
+            .chain(band)
+            .copied();
+        Axis::linear(padded(extent(values).unwrap_or((0.0, 1.0)), 0.05), 5)
+    }
+
+    fn legend(&self) -> Vec<Entry> {
+        let series = self.series.iter().enumerate();
+        let line = |(index, series): (usize, &Series)| Entry {
+            name: series.name.clone(),
+            swatch: Swatch::Line(index),
+        };
+        let band = self.band.iter().map(|band| Entry {
+            name: band.name.clone(),
+            swatch: Swatch::Band,
+        });
+        series
+            .map(line)
+            .chain(band)
+            .filter(|entry| !entry.name.is_empty())
+            .collect()
+    }
+}
+
+const TITLE_SIZE: f64 = 13.0;
+const PANEL_TITLE_SIZE: f64 = 11.0;
+const MARGIN: f64 = 10.0;
+
+impl<'a> TimeSeries<'a> {
+    /// A figure without panels.
+    pub fn new(title: impl Into<String>, x_label: impl Into<String>) -> Self {
+        Self {
+            title: title.into(),
+            x_label: x_label.into(),
+            panels: Vec::new(),
+            width: 760.0,
+            panel_height: 110.0,
+        }
+    }
+
+    /// Adds a panel below the others.
+    pub fn with(mut self, panel: Panel<'a>) -> Self {
+        self.panels.push(panel);
+        self
+    }
+
+    /// Draws the figure.
+    pub fn draw(&self) -> Figure {
+        let mut canvas = Canvas::default();
+        let x_axis = self.x_axis();
+        let y_axes: Vec<Axis> = self.panels.iter().map(Panel::y_axis).collect();
+        let labels = y_axes.iter().map(labels_width).fold(0.0, f64::max);
+        let left = MARGIN + 14.0 + labels;
+        let width = self.width - left - 1.5 * MARGIN;
+        let mut y = MARGIN;
+        if !self.title.is_empty() {
+            canvas.text((left, y + 12.0), &self.title, Type::new(TITLE_SIZE).bold());
+            y += 22.0;
+        }
+        let last = self.panels.len().saturating_sub(1);
+        for (place, (panel, y_axis)) in self.panels.iter().zip(y_axes).enumerate() {
+            y += draw_header(&mut canvas, panel, (left, y), width);
+            let area = Area {
+                x: left,
+                y,
+                width,
+                height: self.panel_height,
+            };
+            let frame = Frame {
+                area,
+                x: x_axis.clone(),
+                y: y_axis,
+            };
+            draw_panel(&mut canvas, panel, &frame);
+            frame.draw_y_labels(&mut canvas, &panel.y_label, MARGIN + 9.0);
+            if place == last {
+                frame.draw_x_labels(&mut canvas, &self.x_label);
+            }
+            y += self.panel_height
+                + if place == last {
+                    TITLE_BELOW
+                } else {
+                    TICKS_BELOW - 8.0
+                };
+        }
+        canvas.finish(self.width, y + MARGIN / 2.0, &self.title)
+    }
+
+    fn x_axis(&self) -> Axis {
+        let series = self.panels.iter().flat_map(|panel| &panel.series);
+        let times = series.flat_map(|series| series.x.iter().copied());
+        Axis::linear(extent(times).unwrap_or((0.0, 1.0)), 10).reaching_ticks()
+    }
+}
+
+/// Title at the left and legend at the right of one line, or the legend below. Gives the height.
+fn draw_header(canvas: &mut Canvas, panel: &Panel, (x, y): (f64, f64), width: f64) -> f64 {
+    let title = font::fit(&panel.title, width / 1.12, PANEL_TITLE_SIZE);
+    canvas.text((x, y + 11.0), &title, Type::new(PANEL_TITLE_SIZE).bold());
+    let title_width = font::width(&title, PANEL_TITLE_SIZE, true) + 16.0;
+    let entries = panel.legend();
+    let beside = legend::rows(&entries, (width - title_width).max(60.0));
+    match beside.as_slice() {
+        [] => 16.0,
+        [row] if title_width + legend::row_width(row) <= width => {
+            legend::draw(canvas, (x + width - legend::row_width(row), y), &beside);
+            legend::ROW + 3.0
+        }
+        _ => {
+            let top = if title.is_empty() { 0.0 } else { 15.0 };
+            let below = legend::rows(&entries, width);
+            legend::draw(canvas, (x, y + top), &below);
+            top + legend::ROW * below.len() as f64 + 3.0
+        }
+    }
+}
+
+fn draw_panel(canvas: &mut Canvas, panel: &Panel, frame: &Frame) {
+    frame.draw_grid(canvas);
+    canvas.clipped(frame.area, |canvas| {
+        if let Some(band) = &panel.band {
+            draw_band(canvas, band, frame);
+        }
+        for (index, series) in panel.series.iter().enumerate() {
+            draw_series(canvas, series, index, frame);
+        }
+    });
+    frame.draw_outline(canvas);
+}
+
+fn draw_band(canvas: &mut Canvas, band: &Band, frame: &Frame) {
+    let ends = [frame.x.low, frame.x.high];
+    let (x, low, high) = match (band.x.is_empty(), &*band.low, &*band.high) {
+        (true, [low, ..], [high, ..]) => (ends.to_vec(), vec![*low; 2], vec![*high; 2]),
+        _ => (band.x.to_vec(), band.low.to_vec(), band.high.to_vec()),
+    };
+    let line = |y: &[f64]| -> Vec<(f64, f64)> {
+        let kept = decimate(&x, y, buckets(frame));
+        kept.into_iter()
+            .filter_map(|index| frame.point(x[index], y[index]))
+            .collect()
+    };
+    let mut outline = line(&low);
+    outline.extend(line(&high).into_iter().rev());
+    if !outline.is_empty() {
+        canvas.polygon(&outline, " fill=\"#888888\" fill-opacity=\".2\"");
+    }
+}
+
+fn draw_series(canvas: &mut Canvas, series: &Series, index: usize, frame: &Frame) {
+    let style = format!(
+        " stroke=\"{}\" stroke-width=\"1.4\" stroke-linejoin=\"round\"{}",
+        colour(index),
+        dash(index)
+    );
+    let kept = decimate(&series.x, &series.y, buckets(frame));
+    let points = kept
+        .into_iter()
+        .map(|index| frame.point(series.x[index], series.y[index]));
+    for run in runs(points) {
+        match run.as_slice() {
+            [only] => canvas.circle(*only, 1.2, &format!(" fill=\"{}\"", colour(index))),
+            run => canvas.path(run, &style),
+        }
+    }
+}
+
+fn buckets(frame: &Frame) -> usize {
+    frame.area.width as usize
+}
+
+/// The stretches of points without a gap.
+pub(super) fn runs(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
+    let mut runs = vec![Vec::new()];
+    for point in points {
+        match (point, runs.last_mut()) {
+            (Some(point), Some(run)) => run.push(point),
+            _ => runs.push(Vec::new()),
+        }
+    }
+    runs.retain(|run| !run.is_empty());
+    runs
+}

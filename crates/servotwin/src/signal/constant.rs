@@ -1,0 +1,32 @@
+//! A value that does not change.
+
+use super::error::SignalError;
+use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use servotwin_model::signal::Piecewise;
+
+/// A value that does not change.
+pub struct Constant;
+
+static SPEC: Spec = Spec {
+    kind: "constant",
+    summary: "a value that does not change",
+    example: "constant:value=5deg",
+    continuous: true,
+    parameters: &[Parameter {
+        name: "value",
+        sort: Sort::Value,
+        range: Range::Any,
+        fallback: Fallback::Required,
+        summary: "the value",
+    }],
+};
+
+impl Kind for Constant {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
+        Ok(Piecewise::constant(given.number("value"))?)
+    }
+}

@@ -1,0 +1,99 @@
+//! Promises that every kind of signal keeps.
+
+use super::*;
+use servotwin_model::signal::Smoothness;
+
+const DURATION_S: f64 = 5.0;
+
+fn examples() -> impl Iterator<Item = (&'static Spec, Signal, Piecewise)> {
+    // A recorded signal needs a file: see the tests of the folder.
+    ALL.iter()
+        .filter(|kind| kind.spec().kind != "table")
+        .map(|kind| {
+            let signal: Signal = kind.spec().example.parse().expect("the example is valid");
+            let curve = signal
+                .build(Unit::Radian, DURATION_S)
+                .expect("the example is possible");
+            (kind.spec(), signal, curve)
+        })
+}
+
+#[test]
+fn the_example_is_of_its_kind_and_text_and_tables_come_back() {
+    for (spec, signal, _) in examples() {
+        assert_eq!(signal.terms()[0].kind().spec().kind, spec.kind);
+        assert_eq!(signal.to_string(), spec.example);
+        let table = std::collections::BTreeMap::from([("signal", signal.clone())]);
+        let text = toml::to_string(&table).unwrap();
+        let back: std::collections::BTreeMap<String, Signal> = toml::from_str(&text).unwrap();
+        assert_eq!(back["signal"], signal, "{text}");
+    }
+}
+
+#[test]
+fn what_is_promised_continuous_never_jumps() {
+    for (spec, _, curve) in examples() {
+        let jump = (0..curve.breaks_s().len()).any(|k| curve.smoothness(k) == Smoothness::Jump);
+        assert_eq!(jump, !spec.continuous, "{}", spec.kind);
+    }
+}
+
+#[test]
+fn pieces_reach_the_end_and_breaks_begin_at_zero_or_before() {
+    for (spec, _, curve) in examples() {
+        assert!(curve.breaks_s()[0] <= 0.0, "{}", spec.kind);
+        assert!(curve.value(DURATION_S).is_finite(), "{}", spec.kind);
+    }
+}
+
+#[test]
+fn a_longer_run_does_not_change_the_beginning() {
+    // A sweep is stretched over the run unless it is given a length.
+    for (spec, signal, short) in examples().filter(|(spec, ..)| spec.kind != "sweep") {
+        let long = signal.build(Unit::Radian, 2.0 * DURATION_S).unwrap();
+        for i in 0..500 {
+            let t = 0.01 * f64::from(i);
+            assert_eq!(
+                short.value(t).to_bits(),
+                long.value(t).to_bits(),
+                "{}",
+                spec.kind
+            );
+        }
+    }
+}
+
+#[test]
+fn the_same_text_gives_the_same_bits() {
+    for (_, signal, curve) in examples() {
+        assert_eq!(signal.build(Unit::Radian, DURATION_S).unwrap(), curve);
+    }
+}
+
+#[test]
+fn declarations_are_complete() {
+    for kind in ALL {
+        let spec = kind.spec();
+        assert_eq!(
+            find(spec.kind).unwrap().spec().kind,
+            spec.kind,
+            "names are unique"
+        );
+        for (place, parameter) in spec.parameters.iter().enumerate() {
+            assert_eq!(
+                spec.parameter(parameter.name),
+                Some(place),
+                "names are unique"
+            );
+            assert!(!parameter.summary.is_empty());
+            let choice = matches!(parameter.sort, Sort::Choice(_));
+            assert!(!choice || matches!(parameter.fallback, Fallback::Word(_)));
+            if let (Sort::Choice(words), Fallback::Word(word)) =
+                (parameter.sort, parameter.fallback)
+            {
+                assert!(words.contains(&word));
+            }
+        }
+        assert!(help().contains(spec.example));
+    }
+}

@@ -1,0 +1,179 @@
+//! Signals: what a command, a load or a boundary value does over time.
+//!
+//! A [`Signal`] is written as text on the command line or as tables in a study
+//! file, and becomes a [`Piecewise`] function for an input of a known unit and
+//! a run of a known duration. Terms joined by ` + ` are added.
+//!
+//! A new kind is a file here and a line in [`ALL`].
+
+mod constant;
+#[cfg(test)]
+mod contract;
+mod error;
+mod noise;
+mod ramp;
+pub mod random;
+mod serial;
+mod sine;
+mod spec;
+mod step;
+mod sweep;
+mod table;
+mod text;
+mod units;
+
+pub use error::SignalError;
+pub use spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+pub use text::QuantityError;
+pub use units::{Measure, TextUnit, UNITS};
+
+use servotwin_model::signal::Piecewise;
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// Every kind of signal, in the order of the documentation.
+pub static ALL: &[&dyn Kind] = &[
+    &constant::Constant,
+    &step::Step,
+    &ramp::Ramp,
+    &sine::Sine,
+    &sweep::Sweep,
+    &noise::Noise,
+    &table::Recorded,
+];
+
+/// The kind of a name.
+pub fn find(kind: &str) -> Option<&'static dyn Kind> {
+    ALL.iter().copied().find(|k| k.spec().kind == kind)
+}
+
+/// A number as the user wrote it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantity {
+    /// The number in front of the unit.
+    pub number: f64,
+    /// The unit; `None` means SI.
+    pub unit: Option<&'static TextUnit>,
+    /// Whether the unit is per second.
+    pub per_second: bool,
+}
+
+impl Quantity {
+    /// The number in SI.
+    pub fn si(&self) -> f64 {
+        self.number * self.unit.map_or(1.0, |unit| unit.si)
+    }
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            out,
+            "{}{}",
+            self.number,
+            self.unit.map_or("", |unit| unit.symbol)
+        )?;
+        if self.per_second {
+            write!(out, "/s")
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// What a parameter of a signal was given.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Argument {
+    /// A number with or without a unit.
+    Quantity(Quantity),
+    /// A word.
+    Word(String),
+}
+
+/// One term of a signal: a kind with its arguments, checked but for what
+/// depends on the input's unit.
+#[derive(Clone)]
+pub struct Term {
+    kind: &'static dyn Kind,
+    /// One place per declared parameter.
+    arguments: Vec<Option<Argument>>,
+}
+
+impl Term {
+    /// The kind.
+    pub fn kind(&self) -> &'static dyn Kind {
+        self.kind
+    }
+
+    /// The arguments that were given, with their parameters' names.
+    pub fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
+        let parameters = self.kind.spec().parameters.iter();
+        parameters
+            .zip(&self.arguments)
+            .filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
+    }
+
+    fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
+        self.kind.build(&Given::new(
+            self.kind.spec(),
+            &self.arguments,
+            unit,
+            duration_s,
+        )?)
+    }
+}
+
+impl PartialEq for Term {
+    fn eq(&self, other: &Self) -> bool {
+        self.kind.spec().kind == other.kind.spec().kind && self.arguments == other.arguments
+    }
+}
+
+impl fmt::Debug for Term {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{self}")
+    }
+}
+
+/// A sum of terms.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    terms: Vec<Term>,
+}
+
+impl Signal {
+    /// The terms, in the order they were written.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// The function of time for an input of this unit, from 0 to `duration_s`.
+    ///
+    /// # Errors
+    /// A unit that the input does not have, a value outside its range.
+    pub fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
+        if !(duration_s > 0.0 && duration_s.is_finite()) {
+            return Err(SignalError::Duration { duration_s });
+        }
+        let mut sum = self.terms[0].build(unit, duration_s)?;
+        for term in &self.terms[1..] {
+            sum = sum.plus(&term.build(unit, duration_s)?)?;
+        }
+        Ok(sum)
+    }
+}
+
+/// All kinds with their parameters, units, ranges and an example, for people.
+pub fn help() -> String {
+    let kinds = ALL.iter().map(|kind| kind.spec().help());
+    let units: Vec<&str> = UNITS.iter().map(|unit| unit.symbol).collect();
+    kinds.collect::<String>()
+        + &format!(
+            "Units: {} (rates with /s, e.g. deg/s); a number without a unit is SI.\n\
+             Several signals joined by ' + ' are added. A number alone is a constant.\n",
+            units.join(", ")
+        )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,235 @@
+//! Band-limited white noise, softly limited.
+//!
+//! White samples w are filtered by a Butterworth low-pass of order 4 (two
+//! biquads by the bilinear transform, prewarped), limited and faded in:
+//!
+//! (SN1)  K = tan(π f_c/f_s),  Q_j = 1/(2 cos(π/8)), 1/(2 cos(3π/8))
+//!
+//! (SN2)  y = g (w_0 + 2 w_1 + w_2) − a_1 y_1 − a_2 y_2,  g = K²/n,
+//!        a_1 = 2 (K² − 1)/n,  a_2 = (1 − K/Q + K²)/n,  n = 1 + K/Q + K²
+//!
+//! (SN3)  s_k = u(t_k) l tanh(c y_k/l),  u = x² (3 − 2x), x = min(t/t_f, 1)
+//!
+//! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
+//!
+//! with cubics through the samples and slopes. (Straight lines would have a
+//! corner at every sample; each corner excites the valve and costs the solver a
+//! third more steps, for frequencies that are not in the signal.) The factor c makes the rms of s,
+//! over the first `window` seconds, the one that was asked for (of straight
+//! lines between the samples): after the limit and the fade-in. The values do not depend on the duration of the run.
+//! Without a limit the tanh is left out.
+
+use super::error::SignalError;
+use super::random::Random;
+use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use servotwin_model::math::{sin_cos, tanh};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::spec::Unit;
+use std::f64::consts::PI;
+
+/// Band-limited white noise.
+pub struct Noise;
+
+/// The limit of an angle: the travel of an aileron (physics 7.2).
+const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;
+
+static SPEC: Spec = Spec {
+    kind: "noise",
+    summary: "band-limited white noise (Butterworth of order 4), softly limited",
+    example: "noise:rms=5deg,bandwidth=1Hz,seed=7",
+    continuous: true,
+    parameters: &[
+        Parameter {
+            name: "rms",
+            sort: Sort::Value,
+            range: Range::Positive,
+            fallback: Fallback::Required,
+            summary: "root mean square over the window",
+        },
+        Parameter {
+            name: "bandwidth",
+            sort: Sort::Frequency,
+            range: Range::Between(0.01, 1e3),
+            fallback: Fallback::Required,
+            summary: "the filter's -3 dB frequency",
+        },
+        Parameter {
+            name: "seed",
+            sort: Sort::Whole,
+            // Whole numbers are read as f64, exact up to 2⁵³.
+            range: Range::Between(0.0, 9_007_199_254_740_992.0),
+            fallback: Fallback::Number(1.0),
+            summary: "another seed is another realisation",
+        },
+        Parameter {
+            name: "limit",
+            sort: Sort::Value,
+            range: Range::Positive,
+            fallback: Fallback::Without("22deg for an angle, none for other inputs"),
+            summary: "never exceeded, at least twice the rms",
+        },
+        Parameter {
+            name: "sampling",
+            sort: Sort::Frequency,
+            range: Range::Between(1.0, 1e4),
+            fallback: Fallback::Number(100.0),
+            summary: "samples per second, at least 2.5 times the bandwidth",
+        },
+        Parameter {
+            name: "fade",
+            sort: Sort::Time,
+            range: Range::NotNegative,
+            fallback: Fallback::Number(0.5),
+            summary: "how long the start from rest takes",
+        },
+        Parameter {
+            name: "window",
+            sort: Sort::Time,
+            range: Range::Positive,
+            fallback: Fallback::Number(90.0),
+            summary: "the time over which the rms is set",
+        },
+    ],
+};
+
+/// One section of the filter (SN2), in transposed direct form II.
+struct Biquad {
+    gain: f64,
+    a: [f64; 2],
+    memory: [f64; 2],
+}
+
+impl Biquad {
+    fn new(k: f64, damping: f64) -> Self {
+        let n = 1.0 + k * damping + k * k;
+        let a = [2.0 * (k * k - 1.0) / n, (1.0 - k * damping + k * k) / n];
+        Self {
+            gain: k * k / n,
+            a,
+            memory: [0.0; 2],
+        }
+    }
+
+    fn next(&mut self, input: f64) -> f64 {
+        let scaled = self.gain * input;
+        let output = scaled + self.memory[0];
+        self.memory = [
+            2.0 * scaled - self.a[0] * output + self.memory[1],
+            scaled - self.a[1] * output,
+        ];
+        output
+    }
+}
+
+/// Filtered white noise in steady state.
+fn filtered(seed: u64, bandwidth_hz: f64, sampling_hz: f64, count: usize) -> Vec<f64> {
+    let (sin, cos) = sin_cos(PI * bandwidth_hz / sampling_hz);
+    // The damping 1/Q of the two pole pairs of a Butterworth filter.
+    let mut sections =
+        [PI / 8.0, 3.0 * PI / 8.0].map(|a| Biquad::new(sin / cos, 2.0 * sin_cos(a).1));
+    let mut random = Random::new(seed);
+    // The slower pair forgets by e^{-2.4} per 1/f_c: 15 of them leave 2e-16.
+    let settling = (15.0 * sampling_hz / bandwidth_hz).ceil() as usize;
+    let samples = (0..settling + count).map(|_| {
+        sections
+            .iter_mut()
+            .fold(random.normal(), |value, section| section.next(value))
+    });
+    samples.skip(settling).collect()
+}
+
+/// What (SN3) does to filtered samples.
+struct Shape {
+    sampling_hz: f64,
+    fade_s: f64,
+    limit: Option<f64>,
+}
+
+impl Shape {
+    fn sample(&self, k: usize, value: f64) -> f64 {
+        let x = (k as f64 / self.sampling_hz / self.fade_s.max(f64::MIN_POSITIVE)).min(1.0);
+        let limited = self
+            .limit
+            .map_or(value, |limit| limit * tanh(value / limit));
+        limited * (x * x * (3.0 - 2.0 * x))
+    }
+
+    fn samples(&self, filtered: &[f64], factor: f64) -> Vec<f64> {
+        filtered
+            .iter()
+            .enumerate()
+            .map(|(k, y)| self.sample(k, factor * y))
+            .collect()
+    }
+
+    /// The factor that gives an rms to the lines between the samples.
+    fn factor(&self, filtered: &[f64], rms: f64) -> f64 {
+        let mut factor = rms / line_rms(filtered);
+        // The limit takes at most a third: each turn divides the error by two or more.
+        for _ in 0..40 {
+            factor *= rms / line_rms(&self.samples(filtered, factor));
+        }
+        factor
+    }
+}
+
+/// The rms of straight lines between equidistant samples.
+fn line_rms(samples: &[f64]) -> f64 {
+    let squares = samples
+        .windows(2)
+        .map(|w| w[0] * w[0] + w[0] * w[1] + w[1] * w[1]);
+    (squares.sum::<f64>() / (3 * (samples.len() - 1)) as f64).sqrt()
+}
+
+impl Kind for Noise {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
+        let (rms, bandwidth_hz) = (given.number("rms"), given.number("bandwidth"));
+        let sampling_hz = given.number("sampling");
+        let fallback = (given.unit == Unit::Radian).then_some(ANGLE_LIMIT_RAD);
+        let limit = given.optional("limit").or(fallback);
+        if bandwidth_hz > 0.4 * sampling_hz {
+            return Err(given.impossible("'bandwidth' must be at most 0.4 times 'sampling'"));
+        }
+        if limit.is_some_and(|limit| rms > 0.5 * limit) {
+            return Err(
+                given.impossible("'rms' must be at most half of 'limit' (22deg for an angle)")
+            );
+        }
+        let window_s = given.number("window");
+        if window_s * bandwidth_hz < 2.0 || window_s < 2.0 * given.number("fade") {
+            return Err(
+                given.impossible("'window' must last two periods of 'bandwidth' and twice 'fade'")
+            );
+        }
+        let shape = Shape {
+            sampling_hz,
+            fade_s: given.number("fade"),
+            limit,
+        };
+        let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
+        let (window, run) = (count(window_s), count(given.duration_s));
+        let seed = given.number("seed") as u64;
+        // Two samples more than the run, for the slopes at its end.
+        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run + 2));
+        let factor = shape.factor(&filtered[..window], rms);
+        let values = shape.samples(&filtered[..run + 2], factor);
+        let times_s: Vec<f64> = (0..run).map(|k| k as f64 / sampling_hz).collect();
+        Ok(Piecewise::hermite(&times_s, &values[..run], &slopes(&values, sampling_hz))?)
+    }
+}
+
+/// Equation (SN4) at all samples but the last two; before the first there is
+/// rest.
+fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
+    let at = |k: usize, back: usize| if k < back { values[0] } else { values[k - back] };
+    let slope = |k: usize| {
+        let near = values[k + 1] - at(k, 1);
+        let far = values[k + 2] - at(k, 2);
+        (8.0 * near - far) * sampling_hz / 12.0
+    };
+    (0..values.len() - 2).map(slope).collect()
+}

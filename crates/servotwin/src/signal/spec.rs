@@ -1,0 +1,309 @@
+//! What a kind of signal declares, and how its arguments reach it.
+//!
+//! The parser, the help text, the ranges and the units all come from here.
+
+use super::error::SignalError;
+use super::units::Measure;
+use super::{Argument, Quantity};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// What a parameter is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sort {
+    /// In the unit of the input that the signal drives.
+    Value,
+    /// In that unit per second.
+    Rate,
+    /// An angle.
+    Angle,
+    /// A time.
+    Time,
+    /// A frequency.
+    Frequency,
+    /// A whole number that is not negative.
+    Whole,
+    /// A name.
+    Text,
+    /// One of these words.
+    Choice(&'static [&'static str]),
+}
+
+/// The values allowed, in SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Any finite number.
+    Any,
+    /// Greater than zero.
+    Positive,
+    /// Zero or greater.
+    NotNegative,
+    /// From the first to the second, both included.
+    Between(f64, f64),
+}
+
+impl Range {
+    fn contains(self, value: f64) -> bool {
+        match self {
+            Range::Any => value.is_finite(),
+            Range::Positive => value > 0.0 && value.is_finite(),
+            Range::NotNegative => value >= 0.0 && value.is_finite(),
+            Range::Between(low, high) => (low..=high).contains(&value),
+        }
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Range::Any => write!(out, "any finite number"),
+            Range::Positive => write!(out, "greater than 0"),
+            Range::NotNegative => write!(out, "0 or greater"),
+            Range::Between(low, high) => write!(out, "{low} to {high}"),
+        }
+    }
+}
+
+/// What holds where a parameter is not given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fallback {
+    /// It must be given.
+    Required,
+    /// This number, SI.
+    Number(f64),
+    /// This word.
+    Word(&'static str),
+    /// What the kind does without it, in words.
+    Without(&'static str),
+}
+
+/// A parameter of a kind of signal.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is.
+    pub sort: Sort,
+    /// The values allowed.
+    pub range: Range,
+    /// What holds without it.
+    pub fallback: Fallback,
+    /// One line for people.
+    pub summary: &'static str,
+}
+
+impl Parameter {
+    /// What it measures for an input of `unit`; `None` for a word.
+    pub fn measure(&self, unit: Unit) -> Option<Measure> {
+        match self.sort {
+            Sort::Value => Some(Measure::of(unit)),
+            Sort::Rate => Some(Measure {
+                unit,
+                per_second: true,
+            }),
+            Sort::Angle => Some(Measure::of(Unit::Radian)),
+            Sort::Time => Some(Measure::of(Unit::Second)),
+            Sort::Frequency => Some(Measure::of(Unit::Hertz)),
+            Sort::Whole => Some(Measure {
+                unit: Unit::None,
+                per_second: false,
+            }),
+            Sort::Text | Sort::Choice(_) => None,
+        }
+    }
+
+    fn units_for_people(&self) -> String {
+        match self.sort {
+            Sort::Value => "in the input's unit".into(),
+            Sort::Rate => "in the input's unit per second".into(),
+            Sort::Whole => "whole number".into(),
+            Sort::Choice(words) => words.join(" or "),
+            Sort::Text => "text".into(),
+            _ => self
+                .measure(Unit::None)
+                .map_or(vec![], Measure::allowed)
+                .join(", "),
+        }
+    }
+}
+
+/// Everything a kind of signal declares.
+#[derive(Debug)]
+pub struct Spec {
+    /// Its name in text and files.
+    pub kind: &'static str,
+    /// One line for people.
+    pub summary: &'static str,
+    /// A text that works for an angle.
+    pub example: &'static str,
+    /// Whether its value never jumps.
+    pub continuous: bool,
+    /// Its parameters.
+    pub parameters: &'static [Parameter],
+}
+
+impl Spec {
+    /// The position of a parameter by name.
+    pub fn parameter(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|p| p.name == name)
+    }
+
+    pub(super) fn help(&self) -> String {
+        let mut text = format!("{}: {}; e.g. {}\n", self.kind, self.summary, self.example);
+        for parameter in self.parameters {
+            let fallback = match parameter.fallback {
+                Fallback::Required => "required".to_string(),
+                Fallback::Number(number) => format!("default {number}"),
+                Fallback::Word(word) => format!("default {word}"),
+                Fallback::Without(what) => format!("without it {what}"),
+            };
+            let range = match parameter.sort {
+                Sort::Text | Sort::Choice(_) => String::new(),
+                _ => format!(", {}", parameter.range),
+            };
+            text += &format!(
+                "  {:<10} {} ({}{range}; {fallback})\n",
+                parameter.name,
+                parameter.summary,
+                parameter.units_for_people(),
+            );
+        }
+        text
+    }
+}
+
+/// A kind of signal.
+pub trait Kind: Sync {
+    /// What it declares.
+    fn spec(&self) -> &'static Spec;
+
+    /// The function of time for checked arguments.
+    ///
+    /// # Errors
+    /// Arguments that are impossible together.
+    fn build(&self, given: &Given) -> Result<Piecewise, SignalError>;
+}
+
+/// Checked arguments, in SI.
+pub struct Given<'a> {
+    spec: &'static Spec,
+    arguments: &'a [Option<Argument>],
+    /// The unit of the input.
+    pub unit: Unit,
+    /// How long the run is, s.
+    pub duration_s: f64,
+}
+
+impl<'a> Given<'a> {
+    pub(super) fn new(
+        spec: &'static Spec,
+        arguments: &'a [Option<Argument>],
+        unit: Unit,
+        duration_s: f64,
+    ) -> Result<Self, SignalError> {
+        for (parameter, argument) in spec.parameters.iter().zip(arguments) {
+            if let (Some(Argument::Quantity(quantity)), Some(measure)) =
+                (argument, parameter.measure(unit))
+            {
+                check_unit(spec, parameter, quantity, measure)?;
+            }
+        }
+        Ok(Self {
+            spec,
+            arguments,
+            unit,
+            duration_s,
+        })
+    }
+
+    fn place(&self, name: &str) -> usize {
+        let place = self.spec.parameter(name);
+        place.unwrap_or_else(|| panic!("{} declares no parameter '{name}'", self.spec.kind))
+    }
+
+    /// A number that was given or has a default.
+    pub fn optional(&self, name: &str) -> Option<f64> {
+        let place = self.place(name);
+        match (&self.arguments[place], self.spec.parameters[place].fallback) {
+            (Some(Argument::Quantity(quantity)), _) => Some(quantity.si()),
+            (_, Fallback::Number(number)) => Some(number),
+            _ => None,
+        }
+    }
+
+    /// A number that is required or has a default.
+    pub fn number(&self, name: &str) -> f64 {
+        self.optional(name)
+            .expect("required parameters are checked when parsed")
+    }
+
+    /// A word or a text that was given or has a default.
+    pub fn word(&self, name: &str) -> &str {
+        let place = self.place(name);
+        match (&self.arguments[place], self.spec.parameters[place].fallback) {
+            (Some(Argument::Word(word)), _) => word,
+            (_, Fallback::Word(word)) => word,
+            _ => panic!("'{name}' of {} is no word", self.spec.kind),
+        }
+    }
+
+    /// The error for arguments that do not go together.
+    pub(super) fn impossible(&self, reason: &'static str) -> SignalError {
+        SignalError::Impossible {
+            kind: self.spec.kind,
+            reason,
+        }
+    }
+}
+
+/// Whether a quantity is in a unit of `measure`; a plain number always is.
+pub(super) fn check_unit(
+    spec: &Spec,
+    parameter: &Parameter,
+    quantity: &Quantity,
+    measure: Measure,
+) -> Result<(), SignalError> {
+    let Some(unit) = quantity.unit else {
+        return Ok(());
+    };
+    if (Measure {
+        unit: unit.unit,
+        per_second: quantity.per_second,
+    }) == measure
+    {
+        return Ok(());
+    }
+    Err(SignalError::WrongUnit {
+        kind: spec.kind,
+        parameter: parameter.name,
+        given: quantity.to_string(),
+        allowed: measure.allowed(),
+    })
+}
+
+/// Whether a quantity is in the parameter's range.
+pub(super) fn check_range(
+    spec: &Spec,
+    parameter: &Parameter,
+    quantity: &Quantity,
+) -> Result<(), SignalError> {
+    let whole = parameter.sort != Sort::Whole || quantity.number.fract() == 0.0;
+    if whole && parameter.range.contains(quantity.si()) {
+        return Ok(());
+    }
+    let units = match parameter.sort {
+        Sort::Angle => "rad",
+        Sort::Time => "s",
+        Sort::Frequency => "Hz",
+        Sort::Whole => "whole number",
+        Sort::Value | Sort::Rate | Sort::Text | Sort::Choice(_) => "",
+    };
+    Err(SignalError::OutOfRange {
+        kind: spec.kind,
+        parameter: parameter.name,
+        given: quantity.to_string(),
+        range: parameter.range,
+        units,
+    })
+}

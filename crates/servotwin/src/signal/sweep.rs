@@ -1,0 +1,180 @@
+//! A sine whose frequency goes from one value to another (chirp), in Hermite
+//! cubics.
+//!
+//! With x the time since the beginning, T the length, f_0 and f_1 the ends and
+//! L = ln(f_1/f_0)/T, the phase in periods is
+//!
+//! (SW1)  φ = f_0 x + (f_1 − f_0) x²/(2T)            linear
+//!
+//! (SW2)  φ = f_0 (e^{L x} − 1)/L                     logarithmic
+//!
+//! and s = A sin 2πφ. With ω = 2πφ′ and derivatives of ω the fourth derivative
+//! of s is at most
+//!
+//! (SW3)  M = A (ω⁴ + 6 ω² |ω′| + 3 ω′² + 4 ω |ω″| + |ω‴|)
+//!
+//! so pieces of h = (384 · 9e-10 A / M)^{1/4} keep the error below 1e-9 A.
+//! After T the last value holds.
+
+use super::error::SignalError;
+use super::sine::sin_cos_of_periods;
+use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+use servotwin_model::math::{exp, ln};
+use servotwin_model::signal::Piecewise;
+use std::f64::consts::TAU;
+
+/// A sine whose frequency changes.
+pub struct Sweep;
+
+const ERROR: f64 = 9e-10;
+
+static SPEC: Spec = Spec {
+    kind: "sweep",
+    summary: "a sine whose frequency goes from one value to another",
+    example: "sweep:amplitude=2deg,from=0.1Hz,to=10Hz",
+    continuous: true,
+    parameters: &[
+        Parameter {
+            name: "amplitude",
+            sort: Sort::Value,
+            range: Range::Any,
+            fallback: Fallback::Required,
+            summary: "from the middle to the top",
+        },
+        Parameter {
+            name: "from",
+            sort: Sort::Frequency,
+            range: Range::Between(1e-4, 1e3),
+            fallback: Fallback::Required,
+            summary: "the frequency at the beginning",
+        },
+        Parameter {
+            name: "to",
+            sort: Sort::Frequency,
+            range: Range::Between(1e-4, 1e3),
+            fallback: Fallback::Required,
+            summary: "the frequency at the end",
+        },
+        Parameter {
+            name: "law",
+            sort: Sort::Choice(&["log", "linear"]),
+            range: Range::Any,
+            fallback: Fallback::Word("log"),
+            summary: "how the frequency goes",
+        },
+        Parameter {
+            name: "at",
+            sort: Sort::Time,
+            range: Range::NotNegative,
+            fallback: Fallback::Number(0.0),
+            summary: "when it begins",
+        },
+        Parameter {
+            name: "length",
+            sort: Sort::Time,
+            range: Range::Positive,
+            fallback: Fallback::Without("it takes the rest of the run"),
+            summary: "how long it takes",
+        },
+    ],
+};
+
+/// The phase of a sweep.
+#[derive(Clone, Copy)]
+enum Law {
+    Linear { from_hz: f64, growth_hz_s: f64 },
+    Logarithmic { from_hz: f64, growth_per_s: f64 },
+}
+
+impl Law {
+    fn new(law: &str, from_hz: f64, to_hz: f64, length_s: f64) -> Self {
+        // Equal ends have no logarithmic rate to divide by.
+        if law == "linear" || from_hz == to_hz {
+            Law::Linear {
+                from_hz,
+                growth_hz_s: (to_hz - from_hz) / length_s,
+            }
+        } else {
+            Law::Logarithmic {
+                from_hz,
+                growth_per_s: ln(to_hz / from_hz) / length_s,
+            }
+        }
+    }
+
+    /// Phase in periods and frequency.
+    fn at(self, x_s: f64) -> (f64, f64) {
+        match self {
+            Law::Linear {
+                from_hz,
+                growth_hz_s,
+            } => (
+                x_s * (from_hz + 0.5 * growth_hz_s * x_s),
+                from_hz + growth_hz_s * x_s,
+            ),
+            Law::Logarithmic {
+                from_hz,
+                growth_per_s,
+            } => {
+                let frequency_hz = from_hz * exp(growth_per_s * x_s);
+                ((frequency_hz - from_hz) / growth_per_s, frequency_hz)
+            }
+        }
+    }
+
+    /// The longest piece by (SW3) where the frequency is that at `x_s`.
+    fn piece_s(self, x_s: f64) -> f64 {
+        let omega = TAU * self.at(x_s).1;
+        let (first, second, third) = match self {
+            Law::Linear { growth_hz_s, .. } => (TAU * growth_hz_s.abs(), 0.0, 0.0),
+            Law::Logarithmic { growth_per_s, .. } => {
+                let l = growth_per_s.abs();
+                (omega * l, omega * l * l, omega * l * l * l)
+            }
+        };
+        let square = omega * omega;
+        let bound = square * square
+            + 6.0 * square * first
+            + 3.0 * first * first
+            + 4.0 * omega * second
+            + third;
+        (384.0 * ERROR / bound).sqrt().sqrt()
+    }
+}
+
+impl Kind for Sweep {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
+        let (amplitude, at_s) = (given.number("amplitude"), given.number("at"));
+        let length_s = given.optional("length").unwrap_or(given.duration_s - at_s);
+        if length_s <= 0.0 {
+            return Err(given.impossible("'at' must be before the end of the run"));
+        }
+        let law = Law::new(
+            given.word("law"),
+            given.number("from"),
+            given.number("to"),
+            length_s,
+        );
+        let mut points = (vec![], vec![], vec![]);
+        let mut push = |x_s: f64| {
+            let (periods, frequency_hz) = law.at(x_s);
+            let (sin, cos) = sin_cos_of_periods(periods);
+            points.0.push(at_s + x_s);
+            points.1.push(amplitude * sin);
+            points.2.push(amplitude * TAU * frequency_hz * cos);
+        };
+        let mut x_s = 0.0;
+        while x_s < length_s {
+            push(x_s);
+            // The frequency is monotone: the bound is the larger of the ends'.
+            let h = law.piece_s(x_s);
+            x_s += h.min(law.piece_s((x_s + h).min(length_s)));
+        }
+        push(length_s);
+        Ok(Piecewise::hermite(&points.0, &points.1, &points.2)?)
+    }
+}

@@ -1,0 +1,84 @@
+//! The units that a signal's text may use.
+
+use servotwin_model::spec::Unit;
+
+/// A unit as it is written behind a number.
+#[derive(Debug, PartialEq)]
+pub struct TextUnit {
+    /// How it is written.
+    pub symbol: &'static str,
+    /// The SI unit it measures.
+    pub unit: Unit,
+    /// One of it in SI.
+    pub si: f64,
+}
+
+const fn unit(symbol: &'static str, unit: Unit, si: f64) -> TextUnit {
+    TextUnit { symbol, unit, si }
+}
+
+/// Every unit that text may use.
+pub static UNITS: [TextUnit; 13] = [
+    unit("rad", Unit::Radian, 1.0),
+    unit("deg", Unit::Radian, std::f64::consts::PI / 180.0),
+    unit("mm", Unit::Metre, 1e-3),
+    unit("m", Unit::Metre, 1.0),
+    unit("bar", Unit::Pascal, 1e5),
+    unit("Pa", Unit::Pascal, 1.0),
+    unit("K", Unit::Kelvin, 1.0),
+    unit("N", Unit::Newton, 1.0),
+    unit("A", Unit::Ampere, 1.0),
+    unit("Hz", Unit::Hertz, 1.0),
+    unit("s", Unit::Second, 1.0),
+    unit("ms", Unit::Second, 1e-3),
+    unit("%", Unit::None, 1e-2),
+];
+
+/// What a parameter measures: a unit, or that unit per second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measure {
+    /// The unit.
+    pub unit: Unit,
+    /// Whether it is per second.
+    pub per_second: bool,
+}
+
+impl Measure {
+    /// A unit itself; speeds are lengths or angles per second.
+    pub fn of(unit: Unit) -> Self {
+        match unit {
+            Unit::MetrePerSecond => Self {
+                unit: Unit::Metre,
+                per_second: true,
+            },
+            Unit::RadianPerSecond => Self {
+                unit: Unit::Radian,
+                per_second: true,
+            },
+            _ => Self {
+                unit,
+                per_second: false,
+            },
+        }
+    }
+
+    /// How its units are written, in the order of [`UNITS`]. Empty where only
+    /// plain SI numbers are possible (a rate of a rate has no text).
+    pub fn allowed(self) -> Vec<String> {
+        let end = if self.per_second { "/s" } else { "" };
+        let units = UNITS.iter().filter(|u| u.unit == self.unit);
+        units.map(|u| format!("{}{end}", u.symbol)).collect()
+    }
+}
+
+/// A unit by its text, with or without `/s`.
+pub(super) fn find(text: &str) -> Option<(&'static TextUnit, bool)> {
+    let (symbol, per_second) = match text.strip_suffix("/s") {
+        Some(symbol) => (symbol, true),
+        None => (text, false),
+    };
+    UNITS
+        .iter()
+        .find(|unit| unit.symbol == symbol)
+        .map(|unit| (unit, per_second))
+}
