@@ -96,8 +96,8 @@ fn broken_systems_are_told_what_is_wrong() {
 fn the_aileron_has_the_agreed_parts() {
     let system = System::default();
     assert_eq!(system.name, "aileron_dual");
-    assert_eq!(system.network().components.len(), 2 * 23 + 4);
-    assert_eq!(system.program.states().len(), 41);
+    assert_eq!(system.network().components.len(), 2 * 23 + 5);
+    assert_eq!(system.program.states().len(), 43);
     let ids: Vec<&str> = system
         .network()
         .components
@@ -118,7 +118,10 @@ fn the_aileron_has_the_agreed_parts() {
             "components keep the file's order"
         );
     }
-    assert_eq!(ids[46..], ["equaliser", "aileron", "lever", "air"]);
+    assert_eq!(
+        ids[46..],
+        ["equaliser", "aileron", "lever", "air", "sensor_aileron"]
+    );
     let inputs: Vec<&str> = system
         .network()
         .inputs
@@ -146,7 +149,7 @@ fn the_aileron_has_the_agreed_parts() {
 }
 
 #[test]
-fn the_aileron_has_twelve_residuals_in_order() {
+fn the_aileron_has_the_papers_twelve_residuals_first() {
     let system = System::default();
     let ids: Vec<&str> = system.sensors.iter().map(|s| s.id.as_str()).collect();
     let order = ["p_a", "p_b", "x_p", "x_v", "p_s", "p_t"];
@@ -154,7 +157,8 @@ fn the_aileron_has_twelve_residuals_in_order() {
         .iter()
         .flat_map(|k| order.map(|name| format!("{name}_{k}")))
         .collect();
-    assert_eq!(ids, expected);
+    assert_eq!(ids[..12], expected);
+    assert_eq!(ids[12..], ["x_p_3"]);
     for sensor in &system.sensors {
         let observable = system
             .program
