@@ -1,2 +1,91 @@
 //! The command line of servotwin.
-fn main() {}
+//!
+//! Results go to standard output, everything else to standard error. A reader
+//! that closes the pipe early ends the program quietly. Exit codes:
+//!
+//! | code | meaning |
+//! |---|---|
+//! | 0 | done |
+//! | 1 | the run failed, or a result could not be written |
+//! | 2 | wrong use: an option, a signal, a name that the system does not have |
+//! | 3 | a system file (or another input file) is missing or has mistakes |
+//! | 130 | stopped by Ctrl-C; no file was left half-written |
+
+mod commands;
+mod failure;
+mod render;
+mod stop;
+
+use clap::{Parser, Subcommand};
+use commands::{check, completions, describe, faults, simulate};
+use failure::Failure;
+use std::io::{self, ErrorKind, Write};
+use std::process::ExitCode;
+
+/// Hybrid twins of electro-hydraulic servo actuators.
+#[derive(Parser)]
+#[command(name = "servotwin", version, after_help = EXIT_CODES)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    global: Global,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of every command.
+#[derive(clap::Args, Clone, Copy)]
+pub(crate) struct Global {
+    /// Write the result as JSON (numbers in SI units).
+    #[arg(long, global = true)]
+    json: bool,
+    /// Write nothing but the result: no progress, no notes.
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
+    3 an input file is missing or has mistakes, 130 stopped by Ctrl-C.";
+
+#[derive(Subcommand)]
+enum Command {
+    Simulate(Box<simulate::Options>),
+    Faults(faults::Options),
+    Describe(describe::Options),
+    Check(check::Options),
+    Completions(completions::Options),
+}
+
+impl Command {
+    /// The text for standard output.
+    fn run(&self, global: Global) -> Result<String, Failure> {
+        match self {
+            Command::Simulate(options) => simulate::run(options, global),
+            Command::Faults(options) => faults::run(options, global),
+            Command::Describe(options) => describe::run(options, global),
+            Command::Check(options) => check::run(options, global),
+            Command::Completions(options) => Ok(completions::run(options)),
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let outcome = cli.command.run(cli.global).and_then(|text| print(&text));
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            // Nobody is left to tell where standard error is closed, too.
+            let _ = writeln!(io::stderr(), "{failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Writes a result; a reader that has gone is no failure.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::Print(error)),
+        _ => Ok(()),
+    }
+}

@@ -28,6 +28,8 @@ pub const DEVIATION_BAND: f64 = 0.01;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
     sensors: usize,
+    /// Excursions of the first so many sensors count.
+    watched: usize,
     count: u64,
     mean: Vec<f64>,
     /// Lower triangle of the co-moments, row by row.
@@ -41,9 +43,16 @@ pub struct Window {
 impl Window {
     /// An empty window over `sensors` sensors.
     pub fn new(sensors: usize) -> Self {
+        Self::watching(sensors, sensors)
+    }
+
+    /// An empty window in which only the first `watched` sensors decide whether
+    /// something deviates.
+    pub fn watching(sensors: usize, watched: usize) -> Self {
         let channels = 2 * sensors;
         Self {
             sensors,
+            watched,
             count: 0,
             mean: vec![0.0; channels],
             moments: vec![0.0; channels * (channels + 1) / 2],
@@ -63,7 +72,7 @@ impl Window {
             let residual = (measured[i] - twin[i]) / scales[i];
             let size = residual.abs();
             self.largest[i] = self.largest[i].max(size);
-            outside |= size > BAND;
+            outside |= size > BAND && i < self.watched;
             self.deviation[i] = residual - self.mean[i];
             self.deviation[n + i] = twin[i] / scales[i] - self.mean[n + i];
         }
@@ -136,6 +145,11 @@ impl Window {
         self.covariance_of(self.sensors + a, self.sensors + b)
     }
 
+    /// The largest |r'| of any watched residual.
+    pub fn largest_of_all(&self) -> f64 {
+        self.largest[..self.watched].iter().fold(0.0, |largest, &size| size.max(largest))
+    }
+
     /// The largest |r'| of a residual.
     pub fn largest(&self, sensor: usize) -> f64 {
         self.largest[sensor]
@@ -153,9 +167,9 @@ impl Window {
             && self.covariance(sensor, sensor) < DEVIATION_BAND * DEVIATION_BAND
     }
 
-    /// Whether any residual violates equation (7).
+    /// Whether any watched residual violates equation (7).
     pub fn deviates(&self) -> bool {
-        (0..self.sensors).any(|s| !self.no_deviation(s))
+        (0..self.watched).any(|s| !self.no_deviation(s))
     }
 
     /// The window as it would be with the sensors in another order: sensor `i`
@@ -164,7 +178,7 @@ impl Window {
     pub fn reordered(&self, order: &[usize]) -> Self {
         let n = self.sensors;
         let channel = |i: usize| if i < n { order[i] } else { n + order[i - n] };
-        let mut result = Self::new(n);
+        let mut result = Self::watching(n, self.watched);
         result.count = self.count;
         result.first_excursion = self.first_excursion;
         for i in 0..2 * n {
@@ -183,7 +197,7 @@ impl Window {
 
     /// Forgets all samples.
     pub fn clear(&mut self) {
-        *self = Self::new(self.sensors);
+        *self = Self::watching(self.sensors, self.watched);
     }
 }
 

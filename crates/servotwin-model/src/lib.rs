@@ -3,6 +3,7 @@
 extern crate alloc;
 
 pub mod atmosphere;
+pub mod c_source;
 pub mod components;
 pub mod dual;
 pub mod equation;
@@ -17,4 +18,5 @@ pub mod scalar;
 pub mod signal;
 pub mod solver;
 pub mod spec;
+pub mod symbol;
 pub mod wiring;

@@ -142,3 +142,90 @@ pub fn smooth_step<S: crate::scalar::Scalar>(x: S) -> S {
     let x = x.clamp(S::constant(0.0), S::constant(1.0));
     x * x * (S::constant(3.0) - x * lit::<S>(2.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::components::contract::Random;
+
+    /// The largest of `error(x)` over a range.
+    fn worst(low: f64, high: f64, error: impl Fn(f64) -> f64) -> f64 {
+        let mut random = Random(42);
+        let samples = (0..200_000).map(|_| low + (high - low) * random.next());
+        samples.map(error).fold(0.0, f64::max)
+    }
+
+    fn assert_near(measured: f64, stated: f64) {
+        assert!(measured <= stated, "error {measured:e} over {stated:e}");
+        assert!(
+            measured > 0.2 * stated,
+            "error {measured:e} of {stated:e}: state it sharper"
+        );
+    }
+
+    #[test]
+    fn exp_agrees_with_libm() {
+        let relative = |x: f64| (exp(x) / libm::exp(x) - 1.0).abs();
+        assert_near(worst(-700.0, 700.0, relative), 5e-16);
+        assert_near(worst(-1.0, 1.0, relative), 5e-16);
+        assert_eq!(exp(0.0), 1.0);
+        assert!(exp(1e9).is_finite() && exp(-1e9) > 0.0);
+    }
+
+    #[test]
+    fn ln_agrees_with_libm() {
+        let error = |x: f64| (ln(x) - libm::log(x)).abs() / libm::log(x).abs().max(1.0);
+        let over_decades = worst(-300.0, 300.0, |decade| error(libm::exp10(decade)));
+        assert_near(over_decades.max(worst(0.1, 10.0, error)), 5e-16);
+        assert_eq!(ln(1.0), 0.0);
+    }
+
+    #[test]
+    fn tanh_agrees_with_libm() {
+        let error = |x: f64| (tanh(x) - libm::tanh(x)).abs();
+        assert_near(
+            worst(-3.0, 3.0, error).max(worst(-50.0, 50.0, error)),
+            3e-16,
+        );
+        assert_eq!(tanh(0.0), 0.0);
+        assert_eq!(tanh(1e3), 1.0);
+        assert_eq!(tanh(-0.7), -tanh(0.7));
+    }
+
+    #[test]
+    fn sine_and_cosine_agree_with_libm() {
+        let error = |x: f64| {
+            let (sine, cosine) = sin_cos(x);
+            (sine - libm::sin(x))
+                .abs()
+                .max((cosine - libm::cos(x)).abs())
+        };
+        let pi = core::f64::consts::PI;
+        assert_near(worst(-pi, pi, error), 3e-16);
+        assert_eq!(sin_cos(0.0), (0.0, 1.0));
+        for x in [-pi, -0.5 * pi, 0.5 * pi, pi] {
+            assert!(error(x) < 3e-16, "{x}");
+        }
+    }
+
+    #[test]
+    fn powers_agree_with_libm() {
+        let error = |x: f64| (power(x, -1.0 / 1.4) / libm::pow(x, -1.0 / 1.4) - 1.0).abs();
+        assert_near(worst(2e3, 4e7, error), 1e-14);
+    }
+
+    #[test]
+    fn the_step_is_flat_at_both_ends() {
+        let table = [
+            (-1.0, 0.0),
+            (0.0, 0.0),
+            (0.25, 0.15625),
+            (0.5, 0.5),
+            (1.0, 1.0),
+            (9.0, 1.0),
+        ];
+        for (x, y) in table {
+            assert_eq!(smooth_step(x), y);
+        }
+    }
+}

@@ -454,3 +454,6 @@ impl Joints {
         nodes.into_iter().map(|n| n.unwrap_or(unused)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -634,3 +634,84 @@ pub mod declare {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: f64, b: f64) -> bool {
+        (a - b).abs() <= 1e-12 * b.abs()
+    }
+
+    #[test]
+    fn reports_show_engineers_units() {
+        let table = [
+            (Unit::Pascal, 20.684e6, 206.84, "bar"),
+            (Unit::Kelvin, 313.15, 40.0, "°C"),
+            (Unit::Metre, 22.2e-3, 22.2, "mm"),
+            (Unit::CubicMetrePerSecond, 12.5e-3 / 60.0, 12.5, "L/min"),
+            (Unit::Radian, core::f64::consts::PI, 180.0, "°"),
+            (Unit::Ampere, 8e-3, 8.0, "mA"),
+            (Unit::PascalSecondPerCubicMetre, 3.84e9, 0.64, "bar min/L"),
+            (
+                Unit::CubicMetrePerSecondPascal,
+                1.0 / 6e9,
+                1.0,
+                "L/(min bar)",
+            ),
+            (
+                Unit::PascalSecondSquaredPerMetreToTheSixth,
+                3.6e14,
+                1.0,
+                "bar min²/L²",
+            ),
+            (Unit::None, 0.7, 0.7, ""),
+        ];
+        for (unit, si, shown, symbol) in table {
+            assert_eq!(unit.shown(), symbol);
+            assert!(
+                close(unit.to_shown(si), shown),
+                "{si} {} is {shown} {symbol}",
+                unit.symbol()
+            );
+        }
+    }
+
+    #[test]
+    fn a_difference_has_no_offset() {
+        assert_eq!(Unit::Kelvin.difference_to_shown(5.0), 5.0);
+        assert_eq!(Unit::Kelvin.to_shown(273.15), 0.0);
+    }
+
+    #[test]
+    fn every_unit_has_its_own_suffix_and_symbol() {
+        for (i, a) in Unit::ALL.iter().enumerate() {
+            assert_eq!(a.suffix().is_empty(), a.symbol().is_empty());
+            for b in &Unit::ALL[i + 1..] {
+                assert_ne!(a, b);
+                assert_ne!(a.suffix(), b.suffix());
+                assert_ne!(a.symbol(), b.symbol());
+            }
+        }
+    }
+
+    #[test]
+    fn laws_are_neutral_at_zero_and_full_at_one() {
+        for p in [0.0, 1e-300, 2.38e-3, 0.1, 1.0 / 3.0, 20.684e6, -2e-6] {
+            for law in [Law::Add, Law::Scale, Law::Geometric] {
+                for full in [0.004, 0.03, 0.05, 0.3, 2.0, 30.0] {
+                    assert_eq!(
+                        law.apply(p, 0.0, full).to_bits(),
+                        p.to_bits(),
+                        "{law:?} {p}"
+                    );
+                }
+            }
+        }
+        assert_eq!(Law::Add.apply(1.0, 1.0, -0.8), 1.0 - 0.8);
+        assert!(close(Law::Scale.apply(2.0, 1.0, 0.05), 0.1));
+        assert!(close(Law::Scale.apply(500.0, 1.0, 10.0), 5000.0));
+        assert!(close(Law::Geometric.apply(100.0, 1.0, 0.03), 3.0));
+        assert!(close(Law::Geometric.apply(100.0, 0.5, 0.04), 20.0));
+    }
+}

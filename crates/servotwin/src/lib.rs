@@ -1,10 +1,12 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
 pub mod document;
+pub mod eigenvalues;
 pub mod ensemble;
 pub mod figure;
 pub mod files;
 pub mod nearest;
 pub mod signal;
+pub mod study;
 pub mod system;
 pub mod table;

@@ -14,7 +14,7 @@ pub struct Comparison;
 
 /// The sensors of the first two units that correspond.
 fn pairs(sensors: &Sensors) -> Vec<(&'static str, usize, usize)> {
-    let known = Quantity::ALL.iter().filter(|(q, _)| *q != Quantity::Other);
+    let known = Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface));
     known
         .filter_map(|&(q, name)| Some((name, sensors.find(q, 0)?, sensors.find(q, 1)?)))
         .collect()

@@ -7,7 +7,8 @@ use alloc::format;
 fn two_actuators() -> Sensors {
     let mut sensors = Vec::new();
     for unit in 0..2 {
-        for (quantity, name) in Quantity::ALL.iter().filter(|(q, _)| *q != Quantity::Other) {
+        for (quantity, name) in Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
+        {
             let name = format!("{name}_{}", unit + 1);
             sensors.push(Sensor {
                 name,
@@ -17,6 +18,12 @@ fn two_actuators() -> Sensors {
         }
     }
     Sensors(sensors)
+}
+
+fn with_surface() -> Sensors {
+    let mut sensors = two_actuators();
+    sensors.0.push(Sensor { name: "x_3".into(), quantity: Quantity::Surface, unit: 0 });
+    sensors
 }
 
 fn some_window(sensors: &Sensors) -> Window {
@@ -45,7 +52,7 @@ fn compute(family: &dyn Family, sensors: &Sensors, window: &Window) -> Vec<f64> 
 
 #[test]
 fn names_are_unique_and_values_as_many() {
-    let sensors = two_actuators();
+    let sensors = with_surface();
     let window = some_window(&sensors);
     let mut names = BTreeSet::new();
     for family in ALL {
@@ -71,7 +78,7 @@ fn the_paper_has_thirty_six_features() {
 
 #[test]
 fn empty_and_healthy_windows_give_finite_numbers() {
-    let sensors = two_actuators();
+    let sensors = with_surface();
     let n = sensors.0.len();
     let empty = Window::new(n);
     let mut healthy = Window::new(n);
@@ -96,7 +103,7 @@ fn empty_and_healthy_windows_give_finite_numbers() {
 
 #[test]
 fn no_family_is_inert() {
-    let sensors = two_actuators();
+    let sensors = with_surface();
     let n = sensors.0.len();
     let disturbed = some_window(&sensors);
     let mut healthy = Window::new(n);

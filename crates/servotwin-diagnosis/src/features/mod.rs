@@ -15,6 +15,7 @@ mod deviation;
 mod gain;
 mod moments;
 mod pressure;
+mod vote;
 
 use crate::residual::Window;
 use alloc::string::String;
@@ -35,19 +36,22 @@ pub enum Quantity {
     Supply,
     /// Pressure of the return manifold.
     Return,
+    /// Stroke measured at the surface that all units move; it belongs to none.
+    Surface,
     /// Anything else.
     Other,
 }
 
 impl Quantity {
     /// Every quantity and its word in a study file.
-    pub const ALL: [(Quantity, &'static str); 7] = [
+    pub const ALL: [(Quantity, &'static str); 8] = [
         (Quantity::PressureA, "pressure_a"),
         (Quantity::PressureB, "pressure_b"),
         (Quantity::Ram, "ram"),
         (Quantity::Spool, "spool"),
         (Quantity::Supply, "supply"),
         (Quantity::Return, "return"),
+        (Quantity::Surface, "surface"),
         (Quantity::Other, "other"),
     ];
 }
@@ -85,6 +89,7 @@ impl Sensors {
     pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
         let like = |sensor: &Sensor| {
             let unit = match sensor.unit {
+                u if sensor.quantity == Quantity::Surface => u,
                 u if u == a => b,
                 u if u == b => a,
                 u => u,
@@ -152,6 +157,7 @@ pub static ALL: &[&dyn Family] = &[
     &pressure::Pressure,
     &comparison::Comparison,
     &balance::Balance,
+    &vote::Vote,
 ];
 
 /// The family of a name.

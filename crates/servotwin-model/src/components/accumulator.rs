@@ -138,3 +138,39 @@ impl Equation<2, 1, { 5 + BULK_CONSTANTS }> for GasPressure {
         [flow / (open * gas + compressibility_per_pa(&c[5..], p) * c[4])]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    const RESERVE: &[(&str, f64)] = &[
+        ("gas_volume_m3", 1e-4),
+        ("precharge_pa", 10e5),
+        ("fluid_volume_m3", 1e-6),
+    ];
+
+    #[test]
+    fn the_gas_is_compressed_polytropically() {
+        let c = constants::<GasPressure, 2, 1, 11>(&Accumulator, RESERVE, 0);
+        let slope = |p: f64| GasPressure::evaluate(&c, [p, 1.0])[0];
+        let mut pressure = 10e5;
+        let step = 1e-8;
+        // 30 % of the shell is filled, by the midpoint rule.
+        for _ in 0..3_000 {
+            pressure += step * slope(pressure + 0.5 * step * slope(pressure));
+        }
+        let expected = 10e5 * libm::pow(1.0 / 0.7, 1.4);
+        assert!((pressure / expected - 1.0).abs() < 1e-2, "{pressure}");
+    }
+
+    #[test]
+    fn below_the_precharge_there_is_little_to_give() {
+        let c = constants::<GasPressure, 2, 1, 11>(&Accumulator, RESERVE, 0);
+        let slope = |p: f64| GasPressure::evaluate(&c, [p, 1.0])[0];
+        assert!(slope(9e5) > 50.0 * slope(11e5));
+        for pressure in [-1e6, 0.0, 1e3, 9.5e5, 1e6] {
+            assert!(slope(pressure).is_finite() && slope(pressure) > 0.0);
+        }
+    }
+}

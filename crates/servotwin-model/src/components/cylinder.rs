@@ -12,7 +12,9 @@
 //! `x` is the piston's place relative to the body, 0 at the centre, positive
 //! when chamber A grows; `F` the force on the rod; `p_0` the normal pressure on
 //! the rod's end. The friction is Stribeck's with `κ` static over Coulomb
-//! friction, smoothed over `v_t`: the rod creeps instead of sticking. The stop's
+//! friction, smoothed over `v_t`: the rod creeps instead of sticking, and where
+//! `v_t` is as large as `v_st` (the defaults) `κ` raises the slope at rest but no
+//! peak above `F_c` is left. The stop's
 //! damping fades in over the first thousandth of the stroke (`d`), and the stop
 //! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
 //! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %.
@@ -401,4 +403,69 @@ pub fn end_stop<S: Scalar>(
     let push = excess * stiffness + velocity * contact * damping;
     // A stop does not hold back what leaves it.
     S::select(excess.less(zero), push.min(zero), push.max(zero))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn the_oil_is_a_spring_of_the_expected_stiffness() {
+        // dF/dx = A dp/dt / v summed over both chambers: 2 E A²/V = 2.14e8 N/m.
+        let chamber = |which| {
+            let c = constants::<ChamberPressure, 4, 1, 9>(&Cylinder, &[], which);
+            2.2723e-3 * ChamberPressure::evaluate(&c, [106.35e5, 0.0, 0.0, 1.0])[0]
+        };
+        let stiffness = chamber(1) - chamber(0);
+        assert!((stiffness / 2.14e8 - 1.0).abs() < 5e-3, "{stiffness:e}");
+    }
+
+    fn friction_n(smoothing_m_s: f64, velocity_m_s: f64) -> f64 {
+        let changes = [
+            ("viscous_friction_n_s_m", 0.0),
+            ("friction_smoothing_m_s", smoothing_m_s),
+        ];
+        let c = constants::<PistonFriction, 1, 2, 5>(&Cylinder, &changes, 0);
+        let mass_kg = 2.0;
+        PistonFriction::evaluate(&c, [velocity_m_s])[1] * mass_kg
+    }
+
+    #[test]
+    fn friction_is_odd_and_tends_to_coulombs() {
+        assert_eq!(friction_n(5e-3, -3e-3), -friction_n(5e-3, 3e-3));
+        assert_eq!(friction_n(5e-3, 0.0), 0.0);
+        assert!((friction_n(5e-3, 0.1) - 500.0).abs() < 1e-6);
+        // The slope at rest, which is the fastest pole of the actuator.
+        let slope = friction_n(5e-3, 1e-9) / 1e-9;
+        assert!((slope / (750.0 / 5e-3) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn static_friction_shows_only_below_a_fine_smoothing() {
+        let largest = |smoothing| {
+            let forces = (1..200).map(|i| friction_n(smoothing, i as f64 * 1e-4));
+            forces.fold(0.0, f64::max)
+        };
+        assert!(largest(0.2e-3) > 720.0);
+        // As coarse as the Stribeck velocity, it hides the peak.
+        assert!(largest(5e-3) <= 500.0 + 1e-6, "{}", largest(5e-3));
+    }
+
+    #[test]
+    fn end_stops_push_back_and_never_pull() {
+        let c = end_stop_constants(23.5e-3, 2e8, 5e4);
+        assert_eq!(end_stop(23e-3, 1.0, &c), 0.0);
+        assert!((end_stop(24.5e-3, 0.0, &c) - 2e5).abs() < 1e-3);
+        assert!((end_stop(-24.5e-3, 0.0, &c) + 2e5).abs() < 1e-3);
+        assert_eq!(end_stop(23.6e-3, -10.0, &c), 0.0);
+        assert_eq!(end_stop(-23.6e-3, 10.0, &c), 0.0);
+    }
+
+    #[test]
+    fn a_chamber_keeps_a_volume() {
+        let c = constants::<ChamberPressure, 4, 1, 9>(&Cylinder, &[], 0);
+        let [rate] = ChamberPressure::evaluate(&c, [1e7, 1e-6, -1.0, 0.0]);
+        assert!(rate.is_finite() && rate > 0.0);
+    }
 }

@@ -25,7 +25,11 @@ static SPEC: Spec = Spec {
     summary: "horn between a hinge and a rod",
     parameters: &[parameter("arm_m", Unit::Metre, 0.0525, (1e-4, 100.0), "length of the arm")],
     faults: &[],
-    ports: &[rotational("shaft", "the hinge"), moving("rod", "the end of the arm")],
+    ports: &[
+        rotational("shaft", "the hinge"),
+        moving("rod", "the end of the arm"),
+        output("position", Unit::Metre, "position of the end of the arm"),
+    ],
     states: &[],
     reference: false,
 };
@@ -41,6 +45,7 @@ impl Component for Lever {
         let motion = [position, velocity, arm].map(Output::add);
         wiring.equation::<LeverMotion, 2, 3, 1>(0, turning, motion);
         wiring.set_motion("rod", position.variable(), velocity.variable());
+        wiring.set("position", position.variable());
         let force = wiring.force("rod").variable();
         let moment = Output::add(wiring.force("shaft"));
         wiring.equation::<LeverMoment, 2, 1, 0>(0, [arm.variable(), force], [moment]);

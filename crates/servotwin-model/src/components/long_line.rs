@@ -4,13 +4,13 @@
 //! q' = (p_a − p_b − Δp_f)/L_h,   L_h = ρ l/A                               (L1)
 //! p' = E(p)/(A l) (q + Σq_b)                                              (L2)
 //! Δp_f = R q [1 + σ(φ − 1)],     R = 128 ρ ν l/(π d⁴)                       (L3)
-//! φ  = 0.3164 Re^{3/4}/64,   Re = |q| d/(A ν),   σ = σ((Re − 2300)/1700)     (L4)
+//! φ  = 0.3164 Re^{3/4}/64,  Re = |q| d/(A ν),  σ = step((Re − 2300)/1700)    (L4)
 //! ```
 //!
 //! One section: the inertia stands at `a`, the whole capacitance at `b`; the
 //! first mode is `1/(2π √(L_h C_h))`, valid well below it. Friction is
 //! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
-//! 1e5, joined by the cubic step `σ` of [`crate::math::smooth_step`]; both are
+//! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
 //! textbook laws for steady flow.
 
 use super::Component;
@@ -138,5 +138,43 @@ impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 1 + BULK_CONSTANTS], [p, flow]: [S; 2]) -> [S; 1] {
         [flow / (compressibility_per_pa(&c[1..], p) * c[0])]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+    use crate::fluid::Fluid;
+
+    const LINE: &[(&str, f64)] = &[("length_m", 10.0), ("diameter_m", 8e-3)];
+
+    #[test]
+    fn ten_metres_ring_at_nineteen_hertz() {
+        let c = constants::<LineFlow, 3, 2, 3>(&LongLine, LINE, 0);
+        let [per_inertia, _] = LineFlow::evaluate(&c, [1.0, 0.0, 0.0]);
+        assert!((1.0 / per_inertia / 1.96e8 - 1.0).abs() < 2e-3);
+        let c = constants::<LinePressure, 2, 1, 7>(&LongLine, LINE, 0);
+        let [per_capacitance] = LinePressure::evaluate(&c, [2e7, 1.0]);
+        let hertz = libm::sqrt(per_inertia * per_capacitance) / (2.0 * core::f64::consts::PI);
+        assert!((19.0..19.6).contains(&hertz), "{hertz}");
+    }
+
+    #[test]
+    fn friction_is_that_of_the_textbook() {
+        let c = constants::<LineFlow, 3, 2, 3>(&LongLine, LINE, 0);
+        let fluid = Fluid::default().at(313.15);
+        let density: f64 = fluid.density_kg_m3;
+        let area = core::f64::consts::FRAC_PI_4 * 64e-6;
+        for (reynolds, factor) in [(1000.0, 0.064), (2300.0, 64.0 / 2300.0), (1e4, 0.03164)] {
+            let velocity = reynolds * fluid.kinematic_viscosity_m2_s / 8e-3;
+            let expected = factor * 10.0 / 8e-3 * 0.5 * density * velocity * velocity;
+            let [rate, _] = LineFlow::evaluate(&c, [0.0, 0.0, velocity * area]);
+            let drop = -rate * density * 10.0 / area;
+            assert!(
+                (drop / expected - 1.0).abs() < 1e-9,
+                "{drop} instead of {expected}"
+            );
+        }
     }
 }

@@ -11,7 +11,7 @@ use crate::spec::Spec;
 use crate::wiring::Wiring;
 
 #[cfg(test)]
-mod contract;
+pub(crate) mod contract;
 pub mod conversion;
 
 /// A component of the catalogue.

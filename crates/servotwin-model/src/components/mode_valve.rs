@@ -295,3 +295,49 @@ impl Equation<3, 1, 4> for ReserveFlow {
         [opening * velocity_at_m_s(drop, c[1], c[2])]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn damping_resists_with_the_square_of_the_velocity() {
+        let c = constants::<BypassFlow, 3, 1, 3>(&ModeValve, &[], 0);
+        let area = 2.2723e-3;
+        // Velocity in mm/s and force in N: the law without laminar share.
+        for (velocity, force) in [
+            (10.0, 342.0),
+            (30.0, 3070.0),
+            (60.0, 12.3e3),
+            (90.0, 27.7e3),
+        ] {
+            let [flow] = BypassFlow::evaluate(&c, [0.0, 1e5 + force / area, 1e5]);
+            let reached = flow / area * 1e3;
+            let error: f64 = reached / velocity - 1.0;
+            assert!(
+                error.abs() < 0.08 && error < 0.0,
+                "{reached} mm/s at {force} N"
+            );
+        }
+        assert_eq!(BypassFlow::evaluate(&c, [1.0, 2e7, 1e5]), [0.0]);
+    }
+
+    #[test]
+    fn the_reserve_only_gives() {
+        let c = constants::<ReserveFlow, 3, 1, 4>(&ModeValve, &[], MAKE_UP_AREA);
+        assert!(ReserveFlow::evaluate(&c, [0.0, 15e5, 14e5])[0] > 0.0);
+        assert_eq!(ReserveFlow::evaluate(&c, [0.0, 15e5, 16e5])[0], 0.0);
+        assert_eq!(ReserveFlow::evaluate(&c, [1.0, 15e5, 14e5])[0], 0.0);
+    }
+
+    #[test]
+    fn a_stuck_valve_stays() {
+        let rate = |changes: &[(&str, f64)], inputs: [f64; 2]| {
+            let c = constants::<ModePosition, 2, 1, 3>(&ModeValve, changes, 0);
+            ModePosition::evaluate(&c, inputs)[0]
+        };
+        assert_eq!(rate(&[("damped_position", 1.0)], [0.0, 1.0]), 0.0);
+        assert_eq!(rate(&[("active_position", 0.0)], [1.0, 0.0]), 0.0);
+    }
+}

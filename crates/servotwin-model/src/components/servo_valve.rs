@@ -503,3 +503,73 @@ impl Equation<2, 1, 3> for PilotFlow {
         [velocity_at_m_s(p - t, c[1], c[2]) * c[0]]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    fn edge_flow(changes: &[(&str, f64)], which: usize, x: f64, drop: f64) -> f64 {
+        let c = constants::<EdgeFlow, 4, 1, 9>(&ServoValve, changes, which);
+        EdgeFlow::evaluate(&c, [x, 1.0, 1e5 + drop, 1e5])[0]
+    }
+
+    #[track_caller]
+    fn assert_close(value: f64, expected: f64, tolerance: f64) {
+        let error = (value / expected - 1.0).abs();
+        assert!(error < tolerance, "{value:e} instead of {expected:e}");
+    }
+
+    #[test]
+    fn an_open_edge_passes_the_turbulent_flow() {
+        assert_close(edge_flow(&[], 0, 1e-3, 1e7), 2.196e-4, 1e-3);
+        // Without smoothing and viscosity. Of the 0.6 % between the two, 0.5 %
+        // are the tail of the slit in (W4): L falls only as ε²/(4 ξ).
+        let turbulent = [("transition_reynolds", 1.0), ("smoothing_m", 1e-8)];
+        assert_close(edge_flow(&turbulent, 0, 1e-3, 1e7), 2.210e-4, 1e-3);
+    }
+
+    #[test]
+    fn an_overlapped_edge_leaks_as_a_slit() {
+        let flow = edge_flow(&[("overlap_pa_m", 50e-6)], 0, 0.0, 1e7);
+        assert_close(flow, 2.16e-7, 1e-2);
+    }
+
+    #[test]
+    fn edges_open_with_the_spool_or_against_it() {
+        for (which, sign) in [(0, 1.0), (1, -1.0), (2, -1.0), (3, 1.0)] {
+            let open = edge_flow(&[], which, sign * 5e-4, 1e7);
+            let closed = edge_flow(&[], which, -sign * 5e-4, 1e7);
+            assert!(open > 1e-4 && closed < 1e-7, "{which}: {open:e} {closed:e}");
+            let backwards = edge_flow(&[], which, sign * 5e-4, -1e7);
+            assert!(
+                (backwards + open).abs() < 1e-12 * open,
+                "{which} is not odd"
+            );
+        }
+    }
+
+    #[test]
+    fn at_null_the_spool_and_the_pilot_leak_as_in_the_prototype() {
+        let litres_per_minute = 6e4;
+        // Two paths in parallel, each with half the pressure over either edge.
+        let half = 0.5 * (20.68e6 - 0.6e6);
+        let spool = 2.0 * edge_flow(&[], 0, 0.0, half) * litres_per_minute;
+        assert_close(spool, 0.129, 1e-2);
+        let c = constants::<PilotFlow, 2, 1, 3>(&ServoValve, &[], 0);
+        let pilot = PilotFlow::evaluate(&c, [20.68e6, 0.6e6])[0] * litres_per_minute;
+        assert_close(pilot, 0.312, 1e-2);
+    }
+
+    #[test]
+    fn the_spool_stays_within_its_rate_and_its_stops() {
+        let c = constants::<SpoolMotion, 3, 2, 11>(&ServoValve, &[], 0);
+        let [rate, _] = SpoolMotion::evaluate(&c, [1.0, 0.0, 10.0]);
+        assert_close(rate, 0.15, 1e-9);
+        let [_, inside] = SpoolMotion::evaluate(&c, [1.0, 1.1e-3, 0.0]);
+        let [_, beyond] = SpoolMotion::evaluate(&c, [1.0, 1.2e-3, 0.0]);
+        assert!(beyond < inside - 0.9e-4 * 1e8, "{inside} {beyond}");
+        let saturated = SpoolMotion::evaluate(&c, [5.0, 0.0, 0.0]);
+        assert_eq!(saturated, SpoolMotion::evaluate(&c, [1.0, 0.0, 0.0]));
+    }
+}

@@ -22,7 +22,7 @@ impl Liquid for MilPrf83282 {
     }
 
     fn kinematic_viscosity_m2_s<S: Scalar>(temperature_k: S) -> S {
-        walther_m2_s(temperature_k, S::constant(9.18), S::constant(3.65))
+        walther_m2_s(temperature_k, S::constant(9.12058), S::constant(3.62752))
     }
 
     fn bulk_modulus_pa<S: Scalar>(temperature_k: S) -> S {

@@ -222,3 +222,126 @@ fn walther_m2_s<S: Scalar>(temperature_k: S, a: S, b: S) -> S {
     let inner = power_of_ten(a - b * log_10(temperature_k));
     (power_of_ten(inner) - lit::<S>(0.7)) * lit::<S>(1e-6)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assert_close(value: f64, expected: f64, tolerance: f64) {
+        let error = (value / expected - 1.0).abs();
+        assert!(error < tolerance, "{value} instead of {expected}");
+    }
+
+    fn at(kind: FluidKind, celsius: f64) -> FluidState<f64> {
+        Fluid {
+            kind,
+            ..Fluid::default()
+        }
+        .at(celsius + 273.15)
+    }
+
+    #[test]
+    fn phosphate_ester_has_the_density_and_viscosity_of_its_data_set() {
+        let table = [
+            (-20.0, 1035.0, 95.7),
+            (0.0, 1018.0, 36.2),
+            (40.0, 983.9, 10.18),
+            (70.0, 958.0, 5.47),
+            (100.0, 933.0, 3.48),
+        ];
+        for (celsius, density, centistokes) in table {
+            let fluid = at(FluidKind::PhosphateEster, celsius);
+            assert_close(fluid.density_kg_m3, density, 1e-3);
+            assert_close(fluid.kinematic_viscosity_m2_s, centistokes * 1e-6, 2e-3);
+        }
+    }
+
+    #[test]
+    fn mil_prf_5606_has_the_viscosity_of_its_sheet() {
+        for (celsius, centistokes) in [(-40.0, 495.0), (40.0, 13.5), (100.0, 5.1)] {
+            let fluid = at(FluidKind::MilPrf5606, celsius);
+            assert_close(fluid.kinematic_viscosity_m2_s, centistokes * 1e-6, 1e-4);
+        }
+        assert_close(at(FluidKind::MilPrf5606, 15.6).density_kg_m3, 871.0, 1e-6);
+        assert_close(at(FluidKind::MilPrf5606, 40.0).bulk.liquid_pa, 1.0e9, 1e-12);
+    }
+
+    #[test]
+    fn mil_prf_5606_is_continuous_where_its_two_lines_meet() {
+        let [below, above] = [39.999_999, 40.000_001]
+            .map(|celsius| at(FluidKind::MilPrf5606, celsius).kinematic_viscosity_m2_s);
+        assert_close(below, above, 5e-5);
+    }
+
+    #[test]
+    fn mil_prf_83282_has_the_viscosity_of_its_specification() {
+        for (celsius, centistokes) in [(40.0, 14.0), (100.0, 3.45)] {
+            let fluid = at(FluidKind::MilPrf83282, celsius);
+            assert_close(fluid.kinematic_viscosity_m2_s, centistokes * 1e-6, 1e-4);
+        }
+        assert_close(
+            at(FluidKind::MilPrf83282, 40.0).bulk.liquid_pa,
+            1.379e9,
+            1e-12,
+        );
+    }
+
+    #[test]
+    fn the_effective_bulk_modulus_falls_with_air_at_low_pressure() {
+        let constants = at(FluidKind::PhosphateEster, 40.0).bulk.to_array();
+        let modulus = |bar: f64| 1.0 / compressibility_per_pa(&constants, bar * 1e5);
+        let table = [
+            (1.0, 0.027),
+            (6.0, 0.41),
+            (20.0, 1.02),
+            (50.0, 1.25),
+            (100.0, 1.34),
+            (200.0, 1.43),
+        ];
+        for (bar, gigapascal) in table {
+            assert_close(modulus(bar), gigapascal * 1e9, 1.5e-2);
+        }
+        assert_close(modulus(106.35), 1.347e9, 1e-3);
+    }
+
+    #[test]
+    fn no_pressure_makes_the_bulk_modulus_zero_or_infinite() {
+        let constants = at(FluidKind::PhosphateEster, 40.0).bulk.to_array();
+        for pressure in [-1e7, -1.0, 0.0, 1.0, 2e3, 1e9] {
+            let compressibility = compressibility_per_pa(&constants, pressure);
+            assert!(
+                compressibility.is_finite() && compressibility > 0.0,
+                "{pressure}"
+            );
+        }
+    }
+
+    #[test]
+    fn every_liquid_is_plausible_over_its_whole_range() {
+        for &kind in FluidKind::ALL {
+            let (low, high) = kind.range_k();
+            let name = kind.name();
+            let mut colder = f64::INFINITY;
+            for step in 0..=100 {
+                let fluid = Fluid {
+                    kind,
+                    ..Fluid::default()
+                };
+                let state = fluid.at(low + (high - low) * step as f64 / 100.0);
+                assert!((600.0..1200.0).contains(&state.density_kg_m3), "{name}");
+                assert!(
+                    (1e-7..1e-2).contains(&state.kinematic_viscosity_m2_s),
+                    "{name}"
+                );
+                assert!(
+                    state.bulk.liquid_pa > 0.1e9,
+                    "{name} at {} K",
+                    state.temperature_k
+                );
+                let viscosity = state.kinematic_viscosity_m2_s;
+                assert!(viscosity < colder, "{name} thickens when warmed");
+                colder = viscosity;
+            }
+        }
+    }
+}

@@ -12,17 +12,19 @@ mod contract;
 mod error;
 mod noise;
 mod ramp;
-mod random;
+pub mod random;
 mod serial;
 mod sine;
 mod spec;
 mod step;
 mod sweep;
+mod table;
 mod text;
 mod units;
 
 pub use error::SignalError;
 pub use spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
+pub use text::QuantityError;
 pub use units::{Measure, TextUnit, UNITS};
 
 use servotwin_model::signal::Piecewise;
@@ -30,8 +32,15 @@ use servotwin_model::spec::Unit;
 use std::fmt;
 
 /// Every kind of signal, in the order of the documentation.
-pub static ALL: &[&dyn Kind] =
-    &[&constant::Constant, &step::Step, &ramp::Ramp, &sine::Sine, &sweep::Sweep, &noise::Noise];
+pub static ALL: &[&dyn Kind] = &[
+    &constant::Constant,
+    &step::Step,
+    &ramp::Ramp,
+    &sine::Sine,
+    &sweep::Sweep,
+    &noise::Noise,
+    &table::Recorded,
+];
 
 /// The kind of a name.
 pub fn find(kind: &str) -> Option<&'static dyn Kind> {
@@ -58,8 +67,17 @@ impl Quantity {
 
 impl fmt::Display for Quantity {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{}{}", self.number, self.unit.map_or("", |unit| unit.symbol))?;
-        if self.per_second { write!(out, "/s") } else { Ok(()) }
+        write!(
+            out,
+            "{}{}",
+            self.number,
+            self.unit.map_or("", |unit| unit.symbol)
+        )?;
+        if self.per_second {
+            write!(out, "/s")
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -90,11 +108,18 @@ impl Term {
     /// The arguments that were given, with their parameters' names.
     pub fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
         let parameters = self.kind.spec().parameters.iter();
-        parameters.zip(&self.arguments).filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
+        parameters
+            .zip(&self.arguments)
+            .filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
     }
 
     fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
-        self.kind.build(&Given::new(self.kind.spec(), &self.arguments, unit, duration_s)?)
+        self.kind.build(&Given::new(
+            self.kind.spec(),
+            &self.arguments,
+            unit,
+            duration_s,
+        )?)
     }
 }
 

@@ -10,9 +10,13 @@
 //!
 //! (SN3)  s_k = u(t_k) l tanh(c y_k/l),  u = x² (3 − 2x), x = min(t/t_f, 1)
 //!
-//! with straight lines between the samples. The factor c makes the rms of s,
-//! over the first `window` seconds, the one that was asked for: after the limit
-//! and the fade-in. The values do not depend on the duration of the run.
+//! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
+//!
+//! with cubics through the samples and slopes. (Straight lines would have a
+//! corner at every sample; each corner excites the valve and costs the solver a
+//! third more steps, for frequencies that are not in the signal.) The factor c makes the rms of s,
+//! over the first `window` seconds, the one that was asked for (of straight
+//! lines between the samples): after the limit and the fade-in. The values do not depend on the duration of the run.
 //! Without a limit the tanh is left out.
 
 use super::error::SignalError;
@@ -99,14 +103,20 @@ impl Biquad {
     fn new(k: f64, damping: f64) -> Self {
         let n = 1.0 + k * damping + k * k;
         let a = [2.0 * (k * k - 1.0) / n, (1.0 - k * damping + k * k) / n];
-        Self { gain: k * k / n, a, memory: [0.0; 2] }
+        Self {
+            gain: k * k / n,
+            a,
+            memory: [0.0; 2],
+        }
     }
 
     fn next(&mut self, input: f64) -> f64 {
         let scaled = self.gain * input;
         let output = scaled + self.memory[0];
-        self.memory =
-            [2.0 * scaled - self.a[0] * output + self.memory[1], scaled - self.a[1] * output];
+        self.memory = [
+            2.0 * scaled - self.a[0] * output + self.memory[1],
+            scaled - self.a[1] * output,
+        ];
         output
     }
 }
@@ -120,8 +130,11 @@ fn filtered(seed: u64, bandwidth_hz: f64, sampling_hz: f64, count: usize) -> Vec
     let mut random = Random::new(seed);
     // The slower pair forgets by e^{-2.4} per 1/f_c: 15 of them leave 2e-16.
     let settling = (15.0 * sampling_hz / bandwidth_hz).ceil() as usize;
-    let samples = (0..settling + count)
-        .map(|_| sections.iter_mut().fold(random.normal(), |value, section| section.next(value)));
+    let samples = (0..settling + count).map(|_| {
+        sections
+            .iter_mut()
+            .fold(random.normal(), |value, section| section.next(value))
+    });
     samples.skip(settling).collect()
 }
 
@@ -135,12 +148,18 @@ struct Shape {
 impl Shape {
     fn sample(&self, k: usize, value: f64) -> f64 {
         let x = (k as f64 / self.sampling_hz / self.fade_s.max(f64::MIN_POSITIVE)).min(1.0);
-        let limited = self.limit.map_or(value, |limit| limit * tanh(value / limit));
+        let limited = self
+            .limit
+            .map_or(value, |limit| limit * tanh(value / limit));
         limited * (x * x * (3.0 - 2.0 * x))
     }
 
     fn samples(&self, filtered: &[f64], factor: f64) -> Vec<f64> {
-        filtered.iter().enumerate().map(|(k, y)| self.sample(k, factor * y)).collect()
+        filtered
+            .iter()
+            .enumerate()
+            .map(|(k, y)| self.sample(k, factor * y))
+            .collect()
     }
 
     /// The factor that gives an rms to the lines between the samples.
@@ -156,7 +175,9 @@ impl Shape {
 
 /// The rms of straight lines between equidistant samples.
 fn line_rms(samples: &[f64]) -> f64 {
-    let squares = samples.windows(2).map(|w| w[0] * w[0] + w[0] * w[1] + w[1] * w[1]);
+    let squares = samples
+        .windows(2)
+        .map(|w| w[0] * w[0] + w[0] * w[1] + w[1] * w[1]);
     (squares.sum::<f64>() / (3 * (samples.len() - 1)) as f64).sqrt()
 }
 
@@ -184,14 +205,31 @@ impl Kind for Noise {
                 given.impossible("'window' must last two periods of 'bandwidth' and twice 'fade'")
             );
         }
-        let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
+        let shape = Shape {
+            sampling_hz,
+            fade_s: given.number("fade"),
+            limit,
+        };
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));
         let seed = given.number("seed") as u64;
-        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run));
+        // Two samples more than the run, for the slopes at its end.
+        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run + 2));
         let factor = shape.factor(&filtered[..window], rms);
-        let values = shape.samples(&filtered[..run], factor);
+        let values = shape.samples(&filtered[..run + 2], factor);
         let times_s: Vec<f64> = (0..run).map(|k| k as f64 / sampling_hz).collect();
-        Ok(Piecewise::linear(&times_s, &values)?)
+        Ok(Piecewise::hermite(&times_s, &values[..run], &slopes(&values, sampling_hz))?)
     }
+}
+
+/// Equation (SN4) at all samples but the last two; before the first there is
+/// rest.
+fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
+    let at = |k: usize, back: usize| if k < back { values[0] } else { values[k - back] };
+    let slope = |k: usize| {
+        let near = values[k + 1] - at(k, 1);
+        let far = values[k + 2] - at(k, 2);
+        (8.0 * near - far) * sampling_hz / 12.0
+    };
+    (0..values.len() - 2).map(slope).collect()
 }

@@ -8,7 +8,7 @@ use servotwin_model::math::{ln, sin_cos};
 use std::f64::consts::PI;
 
 /// A generator of random numbers.
-pub(super) struct Random {
+pub struct Random {
     state: [u64; 4],
     /// The second of a pair of normal deviates.
     spare: Option<f64>,
@@ -22,7 +22,8 @@ impl Random {
         Self { state, spare: None }
     }
 
-    fn next(&mut self) -> u64 {
+    /// The next 64 random bits.
+    pub fn next(&mut self) -> u64 {
         let [a, b, c, d] = self.state;
         let result = a.wrapping_add(d).rotate_left(23).wrapping_add(a);
         let (c, d) = (c ^ a, d ^ b);
@@ -31,7 +32,7 @@ impl Random {
     }
 
     /// Uniform in (0, 1].
-    fn uniform(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         ((self.next() >> 11) + 1) as f64 / (1_u64 << 53) as f64
     }
 
@@ -65,16 +66,31 @@ mod tests {
         let values: [u64; 3] = std::array::from_fn(|_| splitmix(&mut counter));
         assert_eq!(
             values,
-            [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423]
+            [
+                6_457_827_717_110_365_317,
+                3_203_168_211_198_807_973,
+                9_817_491_932_198_370_423
+            ]
         );
     }
 
     #[test]
     fn xoshiro_gives_its_published_sequence() {
         // The reference implementation started with the state 1, 2, 3, 4.
-        let mut random = Random { state: [1, 2, 3, 4], spare: None };
+        let mut random = Random {
+            state: [1, 2, 3, 4],
+            spare: None,
+        };
         let values: [u64; 4] = std::array::from_fn(|_| random.next());
-        assert_eq!(values, [41_943_041, 58_720_359, 3_588_806_011_781_223, 3_591_011_842_654_386]);
+        assert_eq!(
+            values,
+            [
+                41_943_041,
+                58_720_359,
+                3_588_806_011_781_223,
+                3_591_011_842_654_386
+            ]
+        );
     }
 
     #[test]

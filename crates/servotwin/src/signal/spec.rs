@@ -24,6 +24,8 @@ pub enum Sort {
     Frequency,
     /// A whole number that is not negative.
     Whole,
+    /// A name.
+    Text,
     /// One of these words.
     Choice(&'static [&'static str]),
 }
@@ -96,12 +98,18 @@ impl Parameter {
     pub fn measure(&self, unit: Unit) -> Option<Measure> {
         match self.sort {
             Sort::Value => Some(Measure::of(unit)),
-            Sort::Rate => Some(Measure { unit, per_second: true }),
+            Sort::Rate => Some(Measure {
+                unit,
+                per_second: true,
+            }),
             Sort::Angle => Some(Measure::of(Unit::Radian)),
             Sort::Time => Some(Measure::of(Unit::Second)),
             Sort::Frequency => Some(Measure::of(Unit::Hertz)),
-            Sort::Whole => Some(Measure { unit: Unit::None, per_second: false }),
-            Sort::Choice(_) => None,
+            Sort::Whole => Some(Measure {
+                unit: Unit::None,
+                per_second: false,
+            }),
+            Sort::Text | Sort::Choice(_) => None,
         }
     }
 
@@ -111,7 +119,11 @@ impl Parameter {
             Sort::Rate => "in the input's unit per second".into(),
             Sort::Whole => "whole number".into(),
             Sort::Choice(words) => words.join(" or "),
-            _ => self.measure(Unit::None).map_or(vec![], Measure::allowed).join(", "),
+            Sort::Text => "text".into(),
+            _ => self
+                .measure(Unit::None)
+                .map_or(vec![], Measure::allowed)
+                .join(", "),
         }
     }
 }
@@ -147,7 +159,7 @@ impl Spec {
                 Fallback::Without(what) => format!("without it {what}"),
             };
             let range = match parameter.sort {
-                Sort::Choice(_) => String::new(),
+                Sort::Text | Sort::Choice(_) => String::new(),
                 _ => format!(", {}", parameter.range),
             };
             text += &format!(
@@ -197,7 +209,12 @@ impl<'a> Given<'a> {
                 check_unit(spec, parameter, quantity, measure)?;
             }
         }
-        Ok(Self { spec, arguments, unit, duration_s })
+        Ok(Self {
+            spec,
+            arguments,
+            unit,
+            duration_s,
+        })
     }
 
     fn place(&self, name: &str) -> usize {
@@ -217,22 +234,26 @@ impl<'a> Given<'a> {
 
     /// A number that is required or has a default.
     pub fn number(&self, name: &str) -> f64 {
-        self.optional(name).expect("required parameters are checked when parsed")
+        self.optional(name)
+            .expect("required parameters are checked when parsed")
     }
 
-    /// A word that has a default.
+    /// A word or a text that was given or has a default.
     pub fn word(&self, name: &str) -> &str {
         let place = self.place(name);
         match (&self.arguments[place], self.spec.parameters[place].fallback) {
             (Some(Argument::Word(word)), _) => word,
             (_, Fallback::Word(word)) => word,
-            _ => panic!("'{name}' of {} is no word with a default", self.spec.kind),
+            _ => panic!("'{name}' of {} is no word", self.spec.kind),
         }
     }
 
     /// The error for arguments that do not go together.
     pub(super) fn impossible(&self, reason: &'static str) -> SignalError {
-        SignalError::Impossible { kind: self.spec.kind, reason }
+        SignalError::Impossible {
+            kind: self.spec.kind,
+            reason,
+        }
     }
 }
 
@@ -243,8 +264,14 @@ pub(super) fn check_unit(
     quantity: &Quantity,
     measure: Measure,
 ) -> Result<(), SignalError> {
-    let Some(unit) = quantity.unit else { return Ok(()) };
-    if (Measure { unit: unit.unit, per_second: quantity.per_second }) == measure {
+    let Some(unit) = quantity.unit else {
+        return Ok(());
+    };
+    if (Measure {
+        unit: unit.unit,
+        per_second: quantity.per_second,
+    }) == measure
+    {
         return Ok(());
     }
     Err(SignalError::WrongUnit {
@@ -270,7 +297,7 @@ pub(super) fn check_range(
         Sort::Time => "s",
         Sort::Frequency => "Hz",
         Sort::Whole => "whole number",
-        Sort::Value | Sort::Rate | Sort::Choice(_) => "",
+        Sort::Value | Sort::Rate | Sort::Text | Sort::Choice(_) => "",
     };
     Err(SignalError::OutOfRange {
         kind: spec.kind,

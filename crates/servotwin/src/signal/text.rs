@@ -2,7 +2,7 @@
 
 use super::error::SignalError;
 use super::spec::{Fallback, Kind, Parameter, Sort, Spec, check_range, check_unit};
-use super::{Argument, Quantity, Signal, Term, find, units};
+use super::{Argument, Measure, Quantity, Signal, Term, find, units};
 use servotwin_model::spec::Unit;
 use std::fmt;
 use std::str::FromStr;
@@ -11,8 +11,12 @@ impl FromStr for Signal {
     type Err = SignalError;
 
     fn from_str(text: &str) -> Result<Self, SignalError> {
-        let terms = split_terms(text).into_iter().map(|term| term_of(term.trim()));
-        Ok(Self { terms: terms.collect::<Result<_, _>>()? })
+        let terms = split_terms(text)
+            .into_iter()
+            .map(|term| term_of(term.trim()));
+        Ok(Self {
+            terms: terms.collect::<Result<_, _>>()?,
+        })
     }
 }
 
@@ -29,7 +33,11 @@ impl fmt::Display for Term {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "{}", self.kind.spec().kind)?;
         for (index, (name, argument)) in self.arguments().enumerate() {
-            write!(out, "{}{name}={argument}", if index == 0 { ":" } else { "," })?;
+            write!(
+                out,
+                "{}{name}={argument}",
+                if index == 0 { ":" } else { "," }
+            )?;
         }
         Ok(())
     }
@@ -64,7 +72,7 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
     }
     let (kind, rest) = match text.split_once(':') {
         Some((kind, rest)) => (kind.trim(), rest),
-        None if quantity(text).is_some() => {
+        None if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {
             let mut builder = Builder::new("constant")?;
             builder.set("value", text)?;
             return builder.finish();
@@ -76,32 +84,112 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
     for argument in arguments.filter(|_| !rest.trim().is_empty()) {
         let Some((name, value)) = argument.split_once('=') else {
             let kind = builder.kind.spec().kind;
-            return Err(SignalError::NoEqualSign { kind, given: argument.into() });
+            return Err(SignalError::NoEqualSign {
+                kind,
+                given: argument.into(),
+            });
         };
         builder.set(name.trim(), value.trim())?;
     }
     builder.finish()
 }
 
-/// A number and what stands behind it.
-fn quantity(text: &str) -> Option<Result<Quantity, &str>> {
-    let exponent = |place: usize| {
-        let next = text[place + 1..].chars().next();
-        next.is_some_and(|c| c.is_ascii_digit() || c == '-' || c == '+')
-    };
-    let end = text.char_indices().find(|&(place, c)| match c {
-        '0'..='9' | '.' | '-' | '+' => false,
-        'e' | 'E' => !exponent(place),
-        _ => true,
-    });
-    let (number, unit) = text.split_at(end.map_or(text.len(), |(place, _)| place));
-    let number = number.parse::<f64>().ok().filter(|n| n.is_finite())?;
-    let unit = unit.trim();
-    Some(match units::find(unit) {
-        _ if unit.is_empty() => Ok(Quantity { number, unit: None, per_second: false }),
-        Some((unit, per_second)) => Ok(Quantity { number, unit: Some(unit), per_second }),
-        None => Err(unit),
-    })
+/// Why a text is no number with a unit.
+#[derive(Clone, Debug, PartialEq)]
+pub enum QuantityError {
+    /// It does not begin with a finite number.
+    NotANumber {
+        /// What was written.
+        given: String,
+    },
+    /// Its unit is not known.
+    UnknownUnit {
+        /// What was written.
+        given: String,
+    },
+    /// Its unit is not the one needed.
+    WrongUnit {
+        /// What was written.
+        given: String,
+        /// The units possible.
+        allowed: Vec<String>,
+    },
+}
+
+impl fmt::Display for QuantityError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            QuantityError::NotANumber { given } => write!(out, "'{given}' is not a number"),
+            QuantityError::UnknownUnit { given } => {
+                write!(out, "'{given}' has an unknown unit; known: ")?;
+                write!(out, "{}", all_units(Sort::Value).join(", "))
+            }
+            QuantityError::WrongUnit { given, allowed } => {
+                write!(
+                    out,
+                    "'{given}' has a wrong unit; allowed: {}",
+                    allowed.join(", ")
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for QuantityError {}
+
+impl FromStr for Quantity {
+    type Err = QuantityError;
+
+    fn from_str(text: &str) -> Result<Self, QuantityError> {
+        let exponent = |place: usize| {
+            let next = text[place + 1..].chars().next();
+            next.is_some_and(|c| c.is_ascii_digit() || c == '-' || c == '+')
+        };
+        let end = text.char_indices().find(|&(place, c)| match c {
+            '0'..='9' | '.' | '-' | '+' => false,
+            'e' | 'E' => !exponent(place),
+            _ => true,
+        });
+        let (number, unit) = text.split_at(end.map_or(text.len(), |(place, _)| place));
+        let not_a_number = || QuantityError::NotANumber { given: text.into() };
+        let number = number.parse().ok().filter(|n: &f64| n.is_finite());
+        let number = number.ok_or_else(not_a_number)?;
+        match units::find(unit.trim()) {
+            _ if unit.trim().is_empty() => Ok(Quantity {
+                number,
+                unit: None,
+                per_second: false,
+            }),
+            Some((unit, per_second)) => Ok(Quantity {
+                number,
+                unit: Some(unit),
+                per_second,
+            }),
+            None => Err(QuantityError::UnknownUnit { given: text.into() }),
+        }
+    }
+}
+
+impl Quantity {
+    /// The SI value of a text that must be in `unit` or a plain number.
+    ///
+    /// # Errors
+    /// No number, another unit.
+    pub fn in_unit(text: &str, unit: Unit) -> Result<f64, QuantityError> {
+        let quantity: Quantity = text.parse()?;
+        let measure = Measure::of(unit);
+        let found = quantity.unit.map(|u| Measure {
+            unit: u.unit,
+            per_second: quantity.per_second,
+        });
+        match found {
+            Some(found) if found != measure => Err(QuantityError::WrongUnit {
+                given: text.into(),
+                allowed: measure.allowed(),
+            }),
+            _ => Ok(quantity.si()),
+        }
+    }
 }
 
 /// A term that is being put together from names and values.
@@ -113,7 +201,10 @@ pub(super) struct Builder {
 impl Builder {
     pub fn new(kind: &str) -> Result<Self, SignalError> {
         let found = find(kind).ok_or_else(|| SignalError::UnknownKind { given: kind.into() })?;
-        Ok(Self { kind: found, arguments: vec![None; found.spec().parameters.len()] })
+        Ok(Self {
+            kind: found,
+            arguments: vec![None; found.spec().parameters.len()],
+        })
     }
 
     /// An argument as text.
@@ -122,6 +213,7 @@ impl Builder {
         let spec = self.kind.spec();
         let parameter = &spec.parameters[place];
         let argument = match parameter.sort {
+            Sort::Text => Argument::Word(text.into()),
             Sort::Choice(words) => word(spec, parameter, text, words)?,
             _ => Argument::Quantity(checked_quantity(spec, parameter, text)?),
         };
@@ -131,11 +223,13 @@ impl Builder {
 
     fn free_place(&self, name: &str) -> Result<usize, SignalError> {
         let spec = self.kind.spec();
-        let place = spec.parameter(name).ok_or_else(|| SignalError::UnknownParameter {
-            kind: spec.kind,
-            given: name.into(),
-            known: spec.parameters.iter().map(|p| p.name).collect(),
-        })?;
+        let place = spec
+            .parameter(name)
+            .ok_or_else(|| SignalError::UnknownParameter {
+                kind: spec.kind,
+                given: name.into(),
+                known: spec.parameters.iter().map(|p| p.name).collect(),
+            })?;
         match self.arguments[place] {
             None => Ok(place),
             Some(_) => Err(SignalError::Repeated {
@@ -156,7 +250,10 @@ impl Builder {
                 });
             }
         }
-        Ok(Term { kind: self.kind, arguments: self.arguments })
+        Ok(Term {
+            kind: self.kind,
+            arguments: self.arguments,
+        })
     }
 }
 
@@ -170,7 +267,12 @@ fn word(
         return Ok(Argument::Word(text.into()));
     }
     let (kind, parameter) = (spec.kind, parameter.name);
-    Err(SignalError::UnknownWord { kind, parameter, given: text.into(), known })
+    Err(SignalError::UnknownWord {
+        kind,
+        parameter,
+        given: text.into(),
+        known,
+    })
 }
 
 /// A quantity whose range is kept, and its unit where that is known without
@@ -182,20 +284,25 @@ fn checked_quantity(
 ) -> Result<Quantity, SignalError> {
     let by_input = matches!(parameter.sort, Sort::Value | Sort::Rate);
     let measure = parameter.measure(Unit::None);
-    let not_a_number = || SignalError::NotANumber {
-        kind: spec.kind,
-        parameter: parameter.name,
-        given: text.into(),
-    };
-    let quantity = quantity(text).ok_or_else(not_a_number)?;
-    let quantity = quantity.map_err(|_| SignalError::WrongUnit {
-        kind: spec.kind,
-        parameter: parameter.name,
-        given: text.into(),
-        allowed: match measure {
-            Some(measure) if !by_input => measure.allowed(),
-            _ => all_units(parameter.sort),
+    let (kind, name) = (spec.kind, parameter.name);
+    let quantity: Quantity = text.parse().map_err(|error| match error {
+        QuantityError::NotANumber { given } => SignalError::NotANumber {
+            kind,
+            parameter: name,
+            given,
         },
+        QuantityError::UnknownUnit { given } | QuantityError::WrongUnit { given, .. } => {
+            let allowed = match measure {
+                Some(measure) if !by_input => measure.allowed(),
+                _ => all_units(parameter.sort),
+            };
+            SignalError::WrongUnit {
+                kind,
+                parameter: name,
+                given,
+                allowed,
+            }
+        }
     })?;
     if let Some(measure) = measure.filter(|_| !by_input) {
         check_unit(spec, parameter, &quantity, measure)?;
@@ -206,5 +313,8 @@ fn checked_quantity(
 
 fn all_units(sort: Sort) -> Vec<String> {
     let end = if sort == Sort::Rate { "/s" } else { "" };
-    units::UNITS.iter().map(|unit| format!("{}{end}", unit.symbol)).collect()
+    units::UNITS
+        .iter()
+        .map(|unit| format!("{}{end}", unit.symbol))
+        .collect()
 }

@@ -1,0 +1,652 @@
+//! `servotwin simulate`: one run of a system, healthy or with faults.
+
+use super::{SystemOption, default_inputs};
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json, number, shown, with_suffix};
+use crate::{Global, stop};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use servotwin::ensemble::{Ensemble, Sink, Variant};
+use servotwin::figure::FigureError;
+use servotwin::figure::time_series::{Panel, Series, TimeSeries};
+use servotwin::signal::{Quantity, Signal, help};
+use servotwin::system::System;
+use servotwin::table::{self, Column, Table};
+use servotwin_model::lanes::{self, Level};
+use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::solver::{self, Control, Method, Settings, Statistics};
+use servotwin_model::spec::Unit;
+use std::collections::BTreeSet;
+use std::io::{IsTerminal, stderr};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Simulate a system, healthy or with faults, from rest.
+#[derive(clap::Args)]
+#[command(after_long_help = format!("Signals:\n{}", help()))]
+pub struct Options {
+    #[command(flatten)]
+    system: SystemOption,
+    /// The signal of the input 'command', e.g. step:size=10deg,at=0.1s
+    /// (--help lists all kinds).
+    #[arg(long, value_name = "SIGNAL", allow_hyphen_values = true)]
+    command: Option<Signal>,
+    /// The signal of the input 'load_factor', e.g. 50%.
+    #[arg(long, value_name = "SIGNAL", allow_hyphen_values = true)]
+    load: Option<Signal>,
+    /// The signal of any input; may be given for several.
+    #[arg(long = "input", value_name = "ID=SIGNAL")]
+    inputs: Vec<String>,
+    /// A fault with its intensity from 0 (healthy) to 1; may be given for several.
+    #[arg(long = "fault", value_name = "ID=INTENSITY")]
+    faults: Vec<String>,
+    /// How long.
+    #[arg(long, value_name = "TIME", default_value = "5s")]
+    duration: String,
+    /// Samples per second of what is recorded.
+    #[arg(long, value_name = "FREQUENCY", default_value = "100Hz")]
+    rate: String,
+    /// What to record, separated by commas: a sensor, an input, a quantity such
+    /// as actuator_1.cylinder.position_m, a component for all of its
+    /// quantities, or 'all' [default: the driven inputs and the sensors].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    record: Vec<String>,
+    /// The solver's method.
+    #[arg(long, default_value = "rodas4p", value_parser = methods())]
+    method: Method,
+    /// Allowed error of a step, relative to the states' scales [default: 1e-5].
+    #[arg(long, conflicts_with = "step")]
+    tolerance: Option<String>,
+    /// A fixed step instead of error control.
+    #[arg(long, value_name = "TIME")]
+    step: Option<String>,
+    /// The instruction set [default: the widest of this processor; the results
+    /// do not depend on it].
+    #[arg(long, value_parser = levels())]
+    lanes: Option<Level>,
+    /// Write the recorded values to a .csv or .parquet file.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Draw the recorded values to a .svg or .png file.
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+}
+
+fn methods() -> impl TypedValueParser<Value = Method> {
+    let names = Method::ALL.map(Method::name);
+    PossibleValuesParser::new(names).map(|name| {
+        let found = Method::ALL.into_iter().find(|method| method.name() == name);
+        found.expect("clap admits known names only")
+    })
+}
+
+fn levels() -> impl TypedValueParser<Value = Level> {
+    let available = lanes::ALL.into_iter().filter(|level| level.available());
+    PossibleValuesParser::new(available.map(Level::name)).map(|name| {
+        let found = lanes::ALL.into_iter().find(|level| level.name() == name);
+        found.expect("clap admits known names only")
+    })
+}
+
+/// Something that is recorded.
+struct Recorded {
+    /// The column's name, with the unit's suffix.
+    name: String,
+    /// What a figure shows.
+    label: String,
+    unit: Unit,
+    slot: Slot,
+}
+
+/// Everything about a run before it starts.
+struct Plan<'s> {
+    system: &'s System,
+    settings: Settings,
+    level: Level,
+    duration_s: f64,
+    period_s: f64,
+    faults: Vec<FaultAt>,
+    /// The signal that each input was given, as text.
+    signals: Vec<Option<String>>,
+    curves: Vec<Piecewise>,
+    recorded: Vec<Recorded>,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    check_formats(options)?;
+    let system = options.system.read()?;
+    let plan = Plan::new(options, &system)?;
+    stop::listen();
+    let begin = Instant::now();
+    let (values, statistics) = plan.run(global)?;
+    let wall_s = begin.elapsed().as_secs_f64();
+    let times_s: Vec<f64> = (0..values[0].len())
+        .map(|k| k as f64 * plan.period_s)
+        .collect();
+    if let Some(path) = &options.out {
+        table::write(path, &plan.table(&times_s, &values)?)?;
+    }
+    if let Some(path) = &options.plot {
+        plan.figure(&times_s, &values).draw().save(path)?;
+    }
+    if !global.quiet {
+        let factor = number(plan.duration_s / wall_s, 3);
+        eprintln!(
+            "{} s in {} s: {factor} times real time",
+            plan.duration_s,
+            number(wall_s, 3)
+        );
+    }
+    Ok(match global {
+        Global { json: true, .. } => json(&plan.json(&values, statistics)),
+        Global { quiet: true, .. } => String::new(),
+        _ => plan.people(&values, statistics),
+    })
+}
+
+/// Wrong file names are found before the run, not after it.
+fn check_formats(options: &Options) -> Result<(), Failure> {
+    if let Some(path) = &options.out {
+        table::format_of(path)?;
+    }
+    match &options.plot {
+        Some(path)
+            if !path.extension().is_some_and(|e| {
+                e.eq_ignore_ascii_case("svg") || e.eq_ignore_ascii_case("png")
+            }) =>
+        {
+            Err(FigureError::UnknownFormat { path: path.clone() }.into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The SI value of an option within `(0, largest]`.
+fn positive(
+    option: &'static str,
+    text: &str,
+    unit: Unit,
+    largest: f64,
+    range: &'static str,
+) -> Result<f64, Failure> {
+    let value = Quantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
+    if value > 0.0 && value <= largest {
+        return Ok(value);
+    }
+    Err(Failure::OutOfRange {
+        option,
+        given: text.into(),
+        range,
+    })
+}
+
+fn settings(options: &Options) -> Result<Settings, Failure> {
+    let control = match (&options.step, &options.tolerance) {
+        (Some(text), _) => {
+            let step_s = positive(
+                "--step",
+                text,
+                Unit::Second,
+                1.0,
+                "greater than 0, at most 1 s",
+            )?;
+            Control::Fixed { step_s }
+        }
+        (None, _) if options.method == Method::RungeKutta4 => {
+            return Err(Failure::Options(
+                "--method rk4 has no error control: give --step, below 25us for the aileron",
+            ));
+        }
+        (None, text) => {
+            let text = text.as_deref().unwrap_or("1e-5");
+            let range = "greater than 0, at most 0.1";
+            let tolerance = positive("--tolerance", text, Unit::None, 0.1, range)?;
+            Control::Adaptive {
+                tolerance,
+                max_step_s: 0.1,
+            }
+        }
+    };
+    Ok(Settings {
+        method: options.method,
+        control,
+        land_on_samples: true,
+    })
+}
+
+/// The two sides of `name=value`.
+fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), Failure> {
+    let sides = text.split_once('=');
+    sides.ok_or_else(|| Failure::NoEqualSign {
+        option,
+        given: text.into(),
+    })
+}
+
+fn faults(system: &System, texts: &[String]) -> Result<Vec<FaultAt>, Failure> {
+    let mut faults: Vec<FaultAt> = Vec::new();
+    for text in texts {
+        let (id, value) = split("--fault", text)?;
+        let found = system.program.find_fault(id);
+        let (component, fault) = found.ok_or_else(|| Failure::UnknownName {
+            what: "fault",
+            given: id.into(),
+            known: all_faults(system),
+        })?;
+        let intensity = Quantity::in_unit(value, Unit::None).map_err(|error| Failure::Number {
+            option: "--fault",
+            error,
+        })?;
+        if !(0.0..=1.0).contains(&intensity) {
+            let range = "an intensity goes from 0 to 1";
+            return Err(Failure::OutOfRange {
+                option: "--fault",
+                given: text.clone(),
+                range,
+            });
+        }
+        if faults
+            .iter()
+            .any(|f| (f.component, f.fault) == (component, fault))
+        {
+            return Err(Failure::Repeated {
+                option: "--fault",
+                name: id.into(),
+            });
+        }
+        faults.push(FaultAt {
+            component,
+            fault,
+            intensity,
+        });
+    }
+    Ok(faults)
+}
+
+fn all_faults(system: &System) -> Vec<String> {
+    let components = system.network().components.iter();
+    let faults = components.flat_map(|instance| {
+        let declared = instance.component.spec().faults.iter();
+        declared.map(|fault| format!("{}.{}", instance.id, fault.name))
+    });
+    faults.collect()
+}
+
+/// The signals that were given: (option, input, signal).
+fn signals(options: &Options) -> Result<Vec<(String, String, Signal)>, Failure> {
+    let named = [
+        ("--command", "command", &options.command),
+        ("--load", "load_factor", &options.load),
+    ];
+    let named = named.into_iter().filter_map(|(option, id, signal)| {
+        signal
+            .as_ref()
+            .map(|signal| Ok((option.to_string(), id.to_string(), signal.clone())))
+    });
+    let others = options.inputs.iter().map(|text| {
+        let (id, signal) = split("--input", text)?;
+        let option = format!("--input {id}");
+        match signal.parse() {
+            Ok(signal) => Ok((option, id.to_string(), signal)),
+            Err(error) => Err(Failure::Signal { option, error }),
+        }
+    });
+    named.chain(others).collect()
+}
+
+impl<'s> Plan<'s> {
+    fn new(options: &Options, system: &'s System) -> Result<Self, Failure> {
+        let long = "greater than 0, at most 1e6 s";
+        let duration_s = positive("--duration", &options.duration, Unit::Second, 1e6, long)?;
+        let fast = "greater than 0, at most 1e6 Hz";
+        let rate_hz = positive("--rate", &options.rate, Unit::Hertz, 1e6, fast)?;
+        let mut plan = Plan {
+            system,
+            settings: settings(options)?,
+            level: options.lanes.unwrap_or_else(Level::best),
+            duration_s,
+            period_s: 1.0 / rate_hz,
+            faults: faults(system, &options.faults)?,
+            signals: vec![None; system.network().inputs.len()],
+            curves: default_inputs(system),
+            recorded: Vec::new(),
+        };
+        for (option, id, signal) in signals(options)? {
+            plan.drive(option, &id, &signal)?;
+        }
+        plan.recorded = plan.choose(&options.record)?;
+        if plan.recorded.len() as f64 * duration_s * rate_hz > 2e8 {
+            return Err(Failure::Options(
+                "more than 200 million values would be recorded: choose with --record, or a lower --rate",
+            ));
+        }
+        Ok(plan)
+    }
+
+    fn drive(&mut self, option: String, id: &str, signal: &Signal) -> Result<(), Failure> {
+        let inputs = &self.system.network().inputs;
+        let place = inputs.iter().position(|input| input.id == id);
+        let place = place.ok_or_else(|| Failure::UnknownName {
+            what: "input",
+            given: id.into(),
+            known: inputs.iter().map(|input| input.id.clone()).collect(),
+        })?;
+        if self.signals[place].is_some() {
+            return Err(Failure::Repeated {
+                option: "--input",
+                name: id.into(),
+            });
+        }
+        let curve = signal.build(inputs[place].unit, self.duration_s);
+        self.curves[place] = curve.map_err(|error| Failure::Signal { option, error })?;
+        self.signals[place] = Some(signal.to_string());
+        Ok(())
+    }
+
+    /// What to record, by the names that were given.
+    fn choose(&self, names: &[String]) -> Result<Vec<Recorded>, Failure> {
+        let mut recorded = Vec::new();
+        if names.is_empty() {
+            let inputs = self.system.network().inputs.iter().zip(&self.signals);
+            let driven = inputs.filter(|(_, signal)| signal.is_some());
+            recorded.extend(driven.flat_map(|(input, _)| self.named(&input.id)));
+            recorded.extend(
+                self.system
+                    .sensors
+                    .iter()
+                    .flat_map(|sensor| self.named(&sensor.id)),
+            );
+            if self.system.sensors.is_empty() {
+                let states = self.system.program.states().iter();
+                recorded.extend(states.flat_map(|state| self.named(&state.name)));
+            }
+        }
+        for name in names {
+            let found = self.named(name);
+            if found.is_empty() {
+                let known = self.all_names();
+                return Err(Failure::UnknownName {
+                    what: "quantity",
+                    given: name.clone(),
+                    known,
+                });
+            }
+            recorded.extend(found);
+        }
+        let mut seen = BTreeSet::new();
+        recorded.retain(|one| seen.insert(one.name.clone()));
+        Ok(recorded)
+    }
+
+    /// What a name stands for; empty where it is unknown.
+    fn named(&self, name: &str) -> Vec<Recorded> {
+        let program = &self.system.program;
+        if let Some(sensor) = self.system.sensor(name) {
+            let slot = program
+                .observable(&sensor.signal)
+                .expect("a checked sensor")
+                .slot;
+            let (name, label) = (with_suffix(&sensor.id, sensor.unit), sensor.label.clone());
+            return vec![Recorded {
+                name,
+                label,
+                unit: sensor.unit,
+                slot,
+            }];
+        }
+        let inside = format!("{name}.");
+        let observables = program.observables().iter();
+        let found =
+            observables.filter(|o| name == "all" || o.name == name || o.name.starts_with(&inside));
+        let recorded = found.map(|o| Recorded {
+            name: with_suffix(&o.name, o.unit),
+            label: o.name.clone(),
+            unit: o.unit,
+            slot: o.slot,
+        });
+        recorded.collect()
+    }
+
+    fn all_names(&self) -> Vec<String> {
+        let sensors = self.system.sensors.iter().map(|sensor| sensor.id.clone());
+        let components = self
+            .system
+            .network()
+            .components
+            .iter()
+            .map(|c| c.id.clone());
+        let observables = self
+            .system
+            .program
+            .observables()
+            .iter()
+            .map(|o| o.name.clone());
+        sensors.chain(components).chain(observables).collect()
+    }
+
+    /// Runs: the recorded values, one list per quantity.
+    fn run(&self, global: Global) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
+        let ensemble = Ensemble {
+            settings: self.settings,
+            level: self.level,
+            threads: 1,
+            record: self.recorded.iter().map(|one| one.slot).collect(),
+            duration_s: self.duration_s,
+            sample_period_s: self.period_s,
+            cancel: Some(stop::flag()),
+            ..Ensemble::new(&self.system.program)
+        };
+        let bar = progress(ensemble.samples(), global);
+        let variant = || Variant {
+            faults: self.faults.clone(),
+            inputs: self.curves.iter().collect(),
+            ..Variant::default()
+        };
+        let values = || Recorder {
+            values: vec![Vec::new(); self.recorded.len()],
+            bar: bar.clone(),
+        };
+        let mut result = None;
+        ensemble.run(
+            1,
+            |_| variant(),
+            |_| values(),
+            |_, recorder, outcome| {
+                result = Some(outcome.map(|statistics| (recorder.values, statistics)));
+            },
+        );
+        bar.finish_and_clear();
+        // A run that was stopped gives no result at all.
+        result
+            .ok_or(Failure::Stopped)?
+            .map_err(|failure| self.failure(failure))
+    }
+
+    fn failure(&self, failure: solver::Failure) -> Failure {
+        let state = self.system.program.states().get(failure.state);
+        Failure::Run {
+            time_s: failure.time_s,
+            state: state.map_or_else(String::new, |state| state.name.clone()),
+            cause: failure.cause.to_string(),
+        }
+    }
+
+    fn table(&self, times_s: &[f64], values: &[Vec<f64>]) -> Result<Table, Failure> {
+        let mut table = Table::new()
+            .with_metadata("servotwin", env!("CARGO_PKG_VERSION"))
+            .with_metadata("system", &self.system.name);
+        table.push(Column::new(
+            "time_s",
+            Unit::Second.symbol(),
+            times_s.to_vec(),
+        ))?;
+        for (one, values) in self.recorded.iter().zip(values) {
+            table.push(Column::new(&one.name, one.unit.symbol(), values.clone()))?;
+        }
+        Ok(table)
+    }
+
+    /// One panel per unit, in the order they appear.
+    fn figure(&self, times_s: &[f64], values: &[Vec<f64>]) -> TimeSeries<'static> {
+        let mut figure = TimeSeries::new(self.system.title.clone(), "time in s");
+        let mut units: Vec<Unit> = Vec::new();
+        for one in &self.recorded {
+            if !units.contains(&one.unit) {
+                units.push(one.unit);
+            }
+        }
+        for unit in units {
+            let mut panel = Panel::new("", unit.shown());
+            let of_unit = self
+                .recorded
+                .iter()
+                .zip(values)
+                .filter(|(one, _)| one.unit == unit);
+            for (one, values) in of_unit {
+                let shown: Vec<f64> = values.iter().map(|&si| unit.to_shown(si)).collect();
+                panel = panel.with(Series::new(one.label.clone(), times_s.to_vec(), shown));
+            }
+            figure = figure.with(panel);
+        }
+        figure
+    }
+
+    /// The inputs that were driven: (place, text of the signal, rms).
+    fn driven(&self) -> impl Iterator<Item = (usize, &str, f64)> {
+        self.signals
+            .iter()
+            .enumerate()
+            .filter_map(|(place, signal)| {
+                let rms = self.curves[place].mean_square(0.0, self.duration_s).sqrt();
+                signal.as_ref().map(|signal| (place, signal.as_str(), rms))
+            })
+    }
+
+    fn fault_id(&self, fault: &FaultAt) -> String {
+        let instance = &self.system.network().components[fault.component];
+        format!(
+            "{}.{}",
+            instance.id,
+            instance.component.spec().faults[fault.fault].name
+        )
+    }
+
+    fn json(&self, values: &[Vec<f64>], statistics: Statistics) -> Value {
+        let inputs = self.driven().map(|(place, signal, rms)| {
+            let input = &self.system.network().inputs[place];
+            json!({ "id": input.id, "signal": signal, "unit": input.unit.symbol(), "rms": rms })
+        });
+        let faults = self
+            .faults
+            .iter()
+            .map(|fault| json!({ "id": self.fault_id(fault), "intensity": fault.intensity }));
+        let recorded = self.recorded.iter().zip(values).map(|(one, values)| {
+            let Summary {
+                start,
+                least,
+                most,
+                end,
+            } = Summary::of(values);
+            json!({
+                "name": one.name, "unit": one.unit.symbol(),
+                "start": start, "min": least, "max": most, "end": end,
+            })
+        });
+        json!({
+            "system": self.system.name,
+            "duration_s": self.duration_s,
+            "sample_period_s": self.period_s,
+            "samples": values[0].len(),
+            "inputs": inputs.collect::<Vec<_>>(),
+            "faults": faults.collect::<Vec<_>>(),
+            "recorded": recorded.collect::<Vec<_>>(),
+            "method": self.settings.method.name(),
+            "steps": statistics.steps,
+            "rejected": statistics.rejected,
+            "evaluations": statistics.evaluations,
+            "jacobians": statistics.jacobians,
+        })
+    }
+
+    fn people(&self, values: &[Vec<f64>], statistics: Statistics) -> String {
+        let mut text = format!("{}\n", self.system.title);
+        for (place, signal, rms) in self.driven() {
+            let input = &self.system.network().inputs[place];
+            text += &format!("{}: {signal}, rms {}\n", input.id, shown(rms, input.unit));
+        }
+        for fault in &self.faults {
+            text += &format!("fault {} at {}\n", self.fault_id(fault), fault.intensity);
+        }
+        let mut grid = Grid::new(&[
+            ("quantity", Side::Left),
+            ("start", Side::Right),
+            ("least", Side::Right),
+            ("most", Side::Right),
+            ("end", Side::Right),
+            ("unit", Side::Left),
+        ]);
+        for (one, values) in self.recorded.iter().zip(values) {
+            let Summary {
+                start,
+                least,
+                most,
+                end,
+            } = Summary::of(values);
+            let cells = [start, least, most, end].map(|si| number(one.unit.to_shown(si), 5));
+            let row = [one.label.clone()].into_iter().chain(cells);
+            grid.push(row.chain([one.unit.shown().to_string()]).collect());
+        }
+        text += &grid.text();
+        let Statistics {
+            steps,
+            rejected,
+            jacobians,
+            ..
+        } = statistics;
+        text + &format!("{steps} steps, {rejected} rejected, {jacobians} Jacobians\n")
+    }
+}
+
+/// A recorded quantity in four numbers.
+struct Summary {
+    start: f64,
+    least: f64,
+    most: f64,
+    end: f64,
+}
+
+impl Summary {
+    fn of(values: &[f64]) -> Self {
+        Self {
+            start: values.first().copied().unwrap_or(f64::NAN),
+            least: values.iter().copied().fold(f64::INFINITY, f64::min),
+            most: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            end: values.last().copied().unwrap_or(f64::NAN),
+        }
+    }
+}
+
+/// Takes the samples and shows how far the run is.
+struct Recorder {
+    values: Vec<Vec<f64>>,
+    bar: ProgressBar,
+}
+
+impl Sink for Recorder {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        self.values.sample(index, values);
+        self.bar.set_position(index as u64);
+    }
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress(samples: usize, global: Global) -> ProgressBar {
+    if global.quiet || !stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left");
+    ProgressBar::new(samples as u64).with_style(style.expect("a valid template"))
+}

@@ -1,0 +1,196 @@
+//! Why a command ends without its result, and the exit code for it.
+
+use servotwin::figure::FigureError;
+use servotwin::files::FileError;
+use servotwin::nearest::nearest;
+use servotwin::signal::{QuantityError, SignalError};
+use servotwin::system::SystemError;
+use servotwin::table::TableError;
+use std::fmt;
+use std::io;
+
+/// Why a command ends without its result.
+#[derive(Debug)]
+pub enum Failure {
+    /// The system file is missing or has mistakes.
+    System(SystemError),
+    /// A name that the system does not have.
+    UnknownName {
+        /// What it should name.
+        what: &'static str,
+        /// What was written.
+        given: String,
+        /// The names possible.
+        known: Vec<String>,
+    },
+    /// An option that needs `name=value`.
+    NoEqualSign {
+        /// The option.
+        option: &'static str,
+        /// What was written.
+        given: String,
+    },
+    /// An input or a fault that is given twice.
+    Repeated {
+        /// The option.
+        option: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A number of an option that cannot be read.
+    Number {
+        /// The option.
+        option: &'static str,
+        /// What is wrong.
+        error: QuantityError,
+    },
+    /// A number of an option outside its range.
+    OutOfRange {
+        /// The option.
+        option: &'static str,
+        /// What was written.
+        given: String,
+        /// The range in words.
+        range: &'static str,
+    },
+    /// Options that do not go together.
+    Options(&'static str),
+    /// A signal that cannot be built.
+    Signal {
+        /// The option and the input.
+        option: String,
+        /// What is wrong.
+        error: SignalError,
+    },
+    /// The solver could not finish.
+    Run {
+        /// When, s.
+        time_s: f64,
+        /// The state with the largest error.
+        state: String,
+        /// What happened.
+        cause: String,
+    },
+    /// The equations at rest give numbers that are not finite.
+    Eigenvalues,
+    /// Ctrl-C.
+    Stopped,
+    /// A table cannot be made or written.
+    Table(TableError),
+    /// A figure cannot be written.
+    Figure(FigureError),
+    /// A file cannot be written.
+    File(FileError),
+    /// Standard output cannot be written.
+    Print(io::Error),
+}
+
+impl Failure {
+    /// The exit code of the program, as the head of `main.rs` lists them.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Failure::System(_) => 3,
+            Failure::Signal {
+                error: SignalError::Table(_) | SignalError::Rows { .. },
+                ..
+            } => 3,
+            Failure::UnknownName { .. }
+            | Failure::NoEqualSign { .. }
+            | Failure::Repeated { .. }
+            | Failure::Number { .. }
+            | Failure::OutOfRange { .. }
+            | Failure::Options(_)
+            | Failure::Signal { .. } => 2,
+            Failure::Table(TableError::UnknownFormat { .. }) => 2,
+            Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
+            Failure::Run { .. }
+            | Failure::Eigenvalues
+            | Failure::Table(_)
+            | Failure::Figure(_)
+            | Failure::File(_)
+            | Failure::Print(_) => 1,
+            Failure::Stopped => 130,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failure::System(error) => write!(out, "{error}"),
+            Failure::UnknownName { what, given, known } => {
+                write!(out, "error: the system has no {what} '{given}'")?;
+                write_known(out, given, known)
+            }
+            Failure::NoEqualSign { option, given } => {
+                write!(out, "error: {option} needs NAME=VALUE, not '{given}'")
+            }
+            Failure::Repeated { option, name } => {
+                write!(out, "error: {option}: '{name}' is given twice")
+            }
+            Failure::Number { option, error } => write!(out, "error: {option}: {error}"),
+            Failure::OutOfRange {
+                option,
+                given,
+                range,
+            } => {
+                write!(out, "error: {option} {given} is out of range: {range}")
+            }
+            Failure::Options(reason) => write!(out, "error: {reason}"),
+            Failure::Signal { option, error } => write!(out, "error: {option}: {error}"),
+            Failure::Run {
+                time_s,
+                state,
+                cause,
+            } => {
+                write!(
+                    out,
+                    "error: the run stopped at {time_s} s at {state}: {cause}"
+                )
+            }
+            Failure::Eigenvalues => {
+                write!(
+                    out,
+                    "error: the equations at rest give numbers that are not finite"
+                )
+            }
+            Failure::Stopped => write!(out, "stopped"),
+            Failure::Table(error) => write!(out, "error: {error}"),
+            Failure::Figure(error) => write!(out, "error: {error}"),
+            Failure::File(error) => write!(out, "error: {error}"),
+            Failure::Print(error) => write!(out, "error: standard output: {error}"),
+        }
+    }
+}
+
+/// The nearest name, or all where they are few, or how many there are.
+fn write_known(out: &mut fmt::Formatter<'_>, given: &str, known: &[String]) -> fmt::Result {
+    match nearest(given, known.iter().map(String::as_str)) {
+        Some(name) => write!(out, "; did you mean '{name}'?"),
+        None if known.is_empty() => write!(out, "; it has none at all"),
+        None if known.len() <= 20 => write!(out, "; it has: {}", known.join(", ")),
+        None => write!(
+            out,
+            "; it has {}, see 'servotwin describe' or 'servotwin faults'",
+            known.len()
+        ),
+    }
+}
+
+impl From<SystemError> for Failure {
+    fn from(error: SystemError) -> Self {
+        Failure::System(error)
+    }
+}
+
+impl From<TableError> for Failure {
+    fn from(error: TableError) -> Self {
+        Failure::Table(error)
+    }
+}
+
+impl From<FigureError> for Failure {
+    fn from(error: FigureError) -> Self {
+        Failure::Figure(error)
+    }
+}

@@ -1,0 +1,1 @@
+//! The binary is run as its users run it.

@@ -1,0 +1,449 @@
+//! Numbers that record what is done with them.
+//!
+//! Evaluating an equation with [`Symbol`]s leaves its text in a [`Graph`]: an
+//! expression per operation, each kept once however often it is used. From the
+//! graph comes the C source of a system ([`crate::c_source`]).
+//!
+//! A constant is carried in the symbol itself and needs no graph; operations on
+//! constants are done at once, with the arithmetic of `f64`. What is simplified
+//! beyond that leaves every number as it is:
+//!
+//! ```text
+//! 0 + x = x,   0 − x = −x,   x − 0 = x,   1 x = x,   x/1 = x                (Y1)
+//! −(−x) = x,   (−x) + y = y − x,   x − (−y) = x + y                        (Y2)
+//! ```
+//!
+//! Only the first two of (Y1) are not exact to the last bit: they can turn the
+//! sign of a zero.
+
+use crate::math;
+use crate::scalar::{Primitive, Scalar};
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+use core::cell::RefCell;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+/// An operation on one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Unary {
+    /// `−x`.
+    Negative,
+    /// `√x`.
+    SquareRoot,
+    /// `|x|`.
+    Absolute,
+    /// [`Primitive::round`].
+    Round,
+    /// The first part of [`Primitive::split_exponent`].
+    Mantissa,
+    /// The second part of [`Primitive::split_exponent`].
+    Exponent,
+    /// A transcendental function.
+    Call(Function),
+}
+
+/// A transcendental function of [`crate::math`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Function {
+    /// `e^x`.
+    Exp,
+    /// Natural logarithm.
+    Ln,
+    /// Hyperbolic tangent.
+    Tanh,
+    /// Sine.
+    Sin,
+    /// Cosine.
+    Cos,
+}
+
+impl Function {
+    /// Every function.
+    pub const ALL: [Function; 5] = [
+        Function::Exp,
+        Function::Ln,
+        Function::Tanh,
+        Function::Sin,
+        Function::Cos,
+    ];
+
+    /// The usual name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Function::Exp => "exp",
+            Function::Ln => "ln",
+            Function::Tanh => "tanh",
+            Function::Sin => "sin",
+            Function::Cos => "cos",
+        }
+    }
+
+    /// What the function does, in primitives.
+    pub fn kernel<P: Primitive>(self, x: P) -> P {
+        match self {
+            Function::Exp => math::exp(x),
+            Function::Ln => math::ln(x),
+            Function::Tanh => math::tanh(x),
+            Function::Sin => math::sin_cos(x).0,
+            Function::Cos => math::sin_cos(x).1,
+        }
+    }
+}
+
+/// An operation on two numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Binary {
+    /// `x + y`.
+    Sum,
+    /// `x − y`.
+    Difference,
+    /// `x · y`.
+    Product,
+    /// `x / y`.
+    Quotient,
+    /// [`Primitive::scale_by_power_of_two`].
+    Scaled,
+}
+
+/// What an expression is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Operand {
+    /// The bits of an `f64`.
+    Constant(u64),
+    /// The expression of this number.
+    Node(u32),
+}
+
+/// One entry of a graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Expression {
+    /// An entry of a named array from outside.
+    Variable(&'static str, u32),
+    /// Of one number.
+    Unary(Unary, Operand),
+    /// Of two numbers.
+    Binary(Binary, Operand, Operand),
+    /// A truth: the first is less than the second.
+    Less(Operand, Operand),
+    /// The first where the truth of that number holds, else the second.
+    Select(u32, Operand, Operand),
+}
+
+impl Expression {
+    /// Whether it is a truth, not a number.
+    pub fn is_truth(self) -> bool {
+        matches!(self, Expression::Less(..))
+    }
+
+    /// The expressions that it needs.
+    pub fn needs(self) -> impl Iterator<Item = u32> {
+        let none = Operand::Constant(0);
+        let (truth, a, b) = match self {
+            Expression::Variable(..) => (None, none, none),
+            Expression::Unary(_, a) => (None, a, none),
+            Expression::Binary(_, a, b) | Expression::Less(a, b) => (None, a, b),
+            Expression::Select(truth, a, b) => (Some(truth), a, b),
+        };
+        let node = |operand| match operand {
+            Operand::Node(node) => Some(node),
+            Operand::Constant(_) => None,
+        };
+        truth.into_iter().chain(node(a)).chain(node(b))
+    }
+}
+
+#[derive(Default)]
+struct Store {
+    expressions: Vec<Expression>,
+    known: BTreeMap<Expression, u32>,
+}
+
+/// The expressions of a trace, each after those that it needs.
+#[derive(Default)]
+pub struct Graph(RefCell<Store>);
+
+impl Graph {
+    /// A graph without expressions.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// An entry of an array from outside.
+    pub fn variable(&self, array: &'static str, index: usize) -> Symbol<'_> {
+        self.symbol(Expression::Variable(array, index as u32))
+    }
+
+    /// All expressions so far.
+    pub fn expressions(&self) -> Vec<Expression> {
+        self.0.borrow().expressions.clone()
+    }
+
+    fn expression(&self, node: u32) -> Expression {
+        self.0.borrow().expressions[node as usize]
+    }
+
+    /// The number of an expression, which becomes a new one where it is unknown.
+    fn node(&self, expression: Expression) -> u32 {
+        let Store { expressions, known } = &mut *self.0.borrow_mut();
+        *known.entry(expression).or_insert_with(|| {
+            expressions.push(expression);
+            expressions.len() as u32 - 1
+        })
+    }
+
+    fn symbol(&self, expression: Expression) -> Symbol<'_> {
+        Symbol::Node(self, self.node(expression))
+    }
+}
+
+/// A number in the making.
+#[derive(Clone, Copy)]
+pub enum Symbol<'g> {
+    /// A number known already.
+    Constant(f64),
+    /// An expression of a graph.
+    Node(&'g Graph, u32),
+}
+
+/// A truth in the making.
+#[derive(Clone, Copy)]
+pub enum Truth<'g> {
+    /// Known already.
+    Constant(bool),
+    /// An expression of a graph.
+    Node(&'g Graph, u32),
+}
+
+impl<'g> Symbol<'g> {
+    /// What an expression holds for this symbol.
+    pub fn operand(self) -> Operand {
+        match self {
+            Symbol::Constant(value) => Operand::Constant(value.to_bits()),
+            Symbol::Node(_, node) => Operand::Node(node),
+        }
+    }
+
+    /// The expression behind it, where it is not a constant.
+    pub fn expression(self) -> Option<Expression> {
+        match self {
+            Symbol::Constant(_) => None,
+            Symbol::Node(graph, node) => Some(graph.expression(node)),
+        }
+    }
+
+    fn is(self, number: f64) -> bool {
+        matches!(self, Symbol::Constant(value) if value == number)
+    }
+
+    /// `x` where this is `−x`.
+    fn negated(self) -> Option<Self> {
+        let Symbol::Node(graph, node) = self else {
+            return None;
+        };
+        match graph.expression(node) {
+            Expression::Unary(Unary::Negative, Operand::Node(inner)) => {
+                Some(Symbol::Node(graph, inner))
+            }
+            _ => None,
+        }
+    }
+
+    fn unary(self, operation: Unary, fold: impl FnOnce(f64) -> f64) -> Self {
+        match self {
+            Symbol::Constant(value) => Symbol::Constant(fold(value)),
+            Symbol::Node(graph, node) => {
+                graph.symbol(Expression::Unary(operation, Operand::Node(node)))
+            }
+        }
+    }
+
+    fn call(self, function: Function) -> Self {
+        self.unary(Unary::Call(function), |x| function.kernel(x))
+    }
+
+    fn binary(self, operation: Binary, other: Self, fold: impl FnOnce(f64, f64) -> f64) -> Self {
+        let Some(graph) = self.graph().or(other.graph()) else {
+            return Symbol::Constant(fold(self.known(), other.known()));
+        };
+        let (mut a, mut b) = (self.operand(), other.operand());
+        // Sums and products are the same either way round: keep one.
+        if matches!(operation, Binary::Sum | Binary::Product) && b < a {
+            (a, b) = (b, a);
+        }
+        graph.symbol(Expression::Binary(operation, a, b))
+    }
+
+    fn graph(self) -> Option<&'g Graph> {
+        match self {
+            Symbol::Constant(_) => None,
+            Symbol::Node(graph, _) => Some(graph),
+        }
+    }
+
+    /// The number of a constant.
+    fn known(self) -> f64 {
+        match self {
+            Symbol::Constant(value) => value,
+            Symbol::Node(..) => unreachable!("asked only where there is no graph"),
+        }
+    }
+}
+
+impl Add for Symbol<'_> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        if self.is(0.0) {
+            return other;
+        }
+        if other.is(0.0) {
+            return self;
+        }
+        match (self.negated(), other.negated()) {
+            (_, Some(y)) => self - y,
+            (Some(x), None) => other - x,
+            (None, None) => self.binary(Binary::Sum, other, |x, y| x + y),
+        }
+    }
+}
+
+impl Sub for Symbol<'_> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        if self.is(0.0) {
+            return -other;
+        }
+        if other.is(0.0) {
+            return self;
+        }
+        match other.negated() {
+            Some(y) => self + y,
+            None => self.binary(Binary::Difference, other, |x, y| x - y),
+        }
+    }
+}
+
+impl Mul for Symbol<'_> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        if self.is(1.0) {
+            return other;
+        }
+        if other.is(1.0) {
+            return self;
+        }
+        self.binary(Binary::Product, other, |x, y| x * y)
+    }
+}
+
+impl Div for Symbol<'_> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        if other.is(1.0) {
+            return self;
+        }
+        self.binary(Binary::Quotient, other, |x, y| x / y)
+    }
+}
+
+impl Neg for Symbol<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.negated()
+            .unwrap_or_else(|| self.unary(Unary::Negative, |x| -x))
+    }
+}
+
+impl<'g> Scalar for Symbol<'g> {
+    type Base = Self;
+    type Mask = Truth<'g>;
+
+    fn constant(value: f64) -> Self {
+        Symbol::Constant(value)
+    }
+    fn from_base(value: Self) -> Self {
+        value
+    }
+    fn base(self) -> Self {
+        self
+    }
+    fn sqrt(self) -> Self {
+        self.unary(Unary::SquareRoot, Scalar::sqrt)
+    }
+    fn abs(self) -> Self {
+        self.unary(Unary::Absolute, Scalar::abs)
+    }
+    fn less(self, other: Self) -> Truth<'g> {
+        let (a, b) = (self.operand(), other.operand());
+        match self.graph().or(other.graph()) {
+            None => Truth::Constant(self.known() < other.known()),
+            Some(_) if a == b => Truth::Constant(false),
+            Some(graph) => Truth::Node(graph, graph.node(Expression::Less(a, b))),
+        }
+    }
+    fn select(mask: Truth<'g>, yes: Self, no: Self) -> Self {
+        match mask {
+            Truth::Constant(true) => yes,
+            Truth::Constant(false) => no,
+            Truth::Node(..) if yes.operand() == no.operand() => yes,
+            Truth::Node(graph, truth) => {
+                graph.symbol(Expression::Select(truth, yes.operand(), no.operand()))
+            }
+        }
+    }
+    fn exp(self) -> Self {
+        self.call(Function::Exp)
+    }
+    fn ln(self) -> Self {
+        self.call(Function::Ln)
+    }
+    fn tanh(self) -> Self {
+        self.call(Function::Tanh)
+    }
+    fn sin(self) -> Self {
+        self.call(Function::Sin)
+    }
+    fn cos(self) -> Self {
+        self.call(Function::Cos)
+    }
+}
+
+impl Primitive for Symbol<'_> {
+    fn round(self) -> Self {
+        self.unary(Unary::Round, Primitive::round)
+    }
+    fn scale_by_power_of_two(self, exponent: Self) -> Self {
+        self.binary(Binary::Scaled, exponent, Primitive::scale_by_power_of_two)
+    }
+    fn split_exponent(self) -> (Self, Self) {
+        let mantissa = self.unary(Unary::Mantissa, |x| x.split_exponent().0);
+        (
+            mantissa,
+            self.unary(Unary::Exponent, |x| x.split_exponent().1),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_expression_is_kept_once_and_constants_are_folded() {
+        let graph = Graph::new();
+        let (x, y) = (graph.variable("x", 0), graph.variable("x", 1));
+        let two = Symbol::constant(2.0);
+        assert_eq!((x + y).operand(), (y + x).operand());
+        assert_ne!((x - y).operand(), (y - x).operand());
+        assert_eq!((x + -y).operand(), (x - y).operand());
+        assert_eq!((Symbol::constant(0.0) + x).operand(), x.operand());
+        assert_eq!((two * two).operand(), Symbol::constant(4.0).operand());
+        assert_eq!(
+            two.exp().operand(),
+            Operand::Constant(math::exp(2.0).to_bits())
+        );
+        assert_eq!(x.clamp(x, x).operand(), x.operand());
+        let before = graph.expressions().len();
+        assert_eq!((x * y).sqrt().operand(), (x * y).sqrt().operand());
+        assert_eq!(graph.expressions().len(), before + 2);
+    }
+}

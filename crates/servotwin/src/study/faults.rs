@@ -1,0 +1,90 @@
+//! The fault list: every fault of every class, in every unit, with every
+//! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
+
+use super::{Reader, StudyError};
+use servotwin_model::program::FaultAt;
+
+/// A row of Table 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Class {
+    /// The failure information, e.g. `external_leakage`.
+    pub detail: String,
+    /// What the flight control computer must do, e.g. `shut_down`.
+    pub command: String,
+    /// Fault names without the unit, e.g. `leakage_a.leakage`.
+    pub kinds: Vec<String>,
+}
+
+impl Class {
+    /// Number of different components of one unit in the class.
+    pub fn components(&self) -> usize {
+        let component = |kind: &String| kind.split('.').next().unwrap_or_default().to_string();
+        let mut components: Vec<String> = self.kinds.iter().map(component).collect();
+        components.sort();
+        components.dedup();
+        components.len()
+    }
+}
+
+/// One fault with one intensity: one row of a data set per operating case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaultCase {
+    /// The fault's full name, e.g. `actuator_1.leakage_a.leakage`.
+    pub id: String,
+    /// The name without the unit.
+    pub kind: String,
+    /// The unit, by position in the study's list.
+    pub unit: usize,
+    /// The class, by position in the study's list.
+    pub class: usize,
+    /// The fault in the program, with its intensity.
+    pub at: FaultAt,
+}
+
+impl Reader<'_> {
+    pub(super) fn classes(&self) -> Vec<Class> {
+        let class = |c: &super::ClassText| Class {
+            detail: c.detail.clone(),
+            command: c.command.clone(),
+            kinds: c.faults.clone(),
+        };
+        self.text.classes.iter().map(class).collect()
+    }
+
+    pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, StudyError> {
+        let mut faults = Vec::new();
+        for (unit, unit_name) in self.text.units.iter().enumerate() {
+            for (index, class) in classes.iter().enumerate() {
+                for kind in &class.kinds {
+                    let id = full_name(unit_name, kind);
+                    let (component, fault) = self.find_fault(&id)?;
+                    for &intensity in &self.text.intensities {
+                        let at = FaultAt { component, fault, intensity };
+                        let (id, kind) = (id.clone(), kind.clone());
+                        faults.push(FaultCase { id, kind, unit, class: index, at });
+                    }
+                }
+            }
+        }
+        Ok(faults)
+    }
+
+    fn find_fault(&self, id: &str) -> Result<(usize, usize), StudyError> {
+        self.system.program.find_fault(id).ok_or_else(|| {
+            let components = &self.system.network().components;
+            let all: Vec<String> = components
+                .iter()
+                .flat_map(|c| {
+                    let faults = c.component.spec().faults.iter();
+                    faults.map(|f| format!("{}.{}", c.id, f.name)).collect::<Vec<_>>()
+                })
+                .collect();
+            self.unknown("fault in the system", id, all.iter().map(String::as_str))
+        })
+    }
+}
+
+/// A unit without a name stands for the whole system.
+pub(super) fn full_name(unit: &str, rest: &str) -> String {
+    if unit.is_empty() { rest.into() } else { format!("{unit}.{rest}") }
+}

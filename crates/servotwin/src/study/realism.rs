@@ -1,0 +1,168 @@
+//! How reality differs from the twin: noise and quantisation of the sensors, and
+//! specimens that differ by their tolerances.
+
+use super::faults::full_name;
+use super::{Reader, Study, StudyError};
+use crate::signal::random::Random;
+use serde::Deserialize;
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Text {
+    seed: u64,
+    #[serde(default)]
+    healthy: usize,
+    #[serde(default)]
+    tolerances: Vec<ToleranceText>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToleranceText {
+    parameters: Vec<String>,
+    sigma: f64,
+    #[serde(default)]
+    absolute: bool,
+}
+
+/// Parameters that vary together from specimen to specimen.
+#[derive(Clone, Debug)]
+struct Tolerance {
+    /// (component, parameter).
+    parameters: Vec<(usize, usize)>,
+    sigma: f64,
+    absolute: bool,
+}
+
+/// What the realistic setting adds to the ideal one.
+#[derive(Clone, Debug)]
+pub struct Realism {
+    /// The seed of noise and specimens.
+    pub seed: u64,
+    /// Fault-free specimens per operating case.
+    pub healthy: usize,
+    tolerances: Vec<Tolerance>,
+}
+
+/// Under which conditions a data set is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setting {
+    /// The plant is the twin with a fault; sensors are perfect. The paper's.
+    Ideal,
+    /// With noise, quantisation and tolerances.
+    Realistic,
+}
+
+impl Setting {
+    /// Both.
+    pub const ALL: [Setting; 2] = [Setting::Ideal, Setting::Realistic];
+
+    /// The word in file names.
+    pub fn name(self) -> &'static str {
+        match self {
+            Setting::Ideal => "ideal",
+            Setting::Realistic => "realistic",
+        }
+    }
+}
+
+impl Realism {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
+        let mut tolerances = Vec::new();
+        for tolerance in &text.tolerances {
+            let sigma = tolerance.sigma;
+            let named = || format!("sigma of {}", tolerance.parameters.join(", "));
+            reader.range(named(), sigma, (0.0..1.0).contains(&sigma), "0 … 1")?;
+            for unit in &reader.text.units {
+                let parameters = tolerance.parameters.iter().map(|name| find(reader, unit, name));
+                tolerances.push(Tolerance {
+                    parameters: parameters.collect::<Result<_, _>>()?,
+                    sigma,
+                    absolute: tolerance.absolute,
+                });
+            }
+        }
+        Ok(Self { seed: text.seed, healthy: text.healthy, tolerances })
+    }
+
+    /// The parameters of one specimen: (component, parameter, value), inside
+    /// the ranges that the components declare.
+    pub fn specimen(&self, study: &Study, variant: usize) -> Vec<(usize, usize, f64)> {
+        let mut random = Random::new(mix(self.seed, variant, 1));
+        let components = &study.system.network().components;
+        let mut values = Vec::new();
+        for tolerance in &self.tolerances {
+            // A specimen outside its tolerance is not delivered.
+            let deviation = random.normal().clamp(-3.0, 3.0) * tolerance.sigma;
+            for &(component, parameter) in &tolerance.parameters {
+                let instance = &components[component];
+                let declared = &instance.component.spec().parameters[parameter];
+                let nominal = instance.parameters[parameter];
+                let value = match tolerance.absolute {
+                    true => nominal + deviation,
+                    false => nominal * (1.0 + deviation),
+                };
+                values.push((component, parameter, value.clamp(declared.min, declared.max)));
+            }
+        }
+        values
+    }
+
+    /// The random numbers of one variant's sensors.
+    pub(super) fn noise(&self, variant: usize) -> Random {
+        Random::new(mix(self.seed, variant, 2))
+    }
+}
+
+/// A seed for each variant and purpose.
+fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
+    seed ^ (variant as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (purpose << 60)
+}
+
+fn find(reader: &Reader, unit: &str, name: &str) -> Result<(usize, usize), StudyError> {
+    let id = full_name(unit, name);
+    let components = &reader.system.network().components;
+    let all = || {
+        components.iter().flat_map(|c| {
+            let parameters = c.component.spec().parameters.iter();
+            parameters.map(|p| format!("{}.{}", c.id, p.name)).collect::<Vec<_>>()
+        })
+    };
+    let found = id.rsplit_once('.').and_then(|(component, parameter)| {
+        let index = components.iter().position(|c| c.id == component)?;
+        Some((index, components[index].component.spec().parameter(parameter)?))
+    });
+    found.ok_or_else(|| {
+        let all: Vec<String> = all().collect();
+        reader.unknown("parameter in the system", &id, all.iter().map(String::as_str))
+    })
+}
+
+/// Noise and quantisation of one sensor, in physical units.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Imperfection {
+    sigma: f64,
+    /// The step of the converter; zero for none.
+    step: f64,
+}
+
+impl Imperfection {
+    /// What the component of a sensor declares: `noise_sigma` in parts of full
+    /// scale, and `bits` over the whole range.
+    pub fn of(study: &Study, sensor: usize) -> Self {
+        let instance = &study.system.network().components[study.system.sensors[sensor].component];
+        let spec = instance.component.spec();
+        let value = |name: &str| spec.parameter(name).map(|p| instance.parameters[p]);
+        let bipolar = value("full_scale_m");
+        let full_scale = bipolar.or(value("full_scale_pa")).unwrap_or(0.0);
+        let range = if bipolar.is_some() { 2.0 * full_scale } else { full_scale };
+        let bits = value("bits").unwrap_or(0.0);
+        let step = if bits > 0.0 { range / f64::powi(2.0, bits as i32) } else { 0.0 };
+        Self { sigma: value("noise_sigma").unwrap_or(0.0) * full_scale, step }
+    }
+
+    pub fn apply(self, value: f64, random: &mut Random) -> f64 {
+        let noisy = value + self.sigma * random.normal();
+        if self.step > 0.0 { (noisy / self.step).round() * self.step } else { noisy }
+    }
+}
