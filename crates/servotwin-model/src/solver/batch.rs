@@ -22,8 +22,6 @@ pub struct Batch<'p, V> {
     error: Vec<V>,
     /// Stage vectors, one after the other.
     stages: Vec<V>,
-    right: Vec<V>,
-    time_derivative: Vec<V>,
     reciprocal_scales: Vec<f64>,
     /// For every external input that changes in some lane: its place and its
     /// cubic from the beginning of the step.
@@ -48,8 +46,6 @@ impl<'p, V: Lanes> Batch<'p, V> {
             y_new: zeros(n),
             error: zeros(n),
             stages: zeros(n * MOST_STAGES),
-            right: zeros(n),
-            time_derivative: zeros(n),
             reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
             moving: Vec::new(),
         }
@@ -161,16 +157,14 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         let reciprocal = V::constant(1.0) / h;
         self.factorise(method, reciprocal);
-        self.collect_time_derivative();
-        for stage in 0..method.b.len() {
+        for stage in 0..method.stages() {
             if stage > 0 {
                 self.stage_states(method, stage);
                 self.load_inputs(h * V::constant(method.alpha[stage]));
                 evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
-            solve(self.program, &self.factors, &mut self.right);
-            self.stages[stage * n..][..n].copy_from_slice(&self.right);
+            solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
         }
         self.combine(method)
     }
@@ -181,59 +175,42 @@ impl<'p, V: Lanes> Batch<'p, V> {
         factorise(self.program, diagonal, &self.gradients, &mut self.factors);
     }
 
-    #[inline(always)]
-    fn collect_time_derivative(&mut self) {
-        for x in &mut self.time_derivative {
-            *x = V::constant(0.0);
-        }
-        let rows = self.program.rows();
-        rows.add_time_derivative(V::constant(1.0), &self.gradients, &mut self.time_derivative);
-    }
-
     /// `y + Σ a_ij U_j` into the variable array.
     #[inline(always)]
     fn stage_states(&mut self, method: &Tableau, stage: usize) {
         let n = self.y.len();
         let row = method.a[stage];
-        let before = method.a[stage - 1];
-        let stages = &self.stages;
-        let adds_one = row.len() > 1 && row[..stage - 1] == *before && row[stage - 1] == 1.0;
-        if adds_one {
+        let states = &mut self.variables[..n];
+        if method.adds_one(stage) {
             // The row before plus the last stage: the array still holds it.
-            add(&mut self.variables[..n], &stages[(stage - 1) * n..][..n]);
+            add(states, &self.stages[(stage - 1) * n..][..n]);
         } else {
-            weighted(&mut self.variables[..n], &self.y, row, stages);
+            weighted(states, &self.y, row, V::constant(1.0), &self.stages);
         }
     }
 
-    /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`.
+    /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`, where `U_i` will stand.
     #[inline(always)]
     fn stage_right(&mut self, method: &Tableau, stage: usize, h: V, reciprocal: V) {
+        let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
-        right_side(
-            &mut self.right,
-            derivatives,
-            &self.time_derivative,
-            method.c[stage],
-            &self.stages,
-            reciprocal,
-            h * V::constant(method.gamma_sum[stage]),
-        );
+        let (before, right) = self.stages.split_at_mut(stage * n);
+        weighted(&mut right[..n], derivatives, method.c[stage], reciprocal, before);
+        let gamma = method.gamma_sum[stage];
+        if gamma != 0.0 {
+            let rows = self.program.rows();
+            rows.add_time_derivative(h * V::constant(gamma), &self.gradients, right);
+        }
     }
 
+    /// (R2): the variable array still holds the argument of the last stage.
     #[inline(always)]
     fn combine(&mut self, method: &Tableau) -> V {
         let n = self.y.len();
-        weighted(&mut self.y_new, &self.y, method.b, &self.stages);
-        let zero = V::constant(0.0);
-        for e in &mut self.error {
-            *e = zero;
-        }
-        for (j, &weight) in method.error.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-            for k in 0..n {
-                self.error[k] = self.error[k] + self.stages[j * n + k] * V::constant(weight);
-            }
-        }
+        let last = &self.stages[(method.stages() - 1) * n..][..n];
+        self.error.copy_from_slice(last);
+        self.y_new.copy_from_slice(&self.variables[..n]);
+        add(&mut self.y_new, last);
         self.largest_error()
     }
 
@@ -406,20 +383,24 @@ outlined! {
         program.plan().solve(factors, right);
     }
 
-    /// `target = base + Σ weights_j · vectors_j`.
+    /// `target = base + factor Σ weights_j · vectors_j`.
     fn weighted<'a, V>(
         target: &'a mut [V],
         base: &'a [V],
         weights: &'a [f64],
+        factor: V,
         vectors: &'a [V],
     ) {
-        let n = base.len();
-        target.copy_from_slice(base);
-        for (j, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-            let weight = V::constant(weight);
-            for (t, &v) in target.iter_mut().zip(&vectors[j * n..][..n]) {
-                *t = *t + v * weight;
-            }
+        match weights.len() {
+            0 => target.copy_from_slice(base),
+            1 => weighted_by::<V, 1>(target, base, weights, factor, vectors),
+            2 => weighted_by::<V, 2>(target, base, weights, factor, vectors),
+            3 => weighted_by::<V, 3>(target, base, weights, factor, vectors),
+            4 => weighted_by::<V, 4>(target, base, weights, factor, vectors),
+            5 => weighted_by::<V, 5>(target, base, weights, factor, vectors),
+            6 => weighted_by::<V, 6>(target, base, weights, factor, vectors),
+            7 => weighted_by::<V, 7>(target, base, weights, factor, vectors),
+            _ => unreachable!("no method has more stages"),
         }
     }
 
@@ -429,26 +410,27 @@ outlined! {
             *t = *t + v;
         }
     }
+}
 
-    /// `right = derivatives + (Σ weights_j · vectors_j)/h + gamma · time`.
-    fn right_side<'a, V>(
-        right: &'a mut [V],
-        derivatives: &'a [V],
-        time_derivative: &'a [V],
-        weights: &'a [f64],
-        vectors: &'a [V],
-        reciprocal: V,
-        gamma: V,
-    ) {
-        let n = right.len();
-        for ((r, &f), &t) in right.iter_mut().zip(derivatives).zip(time_derivative) {
-            *r = f + gamma * t;
+/// [`weighted`] with the number of weights known, so that sums and weights stay
+/// in registers.
+#[inline(always)]
+fn weighted_by<V: Lanes, const N: usize>(
+    target: &mut [V],
+    base: &[V],
+    weights: &[f64],
+    factor: V,
+    vectors: &[V],
+) {
+    let n = base.len();
+    assert!(target.len() == n && vectors.len() >= N * n);
+    let weights: [V; N] = core::array::from_fn(|j| V::constant(weights[j]) * factor);
+    for (k, (t, &b)) in target.iter_mut().zip(base).enumerate() {
+        let mut sum = b;
+        for (j, &weight) in weights.iter().enumerate() {
+            // SAFETY: j < N and k < n; the length is asserted above.
+            sum = sum + unsafe { *vectors.get_unchecked(j * n + k) } * weight;
         }
-        for (j, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-            let weight = V::constant(weight) * reciprocal;
-            for (r, &v) in right.iter_mut().zip(&vectors[j * n..][..n]) {
-                *r = *r + v * weight;
-            }
-        }
+        *t = sum;
     }
 }

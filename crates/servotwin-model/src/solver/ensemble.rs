@@ -319,7 +319,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         if !self.settings.land_on_samples {
             self.interpolate_samples(tableau, h, error);
         }
-        self.end_step(error, tableau.b.len() as u64 - 1, 1);
+        self.end_step(error, tableau.stages() as u64 - 1, 1);
     }
 
     /// Samples between the beginning and the end of an accepted step.
