@@ -3,8 +3,9 @@
 //! Every sum that matters for a derivative has a row: its gradient with respect
 //! to the states it depends on, and to time through the external inputs. The
 //! pattern of every row is found once. Evaluating a block with dual numbers
-//! gives its small dense Jacobian; [`Rows::accumulate`] multiplies it with the
-//! rows of its inputs by a flat list of slots.
+//! gives its small dense Jacobian; [`Rows::chain`] multiplies these with the
+//! rows of the inputs, entry by entry of the rows in an order in which all
+//! sources are complete.
 
 use crate::lu::Plan;
 use crate::program::Sequence;
@@ -14,22 +15,23 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// `gradient[target] += ± partial · gradient[source]`.
+/// One term of an entry: `partial · source`.
 #[derive(Clone, Copy, Debug)]
-struct Product {
-    /// `output · inputs + input`.
+struct Term {
     partial: u16,
     source: u16,
-    target: u16,
 }
 
-/// The products of one block: those that add, then those that subtract.
+/// One entry of a row: its terms that add, then those that subtract.
 #[derive(Clone, Copy, Debug)]
-struct Range32 {
-    begin: u32,
+struct Entry {
+    target: u16,
     middle: u32,
     end: u32,
 }
+
+/// The terms of one entry while they are collected: (adding, subtracting).
+type Terms = (Vec<Term>, Vec<Term>);
 
 /// Patterns and places of all gradients.
 #[derive(Clone, Debug)]
@@ -38,10 +40,10 @@ pub struct Rows {
     slots: usize,
     /// Where each external input's slope stands.
     first_slope: usize,
-    /// Where the rows begin.
-    first_row: usize,
-    products: Vec<Product>,
-    blocks: Vec<Range32>,
+    /// Where the blocks' partial derivatives begin, after the rows.
+    first_partial: usize,
+    terms: Vec<Term>,
+    entries: Vec<Entry>,
     /// (row, column, slot) of the Jacobian's entries.
     jacobian: Vec<(u16, u16, u16)>,
     /// For each entry its place in the factors.
@@ -77,14 +79,14 @@ impl Rows {
             states,
             slots: next,
             first_slope: 1,
-            first_row: 1 + externals,
-            products: Vec::new(),
-            blocks: Vec::new(),
+            first_partial: next,
+            terms: Vec::new(),
+            entries: Vec::new(),
             jacobian: Vec::new(),
             in_plan: Vec::new(),
             time: Vec::new(),
         };
-        rows.list_products(sequence, externals, &patterns, &places);
+        rows.list_terms(sequence, externals, &patterns, &places);
         let first = sums.end - states;
         for (&(row, column), &slot) in places.range((first, 0)..) {
             match column {
@@ -95,61 +97,71 @@ impl Rows {
         rows
     }
 
-    fn list_products(
+    fn list_terms(
         &mut self,
         sequence: &Sequence,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
         places: &BTreeMap<(usize, usize), u16>,
     ) {
-        let states = self.states;
+        let mut terms: BTreeMap<u16, Terms> = BTreeMap::new();
+        // A row is complete after its last writer, which runs before all readers.
+        let mut last_writer: BTreeMap<usize, usize> = BTreeMap::new();
         let mut input_at = 0;
         let mut output_at = 0;
-        for block in &sequence.blocks {
+        for (index, block) in sequence.blocks.iter().enumerate() {
             let inputs = &sequence.inputs[input_at..][..block.inputs.len()];
             let outputs = &sequence.outputs[output_at..][..block.outputs.len()];
             input_at += inputs.len();
             output_at += outputs.len();
-            let mut add = Vec::new();
-            let mut subtract = Vec::new();
-            for (o, &(to, from)) in outputs.iter().enumerate() {
-                for (target, list) in [(to, &mut add), (from, &mut subtract)] {
-                    let target = target as usize;
-                    if !patterns.contains_key(&target) {
-                        continue;
-                    }
-                    for (i, &input) in inputs.iter().enumerate() {
-                        let partial = (o * inputs.len() + i) as u16;
-                        let mut push = |column: usize, source: u16| {
-                            let target = places[&(target, column)];
-                            list.push(Product {
-                                partial,
-                                source,
-                                target,
-                            });
-                        };
-                        let input = input as usize;
-                        if input < states {
-                            push(input, ONE);
-                        } else if input < states + externals {
-                            push(states, (self.first_slope + input - states) as u16);
-                        } else if let Some(pattern) = patterns.get(&input) {
-                            for &column in pattern {
-                                push(column, places[&(input, column)]);
-                            }
+            for &(to, from) in outputs {
+                for &input in inputs {
+                    let partial = u16::try_from(self.slots).expect("at most 65,535 partials");
+                    self.slots += 1;
+                    for (column, source) in self.sources(input, externals, patterns, places) {
+                        let term = Term { partial, source };
+                        if let Some(&place) = places.get(&(to as usize, column)) {
+                            terms.entry(place).or_default().0.push(term);
+                        }
+                        if let Some(&place) = places.get(&(from as usize, column)) {
+                            terms.entry(place).or_default().1.push(term);
                         }
                     }
                 }
+                last_writer.insert(to as usize, index);
+                last_writer.insert(from as usize, index);
             }
-            let begin = self.products.len() as u32;
-            self.products.extend(add);
-            let middle = self.products.len() as u32;
-            self.products.extend(subtract);
-            self.blocks.push(Range32 {
-                begin,
-                middle,
-                end: self.products.len() as u32,
-            });
+        }
+        let mut order: Vec<(Option<&usize>, u16)> =
+            (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
+        order.sort_unstable();
+        for (_, target) in order {
+            let (add, subtract) = terms.remove(&target).unwrap_or_default();
+            self.terms.extend(add);
+            let middle = self.terms.len() as u32;
+            self.terms.extend(subtract);
+            let end = self.terms.len() as u32;
+            self.entries.push(Entry { target, middle, end });
+        }
+    }
+
+    /// The gradient of a block's input: (column, where the entry stands).
+    fn sources(
+        &self,
+        input: u16,
+        externals: usize,
+        patterns: &BTreeMap<usize, BTreeSet<usize>>,
+        places: &BTreeMap<(usize, usize), u16>,
+    ) -> Vec<(usize, u16)> {
+        let states = self.states;
+        match input as usize {
+            i if i < states => vec![(i, ONE)],
+            i if i < states + externals => {
+                vec![(states, (self.first_slope + i - states) as u16)]
+            }
+            i => (patterns.get(&i).into_iter().flatten())
+                .map(|&column| (column, places[&(i, column)]))
+                .collect(),
         }
     }
 
@@ -167,14 +179,14 @@ impl Rows {
         self.jacobian.iter().map(|&(i, j, _)| (i, j)).collect()
     }
 
-    /// Number of values that gradients need.
+    /// Number of values that gradients need, with the blocks' partial derivatives.
     pub fn slots(&self) -> usize {
         self.slots
     }
 
     /// Number of multiply-add operations of one Jacobian, without the blocks.
     pub fn products(&self) -> usize {
-        self.products.len()
+        self.terms.len()
     }
 
     /// Where the slope of an external input must be put before an evaluation.
@@ -182,33 +194,45 @@ impl Rows {
         self.first_slope + external
     }
 
+    /// Where the partial derivatives of all blocks are put, block by block in
+    /// the order of evaluation, before [`Rows::chain`]: by output, then input.
     #[inline(always)]
-    pub(crate) fn clear<V: Lanes>(&self, gradients: &mut [V]) {
+    pub(crate) fn partials<'g, V>(&self, gradients: &'g mut [V]) -> &'g mut [V] {
+        &mut gradients[self.first_partial..self.slots]
+    }
+
+    /// The rows from the blocks' partial derivatives.
+    #[inline(always)]
+    pub(crate) fn chain<V: Lanes>(&self, gradients: &mut [V]) {
+        assert!(gradients.len() >= self.slots);
         gradients[ONE as usize] = V::constant(1.0);
-        for g in &mut gradients[self.first_row..self.slots] {
-            *g = V::constant(0.0);
+        let mut next = 0;
+        for entry in &self.entries {
+            let mut sum = V::constant(0.0);
+            // SAFETY: all places of terms and entries are below `slots`, and the
+            // entries' ends are those of the list of terms.
+            unsafe {
+                while next < entry.middle as usize {
+                    sum = sum + self.term(next, gradients);
+                    next += 1;
+                }
+                while next < entry.end as usize {
+                    sum = sum - self.term(next, gradients);
+                    next += 1;
+                }
+                *gradients.get_unchecked_mut(entry.target as usize) = sum;
+            }
         }
     }
 
-    /// Adds one block's partial derivatives to the rows of its outputs.
+    /// # Safety
+    /// The term must exist and `gradients` have all slots.
     #[inline(always)]
-    pub(crate) fn accumulate<V: Lanes, const I: usize, const O: usize>(
-        &self,
-        block: usize,
-        partials: &[[V; I]; O],
-        gradients: &mut [V],
-    ) {
-        let range = self.blocks[block];
-        let partials = partials.as_flattened();
-        for p in &self.products[range.begin as usize..range.middle as usize] {
-            let product = partials[p.partial as usize] * gradients[p.source as usize];
-            let target = &mut gradients[p.target as usize];
-            *target = *target + product;
-        }
-        for p in &self.products[range.middle as usize..range.end as usize] {
-            let product = partials[p.partial as usize] * gradients[p.source as usize];
-            let target = &mut gradients[p.target as usize];
-            *target = *target - product;
+    unsafe fn term<V: Lanes>(&self, index: usize, gradients: &[V]) -> V {
+        // SAFETY: promised by the caller.
+        unsafe {
+            let Term { partial, source } = *self.terms.get_unchecked(index);
+            *gradients.get_unchecked(partial as usize) * *gradients.get_unchecked(source as usize)
         }
     }
 

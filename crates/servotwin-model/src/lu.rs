@@ -36,9 +36,16 @@ struct Update {
 /// One product of a triangular solution: `x[target] −= value[slot] · x[source]`.
 #[derive(Clone, Copy, Debug)]
 struct Product {
-    target: u16,
     slot: u16,
     source: u16,
+}
+
+/// One unknown of a triangular solution, and where its products end.
+#[derive(Clone, Copy, Debug)]
+struct Unknown {
+    target: u16,
+    diagonal: u16,
+    products_end: u32,
 }
 
 /// The plan of a factorisation of one sparsity pattern.
@@ -52,11 +59,11 @@ pub struct Plan {
     pivots: Vec<Pivot>,
     eliminations: Vec<Elimination>,
     updates: Vec<Update>,
-    forward: Vec<Product>,
-    /// Backward products, and where each unknown's products end, last unknown
-    /// first.
-    backward: Vec<Product>,
-    backward_end: Vec<u32>,
+    /// The products of the unknowns `forward`, then of the unknowns `backward`,
+    /// each in the order of the substitution.
+    products: Vec<Product>,
+    forward: Vec<Unknown>,
+    backward: Vec<Unknown>,
 }
 
 impl Plan {
@@ -90,9 +97,9 @@ impl Plan {
             pivots: Vec::new(),
             eliminations: Vec::new(),
             updates: Vec::new(),
+            products: Vec::new(),
             forward: Vec::new(),
             backward: Vec::new(),
-            backward_end: Vec::new(),
         };
         plan.list_eliminations();
         plan.list_solution();
@@ -156,33 +163,35 @@ impl Plan {
 
     fn list_solution(&mut self) {
         let rank = self.ranks();
-        for &source in &self.order {
-            for target in 0..self.size as u16 {
-                if rank[target as usize] > rank[source as usize]
-                    && let Some(&slot) = self.positions.get(&(target, source))
-                {
-                    self.forward.push(Product {
-                        target,
-                        slot,
-                        source,
-                    });
-                }
+        for target in self.order.clone() {
+            let unknown = self.unknown(target, |source| rank[source] < rank[target as usize]);
+            self.forward.extend(unknown);
+        }
+        for target in self.order.clone().into_iter().rev() {
+            let before = self.products.len() as u32;
+            let unknown = self.unknown(target, |source| rank[source] > rank[target as usize]);
+            self.backward.push(unknown.unwrap_or(Unknown {
+                target,
+                diagonal: self.diagonal[target as usize],
+                products_end: before,
+            }));
+        }
+    }
+
+    /// Lists the products of an unknown with the wanted sources; `None` where
+    /// there are none.
+    fn unknown(&mut self, target: u16, wanted: impl Fn(usize) -> bool) -> Option<Unknown> {
+        let before = self.products.len();
+        for source in (0..self.size as u16).filter(|&s| wanted(s as usize)) {
+            if let Some(&slot) = self.positions.get(&(target, source)) {
+                self.products.push(Product { slot, source });
             }
         }
-        for &target in self.order.iter().rev() {
-            for source in 0..self.size as u16 {
-                if rank[source as usize] > rank[target as usize]
-                    && let Some(&slot) = self.positions.get(&(target, source))
-                {
-                    self.backward.push(Product {
-                        target,
-                        slot,
-                        source,
-                    });
-                }
-            }
-            self.backward_end.push(self.backward.len() as u32);
-        }
+        (self.products.len() > before).then(|| Unknown {
+            target,
+            diagonal: self.diagonal[target as usize],
+            products_end: self.products.len() as u32,
+        })
     }
 
     fn ranks(&self) -> Vec<u16> {
@@ -225,32 +234,47 @@ impl Plan {
     #[inline(always)]
     pub fn solve<V: Lanes>(&self, values: &[V], x: &mut [V]) {
         assert!(values.len() >= self.slots && x.len() >= self.size);
-        for p in &self.forward {
-            // SAFETY: the plan's slots and unknowns are in range, asserted above.
-            unsafe { subtract_product(values, x, *p) }
-        }
         let mut next = 0;
-        for (&target, &end) in self.order.iter().rev().zip(&self.backward_end) {
-            while next < end as usize {
-                // SAFETY: as above.
-                unsafe { subtract_product(values, x, self.backward[next]) }
-                next += 1;
+        for unknown in &self.forward {
+            // SAFETY: the plan's slots and unknowns are in range, asserted above.
+            unsafe {
+                let sum = self.substitute(*unknown, &mut next, values, x);
+                *x.get_unchecked_mut(unknown.target as usize) = sum;
             }
-            let pivot = self.diagonal[target as usize] as usize;
-            x[target as usize] = x[target as usize] * values[pivot];
+        }
+        for unknown in &self.backward {
+            // SAFETY: as above.
+            unsafe {
+                let sum = self.substitute(*unknown, &mut next, values, x);
+                let pivot = *values.get_unchecked(unknown.diagonal as usize);
+                *x.get_unchecked_mut(unknown.target as usize) = sum * pivot;
+            }
         }
     }
-}
 
-/// # Safety
-/// The slot must be inside `values`, target and source inside `x`.
-#[inline(always)]
-unsafe fn subtract_product<V: Lanes>(values: &[V], x: &mut [V], p: Product) {
-    // SAFETY: promised by the caller.
-    unsafe {
-        let product = *values.get_unchecked(p.slot as usize) * *x.get_unchecked(p.source as usize);
-        let target = x.get_unchecked_mut(p.target as usize);
-        *target = *target - product;
+    /// `x[target]` less the products from `next` on.
+    ///
+    /// # Safety
+    /// `values` must have all slots, `x` all unknowns.
+    #[inline(always)]
+    unsafe fn substitute<V: Lanes>(
+        &self,
+        unknown: Unknown,
+        next: &mut usize,
+        values: &[V],
+        x: &[V],
+    ) -> V {
+        // SAFETY: promised by the caller; the plan's own lists end where it says.
+        unsafe {
+            let mut sum = *x.get_unchecked(unknown.target as usize);
+            while *next < unknown.products_end as usize {
+                let p = *self.products.get_unchecked(*next);
+                let value = *values.get_unchecked(p.slot as usize);
+                sum = sum - value * *x.get_unchecked(p.source as usize);
+                *next += 1;
+            }
+            sum
+        }
     }
 }
 

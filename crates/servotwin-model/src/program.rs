@@ -30,6 +30,9 @@ pub type Slot = u16;
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub kind: BlockKind,
+    /// Whether any output is subtracted somewhere. Most groups only add, and
+    /// need not wait for the bin.
+    pub subtracts: bool,
     pub count: usize,
     /// Where the group's lists begin.
     pub inputs: usize,
@@ -158,11 +161,22 @@ impl Program {
     /// from the states, inputs and stand-ins in `variables`.
     #[inline(always)]
     pub fn evaluate<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
-        assert!(variables.len() > self.slots && constants.len() >= self.constants);
+        self.clear(variables);
+        self.continuous.run(constants, variables);
+    }
+
+    /// The continuous equations; [`Program::clear`] comes first.
+    pub(crate) fn continuous(&self) -> &Sequence {
+        &self.continuous
+    }
+
+    /// Clears all sums.
+    #[inline(always)]
+    pub(crate) fn clear<V: Scalar<Base = V>>(&self, variables: &mut [V]) {
+        assert!(variables.len() > self.slots);
         for v in &mut variables[self.sums.clone()] {
             *v = V::constant(0.0);
         }
-        self.continuous.run(constants, variables);
     }
 
     /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
@@ -175,23 +189,18 @@ impl Program {
         variables: &mut [V],
         gradients: &mut [V],
     ) {
-        assert!(variables.len() > self.slots && constants.len() >= self.constants);
-        for v in &mut variables[self.sums.clone()] {
-            *v = V::constant(0.0);
-        }
-        self.rows.clear(gradients);
-        let mut step = 0;
+        self.clear(variables);
+        let mut partials = &mut *self.rows.partials(gradients);
         for group in &self.continuous.groups {
             group.kind.visit(Differentiate {
                 group,
                 sequence: &self.continuous,
                 constants,
                 variables: &mut *variables,
-                rows: &self.rows,
-                gradients: &mut *gradients,
-                step: &mut step,
+                partials: &mut partials,
             });
         }
+        self.rows.chain(gradients);
     }
 
     /// The effective parameters of a variant, component by component: the
@@ -329,10 +338,13 @@ impl Sequence {
     }
 
     fn push(&mut self, block: Block, slots: &[Slot], bin: Slot, constants: &mut usize) {
-        let new_group = self.groups.last().is_none_or(|g| g.kind != block.kind);
+        let subtracts = block.subtracts();
+        let joins = |g: &Group| (g.kind, g.subtracts) == (block.kind, subtracts);
+        let new_group = !self.groups.last().is_some_and(joins);
         if new_group {
             self.groups.push(Group {
                 kind: block.kind,
+                subtracts,
                 count: 0,
                 inputs: self.inputs.len(),
                 outputs: self.outputs.len(),
@@ -407,29 +419,46 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
             // `Program::evaluate` asserts.
             let values = core::array::from_fn(|i| unsafe { *v.get_unchecked(inputs[i] as usize) });
             let results = E::evaluate::<V>(constants, values);
-            for o in 0..O {
-                let (add, subtract) = (outputs[o].0 as usize, outputs[o].1 as usize);
-                // SAFETY: as above.
-                unsafe {
-                    *v.get_unchecked_mut(add) = *v.get_unchecked(add) + results[o];
-                    *v.get_unchecked_mut(subtract) = *v.get_unchecked(subtract) - results[o];
-                }
+            // SAFETY: as above.
+            unsafe { scatter(self.group.subtracts, outputs, &results, v) };
+        }
+    }
+}
+
+/// Adds a block's outputs to their sums.
+///
+/// # Safety
+/// All slots must be inside `variables`.
+#[inline(always)]
+unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
+    subtracts: bool,
+    outputs: &[(Slot, Slot); O],
+    results: &[V; O],
+    variables: &mut [V],
+) {
+    for (&(add, subtract), &result) in outputs.iter().zip(results) {
+        // SAFETY: promised by the caller.
+        unsafe {
+            let sum = variables.get_unchecked_mut(add as usize);
+            *sum = *sum + result;
+            if subtracts {
+                let sum = variables.get_unchecked_mut(subtract as usize);
+                *sum = *sum - result;
             }
         }
     }
 }
 
-struct Differentiate<'a, V> {
+struct Differentiate<'a, 'g, V> {
     group: &'a Group,
     sequence: &'a Sequence,
     constants: &'a [V],
     variables: &'a mut [V],
-    rows: &'a Rows,
-    gradients: &'a mut [V],
-    step: &'a mut usize,
+    /// Places for the partial derivatives of this block and all later ones.
+    partials: &'a mut &'g mut [V],
 }
 
-impl<V: Lanes> Visitor for Differentiate<'_, V> {
+impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
     type Output = ();
     #[inline(always)]
     fn visit<E, const I: usize, const O: usize, const C: usize>(self)
@@ -441,16 +470,14 @@ impl<V: Lanes> Visitor for Differentiate<'_, V> {
             let (inputs, outputs, constants) =
                 parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
             let values: [Dual<V, I>; I] =
-                core::array::from_fn(|i| Dual::input(v[inputs[i] as usize], i));
+                // SAFETY: as in `Evaluate`.
+                core::array::from_fn(|i| Dual::input(unsafe { *v.get_unchecked(inputs[i] as usize) }, i));
             let results = E::evaluate::<Dual<V, I>>(constants, values);
-            for o in 0..O {
-                let (add, subtract) = (outputs[o].0 as usize, outputs[o].1 as usize);
-                v[add] = v[add] + results[o].value;
-                v[subtract] = v[subtract] - results[o].value;
-            }
-            let partials = results.map(|r| r.partials);
-            self.rows.accumulate(*self.step, &partials, self.gradients);
-            *self.step += 1;
+            // SAFETY: as in `Evaluate`.
+            unsafe { scatter(self.group.subtracts, outputs, &results.map(|r| r.value), v) };
+            let (own, later) = core::mem::take(self.partials).split_at_mut(I * O);
+            own.copy_from_slice(results.map(|r| r.partials).as_flattened());
+            *self.partials = later;
         }
     }
 }
@@ -645,7 +672,7 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
         }
     }
     let mut order: Vec<usize> = (0..blocks.len()).collect();
-    order.sort_by_key(|&i| (level[i], blocks[i].kind, i));
+    order.sort_by_key(|&i| (level[i], blocks[i].kind, blocks[i].subtracts(), i));
     let mut blocks: Vec<Option<Block>> = blocks.into_iter().map(Some).collect();
     Ok(order
         .into_iter()

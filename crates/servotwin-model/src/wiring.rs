@@ -75,6 +75,13 @@ pub(crate) struct Block {
     pub clock: Option<usize>,
 }
 
+impl Block {
+    /// Whether any output is subtracted from a sum.
+    pub fn subtracts(&self) -> bool {
+        self.outputs.iter().any(|o| o.subtract.is_some())
+    }
+}
+
 /// What a variable is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {

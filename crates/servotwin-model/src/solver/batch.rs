@@ -1,7 +1,7 @@
 //! The memory of a few variants side by side, and one step of them.
 
 use super::tableau::Tableau;
-use crate::program::Program;
+use crate::program::{Program, Sequence};
 use crate::scalar::{Lanes, Work};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -22,8 +22,6 @@ pub struct Batch<'p, V> {
     error: Vec<V>,
     /// Stage vectors, one after the other.
     stages: Vec<V>,
-    right: Vec<V>,
-    time_derivative: Vec<V>,
     reciprocal_scales: Vec<f64>,
     /// For every external input that changes in some lane: its place and its
     /// cubic from the beginning of the step.
@@ -48,8 +46,6 @@ impl<'p, V: Lanes> Batch<'p, V> {
             y_new: zeros(n),
             error: zeros(n),
             stages: zeros(n * MOST_STAGES),
-            right: zeros(n),
-            time_derivative: zeros(n),
             reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
             moving: Vec::new(),
         }
@@ -125,7 +121,8 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
-        self.program.evaluate_with_jacobian(
+        differentiate(
+            self.program,
             &self.constants,
             &mut self.variables,
             &mut self.gradients,
@@ -146,7 +143,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     pub fn tick(&mut self, clock: usize, lanes: V::Mask) {
         let clock = &self.program.clocks()[clock];
-        clock.sequence.run(&self.constants, &mut self.variables);
+        run_blocks(&clock.sequence, &self.constants, &mut self.variables);
         for &(from, to) in &clock.exchanges {
             let (from, to) = (from as usize, to as usize);
             self.variables[to] = V::select(lanes, self.variables[from], self.variables[to]);
@@ -160,17 +157,14 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         let reciprocal = V::constant(1.0) / h;
         self.factorise(method, reciprocal);
-        self.collect_time_derivative();
-        for stage in 0..method.b.len() {
+        for stage in 0..method.stages() {
             if stage > 0 {
                 self.stage_states(method, stage);
                 self.load_inputs(h * V::constant(method.alpha[stage]));
                 evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
-            let plan = self.program.plan();
-            plan.solve(&self.factors, &mut self.right);
-            self.stages[stage * n..][..n].copy_from_slice(&self.right);
+            solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
         }
         self.combine(method)
     }
@@ -178,20 +172,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     fn factorise(&mut self, method: &Tableau, reciprocal: V) {
         let diagonal = reciprocal * V::constant(1.0 / method.gamma);
-        let plan = self.program.plan();
-        self.program
-            .rows()
-            .shifted(plan, diagonal, &self.gradients, &mut self.factors);
-        plan.factor(&mut self.factors);
-    }
-
-    #[inline(always)]
-    fn collect_time_derivative(&mut self) {
-        for x in &mut self.time_derivative {
-            *x = V::constant(0.0);
-        }
-        let rows = self.program.rows();
-        rows.add_time_derivative(V::constant(1.0), &self.gradients, &mut self.time_derivative);
+        factorise(self.program, diagonal, &self.gradients, &mut self.factors);
     }
 
     /// `y + Σ a_ij U_j` into the variable array.
@@ -199,48 +180,37 @@ impl<'p, V: Lanes> Batch<'p, V> {
     fn stage_states(&mut self, method: &Tableau, stage: usize) {
         let n = self.y.len();
         let row = method.a[stage];
-        let before = method.a[stage - 1];
-        let stages = &self.stages;
-        let adds_one = row.len() > 1 && row[..stage - 1] == *before && row[stage - 1] == 1.0;
-        if adds_one {
+        let states = &mut self.variables[..n];
+        if method.adds_one(stage) {
             // The row before plus the last stage: the array still holds it.
-            for k in 0..n {
-                self.variables[k] = self.variables[k] + stages[(stage - 1) * n + k];
-            }
+            add(states, &self.stages[(stage - 1) * n..][..n]);
         } else {
-            weighted(&mut self.variables[..n], &self.y, row, stages);
+            weighted(states, &self.y, row, V::constant(1.0), &self.stages);
         }
     }
 
-    /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`.
+    /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`, where `U_i` will stand.
     #[inline(always)]
     fn stage_right(&mut self, method: &Tableau, stage: usize, h: V, reciprocal: V) {
         let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
-        let gamma = h * V::constant(method.gamma_sum[stage]);
-        let row = method.c[stage];
-        for k in 0..n {
-            let mut sum = V::constant(0.0);
-            for (j, &c) in row.iter().enumerate() {
-                sum = sum + self.stages[j * n + k] * V::constant(c);
-            }
-            self.right[k] = derivatives[k] + sum * reciprocal + gamma * self.time_derivative[k];
+        let (before, right) = self.stages.split_at_mut(stage * n);
+        weighted(&mut right[..n], derivatives, method.c[stage], reciprocal, before);
+        let gamma = method.gamma_sum[stage];
+        if gamma != 0.0 {
+            let rows = self.program.rows();
+            rows.add_time_derivative(h * V::constant(gamma), &self.gradients, right);
         }
     }
 
+    /// (R2): the variable array still holds the argument of the last stage.
     #[inline(always)]
     fn combine(&mut self, method: &Tableau) -> V {
         let n = self.y.len();
-        weighted(&mut self.y_new, &self.y, method.b, &self.stages);
-        let zero = V::constant(0.0);
-        for e in &mut self.error {
-            *e = zero;
-        }
-        for (j, &weight) in method.error.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-            for k in 0..n {
-                self.error[k] = self.error[k] + self.stages[j * n + k] * V::constant(weight);
-            }
-        }
+        let last = &self.stages[(method.stages() - 1) * n..][..n];
+        self.error.copy_from_slice(last);
+        self.y_new.copy_from_slice(&self.variables[..n]);
+        add(&mut self.y_new, last);
         self.largest_error()
     }
 
@@ -362,32 +332,117 @@ impl<'p, V: Lanes> Batch<'p, V> {
     }
 }
 
-/// [`Program::evaluate`] in a function of its own: it is called for every stage.
-fn evaluate<V: Lanes>(program: &Program, constants: &[V], variables: &mut [V]) {
-    struct Evaluation<'a, V> {
+/// Declares functions that are compiled for the instruction set each on its own
+/// (see [`Lanes::outline`]): a step made of one inlined whole takes the compiler
+/// minutes.
+macro_rules! outlined {
+    ($($(#[$note:meta])* fn $name:ident<'a, V>($($argument:ident: $type:ty),* $(,)?) $body:block)*) => {
+        $($(#[$note])*
+        fn $name<'a, V: Lanes>($($argument: $type),*) {
+            struct Call<'a, V> {
+                lanes: core::marker::PhantomData<&'a V>,
+                $($argument: $type),*
+            }
+            impl<'a, V: Lanes> Work<V> for Call<'a, V> {
+                type Output = ();
+                #[inline(always)]
+                fn run(self) {
+                    let Call { lanes: _, $($argument),* } = self;
+                    $body
+                }
+            }
+            V::outline(Call { lanes: core::marker::PhantomData, $($argument),* });
+        })*
+    };
+}
+
+outlined! {
+    /// [`Program::evaluate`].
+    fn evaluate<'a, V>(program: &'a Program, constants: &'a [V], variables: &'a mut [V]) {
+        program.clear(variables);
+        run_blocks(program.continuous(), constants, variables);
+    }
+
+    /// Runs the blocks of a sequence.
+    fn run_blocks<'a, V>(sequence: &'a Sequence, constants: &'a [V], variables: &'a mut [V]) {
+        sequence.run(constants, variables);
+    }
+
+    /// [`Program::evaluate_with_jacobian`].
+    fn differentiate<'a, V>(
         program: &'a Program,
         constants: &'a [V],
         variables: &'a mut [V],
+        gradients: &'a mut [V],
+    ) {
+        program.evaluate_with_jacobian(constants, variables, gradients);
     }
-    impl<V: Lanes> Work<V> for Evaluation<'_, V> {
-        type Output = ();
-        #[inline(always)]
-        fn run(self) {
-            self.program.evaluate(self.constants, self.variables);
+
+    /// The factors of `diagonal · I − J`.
+    fn factorise<'a, V>(
+        program: &'a Program,
+        diagonal: V,
+        gradients: &'a [V],
+        factors: &'a mut [V],
+    ) {
+        let plan = program.plan();
+        program.rows().shifted(plan, diagonal, gradients, factors);
+        plan.factor(factors);
+    }
+
+    /// Solves with the factors, in place.
+    fn solve<'a, V>(program: &'a Program, factors: &'a [V], right: &'a mut [V]) {
+        program.plan().solve(factors, right);
+    }
+
+    /// `target = base + factor Σ weights_j · vectors_j`.
+    fn weighted<'a, V>(
+        target: &'a mut [V],
+        base: &'a [V],
+        weights: &'a [f64],
+        factor: V,
+        vectors: &'a [V],
+    ) {
+        match weights.len() {
+            0 => target.copy_from_slice(base),
+            1 => weighted_by::<V, 1>(target, base, weights, factor, vectors),
+            2 => weighted_by::<V, 2>(target, base, weights, factor, vectors),
+            3 => weighted_by::<V, 3>(target, base, weights, factor, vectors),
+            4 => weighted_by::<V, 4>(target, base, weights, factor, vectors),
+            5 => weighted_by::<V, 5>(target, base, weights, factor, vectors),
+            6 => weighted_by::<V, 6>(target, base, weights, factor, vectors),
+            7 => weighted_by::<V, 7>(target, base, weights, factor, vectors),
+            _ => unreachable!("no method has more stages"),
         }
     }
-    V::outline(Evaluation { program, constants, variables });
+
+    /// `target += vectors`.
+    fn add<'a, V>(target: &'a mut [V], vector: &'a [V]) {
+        for (t, &v) in target.iter_mut().zip(vector) {
+            *t = *t + v;
+        }
+    }
 }
 
-/// `target = base + Σ weights_j · vectors_j`.
+/// [`weighted`] with the number of weights known, so that sums and weights stay
+/// in registers.
 #[inline(always)]
-fn weighted<V: Lanes>(target: &mut [V], base: &[V], weights: &[f64], vectors: &[V]) {
+fn weighted_by<V: Lanes, const N: usize>(
+    target: &mut [V],
+    base: &[V],
+    weights: &[f64],
+    factor: V,
+    vectors: &[V],
+) {
     let n = base.len();
-    for k in 0..n {
-        let mut sum = base[k];
+    assert!(target.len() == n && vectors.len() >= N * n);
+    let weights: [V; N] = core::array::from_fn(|j| V::constant(weights[j]) * factor);
+    for (k, (t, &b)) in target.iter_mut().zip(base).enumerate() {
+        let mut sum = b;
         for (j, &weight) in weights.iter().enumerate() {
-            sum = sum + vectors[j * n + k] * V::constant(weight);
+            // SAFETY: j < N and k < n; the length is asserted above.
+            sum = sum + unsafe { *vectors.get_unchecked(j * n + k) } * weight;
         }
-        target[k] = sum;
+        *t = sum;
     }
 }

@@ -319,7 +319,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         if !self.settings.land_on_samples {
             self.interpolate_samples(tableau, h, error);
         }
-        self.end_step(error, tableau.b.len() as u64 - 1, 1);
+        self.end_step(error, tableau.stages() as u64 - 1, 1);
     }
 
     /// Samples between the beginning and the end of an accepted step.
@@ -371,7 +371,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     #[inline(always)]
     fn end_step(&mut self, error: V, evaluations: u64, jacobians: u64) {
         let mut accepted = [false; 16];
-        for index in 0..V::WIDTH {
+        for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
             let error = error.lane(index);
             // A poisoned value shows in the error, except without an estimate.
             let good = self.accepts(error) && (jacobians > 0 || self.batch.finite(index));
@@ -381,12 +381,12 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             if matches!(lane.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }
-            accepted[index] = if lane.phase == Phase::Settling {
+            *accepted = if lane.phase == Phase::Settling {
                 error <= LARGEST_SETTLING_ERROR
             } else {
                 good
             };
-            if accepted[index] {
+            if *accepted {
                 lane.accept();
             } else {
                 lane.statistics.rejected += 1;

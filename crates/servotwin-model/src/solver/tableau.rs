@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! W U_i = f(t + α_i h, y + Σ_j a_ij U_j) + Σ_j (c_ij/h) U_j + h γ_i ∂f/∂t    (R1)
-//! y_1   = y + Σ_j b_j U_j,     error = Σ_j e_j U_j                          (R2)
+//! y_1   = y + Σ_j a_sj U_j + U_s,     error = U_s                           (R2)
 //! y(θ)  = (1−θ) y + θ (y_1 + (1−θ)(k_1 + θ(k_2 + θ k_3))),  k_m = Σ_j h_mj U_j  (R3)
 //! ```
 //!
@@ -23,14 +23,24 @@ pub struct Tableau {
     pub alpha: &'static [f64],
     /// `γ_i`.
     pub gamma_sum: &'static [f64],
-    /// `b_j`.
-    pub b: &'static [f64],
-    /// `e_j`.
-    pub error: &'static [f64],
     /// `h_mj`; empty where the method has no dense output.
     pub dense: &'static [&'static [f64]],
     /// Order of the result; the error estimate is of one less.
     pub order: u32,
+}
+
+impl Tableau {
+    /// Number of stages.
+    pub fn stages(&self) -> usize {
+        self.a.len()
+    }
+
+    /// Whether the argument of a stage is that of the stage before plus its
+    /// `U`.
+    pub fn adds_one(&self, stage: usize) -> bool {
+        let row = self.a[stage];
+        stage > 1 && row[..stage - 1] == *self.a[stage - 1] && row[stage - 1] == 1.0
+    }
 }
 
 /// Four stages, order 3(2): Sandu, Verwer, Blom, Spee, Carmichael, Potra,
@@ -41,8 +51,6 @@ pub static RODAS3: Tableau = Tableau {
     c: &[&[], &[4.0], &[1.0, -1.0], &[1.0, -1.0, -8.0 / 3.0]],
     alpha: &[0.0, 0.0, 1.0, 1.0],
     gamma_sum: &[0.5, 1.5, 0.0, 0.0],
-    b: &[2.0, 0.0, 1.0, 1.0],
-    error: &[0.0, 0.0, 0.0, 1.0],
     dense: &[],
     order: 3,
 };
@@ -91,15 +99,6 @@ pub static RODAS4P: Tableau = Tableau {
     ],
     alpha: &[0.0, 0.75, 0.21, 0.63, 1.0, 1.0],
     gamma_sum: &[0.25, -0.5, -0.023504, -0.0362, 0.0, 0.0],
-    b: &[
-        -7.170454962423024,
-        -4.741636671481785,
-        -16.31002631330971,
-        -1.062004044111401,
-        1.0,
-        1.0,
-    ],
-    error: &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
     dense: &[
         &[
             25.09876703708589,
@@ -218,17 +217,6 @@ pub static RODAS5P: Tableau = Tableau {
         0.0,
         0.0,
     ],
-    b: &[
-        RODAS5P_LAST[0],
-        RODAS5P_LAST[1],
-        RODAS5P_LAST[2],
-        RODAS5P_LAST[3],
-        RODAS5P_LAST[4],
-        1.0,
-        1.0,
-        1.0,
-    ],
-    error: &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
     dense: &[
         &[
             25.948786856663858,
