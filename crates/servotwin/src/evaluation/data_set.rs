@@ -295,7 +295,7 @@ fn values(
 ) -> Result<Vec<f64>, EvaluationError> {
     let mut values = Vec::with_capacity(features.len() * rows.len());
     for feature in features {
-        let column = table.f64(&format!("{prefix}{}", feature.name))?;
+        let column = table.finite_f64(&format!("{prefix}{}", feature.name))?;
         values.extend(rows.iter().map(|&row| column[row]));
     }
     Ok(values)
