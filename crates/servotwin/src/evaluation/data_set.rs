@@ -83,7 +83,7 @@ pub struct DataSet {
     pub alarms: Vec<bool>,
     /// Rows that were not simulated to the end.
     pub failed: usize,
-    /// Features that have one value in all rows.
+    /// Features that have one value in all rows with a fault.
     pub constant: Vec<String>,
 }
 
@@ -138,7 +138,7 @@ impl DataSet {
             detectable: detectable[faulty[place]],
         };
         Ok(DataSet {
-            constant: constant_features(table, &features)?,
+            constant: constant_features(table, &features, &faulty)?,
             rows: (0..faulty.len()).map(row).collect(),
             alarms: healthy.iter().map(|&row| detectable[row]).collect(),
             healthy: healthy_examples,
@@ -304,11 +304,12 @@ fn values(
 fn constant_features(
     table: &Table,
     features: &[FeatureInfo],
+    rows: &[usize],
 ) -> Result<Vec<String>, EvaluationError> {
     let mut constant = vec![];
     for feature in features {
         let column = table.f64(&format!("f:{}", feature.name))?;
-        if column.iter().all(|value| *value == column[0]) {
+        if rows.iter().all(|&row| column[row] == column[rows[0]]) {
             constant.push(feature.name.clone());
         }
     }

@@ -12,12 +12,14 @@ pub mod comparison;
 pub mod data_set;
 pub mod detection;
 mod error;
+pub mod foreign;
 pub mod leaves;
 pub mod model_file;
 pub mod parallel;
 pub mod protocol;
 pub mod run;
 pub mod score;
+pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo};
 pub use error::EvaluationError;

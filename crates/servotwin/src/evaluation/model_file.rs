@@ -7,6 +7,7 @@
 //! gives the same bits.
 
 use super::error::EvaluationError;
+use super::foreign::TableModel;
 use crate::files;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -53,4 +54,17 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
         .check()
         .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
     Ok(hierarchy)
+}
+
+/// Reads a classifier for tables and checks it.
+///
+/// # Errors
+/// As [`read`]; [`EvaluationError::CorruptModel`].
+pub fn read_table_model(path: impl AsRef<Path>) -> Result<TableModel, EvaluationError> {
+    let path = path.as_ref();
+    let model: TableModel = read(path)?;
+    model
+        .check()
+        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
+    Ok(model)
 }

@@ -116,7 +116,7 @@ fn an_easy_campaign_is_solved_under_every_protocol() {
     assert_eq!(evaluation.protocols.len(), 5);
     for protocol in [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut] {
         let result = evaluation.protocol(protocol).unwrap();
-        assert!(share(result.end_to_end) > 0.97, "{protocol:?} {:?}", result.end_to_end);
+        assert!(share(result.end_to_end) > 0.93, "{protocol:?} {:?}", result.end_to_end);
         let safety = result.safety.as_ref().unwrap();
         assert!(share(Some(safety.wrong_actuator)) < 0.01);
         assert!(share(Some(safety.missed_shutdown)) < 0.03);
