@@ -62,6 +62,8 @@ impl<V: Scalar<Base = V>, const N: usize> Sub for Dual<V, N> {
     }
 }
 
+// The product rule adds, the quotient rule multiplies by a reciprocal.
+#[expect(clippy::suspicious_arithmetic_impl)]
 impl<V: Scalar<Base = V>, const N: usize> Mul for Dual<V, N> {
     type Output = Self;
     #[inline(always)]

@@ -158,11 +158,22 @@ impl Program {
     /// from the states, inputs and stand-ins in `variables`.
     #[inline(always)]
     pub fn evaluate<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
-        assert!(variables.len() > self.slots && constants.len() >= self.constants);
+        self.clear(variables);
+        self.continuous.run(constants, variables);
+    }
+
+    /// The continuous equations; [`Program::clear`] comes first.
+    pub(crate) fn continuous(&self) -> &Sequence {
+        &self.continuous
+    }
+
+    /// Clears all sums.
+    #[inline(always)]
+    pub(crate) fn clear<V: Scalar<Base = V>>(&self, variables: &mut [V]) {
+        assert!(variables.len() > self.slots);
         for v in &mut variables[self.sums.clone()] {
             *v = V::constant(0.0);
         }
-        self.continuous.run(constants, variables);
     }
 
     /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
@@ -175,10 +186,7 @@ impl Program {
         variables: &mut [V],
         gradients: &mut [V],
     ) {
-        assert!(variables.len() > self.slots && constants.len() >= self.constants);
-        for v in &mut variables[self.sums.clone()] {
-            *v = V::constant(0.0);
-        }
+        self.clear(variables);
         self.rows.clear(gradients);
         let mut step = 0;
         for group in &self.continuous.groups {

@@ -1,7 +1,7 @@
 //! The memory of a few variants side by side, and one step of them.
 
 use super::tableau::Tableau;
-use crate::program::Program;
+use crate::program::{Program, Sequence};
 use crate::scalar::{Lanes, Work};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -125,7 +125,8 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
-        self.program.evaluate_with_jacobian(
+        differentiate(
+            self.program,
             &self.constants,
             &mut self.variables,
             &mut self.gradients,
@@ -146,7 +147,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     pub fn tick(&mut self, clock: usize, lanes: V::Mask) {
         let clock = &self.program.clocks()[clock];
-        clock.sequence.run(&self.constants, &mut self.variables);
+        run_blocks(&clock.sequence, &self.constants, &mut self.variables);
         for &(from, to) in &clock.exchanges {
             let (from, to) = (from as usize, to as usize);
             self.variables[to] = V::select(lanes, self.variables[from], self.variables[to]);
@@ -168,8 +169,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
                 evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
-            let plan = self.program.plan();
-            plan.solve(&self.factors, &mut self.right);
+            solve(self.program, &self.factors, &mut self.right);
             self.stages[stage * n..][..n].copy_from_slice(&self.right);
         }
         self.combine(method)
@@ -178,11 +178,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     fn factorise(&mut self, method: &Tableau, reciprocal: V) {
         let diagonal = reciprocal * V::constant(1.0 / method.gamma);
-        let plan = self.program.plan();
-        self.program
-            .rows()
-            .shifted(plan, diagonal, &self.gradients, &mut self.factors);
-        plan.factor(&mut self.factors);
+        factorise(self.program, diagonal, &self.gradients, &mut self.factors);
     }
 
     #[inline(always)]
@@ -204,9 +200,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let adds_one = row.len() > 1 && row[..stage - 1] == *before && row[stage - 1] == 1.0;
         if adds_one {
             // The row before plus the last stage: the array still holds it.
-            for k in 0..n {
-                self.variables[k] = self.variables[k] + stages[(stage - 1) * n + k];
-            }
+            add(&mut self.variables[..n], &stages[(stage - 1) * n..][..n]);
         } else {
             weighted(&mut self.variables[..n], &self.y, row, stages);
         }
@@ -215,17 +209,16 @@ impl<'p, V: Lanes> Batch<'p, V> {
     /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`.
     #[inline(always)]
     fn stage_right(&mut self, method: &Tableau, stage: usize, h: V, reciprocal: V) {
-        let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
-        let gamma = h * V::constant(method.gamma_sum[stage]);
-        let row = method.c[stage];
-        for k in 0..n {
-            let mut sum = V::constant(0.0);
-            for (j, &c) in row.iter().enumerate() {
-                sum = sum + self.stages[j * n + k] * V::constant(c);
-            }
-            self.right[k] = derivatives[k] + sum * reciprocal + gamma * self.time_derivative[k];
-        }
+        right_side(
+            &mut self.right,
+            derivatives,
+            &self.time_derivative,
+            method.c[stage],
+            &self.stages,
+            reciprocal,
+            h * V::constant(method.gamma_sum[stage]),
+        );
     }
 
     #[inline(always)]
@@ -350,32 +343,112 @@ impl<'p, V: Lanes> Batch<'p, V> {
     }
 }
 
-/// [`Program::evaluate`] in a function of its own: it is called for every stage.
-fn evaluate<V: Lanes>(program: &Program, constants: &[V], variables: &mut [V]) {
-    struct Evaluation<'a, V> {
+/// Declares functions that are compiled for the instruction set each on its own
+/// (see [`Lanes::outline`]): a step made of one inlined whole takes the compiler
+/// minutes.
+macro_rules! outlined {
+    ($($(#[$note:meta])* fn $name:ident<'a, V>($($argument:ident: $type:ty),* $(,)?) $body:block)*) => {
+        $($(#[$note])*
+        fn $name<'a, V: Lanes>($($argument: $type),*) {
+            struct Call<'a, V> {
+                lanes: core::marker::PhantomData<&'a V>,
+                $($argument: $type),*
+            }
+            impl<'a, V: Lanes> Work<V> for Call<'a, V> {
+                type Output = ();
+                #[inline(always)]
+                fn run(self) {
+                    let Call { lanes: _, $($argument),* } = self;
+                    $body
+                }
+            }
+            V::outline(Call { lanes: core::marker::PhantomData, $($argument),* });
+        })*
+    };
+}
+
+outlined! {
+    /// [`Program::evaluate`].
+    fn evaluate<'a, V>(program: &'a Program, constants: &'a [V], variables: &'a mut [V]) {
+        program.clear(variables);
+        run_blocks(program.continuous(), constants, variables);
+    }
+
+    /// Runs the blocks of a sequence.
+    fn run_blocks<'a, V>(sequence: &'a Sequence, constants: &'a [V], variables: &'a mut [V]) {
+        sequence.run(constants, variables);
+    }
+
+    /// [`Program::evaluate_with_jacobian`].
+    fn differentiate<'a, V>(
         program: &'a Program,
         constants: &'a [V],
         variables: &'a mut [V],
+        gradients: &'a mut [V],
+    ) {
+        program.evaluate_with_jacobian(constants, variables, gradients);
     }
-    impl<V: Lanes> Work<V> for Evaluation<'_, V> {
-        type Output = ();
-        #[inline(always)]
-        fn run(self) {
-            self.program.evaluate(self.constants, self.variables);
-        }
-    }
-    V::outline(Evaluation { program, constants, variables });
-}
 
-/// `target = base + Σ weights_j · vectors_j`.
-#[inline(always)]
-fn weighted<V: Lanes>(target: &mut [V], base: &[V], weights: &[f64], vectors: &[V]) {
-    let n = base.len();
-    for k in 0..n {
-        let mut sum = base[k];
-        for (j, &weight) in weights.iter().enumerate() {
-            sum = sum + vectors[j * n + k] * V::constant(weight);
+    /// The factors of `diagonal · I − J`.
+    fn factorise<'a, V>(
+        program: &'a Program,
+        diagonal: V,
+        gradients: &'a [V],
+        factors: &'a mut [V],
+    ) {
+        let plan = program.plan();
+        program.rows().shifted(plan, diagonal, gradients, factors);
+        plan.factor(factors);
+    }
+
+    /// Solves with the factors, in place.
+    fn solve<'a, V>(program: &'a Program, factors: &'a [V], right: &'a mut [V]) {
+        program.plan().solve(factors, right);
+    }
+
+    /// `target = base + Σ weights_j · vectors_j`.
+    fn weighted<'a, V>(
+        target: &'a mut [V],
+        base: &'a [V],
+        weights: &'a [f64],
+        vectors: &'a [V],
+    ) {
+        let n = base.len();
+        target.copy_from_slice(base);
+        for (j, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+            let weight = V::constant(weight);
+            for (t, &v) in target.iter_mut().zip(&vectors[j * n..][..n]) {
+                *t = *t + v * weight;
+            }
         }
-        target[k] = sum;
+    }
+
+    /// `target += vectors`.
+    fn add<'a, V>(target: &'a mut [V], vector: &'a [V]) {
+        for (t, &v) in target.iter_mut().zip(vector) {
+            *t = *t + v;
+        }
+    }
+
+    /// `right = derivatives + (Σ weights_j · vectors_j)/h + gamma · time`.
+    fn right_side<'a, V>(
+        right: &'a mut [V],
+        derivatives: &'a [V],
+        time_derivative: &'a [V],
+        weights: &'a [f64],
+        vectors: &'a [V],
+        reciprocal: V,
+        gamma: V,
+    ) {
+        let n = right.len();
+        for ((r, &f), &t) in right.iter_mut().zip(derivatives).zip(time_derivative) {
+            *r = f + gamma * t;
+        }
+        for (j, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+            let weight = V::constant(weight) * reciprocal;
+            for (r, &v) in right.iter_mut().zip(&vectors[j * n..][..n]) {
+                *r = *r + v * weight;
+            }
+        }
     }
 }

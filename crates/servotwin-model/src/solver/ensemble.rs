@@ -371,7 +371,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     #[inline(always)]
     fn end_step(&mut self, error: V, evaluations: u64, jacobians: u64) {
         let mut accepted = [false; 16];
-        for index in 0..V::WIDTH {
+        for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
             let error = error.lane(index);
             // A poisoned value shows in the error, except without an estimate.
             let good = self.accepts(error) && (jacobians > 0 || self.batch.finite(index));
@@ -381,12 +381,12 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             if matches!(lane.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }
-            accepted[index] = if lane.phase == Phase::Settling {
+            *accepted = if lane.phase == Phase::Settling {
                 error <= LARGEST_SETTLING_ERROR
             } else {
                 good
             };
-            if accepted[index] {
+            if *accepted {
                 lane.accept();
             } else {
                 lane.statistics.rejected += 1;

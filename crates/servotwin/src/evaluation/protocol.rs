@@ -212,6 +212,9 @@ impl ProtocolResult {
     }
 }
 
+/// A protocol's result, and the outcome of every held-out row, split by split.
+type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
+
 /// Runs a protocol; with the outcomes from which the result was counted. `None` where the data set
 /// has too few groups for it.
 ///
@@ -224,7 +227,7 @@ pub fn evaluate(
     holding: Holding,
     shutdown: &str,
     threads: usize,
-) -> Result<Option<(ProtocolResult, Vec<Vec<Outcome>>)>, EvaluationError> {
+) -> Result<Option<Judged>, EvaluationError> {
     let single = data.examples.names().actuators.len() == 1;
     if single && protocol.scope() == Scope::Actuator {
         return Ok(None);

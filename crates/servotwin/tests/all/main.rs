@@ -1,7 +1,10 @@
 //! The one integration test binary of this crate: one module per room.
 
+mod aileron;
 mod evaluation;
 mod figure;
 mod files;
+mod foreign;
+mod physics;
 mod system;
 mod table;
