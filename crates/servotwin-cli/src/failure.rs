@@ -1,5 +1,7 @@
 //! Why a command ends without its result, and the exit code for it.
 
+use servotwin::evaluation::EvaluationError;
+use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
@@ -7,6 +9,7 @@ use servotwin::system::SystemError;
 use servotwin::table::TableError;
 use std::fmt;
 use std::io;
+use std::path::PathBuf;
 
 /// Why a command ends without its result.
 #[derive(Debug)]
@@ -78,6 +81,15 @@ pub enum Failure {
     Table(TableError),
     /// A figure cannot be written.
     Figure(FigureError),
+    /// A table does not serve for training or testing, or a model cannot be used.
+    Evaluation(EvaluationError),
+    /// A study file for traces has mistakes, or the traces are not as it says.
+    Trace {
+        /// The study file.
+        path: PathBuf,
+        /// What is wrong.
+        error: TraceError,
+    },
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -86,7 +98,7 @@ impl Failure {
     /// The exit code of the program, as the head of `main.rs` lists them.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Failure::System(_) => 3,
+            Failure::System(_) | Failure::Evaluation(_) | Failure::Trace { .. } => 3,
             Failure::Signal {
                 error: SignalError::Table(_) | SignalError::Rows { .. },
                 ..
@@ -153,6 +165,8 @@ impl fmt::Display for Failure {
             Failure::Stopped => write!(out, "stopped"),
             Failure::Table(error) => write!(out, "error: {error}"),
             Failure::Figure(error) => write!(out, "error: {error}"),
+            Failure::Evaluation(error) => write!(out, "error: {error}"),
+            Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
     }
@@ -181,6 +195,12 @@ impl From<SystemError> for Failure {
 impl From<TableError> for Failure {
     fn from(error: TableError) -> Self {
         Failure::Table(error)
+    }
+}
+
+impl From<EvaluationError> for Failure {
+    fn from(error: EvaluationError) -> Self {
+        Failure::Evaluation(error)
     }
 }
 

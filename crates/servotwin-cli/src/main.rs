@@ -17,7 +17,7 @@ mod render;
 mod stop;
 
 use clap::{Parser, Subcommand};
-use commands::{check, completions, describe, faults, simulate};
+use commands::{check, completions, describe, evaluate, faults, features, simulate, train};
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
@@ -50,6 +50,9 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
 enum Command {
     Simulate(Box<simulate::Options>),
     Faults(faults::Options),
+    Features(features::Options),
+    Train(train::Options),
+    Evaluate(evaluate::Options),
     Describe(describe::Options),
     Check(check::Options),
     Completions(completions::Options),
@@ -61,6 +64,9 @@ impl Command {
         match self {
             Command::Simulate(options) => simulate::run(options, global),
             Command::Faults(options) => faults::run(options, global),
+            Command::Features(options) => features::run(options, global),
+            Command::Train(options) => train::run(options, global),
+            Command::Evaluate(options) => evaluate::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
             Command::Completions(options) => Ok(completions::run(options)),

@@ -3,8 +3,11 @@
 pub mod check;
 pub mod completions;
 pub mod describe;
+pub mod evaluate;
 pub mod faults;
+pub mod features;
 pub mod simulate;
+pub mod train;
 
 use crate::failure::Failure;
 use servotwin::system::System;

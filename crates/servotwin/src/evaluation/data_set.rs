@@ -34,7 +34,9 @@ pub struct FeatureInfo {
 impl FeatureInfo {
     /// The features of a study; those that need its extra sensor only if asked for.
     pub fn of_study(study: &Study, extra: bool) -> Vec<Self> {
-        let features = data_features(study).into_iter().filter(|f| extra || !f.extra);
+        let features = data_features(study)
+            .into_iter()
+            .filter(|f| extra || !f.extra);
         let info = |f: crate::study::campaign::DataFeature| FeatureInfo {
             name: f.feature.name,
             family: f.family.into(),
@@ -83,7 +85,7 @@ pub struct DataSet {
     pub alarms: Vec<bool>,
     /// Rows that were not simulated to the end.
     pub failed: usize,
-    /// Features that have one value in all rows.
+    /// Features that have one value in all rows with a fault.
     pub constant: Vec<String>,
 }
 
@@ -113,12 +115,23 @@ impl DataSet {
         let mirrored = names.actuators.len() == 2 && has_mirror(table, &features);
         let make = |rows: &[usize], labels| -> Result<Examples, EvaluationError> {
             let prefixes: &[&str] = if mirrored { &["f:", "m:"] } else { &["f:"] };
-            let views = prefixes.iter().map(|prefix| values(table, prefix, &features, rows));
+            let views = prefixes
+                .iter()
+                .map(|prefix| values(table, prefix, &features, rows));
             let views = views.collect::<Result<_, _>>()?;
-            Ok(Examples::new(names.clone(), own_columns(&features, &names), views, labels)?)
+            Ok(Examples::new(
+                names.clone(),
+                own_columns(&features, &names),
+                views,
+                labels,
+            )?)
         };
         let examples = make(&faulty, labels(table, &names, &faulty)?)?;
-        let none = Label { actuator: 0, command: 0, detail: 0 };
+        let none = Label {
+            actuator: 0,
+            command: 0,
+            detail: 0,
+        };
         let healthy_examples = match healthy.is_empty() {
             true => None,
             false => Some(make(&healthy, vec![none; healthy.len()])?),
@@ -138,7 +151,7 @@ impl DataSet {
             detectable: detectable[faulty[place]],
         };
         Ok(DataSet {
-            constant: constant_features(table, &features)?,
+            constant: constant_features(table, &features, &faulty)?,
             rows: (0..faulty.len()).map(row).collect(),
             alarms: healthy.iter().map(|&row| detectable[row]).collect(),
             healthy: healthy_examples,
@@ -157,10 +170,13 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NothingDetectable`].
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
-        let rows: Vec<usize> =
-            (0..self.rows.len()).filter(|&row| self.rows[row].detectable).collect();
+        let rows: Vec<usize> = (0..self.rows.len())
+            .filter(|&row| self.rows[row].detectable)
+            .collect();
         match rows.is_empty() {
-            true => Err(EvaluationError::NothingDetectable { faults: self.rows.len() }),
+            true => Err(EvaluationError::NothingDetectable {
+                faults: self.rows.len(),
+            }),
             false => Ok(rows),
         }
     }
@@ -178,9 +194,15 @@ impl DataSet {
         if columns.is_empty() {
             return Err(EvaluationError::NoFeatures);
         }
-        let healthy = self.healthy.as_ref().map(|healthy| healthy.select_columns(&columns));
+        let healthy = self
+            .healthy
+            .as_ref()
+            .map(|healthy| healthy.select_columns(&columns));
         Ok(DataSet {
-            features: columns.iter().map(|&column| self.features[column].clone()).collect(),
+            features: columns
+                .iter()
+                .map(|&column| self.features[column].clone())
+                .collect(),
             examples: self.examples.select_columns(&columns)?,
             healthy: healthy.transpose()?,
             ..self.clone()
@@ -201,7 +223,8 @@ impl DataSet {
     /// The component of a kind: all but the last word.
     pub fn component(&self, kind: u32) -> &str {
         let kind = &self.kinds[kind as usize];
-        kind.rsplit_once('.').map_or(kind, |(component, _)| component)
+        kind.rsplit_once('.')
+            .map_or(kind, |(component, _)| component)
     }
 }
 
@@ -216,7 +239,9 @@ fn rows_that_ran(table: &Table) -> Result<Vec<usize>, EvaluationError> {
 
 fn has_mirror(table: &Table, features: &[FeatureInfo]) -> bool {
     let known: std::collections::BTreeSet<&str> = table.names().collect();
-    features.iter().all(|feature| known.contains(format!("m:{}", feature.name).as_str()))
+    features
+        .iter()
+        .all(|feature| known.contains(format!("m:{}", feature.name).as_str()))
 }
 
 /// The texts of some rows, sorted and numbered.
@@ -235,7 +260,9 @@ fn coded_numbers(numbers: &[f64], rows: &[usize]) -> (Vec<f64>, Vec<u32>) {
     names.sort_by(f64::total_cmp);
     names.dedup();
     let code = |&row: &usize| {
-        names.binary_search_by(|known| known.total_cmp(&numbers[row])).unwrap_or(0) as u32
+        names
+            .binary_search_by(|known| known.total_cmp(&numbers[row]))
+            .unwrap_or(0) as u32
     };
     let codes = rows.iter().map(code).collect();
     (names, codes)
@@ -256,7 +283,10 @@ fn names(
     let found = of("actuator")?;
     let all_known = found.iter().all(|name| units.contains(name));
     Ok(Names {
-        features: features.iter().map(|feature| feature.name.clone()).collect(),
+        features: features
+            .iter()
+            .map(|feature| feature.name.clone())
+            .collect(),
         actuators: if all_known { units.to_vec() } else { found },
         commands,
         details: of("detail")?,
@@ -267,8 +297,11 @@ fn labels(table: &Table, names: &Names, rows: &[usize]) -> Result<Vec<Label>, Ev
     let place = |known: &[String], text: &String| {
         known.iter().position(|name| name == text).unwrap_or(0) as u32
     };
-    let (actuators, commands, details) =
-        (table.text("actuator")?, table.text("command")?, table.text("detail")?);
+    let (actuators, commands, details) = (
+        table.text("actuator")?,
+        table.text("command")?,
+        table.text("detail")?,
+    );
     let label = |&row: &usize| Label {
         actuator: place(&names.actuators, &actuators[row]),
         command: place(&names.commands, &commands[row]),
@@ -279,9 +312,8 @@ fn labels(table: &Table, names: &Names, rows: &[usize]) -> Result<Vec<Label>, Ev
 
 fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
     let own = |actuator: usize| {
-        let is_own = |column: &usize| {
-            names.actuators.len() == 1 || features[*column].units == [actuator]
-        };
+        let is_own =
+            |column: &usize| names.actuators.len() == 1 || features[*column].units == [actuator];
         (0..features.len()).filter(is_own).collect()
     };
     (0..names.actuators.len()).map(own).collect()
@@ -295,7 +327,7 @@ fn values(
 ) -> Result<Vec<f64>, EvaluationError> {
     let mut values = Vec::with_capacity(features.len() * rows.len());
     for feature in features {
-        let column = table.f64(&format!("{prefix}{}", feature.name))?;
+        let column = table.finite_f64(&format!("{prefix}{}", feature.name))?;
         values.extend(rows.iter().map(|&row| column[row]));
     }
     Ok(values)
@@ -304,11 +336,12 @@ fn values(
 fn constant_features(
     table: &Table,
     features: &[FeatureInfo],
+    rows: &[usize],
 ) -> Result<Vec<String>, EvaluationError> {
     let mut constant = vec![];
     for feature in features {
         let column = table.f64(&format!("f:{}", feature.name))?;
-        if column.iter().all(|value| *value == column[0]) {
+        if rows.iter().all(|&row| column[row] == column[rows[0]]) {
             constant.push(feature.name.clone());
         }
     }

@@ -86,7 +86,11 @@ impl fmt::Display for EvaluationError {
             EvaluationError::NoFeatures => {
                 write!(out, "no column with numbers is left to learn from")
             }
-            EvaluationError::TooFewGroups { column, found, needed } => write!(
+            EvaluationError::TooFewGroups {
+                column,
+                found,
+                needed,
+            } => write!(
                 out,
                 "column '{column}' has {found} groups, at least {needed} are needed"
             ),
@@ -96,7 +100,11 @@ impl fmt::Display for EvaluationError {
             EvaluationError::CorruptModel { path, source } => {
                 write!(out, "{}: {source}", path.display())
             }
-            EvaluationError::UnknownClass { column, class, known } => write!(
+            EvaluationError::UnknownClass {
+                column,
+                class,
+                known,
+            } => write!(
                 out,
                 "column '{column}' holds '{class}', which the model was not trained with; \
                  it knows {}",

@@ -81,7 +81,9 @@ pub fn worst(
 ) -> Result<Vec<WorstLeaf>, EvaluationError> {
     let mut worst = vec![];
     for stage in &hierarchy.stages {
-        let Model::Cart(tree) = &stage.model else { continue };
+        let Model::Cart(tree) = &stage.model else {
+            continue;
+        };
         let contents = contents(data, settings, stage, tree, rows)?;
         let mixed = tree.leaves().into_iter().filter(|leaf| leaf.purity < 1.0);
         worst.extend(mixed.take(count).map(|leaf| WorstLeaf {
@@ -99,7 +101,10 @@ pub fn worst(
 
 fn class_name(hierarchy: &Hierarchy, stage: &Stage, class: u32) -> String {
     let class = stage.classes[class as usize];
-    hierarchy.names.class_name(stage.place.question, class).to_owned()
+    hierarchy
+        .names
+        .class_name(stage.place.question, class)
+        .to_owned()
 }
 
 fn feature_name(hierarchy: &Hierarchy, stage: &Stage, feature: usize) -> String {
@@ -118,7 +123,11 @@ fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) ->
         // Preorder: everything below the right child comes behind it.
         let above = node >= right;
         let feature = feature_name(hierarchy, stage, feature);
-        conditions.push(Condition { feature, above, threshold });
+        conditions.push(Condition {
+            feature,
+            above,
+            threshold,
+        });
         at = if above { right } else { left };
     }
     conditions
@@ -148,7 +157,10 @@ fn contents(
     for ((leaf, kind, class), rows) in counts {
         let class = samples.class_names()[class as usize].clone();
         let kind = data.kinds[kind as usize].clone();
-        leaves.entry(leaf).or_insert_with(Vec::new).push(Content { kind, class, rows });
+        leaves
+            .entry(leaf)
+            .or_insert_with(Vec::new)
+            .push(Content { kind, class, rows });
     }
     for contents in leaves.values_mut() {
         contents.sort_by_key(|content| std::cmp::Reverse(content.rows));
@@ -160,7 +172,9 @@ fn contents(
 pub fn implausible(hierarchy: &Hierarchy) -> Vec<ImplausibleSplit> {
     let mut list = vec![];
     for stage in &hierarchy.stages {
-        let Model::Cart(tree) = &stage.model else { continue };
+        let Model::Cart(tree) = &stage.model else {
+            continue;
+        };
         list.extend(tree.rejected().iter().map(|split| ImplausibleSplit {
             stage: stage.id.clone(),
             node: split.node,

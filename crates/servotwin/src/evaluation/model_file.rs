@@ -7,6 +7,7 @@
 //! gives the same bits.
 
 use super::error::EvaluationError;
+use super::foreign::TableModel;
 use crate::files;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -20,13 +21,17 @@ use std::path::Path;
 pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), EvaluationError> {
     let path = path.as_ref();
     let text = to_json(path, value)?;
-    Ok(files::write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+    Ok(files::write_atomically(path, |out| {
+        out.write_all(text.as_bytes())
+    })?)
 }
 
 fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationError> {
     let json = serde_json::to_string_pretty(value);
-    let mut text =
-        json.map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })?;
+    let mut text = json.map_err(|source| EvaluationError::Model {
+        path: path.to_path_buf(),
+        source,
+    })?;
     text.push('\n');
     Ok(text)
 }
@@ -38,8 +43,10 @@ fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationErro
 pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, EvaluationError> {
     let path = path.as_ref();
     let text = files::read_text(path)?;
-    serde_json::from_str(&text)
-        .map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })
+    serde_json::from_str(&text).map_err(|source| EvaluationError::Model {
+        path: path.to_path_buf(),
+        source,
+    })
 }
 
 /// Reads a hierarchy and checks it.
@@ -51,6 +58,25 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
     let hierarchy: Hierarchy = read(path)?;
     hierarchy
         .check()
-        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
+        .map_err(|source| EvaluationError::CorruptModel {
+            path: path.to_path_buf(),
+            source,
+        })?;
     Ok(hierarchy)
+}
+
+/// Reads a classifier for tables and checks it.
+///
+/// # Errors
+/// As [`read`]; [`EvaluationError::CorruptModel`].
+pub fn read_table_model(path: impl AsRef<Path>) -> Result<TableModel, EvaluationError> {
+    let path = path.as_ref();
+    let model: TableModel = read(path)?;
+    model
+        .check()
+        .map_err(|source| EvaluationError::CorruptModel {
+            path: path.to_path_buf(),
+            source,
+        })?;
+    Ok(model)
 }

@@ -95,7 +95,11 @@ fn actuator_only(
             stages.extend(settings.fit_stage(&data.examples, rows, &place)?);
         }
     }
-    Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
+    Ok(Hierarchy {
+        format: FORMAT.into(),
+        names: data.examples.names().clone(),
+        stages,
+    })
 }
 
 /// A hierarchy being asked about one row after the other.
@@ -125,11 +129,19 @@ impl<'a> Asking<'a> {
         let said = self.hierarchy.diagnose(&views, &mut self.scratch)?;
         let truth = self.data.examples.labels()[row];
         let mut given = |question| {
-            let stage = self.hierarchy.stage(question, truth.actuator, truth.command)?;
+            let stage = self
+                .hierarchy
+                .stage(question, truth.actuator, truth.command)?;
             Some(stage.decide(views[stage.place.view(truth.actuator)], &mut self.scratch))
         };
         let (command, detail) = (given(Question::Command), given(Question::Detail));
-        Ok(Outcome { row, said, command, detail, confused_with: None })
+        Ok(Outcome {
+            row,
+            said,
+            command,
+            detail,
+            confused_with: None,
+        })
     }
 }
 
@@ -143,7 +155,9 @@ fn trace(
     outcomes: &mut [Outcome],
 ) -> Result<(), EvaluationError> {
     for stage in &hierarchy.stages {
-        let Some(kinds) = leaf_kinds(data, settings, stage, train)? else { continue };
+        let Some(kinds) = leaf_kinds(data, settings, stage, train)? else {
+            continue;
+        };
         let mut values = vec![0.0; data.features.len()];
         for outcome in outcomes.iter_mut() {
             let truth = data.examples.labels()[outcome.row];
@@ -181,8 +195,12 @@ fn leaf_kinds(
     stage: &Stage,
     train: &[usize],
 ) -> Result<Option<BTreeMap<usize, u32>>, EvaluationError> {
-    let Model::Cart(tree) = &stage.model else { return Ok(None) };
-    let Some((samples, origins)) = data.examples.samples(&stage.place, train, settings.mirror)?
+    let Model::Cart(tree) = &stage.model else {
+        return Ok(None);
+    };
+    let Some((samples, origins)) = data
+        .examples
+        .samples(&stage.place, train, settings.mirror)?
     else {
         return Ok(None);
     };
@@ -202,5 +220,9 @@ fn leaf_kinds(
             *entry = (count, kind);
         }
     }
-    Ok(Some(best.into_iter().map(|(leaf, (_, kind))| (leaf, kind)).collect()))
+    Ok(Some(
+        best.into_iter()
+            .map(|(leaf, (_, kind))| (leaf, kind))
+            .collect(),
+    ))
 }

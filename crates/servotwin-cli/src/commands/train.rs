@@ -1,0 +1,157 @@
+//! `servotwin train`: a classifier from any table of features.
+
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json};
+use clap::ValueEnum;
+use serde_json::json;
+use servotwin::evaluation::comparison::default_classifiers;
+use servotwin::evaluation::foreign::{HoldOut, Selection, train_table, validate_table};
+use servotwin::evaluation::model_file;
+use servotwin::evaluation::score::Score;
+use servotwin::table;
+use servotwin_diagnosis::classifiers::{ALL, Kind, Settings};
+use std::path::PathBuf;
+use std::thread::available_parallelism;
+
+/// Train a classifier from a table of features and say how good it is on rows held out.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The table (.csv or .parquet): a row is an example, columns are features.
+    table: PathBuf,
+    /// The column with the class.
+    #[arg(long)]
+    label: String,
+    /// The column with the group; rows of one group are held out together.
+    #[arg(long)]
+    group: Option<String>,
+    /// The columns to learn from; without, all other columns with numbers.
+    #[arg(long, value_delimiter = ',')]
+    features: Vec<String>,
+    /// The classifier.
+    #[arg(long, default_value = "cart")]
+    classifier: Choice,
+    /// Questions on the longest way through a tree (cart only).
+    #[arg(long, default_value_t = 7)]
+    depth: usize,
+    /// Number of folds.
+    #[arg(long, default_value_t = 5, conflicts_with = "last")]
+    folds: usize,
+    /// Hold out this last part of each class instead: for series in time.
+    #[arg(long, value_name = "SHARE")]
+    last: Option<f64>,
+    /// The seed of the folds.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Write the model, trained with all rows, to this .json file.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// A kind of classifier as a word of the command line.
+#[derive(Debug, Clone, Copy)]
+struct Choice(Kind);
+
+impl ValueEnum for Choice {
+    fn value_variants<'a>() -> &'a [Self] {
+        const CHOICES: [Choice; ALL.len()] = {
+            let mut choices = [Choice(ALL[0]); ALL.len()];
+            let mut place = 0;
+            while place < ALL.len() {
+                choices[place] = Choice(ALL[place]);
+                place += 1;
+            }
+            choices
+        };
+        &CHOICES
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        Some(clap::builder::PossibleValue::new(self.0.id()))
+    }
+}
+
+impl Options {
+    fn settings(&self) -> Settings {
+        let chosen = default_classifiers()
+            .into_iter()
+            .find(|s| s.kind() == self.classifier.0);
+        match chosen {
+            Some(Settings::Cart(mut cart)) => {
+                cart.max_depth = Some(self.depth);
+                Settings::Cart(cart)
+            }
+            Some(other) => other,
+            None => self.classifier.0.default_settings(),
+        }
+    }
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let table = table::read(&options.table)?;
+    let selection = Selection {
+        label: options.label.clone(),
+        group: options.group.clone(),
+        features: options.features.clone(),
+    };
+    let settings = options.settings();
+    let folds = HoldOut::Folds {
+        folds: options.folds,
+        seed: options.seed,
+    };
+    let hold_out = options.last.map_or(folds, |share| HoldOut::Last { share });
+    let threads = available_parallelism().map_or(1, |threads| threads.get());
+    let score = validate_table(&table, &selection, &settings, hold_out, threads)?;
+    if let Some(path) = &options.out {
+        model_file::write(path, &train_table(&table, &selection, &settings)?)?;
+    }
+    let title = options.classifier.0.title();
+    Ok(match global.json {
+        true => json(&json!({ "classifier": options.classifier.0.id(), "score": score })),
+        false => format!("{title}, rows held out:\n{}", people(&score)),
+    })
+}
+
+/// A score for people.
+pub fn people(score: &Score) -> String {
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let rate = score.accuracy;
+    let mut text = format!(
+        "accuracy {} ({} … {} at 95 %), {} of {} rows; balanced {}\n\n",
+        rate.share.map_or("–".into(), percent),
+        percent(rate.low),
+        percent(rate.high),
+        rate.count,
+        rate.of,
+        score.balanced_accuracy.map_or("–".into(), percent),
+    );
+    let mut grid = Grid::new(&[
+        ("class", Side::Left),
+        ("rows", Side::Right),
+        ("found", Side::Right),
+        ("most often taken for", Side::Left),
+    ]);
+    for (class, counts) in score.confusion.iter().enumerate() {
+        let rows: u64 = counts.iter().sum();
+        let found = (rows > 0).then(|| percent(counts[class] as f64 / rows as f64));
+        let others = counts
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != class);
+        // Of equally frequent ones the first.
+        let worst = others.rev().max_by_key(|(_, count)| **count);
+        let worst = worst.filter(|(_, count)| **count > 0);
+        let worst = worst.map(|(other, count)| format!("{} ({count})", score.classes[other]));
+        let found = found.unwrap_or_else(|| "–".into());
+        let name = score.classes[class].clone();
+        grid.push(vec![
+            name,
+            rows.to_string(),
+            found,
+            worst.unwrap_or_default(),
+        ]);
+    }
+    text += &grid.text();
+    text
+}
