@@ -1,7 +1,6 @@
 //! Why a command ends without its result, and the exit code for it.
 
 use servotwin::figure::FigureError;
-use servotwin::files::FileError;
 use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::system::SystemError;
@@ -79,8 +78,6 @@ pub enum Failure {
     Table(TableError),
     /// A figure cannot be written.
     Figure(FigureError),
-    /// A file cannot be written.
-    File(FileError),
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -107,7 +104,6 @@ impl Failure {
             | Failure::Eigenvalues
             | Failure::Table(_)
             | Failure::Figure(_)
-            | Failure::File(_)
             | Failure::Print(_) => 1,
             Failure::Stopped => 130,
         }
@@ -157,7 +153,6 @@ impl fmt::Display for Failure {
             Failure::Stopped => write!(out, "stopped"),
             Failure::Table(error) => write!(out, "error: {error}"),
             Failure::Figure(error) => write!(out, "error: {error}"),
-            Failure::File(error) => write!(out, "error: {error}"),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
     }

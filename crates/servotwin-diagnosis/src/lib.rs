@@ -3,7 +3,8 @@
 //! `no_std` with `alloc`. What is here, from the bottom up:
 //! [`data`] holds validated training samples, [`tree`] the decision tree that CART, random forest
 //! and AdaBoost share, [`classifiers`] the eight classifiers behind one trait, [`evaluation`] the
-//! splits and scores they are judged with.
+//! splits and scores they are judged with, [`hierarchy`] the trees that follow each other from the
+//! actuator to the detail.
 //!
 //! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the
 //! same samples and settings give the same model bit for bit.
@@ -15,6 +16,7 @@ pub mod data;
 pub mod error;
 pub mod evaluation;
 pub mod features;
+pub mod hierarchy;
 mod numeric;
 pub mod random;
 pub mod residual;

@@ -189,8 +189,8 @@ impl Window {
                 result.moments[i * (i + 1) / 2 + j] = self.moments[high * (high + 1) / 2 + low];
             }
         }
-        for i in 0..n {
-            result.largest[i] = self.largest[order[i]];
+        for (largest, &sensor) in result.largest.iter_mut().zip(order) {
+            *largest = self.largest[sensor];
         }
         result
     }

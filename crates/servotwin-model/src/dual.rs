@@ -42,7 +42,10 @@ impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     /// The chain rule: a function's value and its derivative here.
     #[inline(always)]
     fn chain(self, value: V, derivative: V) -> Self {
-        Self { value, partials: combined!(self, self, |a, _b| a * derivative) }
+        Self {
+            value,
+            partials: combined!(self, self, |a, _b| a * derivative),
+        }
     }
 }
 
@@ -68,6 +71,8 @@ impl<V: Scalar<Base = V>, const N: usize> Sub for Dual<V, N> {
     }
 }
 
+// The product rule adds, the quotient rule multiplies by a reciprocal.
+#[allow(clippy::suspicious_arithmetic_impl)]
 impl<V: Scalar<Base = V>, const N: usize> Mul for Dual<V, N> {
     type Output = Self;
     #[inline(always)]

@@ -415,10 +415,10 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
         for index in 0..self.group.count {
             let (inputs, outputs, constants) =
                 parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
-            // SAFETY: all slots of a sequence are below the length that
-            // `Program::evaluate` asserts.
             let mut values = [V::constant(0.0); I];
             for (value, &input) in values.iter_mut().zip(inputs) {
+                // SAFETY: all slots of a sequence are below the length that
+                // `Program::clear` asserts.
                 *value = unsafe { *v.get_unchecked(input as usize) };
             }
             let results = E::evaluate::<V>(constants, values);
@@ -473,10 +473,10 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
             let (inputs, outputs, constants) =
                 parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
             let mut values = [Dual::from_base(V::constant(0.0)); I];
-            for i in 0..I {
+            for (i, (place, &input)) in values.iter_mut().zip(inputs).enumerate() {
                 // SAFETY: as in `Evaluate`.
-                let value = unsafe { *v.get_unchecked(inputs[i] as usize) };
-                values[i] = Dual::input(value, i);
+                let value = unsafe { *v.get_unchecked(input as usize) };
+                *place = Dual::input(value, i);
             }
             let results = E::evaluate::<Dual<V, I>>(constants, values);
             let (own, later) = core::mem::take(self.partials).split_at_mut(I * O);

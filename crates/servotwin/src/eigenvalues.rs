@@ -7,6 +7,9 @@
 //! first, which leaves the eigenvalues as they are and makes them accurate
 //! although pressures are 1e10 times positions.
 
+// Matrix algorithms are clearer with the indices of their textbooks.
+#![expect(clippy::needless_range_loop)]
+
 use servotwin_model::jacobian::dense;
 use servotwin_model::program::Program;
 use servotwin_model::solver::Batch;

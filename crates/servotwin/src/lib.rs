@@ -3,6 +3,7 @@
 pub mod document;
 pub mod eigenvalues;
 pub mod ensemble;
+pub mod evaluation;
 pub mod figure;
 pub mod files;
 pub mod nearest;

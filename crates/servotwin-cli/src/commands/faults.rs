@@ -40,7 +40,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         return Ok(json(&lines.iter().map(Line::json).collect()));
     }
     if options.csv {
-        return Ok(csv_text(&lines)?);
+        return csv_text(&lines);
     }
     Ok(people(&lines))
 }

@@ -57,7 +57,10 @@ impl<V: Lanes> Scalar for Pair<V> {
     }
     #[inline(always)]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
-        Self(V::select(mask.0, yes.0, no.0), V::select(mask.1, yes.1, no.1))
+        Self(
+            V::select(mask.0, yes.0, no.0),
+            V::select(mask.1, yes.1, no.1),
+        )
     }
 }
 

@@ -170,7 +170,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
                 evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
-            solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
+            solve(
+                self.program,
+                &self.factors,
+                &mut self.stages[stage * n..][..n],
+            );
         }
         self.combine(method)
     }
@@ -201,7 +205,13 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
         let (before, right) = self.stages.split_at_mut(stage * n);
-        weighted(&mut right[..n], derivatives, method.c[stage], reciprocal, before);
+        weighted(
+            &mut right[..n],
+            derivatives,
+            method.c[stage],
+            reciprocal,
+            before,
+        );
         let gamma = method.gamma_sum[stage];
         if gamma != 0.0 {
             let rows = self.program.rows();

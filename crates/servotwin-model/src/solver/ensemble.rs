@@ -67,7 +67,15 @@ pub fn run<'a>(
             Ensemble::<V>::new(self.program, self.settings, self.record, self.feed).run();
         }
     }
-    dispatch(level, All { program, settings, record, feed });
+    dispatch(
+        level,
+        All {
+            program,
+            settings,
+            record,
+            feed,
+        },
+    );
 }
 
 /// What one lane is doing.
@@ -383,7 +391,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     fn end_step(&mut self, error: V, evaluations: u64, jacobians: u64) {
         let mut accepted = [false; MOST_LANES];
         let growth = self.growth(error);
-        for index in 0..V::WIDTH {
+        for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
             let (error, growth) = (error.lane(index), growth.lane(index));
             // A poisoned value shows in the error, except without an estimate.
             let good = self.accepts(error) && (jacobians > 0 || self.batch.finite(index));
@@ -393,12 +401,12 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             if matches!(lane.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }
-            accepted[index] = if lane.phase == Phase::Settling {
+            *accepted = if lane.phase == Phase::Settling {
                 error <= LARGEST_SETTLING_ERROR
             } else {
                 good
             };
-            if accepted[index] {
+            if *accepted {
                 lane.accept();
             } else {
                 lane.statistics.rejected += 1;
@@ -601,7 +609,13 @@ impl<'a> Lane<'a> {
         match (self.phase, settings.control) {
             // Accuracy does not matter on the way to rest, stability does.
             (Phase::Settling, _) => Some((1e-2, 1e4)),
-            (_, Control::Adaptive { tolerance, max_step_s }) => Some((tolerance, max_step_s)),
+            (
+                _,
+                Control::Adaptive {
+                    tolerance,
+                    max_step_s,
+                },
+            ) => Some((tolerance, max_step_s)),
             (_, Control::Fixed { .. }) => None,
         }
     }
@@ -609,7 +623,9 @@ impl<'a> Lane<'a> {
     /// The step for the next time, by a factor from the error of this one.
     #[inline(always)]
     fn adapt(&mut self, settings: &Settings, factor: f64) {
-        let Some((_, longest)) = self.allowed(settings) else { return };
+        let Some((_, longest)) = self.allowed(settings) else {
+            return;
+        };
         let most = if self.rejections > 0 { 1.0 } else { 6.0 };
         let next = self.step_s * factor.clamp(0.1, most);
         // A step that was cut short by an event says little about longer ones.

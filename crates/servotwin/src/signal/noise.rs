@@ -14,16 +14,17 @@
 //!
 //! with cubics through the samples and slopes. (Straight lines would have a
 //! corner at every sample; each corner excites the valve and costs the solver a
-//! third more steps, for frequencies that are not in the signal.) The factor c makes the rms of s,
-//! over the first `window` seconds, the one that was asked for (of straight
-//! lines between the samples): after the limit and the fade-in. The values do not depend on the duration of the run.
+//! third more steps, for frequencies that are not in the signal.) The factor c
+//! makes the rms of s over the first `window` seconds, after the limit and the
+//! fade-in, the one that was asked for. The values do not depend on the duration
+//! of the run.
 //! Without a limit the tanh is left out.
 
 use super::error::SignalError;
 use super::random::Random;
 use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
 use servotwin_model::math::{sin_cos, tanh};
-use servotwin_model::signal::Piecewise;
+use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
 use std::f64::consts::PI;
 
@@ -66,7 +67,7 @@ static SPEC: Spec = Spec {
             sort: Sort::Value,
             range: Range::Positive,
             fallback: Fallback::Without("22deg for an angle, none for other inputs"),
-            summary: "never exceeded, at least twice the rms",
+            summary: "no sample exceeds it; at least twice the rms",
         },
         Parameter {
             name: "sampling",
@@ -162,23 +163,32 @@ impl Shape {
             .collect()
     }
 
-    /// The factor that gives an rms to the lines between the samples.
-    fn factor(&self, filtered: &[f64], rms: f64) -> f64 {
-        let mut factor = rms / line_rms(filtered);
-        // The limit takes at most a third: each turn divides the error by two or more.
-        for _ in 0..40 {
-            factor *= rms / line_rms(&self.samples(filtered, factor));
-        }
-        factor
+    /// (SN4): all samples but the last two, which only give slopes.
+    fn curve(&self, filtered: &[f64], factor: f64) -> Result<Piecewise, CurveError> {
+        let values = self.samples(filtered, factor);
+        let count = values.len() - 2;
+        let times_s: Vec<f64> = (0..count).map(|k| k as f64 / self.sampling_hz).collect();
+        Piecewise::hermite(
+            &times_s,
+            &values[..count],
+            &slopes(&values, self.sampling_hz),
+        )
     }
-}
 
-/// The rms of straight lines between equidistant samples.
-fn line_rms(samples: &[f64]) -> f64 {
-    let squares = samples
-        .windows(2)
-        .map(|w| w[0] * w[0] + w[0] * w[1] + w[1] * w[1]);
-    (squares.sum::<f64>() / (3 * (samples.len() - 1)) as f64).sqrt()
+    /// The factor that gives the curve an rms over the window.
+    fn factor(&self, filtered: &[f64], rms: f64, window_s: f64) -> Result<f64, CurveError> {
+        let mut factor = rms;
+        // The limit takes at most a third: each turn divides the error by two or more.
+        for _ in 0..60 {
+            let curve = self.curve(filtered, factor)?;
+            let ratio = rms / curve.mean_square(0.0, window_s).sqrt();
+            factor *= ratio;
+            if (ratio - 1.0).abs() < 1e-12 {
+                break;
+            }
+        }
+        Ok(factor)
+    }
 }
 
 impl Kind for Noise {
@@ -213,19 +223,23 @@ impl Kind for Noise {
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));
         let seed = given.number("seed") as u64;
-        // Two samples more than the run, for the slopes at its end.
-        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run + 2));
-        let factor = shape.factor(&filtered[..window], rms);
-        let values = shape.samples(&filtered[..run + 2], factor);
-        let times_s: Vec<f64> = (0..run).map(|k| k as f64 / sampling_hz).collect();
-        Ok(Piecewise::hermite(&times_s, &values[..run], &slopes(&values, sampling_hz))?)
+        // Two samples more than needed, for the slopes at the end.
+        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run) + 2);
+        let factor = shape.factor(&filtered[..window + 2], rms, window_s)?;
+        Ok(shape.curve(&filtered[..run + 2], factor)?)
     }
 }
 
 /// Equation (SN4) at all samples but the last two; before the first there is
 /// rest.
 fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
-    let at = |k: usize, back: usize| if k < back { values[0] } else { values[k - back] };
+    let at = |k: usize, back: usize| {
+        if k < back {
+            values[0]
+        } else {
+            values[k - back]
+        }
+    };
     let slope = |k: usize| {
         let near = values[k + 1] - at(k, 1);
         let far = values[k + 2] - at(k, 2);

@@ -23,7 +23,7 @@ impl Random {
     }
 
     /// The next 64 random bits.
-    pub fn next(&mut self) -> u64 {
+    pub fn bits(&mut self) -> u64 {
         let [a, b, c, d] = self.state;
         let result = a.wrapping_add(d).rotate_left(23).wrapping_add(a);
         let (c, d) = (c ^ a, d ^ b);
@@ -33,7 +33,7 @@ impl Random {
 
     /// Uniform in (0, 1].
     pub fn uniform(&mut self) -> f64 {
-        ((self.next() >> 11) + 1) as f64 / (1_u64 << 53) as f64
+        ((self.bits() >> 11) + 1) as f64 / (1_u64 << 53) as f64
     }
 
     /// Normal with mean 0 and variance 1.
@@ -81,7 +81,7 @@ mod tests {
             state: [1, 2, 3, 4],
             spare: None,
         };
-        let values: [u64; 4] = std::array::from_fn(|_| random.next());
+        let values: [u64; 4] = std::array::from_fn(|_| random.bits());
         assert_eq!(
             values,
             [

@@ -178,7 +178,7 @@ pub enum StudyError {
         /// The signal.
         name: String,
         /// Why.
-        error: crate::signal::SignalError,
+        error: Box<crate::signal::SignalError>,
     },
     /// A list that must not be empty.
     Empty {
@@ -431,7 +431,7 @@ impl Reader<'_> {
         signal.build(unit, self.text.duration_s).map_err(|error| StudyError::Signal {
             path: self.path.into(),
             name: name.into(),
-            error,
+            error: Box::new(error),
         })
     }
 

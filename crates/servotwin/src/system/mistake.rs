@@ -78,6 +78,8 @@ pub enum Mistake {
     },
     /// A fluid given to a component that takes it from its circuit.
     FluidNotHere {
+        /// The component.
+        id: String,
         /// The component's kind.
         kind: &'static str,
     },
@@ -257,27 +259,62 @@ impl fmt::Display for Mistake {
         match self {
             Mistake::Document(mistake) => write!(out, "{mistake}"),
             Mistake::BadName { name } => write!(out, "'{name}' cannot be a name"),
-            Mistake::ReservedName { name } => write!(out, "the name '{name}' has a meaning of its own"),
+            Mistake::ReservedName { name } => {
+                write!(out, "the name '{name}' has a meaning of its own")
+            }
             Mistake::DuplicateId { id } => write!(out, "there are two things called '{id}'"),
             Mistake::UnknownWord { what, word, .. } => write!(out, "unknown {what} '{word}'"),
             Mistake::Unused { what, name } => write!(out, "the {what} '{name}' is never used"),
             Mistake::KindOrAssembly { id } => {
-                write!(out, "component '{id}' needs either a 'kind' or an 'assembly'")
+                write!(
+                    out,
+                    "component '{id}' needs either a 'kind' or an 'assembly'"
+                )
             }
-            Mistake::WrongSuffix { key, right, unit, .. } if *unit == Unit::None => {
+            Mistake::WrongSuffix {
+                key, right, unit, ..
+            } if *unit == Unit::None => {
                 write!(out, "'{key}' has a unit, but {right} is a pure number")
             }
-            Mistake::WrongSuffix { key, right, unit, .. } => {
-                write!(out, "'{key}' is not in SI: the parameter is {right}, in {}", unit.symbol())
+            Mistake::WrongSuffix {
+                key, right, unit, ..
+            } if right.strip_suffix(unit.suffix()) == Some(key) => {
+                write!(
+                    out,
+                    "'{key}' lacks its unit: the parameter is {right}, in {}",
+                    unit.symbol()
+                )
             }
-            Mistake::FaultAmongParameters { key } => write!(out, "'{key}' is a fault, no parameter"),
-            Mistake::PortAmongParameters { key, .. } => write!(out, "'{key}' is a port, no parameter"),
-            Mistake::KindOverridden { id } => write!(out, "the kind of '{id}' cannot be overridden"),
-            Mistake::FluidNotHere { kind } => write!(out, "a {kind} takes the fluid of its circuit"),
+            Mistake::WrongSuffix {
+                key, right, unit, ..
+            } => {
+                write!(
+                    out,
+                    "'{key}' is not in SI: the parameter is {right}, in {}",
+                    unit.symbol()
+                )
+            }
+            Mistake::FaultAmongParameters { key } => {
+                write!(out, "'{key}' is a fault, no parameter")
+            }
+            Mistake::PortAmongParameters { key, .. } => {
+                write!(out, "'{key}' is a port, no parameter")
+            }
+            Mistake::KindOverridden { id } => {
+                write!(out, "the kind of '{id}' cannot be overridden")
+            }
+            Mistake::FluidNotHere { id, kind } => {
+                write!(out, "'{id}' ({kind}) takes the fluid of its circuit")
+            }
             Mistake::WhichFluid { id, .. } => {
                 write!(out, "several fluids are declared, but '{id}' names none")
             }
-            Mistake::FluidTemperature { id, kelvin, liquid, range_k: (min, max) } => write!(
+            Mistake::FluidTemperature {
+                id,
+                kelvin,
+                liquid,
+                range_k: (min, max),
+            } => write!(
                 out,
                 "'{id}' is at {kelvin} K, but {liquid} is only known for {min} … {max} K"
             ),
@@ -288,7 +325,10 @@ impl fmt::Display for Mistake {
             Mistake::TooFewEnds => write!(out, "a connection joins at least two ports"),
             Mistake::RepeatedEnd { end } => write!(out, "'{end}' stands twice in this connection"),
             Mistake::TwoInputs { first, second } => {
-                write!(out, "the inputs '{first}' and '{second}' feed the same signal")
+                write!(
+                    out,
+                    "the inputs '{first}' and '{second}' feed the same signal"
+                )
             }
             Mistake::InputAndOutput { input, output } => {
                 write!(out, "the input '{input}' meets the output '{output}'")
@@ -317,20 +357,36 @@ impl fmt::Display for Mistake {
                 to.0,
                 quoted(to.1)
             ),
-            Mistake::TwoSources { first, second, family } => {
+            Mistake::TwoSources {
+                first,
+                second,
+                family,
+            } => {
                 write!(out, "both '{first}' and '{second}' {}", both(sets(family)))
             }
             Mistake::NoSource { ends, family } => {
-                write!(out, "nothing {} where {} meet", sets(family), quote_all(ends))
+                write!(
+                    out,
+                    "nothing {} where {} meet",
+                    sets(family),
+                    quote_all(ends)
+                )
             }
             Mistake::NoReference { id } => {
-                write!(out, "the hydraulic circuit of '{id}' has neither a source nor a tank")
+                write!(
+                    out,
+                    "the hydraulic circuit of '{id}' has neither a source nor a tank"
+                )
             }
             Mistake::TwoFluids { first, second } => {
                 write!(out, "{second} is in one circuit with {first}")
             }
             Mistake::AlgebraicLoop { ids } => {
-                write!(out, "the signals of {} depend on each other at once", quote_all(ids))
+                write!(
+                    out,
+                    "the signals of {} depend on each other at once",
+                    quote_all(ids)
+                )
             }
             Mistake::Impossible { id, reason } => write!(out, "'{id}' is impossible: {reason}"),
             Mistake::Empty => write!(out, "the system has nothing that moves: no state variable"),
@@ -345,7 +401,11 @@ fn both(verb: &str) -> String {
 }
 
 fn quoted(unit: Unit) -> &'static str {
-    if unit == Unit::None { "pure numbers" } else { unit.symbol() }
+    if unit == Unit::None {
+        "pure numbers"
+    } else {
+        unit.symbol()
+    }
 }
 
 fn quote_all(names: &[String]) -> String {
@@ -370,7 +430,11 @@ impl Explained for Mistake {
             Mistake::KindOrAssembly { .. } => {
                 "for example: kind = \"volume\"; or assembly = \"actuator\"".into()
             }
-            Mistake::WrongSuffix { right, si: Some(si), .. } => {
+            Mistake::WrongSuffix {
+                right,
+                si: Some(si),
+                ..
+            } => {
                 format!("write: {right} = {}", Quantity(*si, ""))
             }
             Mistake::WrongSuffix { right, .. } => format!("write: {right} = …"),
@@ -380,7 +444,9 @@ impl Explained for Mistake {
             Mistake::PortAmongParameters { key, id } => {
                 format!("ports are joined in 'connections': [\"{id}.{key}\", …]")
             }
-            Mistake::KindOverridden { .. } => "write a second assembly for another structure".into(),
+            Mistake::KindOverridden { .. } => {
+                "write a second assembly for another structure".into()
+            }
             Mistake::FluidNotHere { .. } => {
                 "a fluid is named by the sources and tanks of the circuit".into()
             }
@@ -395,7 +461,9 @@ impl Explained for Mistake {
             Mistake::InputUnused { .. } => {
                 "list what it feeds, for example: to = [\"supply.pressure\"]".into()
             }
-            Mistake::UnknownUnit { meant: Some(unit), .. } => {
+            Mistake::UnknownUnit {
+                meant: Some(unit), ..
+            } => {
                 format!("files are in SI: \"{}\"", word(*unit))
             }
             Mistake::UnknownUnit { .. } => {
@@ -403,30 +471,37 @@ impl Explained for Mistake {
                 format!("known: {} (1: a pure number)", known.join(", "))
             }
             Mistake::NoOutput { known, .. } if known.is_empty() => {
-                "no component has such an output".into()
+                "a sensor is a signal output, such as the 'reading' of a pressure_sensor".into()
             }
             Mistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
             Mistake::OpenPort { summary, also, .. } if also.is_empty() => {
                 format!("the port is: {summary}")
             }
             Mistake::OpenPort { summary, also, .. } => {
-                format!("the port is: {summary}; the same holds for {}", also.join(", "))
+                format!(
+                    "the port is: {summary}; the same holds for {}",
+                    also.join(", ")
+                )
             }
             Mistake::MixedKinds { .. } => "a connection joins ports of one kind".into(),
-            Mistake::TwoSources { family: "hydraulic", .. } => {
-                "put a valve, an orifice or a line between them".into()
-            }
-            Mistake::TwoSources { family: "signal", .. } => {
-                "a signal has one source: keep one of them".into()
-            }
+            Mistake::TwoSources {
+                family: "hydraulic",
+                ..
+            } => "put a valve, an orifice or a line between them".into(),
+            Mistake::TwoSources {
+                family: "signal", ..
+            } => "a signal has one source: keep one of them".into(),
             Mistake::TwoSources { .. } => "put an attachment or a spring between them".into(),
-            Mistake::NoSource { family: "hydraulic", .. } => {
-                "join them with a volume, a cylinder chamber, a source or a tank".into()
+            Mistake::NoSource {
+                family: "hydraulic",
+                ..
+            } => "join them with a volume, a cylinder chamber, a source or a tank".into(),
+            Mistake::NoSource {
+                family: "signal", ..
+            } => "join them with an output of a component or an input of the system".into(),
+            Mistake::NoSource { .. } => {
+                "join them with a mass, a cylinder rod or an inertia".into()
             }
-            Mistake::NoSource { family: "signal", .. } => {
-                "join them with an output of a component or an input of the system".into()
-            }
-            Mistake::NoSource { .. } => "join them with a mass, a cylinder rod or an inertia".into(),
             Mistake::NoReference { .. } => "connect a pressure_source or a tank".into(),
             Mistake::TwoFluids { .. } => {
                 "fluid and temperature are the same throughout a circuit".into()

@@ -1,0 +1,712 @@
+//! The hierarchy of trees: which actuator, then which command, then which detail.
+//!
+//! ```text
+//! A               the actuator, from all sensors
+//! B               the command for it, from its own sensors
+//! C, D, E …       the detail within each command, from its own sensors
+//! ```
+//!
+//! With two actuators and three commands these are the seed paper's nine trees (its figure 10): A
+//! once, the others once for each actuator. Any classifier can stand at any place.
+//!
+//! **Views.** A system of like actuators looks the same from each of them. View `k` of a row of
+//! features is the row with actuators 0 and `k` exchanged (the window of
+//! [`crate::residual::Window::reordered`]), so view 0 is the row itself. This is used twice:
+//! - *mirror*: A also learns from every view, with the actuators in the label exchanged alike;
+//! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view, in which its
+//!   sensors stand where those of actuator 0 stand; the nine trees are then five.
+//!
+//! Without pooling, a stage of actuator `k` reads the columns of its own sensors in view 0.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::classifiers::cart::Resolution;
+use crate::classifiers::{self, Classifier, Fit, Model};
+use crate::data::Samples;
+use crate::error::{Error, same_length};
+use crate::tree::Criterion;
+
+/// The word that a stored hierarchy begins with.
+pub const FORMAT: &str = "servotwin hierarchy 1";
+
+/// What a stage decides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Question {
+    /// Which actuator the fault is in.
+    Actuator,
+    /// What is to be done with it.
+    Command,
+    /// What is broken there.
+    Detail,
+}
+
+/// Where a stage stands in the hierarchy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// What it decides.
+    pub question: Question,
+    /// The actuator it is for; `None` for any.
+    pub actuator: Option<u32>,
+    /// The command whose details it tells apart; `None` for the stages above.
+    pub command: Option<u32>,
+}
+
+impl Place {
+    /// The paper's letter, and the number of the actuator from 1 where it has one: `A`, `B2`, `C`.
+    pub fn id(&self) -> String {
+        let letter = match self.question {
+            Question::Actuator => 'A',
+            Question::Command => 'B',
+            Question::Detail => {
+                let place = u32::from('C') + self.command.unwrap_or(0);
+                char::from_u32(place).unwrap_or('?')
+            }
+        };
+        match self.actuator {
+            Some(actuator) => format!("{letter}{}", actuator + 1),
+            None => letter.into(),
+        }
+    }
+
+    /// Whether a fault with this truth is one that the stage is asked about.
+    pub fn is_asked(&self, actuator: u32, command: u32) -> bool {
+        self.actuator.is_none_or(|own| own == actuator)
+            && self.command.is_none_or(|own| own == command)
+    }
+
+    /// The view that the stage reads for a fault in an actuator.
+    pub fn view(&self, actuator: u32) -> usize {
+        let own_view = self.question != Question::Actuator && self.actuator.is_none();
+        if own_view { actuator as usize } else { 0 }
+    }
+}
+
+/// The names of everything a hierarchy reads and decides.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Names {
+    /// The features, in the order of a row.
+    pub features: Vec<String>,
+    /// The actuators; at least one.
+    pub actuators: Vec<String>,
+    /// The commands, most urgent first.
+    pub commands: Vec<String>,
+    /// The details.
+    pub details: Vec<String>,
+}
+
+/// What is wrong with a row: places in [`Names`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Label {
+    /// The actuator.
+    pub actuator: u32,
+    /// The command.
+    pub command: u32,
+    /// The detail.
+    pub detail: u32,
+}
+
+/// Rows to learn from or to test with: their features in every view, and their labels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Examples {
+    names: Names,
+    /// For each actuator the columns of its own sensors.
+    own: Vec<Vec<usize>>,
+    /// Column-major features of all rows, one table per view.
+    views: Vec<Vec<f64>>,
+    labels: Vec<Label>,
+    /// For each command the details that occur with it, ascending.
+    details: Vec<Vec<u32>>,
+}
+
+impl Examples {
+    /// Rows with column-major features in each view. `own` lists for each actuator the columns of
+    /// its own sensors; without views beyond the first nothing can be mirrored or pooled.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`], [`Error::IndexOutOfRange`] for a column, [`Error::LabelOutOfRange`].
+    pub fn new(
+        names: Names,
+        own: Vec<Vec<usize>>,
+        views: Vec<Vec<f64>>,
+        labels: Vec<Label>,
+    ) -> Result<Self, Error> {
+        same_length("own columns", names.actuators.len(), own.len())?;
+        if views.len() != 1 {
+            same_length("views", names.actuators.len(), views.len())?;
+        }
+        let length = names.features.len();
+        for view in &views {
+            same_length("values", length * labels.len(), view.len())?;
+        }
+        if let Some(&index) = own.iter().flatten().find(|&&column| column >= length) {
+            let what = "column";
+            return Err(Error::IndexOutOfRange {
+                what,
+                index,
+                length,
+            });
+        }
+        check_labels(&names, &labels)?;
+        let details = details_of_commands(&names, &labels);
+        Ok(Examples {
+            names,
+            own,
+            views,
+            labels,
+            details,
+        })
+    }
+
+    /// The names.
+    pub fn names(&self) -> &Names {
+        &self.names
+    }
+
+    /// The label of every row.
+    pub fn labels(&self) -> &[Label] {
+        &self.labels
+    }
+
+    /// Number of views: 1, or one per actuator.
+    pub fn views(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Copies the features of a row in a view.
+    ///
+    /// # Panics
+    /// If there is no such view or row.
+    pub fn row_into(&self, view: usize, row: usize, out: &mut [f64]) {
+        let columns = self.views[view].chunks_exact(self.labels.len());
+        for (slot, column) in out.iter_mut().zip(columns) {
+            *slot = column[row];
+        }
+    }
+
+    /// The same rows with some of the feature columns only, in the order given.
+    ///
+    /// # Errors
+    /// [`Error::IndexOutOfRange`].
+    pub fn select_columns(&self, columns: &[usize]) -> Result<Self, Error> {
+        let (length, rows) = (self.names.features.len(), self.labels.len());
+        if let Some(&index) = columns.iter().find(|&&column| column >= length) {
+            let what = "column";
+            return Err(Error::IndexOutOfRange {
+                what,
+                index,
+                length,
+            });
+        }
+        let of_view = |view: &Vec<f64>| {
+            let mut values = Vec::with_capacity(columns.len() * rows);
+            for &column in columns {
+                values.extend_from_slice(&view[column * rows..(column + 1) * rows]);
+            }
+            values
+        };
+        let kept = |own: &Vec<usize>| {
+            let place = |column: &usize| columns.iter().position(|kept| kept == column);
+            own.iter().filter_map(place).collect()
+        };
+        let features = columns.iter().map(|&c| self.names.features[c].clone());
+        let names = Names {
+            features: features.collect(),
+            ..self.names.clone()
+        };
+        Ok(Examples {
+            names,
+            own: self.own.iter().map(kept).collect(),
+            views: self.views.iter().map(of_view).collect(),
+            labels: self.labels.clone(),
+            details: self.details.clone(),
+        })
+    }
+
+    /// The classes a stage chooses from: places in the names that its question is about.
+    pub fn classes(&self, place: &Place) -> Vec<u32> {
+        match place.question {
+            Question::Actuator => (0..self.names.actuators.len() as u32).collect(),
+            Question::Command => (0..self.names.commands.len() as u32).collect(),
+            Question::Detail => self.details[place.command.unwrap_or(0) as usize].clone(),
+        }
+    }
+
+    /// The name of a class of a question.
+    ///
+    /// # Panics
+    /// If there is no such class.
+    pub fn class_name(&self, question: Question, class: u32) -> &str {
+        self.names.class_name(question, class)
+    }
+
+    /// The columns a stage may read.
+    pub fn columns(&self, place: &Place) -> Vec<usize> {
+        match place.question {
+            Question::Actuator => (0..self.names.features.len()).collect(),
+            _ => self.own[place.actuator.unwrap_or(0) as usize].clone(),
+        }
+    }
+
+    /// Samples of a stage from those of the rows that it is asked about, each in its view, and with
+    /// `mirror` also in all others; `None` if there are none or nothing may be read. Beside each
+    /// sample stands the row it is from.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] naming the column.
+    pub fn samples(
+        &self,
+        place: &Place,
+        rows: &[usize],
+        mirror: bool,
+    ) -> Result<Option<(Samples, Vec<usize>)>, Error> {
+        let columns = self.columns(place);
+        let asked = self.asked(place, rows, mirror);
+        if columns.is_empty() || asked.is_empty() {
+            return Ok(None);
+        }
+        let count = self.labels.len();
+        let mut values = Vec::with_capacity(columns.len() * asked.len());
+        for column in &columns {
+            let start = column * count;
+            values.extend(
+                asked
+                    .iter()
+                    .map(|&(row, view, _)| self.views[view][start + row]),
+            );
+        }
+        let names = columns.iter().map(|&c| self.names.features[c].clone());
+        let classes = self.classes(place);
+        let class_names = classes
+            .iter()
+            .map(|&class| self.class_name(place.question, class).into());
+        let labels = asked.iter().map(|&(_, _, label)| label).collect();
+        let samples =
+            Samples::from_columns(names.collect(), class_names.collect(), values, labels)?;
+        let origins = asked.iter().map(|&(row, _, _)| row).collect();
+        Ok(Some((samples, origins)))
+    }
+
+    /// Row, view and class (its place in [`Examples::classes`]) of every sample of a stage.
+    fn asked(&self, place: &Place, rows: &[usize], mirror: bool) -> Vec<(usize, usize, u32)> {
+        let classes = self.classes(place);
+        let mut asked = Vec::new();
+        for &row in rows {
+            let label = self.labels[row];
+            if !place.is_asked(label.actuator, label.command) {
+                continue;
+            }
+            if place.question == Question::Actuator {
+                let views = if mirror { self.views.len() } else { 1 };
+                let seen = |view| (row, view, seen_from(view as u32, label.actuator));
+                asked.extend((0..views).map(seen));
+                continue;
+            }
+            let class = match place.question {
+                Question::Detail => label.detail,
+                _ => label.command,
+            };
+            let local = classes.iter().position(|&known| known == class);
+            asked.extend(local.map(|class| (row, place.view(label.actuator), class as u32)));
+        }
+        asked
+    }
+
+    /// The stages of a hierarchy over these rows, A first.
+    pub fn places(&self, pool: bool) -> Vec<Place> {
+        let actuators = self.names.actuators.len() as u32;
+        let commands = self.names.commands.len() as u32;
+        let pooled = pool || actuators == 1;
+        let owners: Vec<Option<u32>> = if pooled {
+            vec![None]
+        } else {
+            (0..actuators).map(Some).collect()
+        };
+        let place = |question, actuator, command| Place {
+            question,
+            actuator,
+            command,
+        };
+        let mut places = Vec::new();
+        if actuators > 1 {
+            places.push(place(Question::Actuator, None, None));
+        }
+        places.extend(owners.iter().map(|&k| place(Question::Command, k, None)));
+        for command in 0..commands {
+            places.extend(
+                owners
+                    .iter()
+                    .map(|&k| place(Question::Detail, k, Some(command))),
+            );
+        }
+        places
+    }
+}
+
+impl Names {
+    /// The name of a class of a question.
+    ///
+    /// # Panics
+    /// If there is no such class.
+    pub fn class_name(&self, question: Question, class: u32) -> &str {
+        let names = match question {
+            Question::Actuator => &self.actuators,
+            Question::Command => &self.commands,
+            Question::Detail => &self.details,
+        };
+        &names[class as usize]
+    }
+}
+
+/// The place of an actuator in a view.
+fn seen_from(view: u32, actuator: u32) -> u32 {
+    match actuator {
+        0 => view,
+        same if same == view => 0,
+        other => other,
+    }
+}
+
+fn check_labels(names: &Names, labels: &[Label]) -> Result<(), Error> {
+    let sizes = [&names.actuators, &names.commands, &names.details].map(Vec::len);
+    for (row, label) in labels.iter().enumerate() {
+        let parts = [label.actuator, label.command, label.detail];
+        for (&label, &classes) in parts.iter().zip(&sizes) {
+            if label as usize >= classes {
+                return Err(Error::LabelOutOfRange {
+                    row,
+                    label,
+                    classes,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn details_of_commands(names: &Names, labels: &[Label]) -> Vec<Vec<u32>> {
+    let of_command = |command| {
+        let mut details: Vec<u32> = labels
+            .iter()
+            .filter(|label| label.command == command)
+            .map(|label| label.detail)
+            .collect();
+        details.sort_unstable();
+        details.dedup();
+        details
+    };
+    (0..names.commands.len() as u32).map(of_command).collect()
+}
+
+/// How a hierarchy is trained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// The classifier that finds the actuator.
+    pub actuator: classifiers::Settings,
+    /// The classifier that finds the command.
+    pub command: classifiers::Settings,
+    /// The classifier that finds the detail.
+    pub detail: classifiers::Settings,
+    /// Whether A also learns from the mirror images.
+    pub mirror: bool,
+    /// Whether the actuators share the stages below A.
+    pub pool: bool,
+    /// The smallest differences of features that count, for every CART tree that reads them;
+    /// features that a study does not have are passed over.
+    pub resolutions: Vec<Resolution>,
+}
+
+impl Default for Settings {
+    /// CART of depth 7 everywhere, mirrored and pooled.
+    fn default() -> Self {
+        let cart = classifiers::Settings::Cart(classifiers::cart::Settings {
+            criterion: Criterion::Gini,
+            max_depth: Some(7),
+            ..Default::default()
+        });
+        Settings {
+            actuator: cart.clone(),
+            command: cart.clone(),
+            detail: cart,
+            mirror: true,
+            pool: true,
+            resolutions: vec![],
+        }
+    }
+}
+
+impl Settings {
+    /// The same settings for every stage.
+    pub fn all(classifier: classifiers::Settings) -> Self {
+        Settings {
+            actuator: classifier.clone(),
+            command: classifier.clone(),
+            detail: classifier,
+            ..Default::default()
+        }
+    }
+
+    /// The classifier settings of a stage, with the resolutions and exclusions of those features
+    /// only that its samples have.
+    pub fn of_stage(&self, question: Question, samples: &Samples) -> classifiers::Settings {
+        let mut settings = match question {
+            Question::Actuator => &self.actuator,
+            Question::Command => &self.command,
+            Question::Detail => &self.detail,
+        }
+        .clone();
+        if let classifiers::Settings::Cart(cart) = &mut settings {
+            let known = |name: &String| samples.feature_names().contains(name);
+            cart.resolutions.extend(self.resolutions.iter().cloned());
+            cart.resolutions.retain(|limit| known(&limit.feature));
+            cart.excluded_features.retain(known);
+        }
+        settings
+    }
+
+    /// Trains every stage for which there are rows.
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] if there are no rows at all; what a classifier says;
+    /// [`Error::LengthMismatch`] if mirror or pool is asked for without views.
+    pub fn fit(&self, examples: &Examples, rows: &[usize]) -> Result<Hierarchy, Error> {
+        if self.mirror || self.pool {
+            same_length("views", examples.names.actuators.len(), examples.views())?;
+        }
+        let mut stages = Vec::new();
+        for place in examples.places(self.pool) {
+            stages.extend(self.fit_stage(examples, rows, &place)?);
+        }
+        if stages.is_empty() {
+            return Err(Error::NoSamples);
+        }
+        Ok(Hierarchy {
+            format: FORMAT.into(),
+            names: examples.names.clone(),
+            stages,
+        })
+    }
+
+    /// Trains one stage; `None` if there is no row for it.
+    ///
+    /// # Errors
+    /// As [`Settings::fit`].
+    pub fn fit_stage(
+        &self,
+        examples: &Examples,
+        rows: &[usize],
+        place: &Place,
+    ) -> Result<Option<Stage>, Error> {
+        let Some((samples, _)) = examples.samples(place, rows, self.mirror)? else {
+            return Ok(None);
+        };
+        let model = self.of_stage(place.question, &samples).fit(&samples)?;
+        let columns = examples.columns(place);
+        Ok(Some(Stage {
+            id: place.id(),
+            place: *place,
+            columns: columns.into_iter().map(|column| column as u32).collect(),
+            classes: examples.classes(place),
+            model,
+        }))
+    }
+}
+
+/// One trained stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// [`Place::id`], for people.
+    pub id: String,
+    /// Where it stands.
+    pub place: Place,
+    /// The features it reads, by place in [`Names::features`], in the order of the model.
+    pub columns: Vec<u32>,
+    /// The class of each class of the model, by place in the names that the question is about.
+    pub classes: Vec<u32>,
+    /// The classifier.
+    pub model: Model,
+}
+
+impl Stage {
+    /// The class decided for a row of all features. Does not allocate.
+    ///
+    /// # Panics
+    /// If the row is shorter than the features.
+    pub fn decide(&self, row: &[f64], scratch: &mut Scratch) -> u32 {
+        for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
+            *slot = row[column as usize];
+        }
+        let scores = &mut scratch.scores[..self.classes.len()];
+        let class = self
+            .model
+            .predict_with(&scratch.row[..self.columns.len()], scores);
+        self.classes[class as usize]
+    }
+
+    /// The nodes from the root to the leaf of a row of all features; empty unless the model is a
+    /// CART tree.
+    pub fn path(&self, row: &[f64]) -> Vec<usize> {
+        let Model::Cart(tree) = &self.model else {
+            return vec![];
+        };
+        let own: Vec<f64> = self.columns.iter().map(|&c| row[c as usize]).collect();
+        tree.decision_path(&own).collect()
+    }
+}
+
+/// The memory that a diagnosis needs, made once by [`Hierarchy::scratch`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scratch {
+    row: Vec<f64>,
+    scores: Vec<f64>,
+}
+
+/// What a hierarchy says about a row: places in [`Names`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Diagnosis {
+    /// The actuator.
+    pub actuator: u32,
+    /// The command; `None` if no stage was ever trained for this actuator.
+    pub command: Option<u32>,
+    /// The detail; `None` likewise.
+    pub detail: Option<u32>,
+}
+
+/// A trained hierarchy; stored as JSON with the names that its numbers stand for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hierarchy {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The names.
+    pub names: Names,
+    /// The stages, A first.
+    pub stages: Vec<Stage>,
+}
+
+impl Hierarchy {
+    /// The stage asked a question about an actuator and a command.
+    pub fn stage(&self, question: Question, actuator: u32, command: u32) -> Option<&Stage> {
+        self.stages.iter().find(|stage| {
+            stage.place.question == question && stage.place.is_asked(actuator, command)
+        })
+    }
+
+    /// How many views of a row a diagnosis needs.
+    pub fn views(&self) -> usize {
+        let pooled = |stage: &Stage| {
+            stage.place.question != Question::Actuator && stage.place.actuator.is_none()
+        };
+        if self.stages.iter().any(pooled) {
+            self.names.actuators.len()
+        } else {
+            1
+        }
+    }
+
+    /// Memory for [`Hierarchy::diagnose`].
+    pub fn scratch(&self) -> Scratch {
+        let largest = |size: fn(&Stage) -> usize| self.stages.iter().map(size).max().unwrap_or(0);
+        Scratch {
+            row: vec![0.0; largest(|stage| stage.columns.len())],
+            scores: vec![0.0; largest(|stage| stage.classes.len())],
+        }
+    }
+
+    /// What the hierarchy says about a row, given in every view. Does not allocate.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] if there are fewer than [`Hierarchy::views`] views, or a view has
+    /// another number of features.
+    pub fn diagnose(&self, views: &[&[f64]], scratch: &mut Scratch) -> Result<Diagnosis, Error> {
+        if views.len() < self.views() {
+            same_length("views", self.views(), views.len())?;
+        }
+        for view in views {
+            same_length("features", self.names.features.len(), view.len())?;
+        }
+        let mut ask = |question, actuator, command| {
+            let stage = self.stage(question, actuator, command)?;
+            Some(stage.decide(views[stage.place.view(actuator)], scratch))
+        };
+        let actuator = ask(Question::Actuator, 0, 0).unwrap_or(0);
+        let command = ask(Question::Command, actuator, 0);
+        let detail = command.and_then(|command| ask(Question::Detail, actuator, command));
+        Ok(Diagnosis {
+            actuator,
+            command,
+            detail,
+        })
+    }
+
+    /// The stages that a diagnosis went through, each with the nodes from its root to the leaf.
+    ///
+    /// # Errors
+    /// As [`Hierarchy::diagnose`].
+    pub fn explain(&self, views: &[&[f64]]) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
+        let diagnosis = self.diagnose(views, &mut self.scratch())?;
+        let Diagnosis {
+            actuator, command, ..
+        } = diagnosis;
+        let asked = [
+            self.stage(Question::Actuator, actuator, 0),
+            self.stage(Question::Command, actuator, 0),
+            command.and_then(|command| self.stage(Question::Detail, actuator, command)),
+        ];
+        let with_path = |stage: &'_ Stage| stage.path(views[stage.place.view(actuator)]);
+        let asked = asked.into_iter().flatten();
+        Ok(asked.map(|stage| (stage, with_path(stage))).collect())
+    }
+
+    /// Checks that the parts fit each other; for hierarchies that come from outside.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`], [`Error::LengthMismatch`], [`Error::IndexOutOfRange`], and what
+    /// [`Classifier::check`] says.
+    pub fn check(&self) -> Result<(), Error> {
+        let holds = |holds, broken| {
+            if holds {
+                Ok(())
+            } else {
+                Err(Error::CorruptModel { broken })
+            }
+        };
+        holds(self.format == FORMAT, "the format is another one")?;
+        holds(!self.names.actuators.is_empty(), "there is no actuator")?;
+        for stage in &self.stages {
+            stage.model.check()?;
+            same_length(
+                "columns of a stage",
+                stage.model.features(),
+                stage.columns.len(),
+            )?;
+            same_length(
+                "classes of a stage",
+                stage.model.classes(),
+                stage.classes.len(),
+            )?;
+            let features = self.names.features.len() as u32;
+            let known = stage.columns.iter().all(|&column| column < features);
+            holds(known, "a stage reads a feature that is not there")?;
+            let names = match stage.place.question {
+                Question::Actuator => &self.names.actuators,
+                Question::Command => &self.names.commands,
+                Question::Detail => &self.names.details,
+            };
+            let known = stage
+                .classes
+                .iter()
+                .all(|&class| (class as usize) < names.len());
+            holds(known, "a stage decides a class that is not there")?;
+        }
+        Ok(())
+    }
+}

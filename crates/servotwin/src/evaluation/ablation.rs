@@ -1,0 +1,129 @@
+//! Which features and which tricks carry the result: the grouped protocol with parts taken away.
+
+use super::data_set::DataSet;
+use super::error::EvaluationError;
+use super::protocol::{Holding, Protocol, summary};
+use super::run::{Scope, run};
+use super::score::Rate;
+use serde::Serialize;
+use servotwin_diagnosis::classifiers;
+use servotwin_diagnosis::evaluation::Split;
+use servotwin_diagnosis::hierarchy::Settings;
+
+/// The depths of the depth curve.
+const DEPTHS: std::ops::RangeInclusive<usize> = 3..=9;
+
+/// The result with a part taken away.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ablation {
+    /// What was done.
+    pub title: String,
+    /// Number of features.
+    pub features: usize,
+    /// Accuracy of the actuator.
+    pub actuator: Option<Rate>,
+    /// Accuracy of the command, the actuator known.
+    pub command: Option<Rate>,
+    /// All stages together.
+    pub end_to_end: Option<Rate>,
+    /// Faults given to the wrong actuator, for the component that suffers most.
+    pub worst_component: Option<(String, Rate)>,
+}
+
+/// One variation: its title, which families, and its settings.
+struct Variation {
+    title: String,
+    families: Vec<String>,
+    settings: Settings,
+}
+
+/// Families alone, added one after the other, taken away one at a time; without the mirror, without
+/// pooling, without either; and every depth.
+///
+/// # Errors
+/// What training says.
+pub fn evaluate(
+    data: &DataSet,
+    settings: &Settings,
+    holding: Holding,
+    threads: usize,
+) -> Result<Vec<Ablation>, EvaluationError> {
+    let splits = Protocol::Grouped.splits(data, Holding { deals: 1, ..holding })?;
+    if splits.is_empty() {
+        return Ok(vec![]);
+    }
+    let list = variations(&data.families(), settings);
+    list.iter().map(|variation| one(data, variation, &splits, threads)).collect()
+}
+
+fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
+    let with = |title: String, families: Vec<String>| Variation {
+        title,
+        families,
+        settings: settings.clone(),
+    };
+    let set = |title: &str, change: &dyn Fn(&mut Settings)| {
+        let mut settings = settings.clone();
+        change(&mut settings);
+        Variation { title: title.into(), families: families.to_vec(), settings }
+    };
+    let mut list = vec![with("all features".into(), families.to_vec())];
+    if families.len() > 1 {
+        for family in families {
+            list.push(with(format!("{family} alone"), vec![family.clone()]));
+        }
+        for count in 2..families.len() {
+            let names = families[..count].to_vec();
+            list.push(with(names.join(" + "), names));
+        }
+        for family in families {
+            let others = families.iter().filter(|other| *other != family).cloned();
+            list.push(with(format!("without {family}"), others.collect()));
+        }
+    }
+    list.push(set("without mirror images", &|s| s.mirror = false));
+    list.push(set("a tree for each actuator", &|s| s.pool = false));
+    list.push(set("without mirror images, a tree for each actuator", &|s| {
+        s.mirror = false;
+        s.pool = false;
+    }));
+    if matches!(settings.actuator, classifiers::Settings::Cart(_)) {
+        list.extend(DEPTHS.map(|depth| set(&format!("depth {depth}"), &|s| limit(s, depth))));
+    }
+    list
+}
+
+/// Limits the depth of every CART tree.
+fn limit(settings: &mut Settings, depth: usize) {
+    for stage in [&mut settings.actuator, &mut settings.command, &mut settings.detail] {
+        if let classifiers::Settings::Cart(cart) = stage {
+            cart.max_depth = Some(depth);
+        }
+    }
+}
+
+fn one(
+    data: &DataSet,
+    variation: &Variation,
+    splits: &[Split],
+    threads: usize,
+) -> Result<Ablation, EvaluationError> {
+    let data = data.with_features(|info| variation.families.contains(&info.family))?;
+    let outcomes = run(&data, &variation.settings, splits, Scope::All, threads)?;
+    let result = summary(Protocol::Grouped, &data, &outcomes, "");
+    let share = |rate: &Rate| rate.share.unwrap_or(0.0);
+    let worst = result.components.iter().max_by(|a, b| {
+        // Of equally bad ones the first in the alphabet.
+        share(&a.wrong_actuator)
+            .total_cmp(&share(&b.wrong_actuator))
+            .then_with(|| b.component.cmp(&a.component))
+    });
+    Ok(Ablation {
+        title: variation.title.clone(),
+        features: data.features.len(),
+        actuator: result.stage("A").map(|score| score.accuracy),
+        command: result.stage("B").map(|score| score.accuracy),
+        end_to_end: result.end_to_end,
+        worst_component: worst.map(|worst| (worst.component.clone(), worst.wrong_actuator)),
+    })
+}

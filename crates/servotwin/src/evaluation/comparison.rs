@@ -1,0 +1,124 @@
+//! The eight classifiers by the same protocols, for the actuator (A) and the command (B).
+
+use super::data_set::DataSet;
+use super::error::EvaluationError;
+use super::parallel;
+use super::protocol::{Holding, Protocol};
+use super::run::settled;
+use super::score::{Prediction, Score};
+use serde::Serialize;
+use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Kind};
+use servotwin_diagnosis::evaluation::Split;
+use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
+
+/// Depth of the CART tree that is compared.
+const DEPTH: usize = 7;
+
+/// A classifier's result in one question under one protocol.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Compared {
+    /// Its id.
+    pub classifier: &'static str,
+    /// Its name.
+    pub title: &'static str,
+    /// The stage: `A` or `B`.
+    pub stage: String,
+    /// The protocol.
+    pub protocol: Protocol,
+    /// The score.
+    pub score: Score,
+}
+
+/// One training and its test.
+struct Job<'a> {
+    settings: classifiers::Settings,
+    place: Place,
+    split: &'a Split,
+}
+
+/// Every classifier with the settings that a study starts from; the tree with the paper's depth.
+pub fn default_classifiers() -> Vec<classifiers::Settings> {
+    let settings = |kind: &Kind| match kind.default_settings() {
+        classifiers::Settings::Cart(cart) => {
+            classifiers::Settings::Cart(classifiers::cart::Settings {
+                max_depth: Some(DEPTH),
+                ..cart
+            })
+        }
+        other => other,
+    };
+    classifiers::ALL.iter().map(settings).collect()
+}
+
+/// Compares classifiers; mirror images and pooling are as the hierarchy's settings say.
+///
+/// # Errors
+/// What training says.
+pub fn evaluate(
+    data: &DataSet,
+    hierarchy: &Settings,
+    list: &[classifiers::Settings],
+    holding: Holding,
+    threads: usize,
+) -> Result<Vec<Compared>, EvaluationError> {
+    let hierarchy = settled(data, hierarchy);
+    let asks = |place: &Place| place.question != Question::Detail;
+    let places: Vec<Place> = data.examples.places(true).into_iter().filter(asks).collect();
+    let mut compared = vec![];
+    for protocol in [Protocol::RandomThird, Protocol::Grouped] {
+        let splits = protocol.splits(data, holding)?;
+        if splits.is_empty() {
+            continue;
+        }
+        let mut jobs = vec![];
+        for place in &places {
+            for settings in list {
+                let job = |split| Job { settings: settings.clone(), place: *place, split };
+                jobs.extend(splits.iter().map(job));
+            }
+        }
+        let results = parallel::map(&jobs, threads, |job| test(data, &hierarchy, job));
+        let results: Result<Vec<Vec<Prediction>>, _> = results.into_iter().collect();
+        for (jobs, predictions) in jobs.chunks(splits.len()).zip(results?.chunks(splits.len())) {
+            compared.push(of_splits(data, protocol, &jobs[0], predictions));
+        }
+    }
+    Ok(compared)
+}
+
+fn of_splits(
+    data: &DataSet,
+    protocol: Protocol,
+    job: &Job,
+    predictions: &[Vec<Prediction>],
+) -> Compared {
+    let names = data.examples.names();
+    let classes = data.examples.classes(&job.place);
+    let classes = classes.iter().map(|&c| names.class_name(job.place.question, c).to_owned());
+    let kind = job.settings.kind();
+    Compared {
+        classifier: kind.id(),
+        title: kind.title(),
+        stage: job.place.id(),
+        protocol,
+        score: Score::of(classes.collect(), predictions),
+    }
+}
+
+fn test(data: &DataSet, hierarchy: &Settings, job: &Job) -> Result<Vec<Prediction>, EvaluationError> {
+    let samples = |rows: &[usize], mirror| data.examples.samples(&job.place, rows, mirror);
+    // Pooled stages need the views; without them B is asked with actuator 0's sensors only.
+    let train = samples(&job.split.train, hierarchy.mirror)?;
+    let test = samples(&job.split.test, false)?;
+    let (Some((train, _)), Some((test, rows))) = (train, test) else { return Ok(vec![]) };
+    let mut settings = job.settings.clone();
+    if let classifiers::Settings::Cart(cart) = &mut settings {
+        cart.resolutions.clone_from(&hierarchy.resolutions);
+        cart.resolutions.retain(|limit| train.feature_names().contains(&limit.feature));
+    }
+    let model = settings.fit(&train)?;
+    debug_assert_eq!(model.features(), test.features());
+    let predicted = model.predict(&test)?;
+    let truth = test.labels().iter();
+    Ok(rows.iter().zip(truth).zip(predicted).map(|((&r, &t), p)| (r, t, Some(p))).collect())
+}

@@ -1,0 +1,91 @@
+//! What is detected at all: which faults leave the band, and from which intensity on.
+
+use super::data_set::DataSet;
+use super::score::Rate;
+use serde::Serialize;
+
+/// Detection over a data set.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Detection {
+    /// Faults that leave the band.
+    pub detected: Rate,
+    /// Faults excluded from training because they do not.
+    pub excluded: Rate,
+    /// Fault-free specimens that leave the band (false alarms); `None` without such specimens.
+    pub false_alarms: Option<Rate>,
+    /// Variants that were not simulated to the end.
+    pub failed: usize,
+    /// Detection of each kind against intensity.
+    pub curves: Vec<Curve>,
+    /// The least intensity detected, for each fault in each case.
+    pub least: Vec<Least>,
+}
+
+/// Detection of a kind of fault against intensity.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Curve {
+    /// The fault, without the actuator.
+    pub kind: String,
+    /// The detail it belongs to.
+    pub detail: String,
+    /// Intensities and the share detected at each, over cases and actuators.
+    pub points: Vec<(f64, Rate)>,
+}
+
+/// The intensity from which on a fault is detected in a case.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Least {
+    /// The fault, with the actuator.
+    pub fault: String,
+    /// The operating case.
+    pub case: String,
+    /// The least intensity that is detected together with all greater ones; `None` if the greatest
+    /// is not.
+    pub intensity: Option<f64>,
+}
+
+/// Detection over a data set.
+pub fn evaluate(data: &DataSet) -> Detection {
+    let alarms = Rate::of(&data.alarms, |alarm| *alarm);
+    Detection {
+        detected: Rate::of(&data.rows, |row| row.detectable),
+        excluded: Rate::of(&data.rows, |row| !row.detectable),
+        false_alarms: (!data.alarms.is_empty()).then_some(alarms),
+        failed: data.failed,
+        curves: (0..data.kinds.len() as u32).map(|kind| curve(data, kind)).collect(),
+        least: least(data),
+    }
+}
+
+fn curve(data: &DataSet, kind: u32) -> Curve {
+    let mut counts = vec![(0u64, 0u64); data.intensities.len()];
+    let mut detail = String::new();
+    for (row, label) in data.rows.iter().zip(data.examples.labels()) {
+        if row.kind == kind {
+            let (detected, all) = &mut counts[row.intensity as usize];
+            *all += 1;
+            *detected += u64::from(row.detectable);
+            detail.clone_from(&data.examples.names().details[label.detail as usize]);
+        }
+    }
+    let points = data.intensities.iter().zip(counts).filter(|(_, (_, all))| *all > 0);
+    let point = |(intensity, (detected, all)): (&f64, (u64, u64))| {
+        (*intensity, Rate::new(detected, all))
+    };
+    Curve { kind: data.kinds[kind as usize].clone(), detail, points: points.map(point).collect() }
+}
+
+fn least(data: &DataSet) -> Vec<Least> {
+    let mut order: Vec<&super::data_set::Row> = data.rows.iter().collect();
+    order.sort_by_key(|row| (row.fault, row.case, row.intensity));
+    let of_run = |run: &[&super::data_set::Row]| {
+        let detected = run.iter().rev().take_while(|row| row.detectable).last();
+        Least {
+            fault: data.faults[run[0].fault as usize].clone(),
+            case: data.cases[run[0].case as usize].clone(),
+            intensity: detected.map(|row| data.intensities[row.intensity as usize]),
+        }
+    };
+    let runs = order.chunk_by(|a, b| (a.fault, a.case) == (b.fault, b.case));
+    runs.map(of_run).collect()
+}

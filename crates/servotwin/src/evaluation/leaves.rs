@@ -1,0 +1,175 @@
+//! The least pure leaves of the trees, and the splits that were refused as implausible.
+
+use super::data_set::DataSet;
+use super::error::EvaluationError;
+use serde::Serialize;
+use servotwin_diagnosis::classifiers::Model;
+use servotwin_diagnosis::hierarchy::{Hierarchy, Settings, Stage};
+use servotwin_diagnosis::tree::Tree;
+use std::collections::BTreeMap;
+
+/// A leaf that does not hold one class only.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WorstLeaf {
+    /// The stage.
+    pub stage: String,
+    /// The node.
+    pub node: usize,
+    /// The class decided there.
+    pub class: String,
+    /// Share of that class.
+    pub purity: f64,
+    /// Training rows in the leaf, mirror images included.
+    pub rows: u32,
+    /// The questions that lead there: feature, whether above the threshold, threshold.
+    pub conditions: Vec<Condition>,
+    /// Kinds of fault in the leaf, with their class, the most frequent first.
+    pub contents: Vec<Content>,
+}
+
+/// A question on the way to a leaf, and its answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Condition {
+    /// The feature.
+    pub feature: String,
+    /// Whether its value is above the threshold.
+    pub above: bool,
+    /// The threshold.
+    pub threshold: f64,
+}
+
+/// Rows of one kind in a leaf.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Content {
+    /// The kind of fault.
+    pub kind: String,
+    /// Its class.
+    pub class: String,
+    /// Number of rows.
+    pub rows: u32,
+}
+
+/// A split that would have been better, but that no sensor could resolve.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImplausibleSplit {
+    /// The stage.
+    pub stage: String,
+    /// The node that wanted it.
+    pub node: usize,
+    /// The feature.
+    pub feature: String,
+    /// The threshold.
+    pub threshold: f64,
+    /// Distance of the two neighbouring values it would have separated.
+    pub gap: f64,
+    /// Impurity decrease it would have bought.
+    pub decrease: f64,
+    /// Impurity decrease of the split used instead; 0 where the node became a leaf.
+    pub used_decrease: f64,
+}
+
+/// The least pure leaves of every tree, at most `count` of each stage.
+///
+/// # Errors
+/// [`servotwin_diagnosis::Error::NotFinite`].
+pub fn worst(
+    data: &DataSet,
+    settings: &Settings,
+    hierarchy: &Hierarchy,
+    rows: &[usize],
+    count: usize,
+) -> Result<Vec<WorstLeaf>, EvaluationError> {
+    let mut worst = vec![];
+    for stage in &hierarchy.stages {
+        let Model::Cart(tree) = &stage.model else { continue };
+        let contents = contents(data, settings, stage, tree, rows)?;
+        let mixed = tree.leaves().into_iter().filter(|leaf| leaf.purity < 1.0);
+        worst.extend(mixed.take(count).map(|leaf| WorstLeaf {
+            stage: stage.id.clone(),
+            node: leaf.node,
+            class: class_name(hierarchy, stage, leaf.class),
+            purity: leaf.purity,
+            rows: leaf.rows,
+            conditions: conditions(hierarchy, stage, tree, leaf.node),
+            contents: contents.get(&leaf.node).cloned().unwrap_or_default(),
+        }));
+    }
+    Ok(worst)
+}
+
+fn class_name(hierarchy: &Hierarchy, stage: &Stage, class: u32) -> String {
+    let class = stage.classes[class as usize];
+    hierarchy.names.class_name(stage.place.question, class).to_owned()
+}
+
+fn feature_name(hierarchy: &Hierarchy, stage: &Stage, feature: usize) -> String {
+    hierarchy.names.features[stage.columns[feature] as usize].clone()
+}
+
+/// The questions from the root to a node.
+fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) -> Vec<Condition> {
+    let mut conditions = vec![];
+    let mut at = 0;
+    while at != node {
+        let (Some((feature, threshold)), Some((left, right))) = (tree.split(at), tree.children(at))
+        else {
+            break;
+        };
+        // Preorder: everything below the right child comes behind it.
+        let above = node >= right;
+        let feature = feature_name(hierarchy, stage, feature);
+        conditions.push(Condition { feature, above, threshold });
+        at = if above { right } else { left };
+    }
+    conditions
+}
+
+/// The kinds of fault in every leaf of a tree.
+fn contents(
+    data: &DataSet,
+    settings: &Settings,
+    stage: &Stage,
+    tree: &Tree,
+    rows: &[usize],
+) -> Result<BTreeMap<usize, Vec<Content>>, EvaluationError> {
+    let mut leaves = BTreeMap::new();
+    let Some((samples, origins)) = data.examples.samples(&stage.place, rows, settings.mirror)?
+    else {
+        return Ok(leaves);
+    };
+    let mut counts: BTreeMap<(usize, u32, u32), u32> = BTreeMap::new();
+    let mut values = vec![0.0; samples.features()];
+    for (sample, &origin) in origins.iter().enumerate() {
+        samples.row_into(sample, &mut values);
+        let leaf = tree.branches().leaf_of(&values);
+        let key = (leaf, data.rows[origin].kind, samples.labels()[sample]);
+        *counts.entry(key).or_default() += 1;
+    }
+    for ((leaf, kind, class), rows) in counts {
+        let class = samples.class_names()[class as usize].clone();
+        let kind = data.kinds[kind as usize].clone();
+        leaves.entry(leaf).or_insert_with(Vec::new).push(Content { kind, class, rows });
+    }
+    for contents in leaves.values_mut() {
+        contents.sort_by_key(|content| std::cmp::Reverse(content.rows));
+    }
+    Ok(leaves)
+}
+
+/// The implausible splits of every tree.
+pub fn implausible(hierarchy: &Hierarchy) -> Vec<ImplausibleSplit> {
+    let mut list = vec![];
+    for stage in &hierarchy.stages {
+        let Model::Cart(tree) = &stage.model else { continue };
+        list.extend(tree.rejected().iter().map(|split| ImplausibleSplit {
+            stage: stage.id.clone(),
+            node: split.node,
+            feature: feature_name(hierarchy, stage, split.feature),
+            threshold: split.threshold,
+            gap: split.gap,
+            decrease: split.decrease,
+            used_decrease: tree.decrease(split.node),
+        }));
+    }
+    list
+}

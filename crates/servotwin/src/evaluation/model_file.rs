@@ -1,0 +1,56 @@
+//! Models in files: JSON that says what it is.
+//!
+//! A hierarchy's file holds, in this order, `format`, `names` (features, actuators, commands,
+//! details) and `stages`; every number in a stage is a place in one of these lists. A CART model has
+//! one entry per node in each of its arrays; a node whose `feature` is 4294967295 is a leaf; a row
+//! goes `left` where its value is not above the `threshold`. Numbers are written so that reading
+//! gives the same bits.
+
+use super::error::EvaluationError;
+use crate::files;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use servotwin_diagnosis::hierarchy::Hierarchy;
+use std::path::Path;
+
+/// Writes a value as JSON, atomically; the same value gives the same bytes.
+///
+/// # Errors
+/// [`EvaluationError::File`].
+pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), EvaluationError> {
+    let path = path.as_ref();
+    let text = to_json(path, value)?;
+    Ok(files::write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+}
+
+fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationError> {
+    let json = serde_json::to_string_pretty(value);
+    let mut text =
+        json.map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// Reads a value from JSON.
+///
+/// # Errors
+/// [`EvaluationError::File`], [`EvaluationError::Model`] with line and column.
+pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, EvaluationError> {
+    let path = path.as_ref();
+    let text = files::read_text(path)?;
+    serde_json::from_str(&text)
+        .map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })
+}
+
+/// Reads a hierarchy and checks it.
+///
+/// # Errors
+/// As [`read`]; [`EvaluationError::CorruptModel`].
+pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationError> {
+    let path = path.as_ref();
+    let hierarchy: Hierarchy = read(path)?;
+    hierarchy
+        .check()
+        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
+    Ok(hierarchy)
+}

@@ -1,0 +1,206 @@
+//! Training and testing a hierarchy over the splits of a protocol.
+//!
+//! Everything that is reported of a protocol is counted from [`Outcome`]s: what was said of each
+//! test row by the hierarchy that was trained with the split's other rows.
+
+use super::data_set::DataSet;
+use super::error::EvaluationError;
+use super::parallel;
+use servotwin_diagnosis::classifiers::Model;
+use servotwin_diagnosis::evaluation::Split;
+use servotwin_diagnosis::hierarchy::{
+    Diagnosis, FORMAT, Hierarchy, Question, Scratch, Settings, Stage,
+};
+use std::collections::BTreeMap;
+
+/// How much of the hierarchy is trained.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// Every stage.
+    All,
+    /// Only the stage that finds the actuator.
+    Actuator,
+    /// Every stage; for wrong answers also with which kind of fault the row was confused.
+    AllTracing,
+}
+
+/// What was said of a test row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// The row.
+    pub row: usize,
+    /// What the hierarchy says, each stage relying on the one above.
+    pub said: Diagnosis,
+    /// The command said where the actuator is known.
+    pub command: Option<u32>,
+    /// The detail said where actuator and command are known.
+    pub detail: Option<u32>,
+    /// Where the hierarchy errs: the kind of fault that fills the leaf in which the row ended.
+    pub confused_with: Option<u32>,
+}
+
+/// Trains on each split's training rows and asks about its test rows; one list per split.
+///
+/// # Errors
+/// What training says.
+pub fn run(
+    data: &DataSet,
+    settings: &Settings,
+    splits: &[Split],
+    scope: Scope,
+    threads: usize,
+) -> Result<Vec<Vec<Outcome>>, EvaluationError> {
+    let settings = &settled(data, settings);
+    let one = |split: &Split| run_split(data, settings, split, scope);
+    parallel::map(splits, threads, one).into_iter().collect()
+}
+
+/// The settings without what the data set cannot give: views.
+pub fn settled(data: &DataSet, settings: &Settings) -> Settings {
+    let has_views = data.examples.views() == data.examples.names().actuators.len();
+    Settings {
+        mirror: settings.mirror && has_views,
+        pool: settings.pool && has_views,
+        ..settings.clone()
+    }
+}
+
+fn run_split(
+    data: &DataSet,
+    settings: &Settings,
+    split: &Split,
+    scope: Scope,
+) -> Result<Vec<Outcome>, EvaluationError> {
+    let hierarchy = match scope {
+        Scope::Actuator => actuator_only(data, settings, &split.train)?,
+        _ => settings.fit(&data.examples, &split.train)?,
+    };
+    let mut asking = Asking::new(data, &hierarchy);
+    let outcomes: Result<Vec<Outcome>, _> = split.test.iter().map(|&row| asking.ask(row)).collect();
+    let mut outcomes = outcomes?;
+    if scope == Scope::AllTracing {
+        trace(data, settings, &hierarchy, &split.train, &mut outcomes)?;
+    }
+    Ok(outcomes)
+}
+
+fn actuator_only(
+    data: &DataSet,
+    settings: &Settings,
+    rows: &[usize],
+) -> Result<Hierarchy, EvaluationError> {
+    let mut stages = vec![];
+    for place in data.examples.places(settings.pool) {
+        if place.question == Question::Actuator {
+            stages.extend(settings.fit_stage(&data.examples, rows, &place)?);
+        }
+    }
+    Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
+}
+
+/// A hierarchy being asked about one row after the other.
+struct Asking<'a> {
+    data: &'a DataSet,
+    hierarchy: &'a Hierarchy,
+    scratch: Scratch,
+    views: Vec<Vec<f64>>,
+}
+
+impl<'a> Asking<'a> {
+    fn new(data: &'a DataSet, hierarchy: &'a Hierarchy) -> Self {
+        let empty = vec![0.0; data.features.len()];
+        Asking {
+            data,
+            hierarchy,
+            scratch: hierarchy.scratch(),
+            views: vec![empty; data.examples.views()],
+        }
+    }
+
+    fn ask(&mut self, row: usize) -> Result<Outcome, EvaluationError> {
+        for (view, values) in self.views.iter_mut().enumerate() {
+            self.data.examples.row_into(view, row, values);
+        }
+        let views: Vec<&[f64]> = self.views.iter().map(Vec::as_slice).collect();
+        let said = self.hierarchy.diagnose(&views, &mut self.scratch)?;
+        let truth = self.data.examples.labels()[row];
+        let mut given = |question| {
+            let stage = self.hierarchy.stage(question, truth.actuator, truth.command)?;
+            Some(stage.decide(views[stage.place.view(truth.actuator)], &mut self.scratch))
+        };
+        let (command, detail) = (given(Question::Command), given(Question::Detail));
+        Ok(Outcome { row, said, command, detail, confused_with: None })
+    }
+}
+
+/// For each wrong outcome, the kind of fault that is most frequent among the training rows that
+/// share the leaf and have the class decided there.
+fn trace(
+    data: &DataSet,
+    settings: &Settings,
+    hierarchy: &Hierarchy,
+    train: &[usize],
+    outcomes: &mut [Outcome],
+) -> Result<(), EvaluationError> {
+    for stage in &hierarchy.stages {
+        let Some(kinds) = leaf_kinds(data, settings, stage, train)? else { continue };
+        let mut values = vec![0.0; data.features.len()];
+        for outcome in outcomes.iter_mut() {
+            let truth = data.examples.labels()[outcome.row];
+            let asked = stage.place.is_asked(truth.actuator, truth.command);
+            if !asked || first_error(data, outcome) != Some(stage.place.question) {
+                continue;
+            }
+            let view = stage.place.view(truth.actuator);
+            data.examples.row_into(view, outcome.row, &mut values);
+            let leaf = stage.path(&values).last().copied().unwrap_or(0);
+            outcome.confused_with = kinds.get(&leaf).copied();
+        }
+    }
+    Ok(())
+}
+
+/// The question that is the first to be answered wrongly.
+pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
+    let truth = data.examples.labels()[outcome.row];
+    if outcome.said.actuator != truth.actuator {
+        Some(Question::Actuator)
+    } else if outcome.said.command != Some(truth.command) {
+        Some(Question::Command)
+    } else if outcome.said.detail != Some(truth.detail) {
+        Some(Question::Detail)
+    } else {
+        None
+    }
+}
+
+/// For each leaf of a tree the most frequent kind of fault among the training rows of its class.
+fn leaf_kinds(
+    data: &DataSet,
+    settings: &Settings,
+    stage: &Stage,
+    train: &[usize],
+) -> Result<Option<BTreeMap<usize, u32>>, EvaluationError> {
+    let Model::Cart(tree) = &stage.model else { return Ok(None) };
+    let Some((samples, origins)) = data.examples.samples(&stage.place, train, settings.mirror)?
+    else {
+        return Ok(None);
+    };
+    let mut counts: BTreeMap<(usize, u32), u32> = BTreeMap::new();
+    let mut values = vec![0.0; samples.features()];
+    for (sample, &origin) in origins.iter().enumerate() {
+        samples.row_into(sample, &mut values);
+        let leaf = tree.branches().leaf_of(&values);
+        if tree.decision(leaf) == samples.labels()[sample] {
+            *counts.entry((leaf, data.rows[origin].kind)).or_default() += 1;
+        }
+    }
+    let mut best: BTreeMap<usize, (u32, u32)> = BTreeMap::new();
+    for ((leaf, kind), count) in counts {
+        let entry = best.entry(leaf).or_insert((0, kind));
+        if count > entry.0 {
+            *entry = (count, kind);
+        }
+    }
+    Ok(Some(best.into_iter().map(|(leaf, (_, kind))| (leaf, kind)).collect()))
+}
