@@ -16,16 +16,27 @@ pub struct Dual<V, const N: usize> {
     pub partials: [V; N],
 }
 
+/// The partial derivatives of a result from those of two numbers. A closure
+/// would be compiled without the instruction set of the lanes where the compiler
+/// does not inline it.
+macro_rules! combined {
+    ($first:expr, $second:expr, |$a:ident, $b:ident| $result:expr) => {{
+        let mut partials = $first.partials;
+        for i in 0..N {
+            let ($a, $b) = ($first.partials[i], $second.partials[i]);
+            partials[i] = $result;
+        }
+        partials
+    }};
+}
+
 impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     /// The `index`-th input: its derivative with respect to itself is one.
     #[inline(always)]
     pub fn input(value: V, index: usize) -> Self {
-        let zero = V::constant(0.0);
-        let one = V::constant(1.0);
-        Self {
-            value,
-            partials: core::array::from_fn(|i| if i == index { one } else { zero }),
-        }
+        let mut partials = [V::constant(0.0); N];
+        partials[index] = V::constant(1.0);
+        Self { value, partials }
     }
 
     /// The chain rule: a function's value and its derivative here.
@@ -33,15 +44,7 @@ impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     fn chain(self, value: V, derivative: V) -> Self {
         Self {
             value,
-            partials: self.partials.map(|p| p * derivative),
-        }
-    }
-
-    #[inline(always)]
-    fn combine(self, other: Self, value: V, mut f: impl FnMut(V, V) -> V) -> Self {
-        Self {
-            value,
-            partials: core::array::from_fn(|i| f(self.partials[i], other.partials[i])),
+            partials: combined!(self, self, |a, _b| a * derivative),
         }
     }
 }
@@ -50,7 +53,10 @@ impl<V: Scalar<Base = V>, const N: usize> Add for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        self.combine(other, self.value + other.value, |a, b| a + b)
+        Self {
+            value: self.value + other.value,
+            partials: combined!(self, other, |a, b| a + b),
+        }
     }
 }
 
@@ -58,19 +64,23 @@ impl<V: Scalar<Base = V>, const N: usize> Sub for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        self.combine(other, self.value - other.value, |a, b| a - b)
+        Self {
+            value: self.value - other.value,
+            partials: combined!(self, other, |a, b| a - b),
+        }
     }
 }
 
 // The product rule adds, the quotient rule multiplies by a reciprocal.
-#[expect(clippy::suspicious_arithmetic_impl)]
+#[allow(clippy::suspicious_arithmetic_impl)]
 impl<V: Scalar<Base = V>, const N: usize> Mul for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        self.combine(other, self.value * other.value, |a, b| {
-            a * other.value + b * self.value
-        })
+        Self {
+            value: self.value * other.value,
+            partials: combined!(self, other, |a, b| a * other.value + b * self.value),
+        }
     }
 }
 
@@ -80,7 +90,10 @@ impl<V: Scalar<Base = V>, const N: usize> Div for Dual<V, N> {
     fn div(self, other: Self) -> Self {
         let quotient = self.value / other.value;
         let reciprocal = V::constant(1.0) / other.value;
-        self.combine(other, quotient, |a, b| (a - quotient * b) * reciprocal)
+        Self {
+            value: quotient,
+            partials: combined!(self, other, |a, b| (a - quotient * b) * reciprocal),
+        }
     }
 }
 
@@ -90,7 +103,7 @@ impl<V: Scalar<Base = V>, const N: usize> Neg for Dual<V, N> {
     fn neg(self) -> Self {
         Self {
             value: -self.value,
-            partials: self.partials.map(|p| -p),
+            partials: combined!(self, self, |a, _b| -a),
         }
     }
 }
@@ -167,9 +180,10 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     }
     #[inline(always)]
     fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
-        yes.combine(no, V::select(mask, yes.value, no.value), |a, b| {
-            V::select(mask, a, b)
-        })
+        Self {
+            value: V::select(mask, yes.value, no.value),
+            partials: combined!(yes, no, |a, b| V::select(mask, a, b)),
+        }
     }
     #[inline(always)]
     fn exp(self) -> Self {

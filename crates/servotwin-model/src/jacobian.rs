@@ -132,8 +132,9 @@ impl Rows {
                 last_writer.insert(from as usize, index);
             }
         }
-        let mut order: Vec<(Option<&usize>, u16)> =
-            (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
+        let mut order: Vec<(Option<&usize>, u16)> = (places.iter())
+            .map(|(&(row, _), &place)| (last_writer.get(&row), place))
+            .collect();
         order.sort_unstable();
         for (_, target) in order {
             let (add, subtract) = terms.remove(&target).unwrap_or_default();
@@ -141,7 +142,11 @@ impl Rows {
             let middle = self.terms.len() as u32;
             self.terms.extend(subtract);
             let end = self.terms.len() as u32;
-            self.entries.push(Entry { target, middle, end });
+            self.entries.push(Entry {
+                target,
+                middle,
+                end,
+            });
         }
     }
 

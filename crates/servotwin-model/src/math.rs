@@ -13,12 +13,29 @@
 
 use crate::scalar::{Primitive, lit};
 
-/// Horner's scheme, highest coefficient first.
+/// A polynomial, highest coefficient first: four interleaved Horner schemes in
+/// x⁴, because one alone is a chain of which every link waits for the last.
 #[inline(always)]
-fn polynomial<P: Primitive>(x: P, coefficients: &[f64]) -> P {
-    let mut sum = P::constant(coefficients[0]);
-    for &c in &coefficients[1..] {
-        sum = sum * x + P::constant(c);
+fn polynomial<P: Primitive, const N: usize>(x: P, coefficients: &[f64; N]) -> P {
+    let square = x * x;
+    let fourth = square * square;
+    let high = every_fourth(fourth, coefficients, 3) * x + every_fourth(fourth, coefficients, 2);
+    let low = every_fourth(fourth, coefficients, 1) * x + every_fourth(fourth, coefficients, 0);
+    high * square + low
+}
+
+/// Horner's scheme in x⁴ over the coefficients of x^power, x^(power + 4) …
+#[inline(always)]
+fn every_fourth<P: Primitive, const N: usize>(
+    fourth: P,
+    coefficients: &[f64; N],
+    power: usize,
+) -> P {
+    let mut i = (N - 1 - power) % 4;
+    let mut sum = P::constant(coefficients[i]);
+    while i + 4 < N {
+        i += 4;
+        sum = sum * fourth + P::constant(coefficients[i]);
     }
     sum
 }

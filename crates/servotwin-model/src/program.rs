@@ -415,9 +415,12 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
         for index in 0..self.group.count {
             let (inputs, outputs, constants) =
                 parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
-            // SAFETY: all slots of a sequence are below the length that
-            // `Program::evaluate` asserts.
-            let values = core::array::from_fn(|i| unsafe { *v.get_unchecked(inputs[i] as usize) });
+            let mut values = [V::constant(0.0); I];
+            for (value, &input) in values.iter_mut().zip(inputs) {
+                // SAFETY: all slots of a sequence are below the length that
+                // `Program::clear` asserts.
+                *value = unsafe { *v.get_unchecked(input as usize) };
+            }
             let results = E::evaluate::<V>(constants, values);
             // SAFETY: as above.
             unsafe { scatter(self.group.subtracts, outputs, &results, v) };
@@ -469,14 +472,21 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
         for index in 0..self.group.count {
             let (inputs, outputs, constants) =
                 parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
-            let values: [Dual<V, I>; I] =
+            let mut values = [Dual::from_base(V::constant(0.0)); I];
+            for (i, (place, &input)) in values.iter_mut().zip(inputs).enumerate() {
                 // SAFETY: as in `Evaluate`.
-                core::array::from_fn(|i| Dual::input(unsafe { *v.get_unchecked(inputs[i] as usize) }, i));
+                let value = unsafe { *v.get_unchecked(input as usize) };
+                *place = Dual::input(value, i);
+            }
             let results = E::evaluate::<Dual<V, I>>(constants, values);
-            // SAFETY: as in `Evaluate`.
-            unsafe { scatter(self.group.subtracts, outputs, &results.map(|r| r.value), v) };
             let (own, later) = core::mem::take(self.partials).split_at_mut(I * O);
-            own.copy_from_slice(results.map(|r| r.partials).as_flattened());
+            let mut plain = [V::constant(0.0); O];
+            for (o, result) in results.iter().enumerate() {
+                plain[o] = result.value;
+                own[o * I..][..I].copy_from_slice(&result.partials);
+            }
+            // SAFETY: as in `Evaluate`.
+            unsafe { scatter(self.group.subtracts, outputs, &plain, v) };
             *self.partials = later;
         }
     }

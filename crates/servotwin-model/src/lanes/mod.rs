@@ -8,10 +8,12 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod pair;
 mod portable;
 mod single;
 
 use crate::scalar::Lanes;
+pub use pair::Pair;
 pub use portable::Portable;
 
 #[cfg(target_arch = "x86_64")]
@@ -22,7 +24,7 @@ pub use {avx2::Avx2, avx512::Avx512};
 pub enum Level {
     /// Plain arrays of four: every machine.
     Portable,
-    /// Four lanes of 256 bits.
+    /// Two times four lanes of 256 bits.
     Avx2,
     /// Eight lanes of 512 bits.
     Avx512,
@@ -44,8 +46,8 @@ impl Level {
     /// Variants side by side.
     pub fn width(self) -> usize {
         match self {
-            Level::Portable | Level::Avx2 => 4,
-            Level::Avx512 => 8,
+            Level::Portable => 4,
+            Level::Avx2 | Level::Avx512 => 8,
         }
     }
 
@@ -142,7 +144,7 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx2>()
+    kernel.run::<Pair<Avx2>>()
 }
 
 #[cfg(target_arch = "x86_64")]

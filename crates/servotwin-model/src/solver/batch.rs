@@ -28,6 +28,8 @@ pub struct Batch<'p, V> {
     moving: Vec<(usize, [V; 4])>,
 }
 
+/// The largest number of lanes of any level.
+pub(super) const MOST_LANES: usize = 16;
 /// The largest number of stages of any method.
 const MOST_STAGES: usize = 8;
 
@@ -94,7 +96,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
     /// step: one polynomial per lane, `cubic(lane)`.
     #[inline(always)]
     pub fn set_input(&mut self, external: usize, cubic: impl Fn(usize) -> [f64; 4]) {
-        let coefficients = core::array::from_fn(|power| V::from_fn(|lane| cubic(lane)[power]));
+        let mut cubics = [[0.0; 4]; MOST_LANES];
+        for (lane, place) in cubics[..V::WIDTH].iter_mut().enumerate() {
+            *place = cubic(lane);
+        }
+        let coefficients = core::array::from_fn(|power| V::from_fn(|lane| cubics[lane][power]));
         self.moving.push((external, coefficients));
     }
 
@@ -164,7 +170,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
                 evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
-            solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
+            solve(
+                self.program,
+                &self.factors,
+                &mut self.stages[stage * n..][..n],
+            );
         }
         self.combine(method)
     }
@@ -195,7 +205,13 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
         let (before, right) = self.stages.split_at_mut(stage * n);
-        weighted(&mut right[..n], derivatives, method.c[stage], reciprocal, before);
+        weighted(
+            &mut right[..n],
+            derivatives,
+            method.c[stage],
+            reciprocal,
+            before,
+        );
         let gamma = method.gamma_sum[stage];
         if gamma != 0.0 {
             let rows = self.program.rows();

@@ -1,6 +1,6 @@
 //! Many variants, one after the other in each lane.
 
-use super::batch::Batch;
+use super::batch::{Batch, MOST_LANES};
 use super::{Cause, Control, Failure, SAME_TIME_S, SMALLEST_STEP_S, Settings, Statistics};
 use crate::lanes::{Kernel, Level, dispatch};
 use crate::math;
@@ -67,7 +67,15 @@ pub fn run<'a>(
             Ensemble::<V>::new(self.program, self.settings, self.record, self.feed).run();
         }
     }
-    dispatch(level, All { program, settings, record, feed });
+    dispatch(
+        level,
+        All {
+            program,
+            settings,
+            record,
+            feed,
+        },
+    );
 }
 
 /// What one lane is doing.
@@ -367,12 +375,24 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
+    /// The factor by which each lane's step could grow for its error; without
+    /// meaning where that is not finite.
+    #[inline(always)]
+    fn growth(&self, error: V) -> V {
+        let order = self.settings.method.tableau().map_or(4, |t| t.order);
+        let allowed = |lane: &Lane| lane.allowed(&self.settings).map_or(1.0, |(error, _)| error);
+        let tolerance = V::from_fn(|i| allowed(&self.lanes[i]));
+        let ratio = (error / tolerance).max(V::constant(1e-6));
+        math::power(ratio, V::constant(-1.0 / order as f64)) * V::constant(0.9)
+    }
+
     /// Accepts or rejects the step in every lane, and plans the next.
     #[inline(always)]
     fn end_step(&mut self, error: V, evaluations: u64, jacobians: u64) {
-        let mut accepted = [false; 16];
+        let mut accepted = [false; MOST_LANES];
+        let growth = self.growth(error);
         for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
-            let error = error.lane(index);
+            let (error, growth) = (error.lane(index), growth.lane(index));
             // A poisoned value shows in the error, except without an estimate.
             let good = self.accepts(error) && (jacobians > 0 || self.batch.finite(index));
             let lane = &mut self.lanes[index];
@@ -392,7 +412,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
                 lane.statistics.rejected += 1;
                 lane.rejections += 1;
             }
-            lane.adapt(&self.settings, error);
+            lane.adapt(&self.settings, if error.is_finite() { growth } else { 0.1 });
             self.give_up_if_stuck(index, error);
         }
         let zero = V::constant(0.0);
@@ -582,31 +602,29 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// The step for the next time from the error of this one.
+    /// Error that a step may have, and the longest step, s; `None` for fixed
+    /// steps.
     #[inline(always)]
-    fn adapt(&mut self, settings: &Settings, error: f64) {
-        let order = settings.method.tableau().map_or(4, |t| t.order);
-        let (tolerance, longest) = match (self.phase, settings.control) {
+    fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
+        match (self.phase, settings.control) {
             // Accuracy does not matter on the way to rest, stability does.
-            (Phase::Settling, _) => (1e-2, 1e4),
+            (Phase::Settling, _) => Some((1e-2, 1e4)),
             (
                 _,
                 Control::Adaptive {
                     tolerance,
                     max_step_s,
                 },
-            ) => (tolerance, max_step_s),
-            (_, Control::Fixed { .. }) => return,
-        };
-        let factor = if error.is_finite() {
-            let ratio = if error > tolerance * 1e-6 {
-                error / tolerance
-            } else {
-                1e-6
-            };
-            0.9 * math::exp(-math::ln(ratio) / order as f64)
-        } else {
-            0.1
+            ) => Some((tolerance, max_step_s)),
+            (_, Control::Fixed { .. }) => None,
+        }
+    }
+
+    /// The step for the next time, by a factor from the error of this one.
+    #[inline(always)]
+    fn adapt(&mut self, settings: &Settings, factor: f64) {
+        let Some((_, longest)) = self.allowed(settings) else {
+            return;
         };
         let most = if self.rejections > 0 { 1.0 } else { 6.0 };
         let next = self.step_s * factor.clamp(0.1, most);

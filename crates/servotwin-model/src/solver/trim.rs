@@ -40,6 +40,12 @@ pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
         states: Vec::new(),
         outcome: Ok(Statistics::default()),
     };
-    run(program, Settings::campaign(), &record, Level::best(), &mut catch);
+    run(
+        program,
+        Settings::campaign(),
+        &record,
+        Level::best(),
+        &mut catch,
+    );
     catch.outcome.map(|_| catch.states)
 }
