@@ -5,6 +5,8 @@ use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
+use servotwin::study::StudyError;
+use servotwin::study::campaign::CampaignError;
 use servotwin::system::SystemError;
 use servotwin::table::TableError;
 use std::fmt;
@@ -16,6 +18,10 @@ use std::path::PathBuf;
 pub enum Failure {
     /// The system file is missing or has mistakes.
     System(SystemError),
+    /// The study file is missing or has mistakes.
+    Study(Box<StudyError>),
+    /// A campaign could not be run or written.
+    Campaign(CampaignError),
     /// A name that the system does not have.
     UnknownName {
         /// What it should name.
@@ -112,7 +118,7 @@ impl Failure {
             | Failure::Signal { .. } => 2,
             Failure::Table(TableError::UnknownFormat { .. }) => 2,
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
-            Failure::Run { .. }
+            Failure::Campaign(_) | Failure::Run { .. }
             | Failure::Eigenvalues
             | Failure::Table(_)
             | Failure::Figure(_)
@@ -126,6 +132,8 @@ impl fmt::Display for Failure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Failure::System(error) => write!(out, "{error}"),
+            Failure::Study(error) => write!(out, "error: {error}"),
+            Failure::Campaign(error) => write!(out, "error: {error}"),
             Failure::UnknownName { what, given, known } => {
                 write!(out, "error: the system has no {what} '{given}'")?;
                 write_known(out, given, known)
@@ -189,6 +197,18 @@ fn write_known(out: &mut fmt::Formatter<'_>, given: &str, known: &[String]) -> f
 impl From<SystemError> for Failure {
     fn from(error: SystemError) -> Self {
         Failure::System(error)
+    }
+}
+
+impl From<StudyError> for Failure {
+    fn from(error: StudyError) -> Self {
+        Failure::Study(Box::new(error))
+    }
+}
+
+impl From<CampaignError> for Failure {
+    fn from(error: CampaignError) -> Self {
+        Failure::Campaign(error)
     }
 }
 

@@ -17,7 +17,7 @@ mod render;
 mod stop;
 
 use clap::{Parser, Subcommand};
-use commands::{check, completions, describe, evaluate, faults, features, simulate, train};
+use commands::{campaign, check, completions, describe, evaluate, faults, features, simulate, train};
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
@@ -50,6 +50,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
 enum Command {
     Simulate(Box<simulate::Options>),
     Faults(faults::Options),
+    Campaign(campaign::Options),
     Features(features::Options),
     Train(train::Options),
     Evaluate(evaluate::Options),
@@ -64,6 +65,7 @@ impl Command {
         match self {
             Command::Simulate(options) => simulate::run(options, global),
             Command::Faults(options) => faults::run(options, global),
+            Command::Campaign(options) => campaign::run(options, global),
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),

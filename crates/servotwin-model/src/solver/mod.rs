@@ -102,7 +102,7 @@ impl Settings {
         Self {
             method: Method::Rodas4P,
             control: Control::Adaptive {
-                tolerance: 1e-4,
+                tolerance: 3e-5,
                 max_step_s: 0.1,
             },
             land_on_samples: true,

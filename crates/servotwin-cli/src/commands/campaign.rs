@@ -1,0 +1,129 @@
+//! `servotwin campaign`: every fault of a study under every operating case,
+//! into a data set.
+
+use crate::failure::Failure;
+use crate::{Global, stop};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use servotwin::study::campaign::{Campaign, Outcome};
+use servotwin::study::{Setting, Study};
+use servotwin_model::solver::Settings;
+use std::io::{IsTerminal, stderr};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Simulate every fault of a study under every operating case, into a data set.
+///
+/// A campaign that was interrupted goes on where it was: shards that are
+/// complete are taken over, and the result is the same bytes.
+#[derive(clap::Args)]
+pub struct Options {
+    /// A study file; without it, the paper's study of the aileron.
+    #[arg(value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// The folder for the data set.
+    #[arg(long, value_name = "FOLDER", default_value = "out")]
+    out: PathBuf,
+    /// Only perfect sensors and a plant that is the twin (ideal), or only noise,
+    /// quantisation and tolerances (realistic) [default: both].
+    #[arg(long, value_parser = ["ideal", "realistic"])]
+    setting: Option<String>,
+    /// Number of threads [default: all processors; the results do not depend
+    /// on it].
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Write the time series of every variant, too (gigabytes).
+    #[arg(long)]
+    keep_traces: bool,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let study = match &options.study {
+        Some(path) => Study::read(path)?,
+        None => Study::default(),
+    };
+    stop::listen();
+    let wanted = |setting: &Setting| {
+        let named = options.setting.as_deref().is_none_or(|name| name == setting.name());
+        named && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
+    };
+    let mut text = String::new();
+    let mut results = Vec::new();
+    for setting in Setting::ALL.into_iter().filter(wanted) {
+        let begin = Instant::now();
+        let outcome = run_setting(options, &study, setting, global)?;
+        let seconds = begin.elapsed().as_secs_f64();
+        text.push_str(&describe(&study, setting, &outcome, seconds));
+        results.push(to_json(setting, &outcome));
+    }
+    Ok(match global {
+        Global { json: true, .. } => crate::render::json(&json!(results)),
+        Global { quiet: true, .. } => String::new(),
+        _ => text,
+    })
+}
+
+fn run_setting(
+    options: &Options,
+    study: &Study,
+    setting: Setting,
+    global: Global,
+) -> Result<Outcome, Failure> {
+    let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let campaign = Campaign {
+        study,
+        setting,
+        settings: Settings::campaign(),
+        threads: options.threads.unwrap_or(processors).max(1),
+        folder: options.out.clone(),
+        keep_traces: options.keep_traces,
+        cancel: Some(stop::flag()),
+    };
+    let bar = bar(setting, global);
+    let (_, outcome) = campaign.run(|done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
+}
+
+fn bar(setting: Setting, global: Global) -> ProgressBar {
+    if global.quiet || !stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} variants, {eta} left");
+    let bar = ProgressBar::new(0).with_style(style.expect("a correct template"));
+    bar.set_message(setting.name());
+    bar
+}
+
+fn describe(study: &Study, setting: Setting, outcome: &Outcome, seconds: f64) -> String {
+    let ran = outcome.variants - outcome.resumed;
+    let mut text = format!(
+        "{}, {}: {} variants of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
+        study.name,
+        setting.name(),
+        outcome.variants,
+        study.duration_s,
+        outcome.failed.len()
+    );
+    for (variant, reason) in &outcome.failed {
+        text.push_str(&format!("  variant {variant}: {reason}\n"));
+    }
+    text
+}
+
+fn to_json(setting: Setting, outcome: &Outcome) -> serde_json::Value {
+    let failed = outcome.failed.iter();
+    json!({
+        "setting": setting.name(),
+        "variants": outcome.variants,
+        "resumed": outcome.resumed,
+        "steps": outcome.statistics.steps,
+        "rejected": outcome.statistics.rejected,
+        "jacobians": outcome.statistics.jacobians,
+        "failed": failed.map(|(v, r)| json!({"variant": v, "reason": r})).collect::<Vec<_>>(),
+    })
+}
