@@ -104,7 +104,10 @@ impl Failure {
     /// The exit code of the program, as the head of `main.rs` lists them.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Failure::System(_) | Failure::Evaluation(_) | Failure::Trace { .. } => 3,
+            Failure::System(_)
+            | Failure::Study(_)
+            | Failure::Evaluation(_)
+            | Failure::Trace { .. } => 3,
             Failure::Signal {
                 error: SignalError::Table(_) | SignalError::Rows { .. },
                 ..
@@ -118,7 +121,8 @@ impl Failure {
             | Failure::Signal { .. } => 2,
             Failure::Table(TableError::UnknownFormat { .. }) => 2,
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
-            Failure::Campaign(_) | Failure::Run { .. }
+            Failure::Campaign(_)
+            | Failure::Run { .. }
             | Failure::Eigenvalues
             | Failure::Table(_)
             | Failure::Figure(_)
