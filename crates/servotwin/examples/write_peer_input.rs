@@ -4,7 +4,8 @@
 //! cargo run --release -p servotwin --example write_peer_input -- FOLDER
 //! ```
 //!
-//! `FOLDER/aileron.c` is the system; `FOLDER/cases.txt` is, as numbers: count of
+//! `FOLDER/aileron.c` is the system; `FOLDER/command.csv` the command, which the
+//! test reads again (signals may change); `FOLDER/cases.txt` is, as numbers: count of
 //! cases, duration, period; the states' scales; per case its name, effective
 //! parameters and start at rest, and per input the count of its pieces, each
 //! with its begin and four coefficients.
@@ -44,6 +45,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         let signal = Piecewise::constant(input.default)?;
         inputs.push(if input.id == "command" { command.clone() } else { signal });
     }
+    let mut table = String::from("# written by the example write_peer_input\nbegin_s,c0,c1,c2,c3\n");
+    for (begin, [a, b, c, d]) in command.breaks_s().iter().zip(command.pieces()) {
+        writeln!(table, "{begin:e},{a:e},{b:e},{c:e},{d:e}")?;
+    }
+    std::fs::write(folder.join("command.csv"), table)?;
     let mut text = String::new();
     numbers(&mut text, [CASES.len() as f64, DURATION_S, PERIOD_S]);
     let names: Vec<&str> = program.states().iter().map(|s| s.name.as_str()).collect();

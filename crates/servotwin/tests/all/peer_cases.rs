@@ -5,7 +5,8 @@
 pub const DURATION_S: f64 = 10.0;
 /// Time between compared states, s.
 pub const PERIOD_S: f64 = 0.1;
-/// The command of every case.
+/// The command of every case, when the golden files were last written.
+#[allow(dead_code)] // The tests read the command from the golden file.
 pub const COMMAND: &str = "noise:rms=5deg,bandwidth=1Hz,seed=3";
 /// Name, fault and intensity.
 pub const CASES: [(&str, Option<(&str, f64)>); 11] = [

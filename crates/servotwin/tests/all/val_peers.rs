@@ -1,11 +1,9 @@
 //! The aileron against independent integrators (`peers/`, results in `golden/`).
 
 use crate::aileron::{Samples, Test, program, test};
-use crate::peer_cases::{CASES, COMMAND, DURATION_S, PERIOD_S};
-use servotwin::signal::Signal;
+use crate::peer_cases::{CASES, DURATION_S, PERIOD_S};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::Settings;
-use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -17,9 +15,26 @@ struct Golden {
     rows: BTreeMap<String, Vec<Vec<f64>>>,
 }
 
-fn golden(file: &str) -> Golden {
+fn golden_text(file: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../golden").join(file);
-    let text = std::fs::read_to_string(path).unwrap();
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// The command that CVODE had, whatever the signals have become since.
+fn cvode_command() -> Piecewise {
+    let text = golden_text("cvode_command.csv");
+    let lines = text.lines().filter(|line| !line.starts_with('#')).skip(1);
+    let (mut breaks_s, mut pieces) = (Vec::new(), Vec::new());
+    for line in lines {
+        let numbers: Vec<f64> = line.split(',').map(|n| n.parse().unwrap()).collect();
+        breaks_s.push(numbers[0]);
+        pieces.push([numbers[1], numbers[2], numbers[3], numbers[4]]);
+    }
+    Piecewise::new(breaks_s, pieces).unwrap()
+}
+
+fn golden(file: &str) -> Golden {
+    let text = golden_text(file);
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let names = lines.next().unwrap().split(',').skip(2).map(String::from).collect();
     let mut rows: BTreeMap<String, Vec<Vec<f64>>> = BTreeMap::new();
@@ -58,8 +73,7 @@ fn against_cvode(settings: Settings, period_s: f64, allowed: f64) {
     assert_eq!(names.len(), program().states().len());
     let mut too_large = Vec::new();
     for (case, fault) in CASES {
-        let command = COMMAND.parse::<Signal>().unwrap().build(Unit::Radian, DURATION_S).unwrap();
-        let test: Test = test().command(command).settings(settings).lasting(DURATION_S, period_s);
+        let test: Test = test().command(cvode_command()).settings(settings).lasting(DURATION_S, period_s);
         let test = match fault {
             Some((id, intensity)) => test.fault(id, intensity),
             None => test,
