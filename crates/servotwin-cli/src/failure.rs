@@ -108,10 +108,7 @@ impl Failure {
             | Failure::Study(_)
             | Failure::Evaluation(_)
             | Failure::Trace { .. } => 3,
-            Failure::Signal {
-                error: SignalError::Table(_) | SignalError::Rows { .. },
-                ..
-            } => 3,
+            Failure::Signal { error: SignalError::Table(_) | SignalError::Rows { .. }, .. } => 3,
             Failure::UnknownName { .. }
             | Failure::NoEqualSign { .. }
             | Failure::Repeated { .. }
@@ -149,30 +146,16 @@ impl fmt::Display for Failure {
                 write!(out, "error: {option}: '{name}' is given twice")
             }
             Failure::Number { option, error } => write!(out, "error: {option}: {error}"),
-            Failure::OutOfRange {
-                option,
-                given,
-                range,
-            } => {
+            Failure::OutOfRange { option, given, range } => {
                 write!(out, "error: {option} {given} is out of range: {range}")
             }
             Failure::Options(reason) => write!(out, "error: {reason}"),
             Failure::Signal { option, error } => write!(out, "error: {option}: {error}"),
-            Failure::Run {
-                time_s,
-                state,
-                cause,
-            } => {
-                write!(
-                    out,
-                    "error: the run stopped at {time_s} s at {state}: {cause}"
-                )
+            Failure::Run { time_s, state, cause } => {
+                write!(out, "error: the run stopped at {time_s} s at {state}: {cause}")
             }
             Failure::Eigenvalues => {
-                write!(
-                    out,
-                    "error: the equations at rest give numbers that are not finite"
-                )
+                write!(out, "error: the equations at rest give numbers that are not finite")
             }
             Failure::Stopped => write!(out, "stopped"),
             Failure::Table(error) => write!(out, "error: {error}"),
@@ -190,11 +173,9 @@ fn write_known(out: &mut fmt::Formatter<'_>, given: &str, known: &[String]) -> f
         Some(name) => write!(out, "; did you mean '{name}'?"),
         None if known.is_empty() => write!(out, "; it has none at all"),
         None if known.len() <= 20 => write!(out, "; it has: {}", known.join(", ")),
-        None => write!(
-            out,
-            "; it has {}, see 'servotwin describe' or 'servotwin faults'",
-            known.len()
-        ),
+        None => {
+            write!(out, "; it has {}, see 'servotwin describe' or 'servotwin faults'", known.len())
+        }
     }
 }
 

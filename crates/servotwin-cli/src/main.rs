@@ -17,7 +17,9 @@ mod render;
 mod stop;
 
 use clap::{Parser, Subcommand};
-use commands::{campaign, check, completions, describe, evaluate, faults, features, simulate, train};
+use commands::{
+    campaign, check, completions, describe, evaluate, faults, features, simulate, train,
+};
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;

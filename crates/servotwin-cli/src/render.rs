@@ -20,10 +20,7 @@ pub enum Side {
 impl Grid {
     /// A table without rows.
     pub fn new(heads: &[(&'static str, Side)]) -> Self {
-        Self {
-            heads: heads.to_vec(),
-            rows: Vec::new(),
-        }
+        Self { heads: heads.to_vec(), rows: Vec::new() }
     }
 
     /// Adds a row, one text per column.
@@ -36,21 +33,15 @@ impl Grid {
     pub fn text(&self) -> String {
         let width = |column: usize| {
             let cells = self.rows.iter().map(|row| row[column].chars().count());
-            cells
-                .chain([self.heads[column].0.chars().count()])
-                .max()
-                .unwrap_or(0)
+            cells.chain([self.heads[column].0.chars().count()]).max().unwrap_or(0)
         };
         let widths: Vec<usize> = (0..self.heads.len()).map(width).collect();
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             let sides = self.heads.iter().map(|(_, side)| side);
-            let padded = cells
-                .zip(&widths)
-                .zip(sides)
-                .map(|((cell, &width), side)| match side {
-                    Side::Left => format!("{cell:<width$}"),
-                    Side::Right => format!("{cell:>width$}"),
-                });
+            let padded = cells.zip(&widths).zip(sides).map(|((cell, &width), side)| match side {
+                Side::Left => format!("{cell:<width$}"),
+                Side::Right => format!("{cell:>width$}"),
+            });
             padded.collect::<Vec<_>>().join("  ").trim_end().to_string() + "\n"
         };
         let mut text = line(&mut self.heads.iter().map(|(head, _)| *head));
@@ -89,11 +80,7 @@ fn without_zeros(text: &str) -> &str {
 /// A value with the unit that reports show.
 pub fn shown(si: f64, unit: Unit) -> String {
     let text = number(unit.to_shown(si), 5);
-    if unit.shown().is_empty() {
-        text
-    } else {
-        format!("{text} {}", unit.shown())
-    }
+    if unit.shown().is_empty() { text } else { format!("{text} {}", unit.shown()) }
 }
 
 /// A name of a column: with the unit's suffix, once.

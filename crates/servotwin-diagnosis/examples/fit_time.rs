@@ -28,11 +28,7 @@ fn made_up(rows: usize, centres: &[f64], random: &mut Random) -> Samples {
         for feature in 0..FEATURES {
             let noise: f64 = (0..4).map(|_| random.between(-1.0, 1.0)).sum();
             let value = centres[class * FEATURES + feature] + noise;
-            values.push(if feature % 3 == 2 {
-                f64::from(value > 0.0)
-            } else {
-                value
-            });
+            values.push(if feature % 3 == 2 { f64::from(value > 0.0) } else { value });
         }
     }
     let names = |prefix: &str, count| (0..count).map(|n| format!("{prefix}{n}")).collect();
@@ -47,9 +43,7 @@ fn as_csv(parts: [&Samples; 2]) -> String {
         for row in 0..samples.rows() {
             samples.row_into(row, &mut values);
             write!(text, "{split},{}", samples.labels()[row]).expect("a string takes all");
-            values
-                .iter()
-                .for_each(|v| write!(text, ",{v}").expect("a string takes all"));
+            values.iter().for_each(|v| write!(text, ",{v}").expect("a string takes all"));
             text.push('\n');
         }
     }
@@ -72,9 +66,7 @@ fn time_fit(name: &str, settings: &Settings, train: &Samples, test: &Samples) {
 
 fn main() -> std::io::Result<()> {
     let mut random = Random::new(1);
-    let centres: Vec<f64> = (0..CLASSES * FEATURES)
-        .map(|_| random.between(-0.6, 0.6))
-        .collect();
+    let centres: Vec<f64> = (0..CLASSES * FEATURES).map(|_| random.between(-0.6, 0.6)).collect();
     let train = made_up(TRAINING_ROWS, &centres, &mut random);
     let test = made_up(TESTING_ROWS, &centres, &mut random);
     if let Some(path) = std::env::args().nth(1) {
@@ -83,10 +75,7 @@ fn main() -> std::io::Result<()> {
     for &kind in ALL {
         time_fit(kind.id(), &kind.default_settings(), &train, &test);
     }
-    let limited = cart::Settings {
-        max_depth: Some(7),
-        ..Default::default()
-    };
+    let limited = cart::Settings { max_depth: Some(7), ..Default::default() };
     time_fit("cart depth 7", &Settings::Cart(limited), &train, &test);
     Ok(())
 }

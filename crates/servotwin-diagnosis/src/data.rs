@@ -38,13 +38,7 @@ impl Samples {
         values: Vec<f64>,
         labels: Vec<u32>,
     ) -> Result<Self, Error> {
-        let samples = Samples {
-            feature_names,
-            class_names,
-            values,
-            labels,
-            weights: None,
-        };
+        let samples = Samples { feature_names, class_names, values, labels, weights: None };
         samples.check()?;
         Ok(samples)
     }
@@ -207,10 +201,7 @@ impl Samples {
             values.extend_from_slice(self.column(column));
         }
         let selected = Samples {
-            feature_names: columns
-                .iter()
-                .map(|&c| self.feature_names[c].clone())
-                .collect(),
+            feature_names: columns.iter().map(|&c| self.feature_names[c].clone()).collect(),
             class_names: self.class_names.clone(),
             values,
             labels: self.labels.clone(),
@@ -223,27 +214,14 @@ impl Samples {
     fn check(&self) -> Result<(), Error> {
         self.check_sizes()?;
         for (column, values) in self.values.chunks_exact(self.rows()).enumerate() {
-            if let Some(row) = values
-                .iter()
-                .position(|value| !(-LARGEST..=LARGEST).contains(value))
+            if let Some(row) = values.iter().position(|value| !(-LARGEST..=LARGEST).contains(value))
             {
-                return Err(Error::NotFinite {
-                    column: self.feature_names[column].clone(),
-                    row,
-                });
+                return Err(Error::NotFinite { column: self.feature_names[column].clone(), row });
             }
         }
         let classes = self.classes();
-        match self
-            .labels
-            .iter()
-            .position(|&label| label as usize >= classes)
-        {
-            Some(row) => Err(Error::LabelOutOfRange {
-                row,
-                label: self.labels[row],
-                classes,
-            }),
+        match self.labels.iter().position(|&label| label as usize >= classes) {
+            Some(row) => Err(Error::LabelOutOfRange { row, label: self.labels[row], classes }),
             None => Ok(()),
         }
     }
@@ -261,11 +239,7 @@ impl Samples {
 
 fn check_indices(what: &'static str, indices: &[usize], length: usize) -> Result<(), Error> {
     match indices.iter().find(|&&index| index >= length) {
-        Some(&index) => Err(Error::IndexOutOfRange {
-            what,
-            index,
-            length,
-        }),
+        Some(&index) => Err(Error::IndexOutOfRange { what, index, length }),
         None => Ok(()),
     }
 }
@@ -287,25 +261,13 @@ impl PresentClasses {
     pub fn new(samples: &Samples) -> Self {
         let totals = samples.class_weights();
         let mut place = vec![0; totals.len()];
-        let mut present = PresentClasses {
-            labels: vec![],
-            of_row: vec![],
-            weights: vec![],
-        };
-        for (label, &weight) in totals
-            .iter()
-            .enumerate()
-            .filter(|(_, weight)| **weight > 0.0)
-        {
+        let mut present = PresentClasses { labels: vec![], of_row: vec![], weights: vec![] };
+        for (label, &weight) in totals.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
             place[label] = present.labels.len();
             present.labels.push(label as u32);
             present.weights.push(weight);
         }
-        present.of_row = samples
-            .labels()
-            .iter()
-            .map(|&label| place[label as usize])
-            .collect();
+        present.of_row = samples.labels().iter().map(|&label| place[label as usize]).collect();
         present
     }
 

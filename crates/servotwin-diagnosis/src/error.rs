@@ -87,55 +87,27 @@ impl fmt::Display for Error {
         match self {
             Error::NoSamples => write!(out, "no samples with positive weight"),
             Error::NoFeatures => write!(out, "no feature columns"),
-            Error::LengthMismatch {
-                what,
-                expected,
-                found,
-            } => {
+            Error::LengthMismatch { what, expected, found } => {
                 write!(out, "{what}: expected {expected}, found {found}")
             }
             Error::NotFinite { column, row } => {
-                write!(
-                    out,
-                    "feature `{column}`, row {row}: value is not finite or too large"
-                )
+                write!(out, "feature `{column}`, row {row}: value is not finite or too large")
             }
-            Error::LabelOutOfRange {
-                row,
-                label,
-                classes,
-            } => {
-                write!(
-                    out,
-                    "row {row}: label {label}, but there are {classes} classes"
-                )
+            Error::LabelOutOfRange { row, label, classes } => {
+                write!(out, "row {row}: label {label}, but there are {classes} classes")
             }
             Error::WeightOutOfRange { row, weight } => {
-                write!(
-                    out,
-                    "row {row}: weight {weight} is not between 0 and {LARGEST:e}"
-                )
+                write!(out, "row {row}: weight {weight} is not between 0 and {LARGEST:e}")
             }
-            Error::IndexOutOfRange {
-                what,
-                index,
-                length,
-            } => {
+            Error::IndexOutOfRange { what, index, length } => {
                 write!(out, "{what} {index} is past the end ({length})")
             }
             Error::UnknownFeature { name } => write!(out, "no feature is named `{name}`"),
-            Error::SettingOutOfRange {
-                setting,
-                value,
-                allowed,
-            } => {
+            Error::SettingOutOfRange { setting, value, allowed } => {
                 write!(out, "setting `{setting}` is {value}, allowed: {allowed}")
             }
             Error::TooFewForFolds { folds, available } => {
-                write!(
-                    out,
-                    "{folds} folds asked for, but only {available} to fill them"
-                )
+                write!(out, "{folds} folds asked for, but only {available} to fill them")
             }
             Error::CorruptModel { broken } => write!(out, "stored model is corrupt: {broken}"),
         }
@@ -151,26 +123,10 @@ pub(crate) fn require(
     value: f64,
     allowed: &'static str,
 ) -> Result<(), Error> {
-    if holds {
-        Ok(())
-    } else {
-        Err(Error::SettingOutOfRange {
-            setting,
-            value,
-            allowed,
-        })
-    }
+    if holds { Ok(()) } else { Err(Error::SettingOutOfRange { setting, value, allowed }) }
 }
 
 /// Returns an error unless the two lengths agree.
 pub(crate) fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(Error::LengthMismatch {
-            what,
-            expected,
-            found,
-        })
-    }
+    if expected == found { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
 }

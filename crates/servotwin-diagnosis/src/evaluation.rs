@@ -35,12 +35,7 @@ impl Split {
 /// [`Error::SettingOutOfRange`] unless `0 < held_out < 1`; [`Error::TooFewForFolds`] for fewer
 /// than two rows.
 pub fn hold_out(rows: usize, held_out: f64, seed: u64) -> Result<Split, Error> {
-    require(
-        held_out > 0.0 && held_out < 1.0,
-        "held_out",
-        held_out,
-        "between 0 and 1",
-    )?;
+    require(held_out > 0.0 && held_out < 1.0, "held_out", held_out, "between 0 and 1")?;
     enough(2, rows)?;
     let count = (libm::round(rows as f64 * held_out) as usize).clamp(1, rows - 1);
     let mut order: Vec<usize> = (0..rows).collect();
@@ -61,9 +56,7 @@ pub fn repeated_hold_out(
     seed: u64,
 ) -> Result<Vec<Split>, Error> {
     let mut seeds = Random::new(seed);
-    (0..repeats)
-        .map(|_| hold_out(rows, held_out, seeds.next_u64()))
-        .collect()
+    (0..repeats).map(|_| hold_out(rows, held_out, seeds.next_u64())).collect()
 }
 
 /// Folds in which every class has nearly the same share: counts differ by one at most, for each
@@ -103,11 +96,7 @@ pub fn grouped_k_fold(groups: &[u32], folds: usize, seed: u64) -> Result<Vec<Spl
     for (size, name) in sized {
         let smallest = (0..folds).min_by_key(|&fold| fold_sizes[fold]).unwrap_or(0);
         fold_sizes[smallest] += size;
-        for (fold, _) in fold_of
-            .iter_mut()
-            .zip(groups)
-            .filter(|(_, group)| **group == name)
-        {
+        for (fold, _) in fold_of.iter_mut().zip(groups).filter(|(_, group)| **group == name) {
             *fold = smallest;
         }
     }
@@ -121,10 +110,7 @@ pub fn grouped_k_fold(groups: &[u32], folds: usize, seed: u64) -> Result<Vec<Spl
 pub fn leave_one_group_out(groups: &[u32]) -> Result<Vec<Split>, Error> {
     let names = distinct(groups);
     enough(2, names.len())?;
-    Ok(names
-        .iter()
-        .map(|&name| Split::by(groups.len(), |row| groups[row] == name))
-        .collect())
+    Ok(names.iter().map(|&name| Split::by(groups.len(), |row| groups[row] == name)).collect())
 }
 
 fn distinct(groups: &[u32]) -> Vec<u32> {
@@ -135,17 +121,11 @@ fn distinct(groups: &[u32]) -> Vec<u32> {
 }
 
 fn splits(fold_of: &[usize], folds: usize) -> Vec<Split> {
-    (0..folds)
-        .map(|fold| Split::by(fold_of.len(), |row| fold_of[row] == fold))
-        .collect()
+    (0..folds).map(|fold| Split::by(fold_of.len(), |row| fold_of[row] == fold)).collect()
 }
 
 fn enough(folds: usize, available: usize) -> Result<(), Error> {
-    if available >= folds {
-        Ok(())
-    } else {
-        Err(Error::TooFewForFolds { folds, available })
-    }
+    if available >= folds { Ok(()) } else { Err(Error::TooFewForFolds { folds, available }) }
 }
 
 fn enough_folds(folds: usize, available: usize) -> Result<(), Error> {
@@ -164,10 +144,7 @@ pub struct Confusion {
 impl Confusion {
     /// An empty table.
     pub fn new(classes: usize) -> Self {
-        Confusion {
-            classes,
-            counts: vec![0; classes * classes],
-        }
+        Confusion { classes, counts: vec![0; classes * classes] }
     }
 
     /// The table of some predictions.
@@ -180,11 +157,7 @@ impl Confusion {
         for (row, (&truth, &predicted)) in truth.iter().zip(predicted).enumerate() {
             let label = truth.max(predicted);
             if label as usize >= classes {
-                return Err(Error::LabelOutOfRange {
-                    row,
-                    label,
-                    classes,
-                });
+                return Err(Error::LabelOutOfRange { row, label, classes });
             }
             confusion.counts[truth as usize * classes + predicted as usize] += 1;
         }
@@ -197,10 +170,7 @@ impl Confusion {
     /// [`Error::LengthMismatch`] if it has another number of classes.
     pub fn add(&mut self, other: &Confusion) -> Result<(), Error> {
         same_length("classes", self.classes, other.classes)?;
-        self.counts
-            .iter_mut()
-            .zip(&other.counts)
-            .for_each(|(sum, count)| *sum += count);
+        self.counts.iter_mut().zip(&other.counts).for_each(|(sum, count)| *sum += count);
         Ok(())
     }
 
@@ -214,11 +184,7 @@ impl Confusion {
     /// # Panics
     /// If a class is not below [`Confusion::classes`].
     pub fn count(&self, truth: usize, predicted: usize) -> u64 {
-        assert!(
-            predicted < self.classes,
-            "class {predicted} of {}",
-            self.classes
-        );
+        assert!(predicted < self.classes, "class {predicted} of {}", self.classes);
         self.counts[truth * self.classes + predicted]
     }
 
@@ -229,9 +195,7 @@ impl Confusion {
 
     /// Number of right predictions.
     pub fn correct(&self) -> u64 {
-        (0..self.classes)
-            .map(|class| self.count(class, class))
-            .sum()
+        (0..self.classes).map(|class| self.count(class, class)).sum()
     }
 
     /// Share of right predictions; `None` without predictions.
@@ -241,25 +205,19 @@ impl Confusion {
 
     /// Share of a class that was predicted as such; `None` if the class did not occur.
     pub fn recall(&self, class: usize) -> Option<f64> {
-        let occurred = (0..self.classes)
-            .map(|predicted| self.count(class, predicted))
-            .sum();
+        let occurred = (0..self.classes).map(|predicted| self.count(class, predicted)).sum();
         share(self.count(class, class), occurred)
     }
 
     /// Share of the predictions of a class that were right; `None` if it was never predicted.
     pub fn precision(&self, class: usize) -> Option<f64> {
-        let predicted = (0..self.classes)
-            .map(|truth| self.count(truth, class))
-            .sum();
+        let predicted = (0..self.classes).map(|truth| self.count(truth, class)).sum();
         share(self.count(class, class), predicted)
     }
 
     /// Mean recall of the classes that occurred; `None` without predictions.
     pub fn balanced_accuracy(&self) -> Option<f64> {
-        let recalls: Vec<f64> = (0..self.classes)
-            .filter_map(|class| self.recall(class))
-            .collect();
+        let recalls: Vec<f64> = (0..self.classes).filter_map(|class| self.recall(class)).collect();
         (!recalls.is_empty()).then(|| recalls.iter().sum::<f64>() / recalls.len() as f64)
     }
 }
@@ -310,11 +268,9 @@ mod tests {
     fn wilson_of_known_values() {
         // Newcombe 1998, table I: 81 of 263, 15 of 148 and 0 of 20 at 95 %.
         let z = 1.959_963_984_540_054;
-        for (successes, trials, low, high) in [
-            (81, 263, 0.2553, 0.3662),
-            (15, 148, 0.0624, 0.1605),
-            (0, 20, 0.0, 0.1611),
-        ] {
+        for (successes, trials, low, high) in
+            [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)]
+        {
             let interval = wilson_interval(successes, trials, z);
             assert!((interval.0 - low).abs() < 5e-5 && (interval.1 - high).abs() < 5e-5);
         }

@@ -147,21 +147,11 @@ impl Examples {
         }
         if let Some(&index) = own.iter().flatten().find(|&&column| column >= length) {
             let what = "column";
-            return Err(Error::IndexOutOfRange {
-                what,
-                index,
-                length,
-            });
+            return Err(Error::IndexOutOfRange { what, index, length });
         }
         check_labels(&names, &labels)?;
         let details = details_of_commands(&names, &labels);
-        Ok(Examples {
-            names,
-            own,
-            views,
-            labels,
-            details,
-        })
+        Ok(Examples { names, own, views, labels, details })
     }
 
     /// The names.
@@ -198,11 +188,7 @@ impl Examples {
         let (length, rows) = (self.names.features.len(), self.labels.len());
         if let Some(&index) = columns.iter().find(|&&column| column >= length) {
             let what = "column";
-            return Err(Error::IndexOutOfRange {
-                what,
-                index,
-                length,
-            });
+            return Err(Error::IndexOutOfRange { what, index, length });
         }
         let of_view = |view: &Vec<f64>| {
             let mut values = Vec::with_capacity(columns.len() * rows);
@@ -216,10 +202,7 @@ impl Examples {
             own.iter().filter_map(place).collect()
         };
         let features = columns.iter().map(|&c| self.names.features[c].clone());
-        let names = Names {
-            features: features.collect(),
-            ..self.names.clone()
-        };
+        let names = Names { features: features.collect(), ..self.names.clone() };
         Ok(Examples {
             names,
             own: self.own.iter().map(kept).collect(),
@@ -275,17 +258,12 @@ impl Examples {
         let mut values = Vec::with_capacity(columns.len() * asked.len());
         for column in &columns {
             let start = column * count;
-            values.extend(
-                asked
-                    .iter()
-                    .map(|&(row, view, _)| self.views[view][start + row]),
-            );
+            values.extend(asked.iter().map(|&(row, view, _)| self.views[view][start + row]));
         }
         let names = columns.iter().map(|&c| self.names.features[c].clone());
         let classes = self.classes(place);
-        let class_names = classes
-            .iter()
-            .map(|&class| self.class_name(place.question, class).into());
+        let class_names =
+            classes.iter().map(|&class| self.class_name(place.question, class).into());
         let labels = asked.iter().map(|&(_, _, label)| label).collect();
         let samples =
             Samples::from_columns(names.collect(), class_names.collect(), values, labels)?;
@@ -323,27 +301,16 @@ impl Examples {
         let actuators = self.names.actuators.len() as u32;
         let commands = self.names.commands.len() as u32;
         let pooled = pool || actuators == 1;
-        let owners: Vec<Option<u32>> = if pooled {
-            vec![None]
-        } else {
-            (0..actuators).map(Some).collect()
-        };
-        let place = |question, actuator, command| Place {
-            question,
-            actuator,
-            command,
-        };
+        let owners: Vec<Option<u32>> =
+            if pooled { vec![None] } else { (0..actuators).map(Some).collect() };
+        let place = |question, actuator, command| Place { question, actuator, command };
         let mut places = Vec::new();
         if actuators > 1 {
             places.push(place(Question::Actuator, None, None));
         }
         places.extend(owners.iter().map(|&k| place(Question::Command, k, None)));
         for command in 0..commands {
-            places.extend(
-                owners
-                    .iter()
-                    .map(|&k| place(Question::Detail, k, Some(command))),
-            );
+            places.extend(owners.iter().map(|&k| place(Question::Detail, k, Some(command))));
         }
         places
     }
@@ -379,11 +346,7 @@ fn check_labels(names: &Names, labels: &[Label]) -> Result<(), Error> {
         let parts = [label.actuator, label.command, label.detail];
         for (&label, &classes) in parts.iter().zip(&sizes) {
             if label as usize >= classes {
-                return Err(Error::LabelOutOfRange {
-                    row,
-                    label,
-                    classes,
-                });
+                return Err(Error::LabelOutOfRange { row, label, classes });
             }
         }
     }
@@ -487,11 +450,7 @@ impl Settings {
         if stages.is_empty() {
             return Err(Error::NoSamples);
         }
-        Ok(Hierarchy {
-            format: FORMAT.into(),
-            names: examples.names.clone(),
-            stages,
-        })
+        Ok(Hierarchy { format: FORMAT.into(), names: examples.names.clone(), stages })
     }
 
     /// Trains one stage; `None` if there is no row for it.
@@ -545,9 +504,7 @@ impl Stage {
             *slot = row[column as usize];
         }
         let scores = &mut scratch.scores[..self.classes.len()];
-        let class = self
-            .model
-            .predict_with(&scratch.row[..self.columns.len()], scores);
+        let class = self.model.predict_with(&scratch.row[..self.columns.len()], scores);
         self.classes[class as usize]
     }
 
@@ -605,11 +562,7 @@ impl Hierarchy {
         let pooled = |stage: &Stage| {
             stage.place.question != Question::Actuator && stage.place.actuator.is_none()
         };
-        if self.stages.iter().any(pooled) {
-            self.names.actuators.len()
-        } else {
-            1
-        }
+        if self.stages.iter().any(pooled) { self.names.actuators.len() } else { 1 }
     }
 
     /// Memory for [`Hierarchy::diagnose`].
@@ -640,11 +593,7 @@ impl Hierarchy {
         let actuator = ask(Question::Actuator, 0, 0).unwrap_or(0);
         let command = ask(Question::Command, actuator, 0);
         let detail = command.and_then(|command| ask(Question::Detail, actuator, command));
-        Ok(Diagnosis {
-            actuator,
-            command,
-            detail,
-        })
+        Ok(Diagnosis { actuator, command, detail })
     }
 
     /// The stages that a diagnosis went through, each with the nodes from its root to the leaf.
@@ -653,9 +602,7 @@ impl Hierarchy {
     /// As [`Hierarchy::diagnose`].
     pub fn explain(&self, views: &[&[f64]]) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
         let diagnosis = self.diagnose(views, &mut self.scratch())?;
-        let Diagnosis {
-            actuator, command, ..
-        } = diagnosis;
+        let Diagnosis { actuator, command, .. } = diagnosis;
         let asked = [
             self.stage(Question::Actuator, actuator, 0),
             self.stage(Question::Command, actuator, 0),
@@ -673,26 +620,14 @@ impl Hierarchy {
     /// [`Classifier::check`] says.
     pub fn check(&self) -> Result<(), Error> {
         let holds = |holds, broken| {
-            if holds {
-                Ok(())
-            } else {
-                Err(Error::CorruptModel { broken })
-            }
+            if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
         };
         holds(self.format == FORMAT, "the format is another one")?;
         holds(!self.names.actuators.is_empty(), "there is no actuator")?;
         for stage in &self.stages {
             stage.model.check()?;
-            same_length(
-                "columns of a stage",
-                stage.model.features(),
-                stage.columns.len(),
-            )?;
-            same_length(
-                "classes of a stage",
-                stage.model.classes(),
-                stage.classes.len(),
-            )?;
+            same_length("columns of a stage", stage.model.features(), stage.columns.len())?;
+            same_length("classes of a stage", stage.model.classes(), stage.classes.len())?;
             let features = self.names.features.len() as u32;
             let known = stage.columns.iter().all(|&column| column < features);
             holds(known, "a stage reads a feature that is not there")?;
@@ -701,10 +636,7 @@ impl Hierarchy {
                 Question::Command => &self.names.commands,
                 Question::Detail => &self.names.details,
             };
-            let known = stage
-                .classes
-                .iter()
-                .all(|&class| (class as usize) < names.len());
+            let known = stage.classes.iter().all(|&class| (class as usize) < names.len());
             holds(known, "a stage decides a class that is not there")?;
         }
         Ok(())

@@ -93,9 +93,7 @@ pub(crate) fn cholesky_solve(factor: &[f64], size: usize, b: &mut [f64]) {
         b[row] = (b[row] - sum) / factor[row * size + row];
     }
     for row in (0..size).rev() {
-        let below: f64 = (row + 1..size)
-            .map(|other| factor[other * size + row] * b[other])
-            .sum();
+        let below: f64 = (row + 1..size).map(|other| factor[other * size + row] * b[other]).sum();
         b[row] = (b[row] - below) / factor[row * size + row];
     }
 }
@@ -138,11 +136,7 @@ impl Standardiser {
             let (mean, deviation) =
                 mean_and_deviation(samples.column(feature), |row| samples.weight(row));
             means[feature] = mean;
-            scales[feature] = if deviation > 0.0 {
-                1.0 / deviation
-            } else {
-                0.0
-            };
+            scales[feature] = if deviation > 0.0 { 1.0 / deviation } else { 0.0 };
         }
         Standardiser { means, scales }
     }

@@ -23,9 +23,7 @@ impl Random {
     /// The sequence of a seed. Every seed is good, zero too.
     pub fn new(seed: u64) -> Self {
         let mut counter = seed;
-        Random {
-            state: core::array::from_fn(|_| splitmix64(&mut counter)),
-        }
+        Random { state: core::array::from_fn(|_| splitmix64(&mut counter)) }
     }
 
     /// The sequence number `stream` of a seed, independent of all other streams.
@@ -98,9 +96,7 @@ mod tests {
         assert_eq!(super::splitmix64(&mut counter), 6_457_827_717_110_365_317);
         assert_eq!(super::splitmix64(&mut counter), 3_203_168_211_198_807_973);
         // xoshiro256++ from the state 1, 2, 3, 4.
-        let mut random = Random {
-            state: [1, 2, 3, 4],
-        };
+        let mut random = Random { state: [1, 2, 3, 4] };
         assert_eq!(random.next_u64(), 41_943_041);
         assert_eq!(random.next_u64(), 58_720_359);
     }
@@ -112,10 +108,7 @@ mod tests {
         for _ in 0..60_000 {
             hits[random.index(6)] += 1;
         }
-        assert!(
-            hits.iter().all(|&count| (9_500..10_500).contains(&count)),
-            "{hits:?}"
-        );
+        assert!(hits.iter().all(|&count| (9_500..10_500).contains(&count)), "{hits:?}");
         assert_eq!(random.index(0), 0);
         assert_eq!(random.index(1), 0);
     }

@@ -215,9 +215,8 @@ mod tests {
 
     #[test]
     fn moments_equal_the_two_pass_formulas_even_far_from_zero() {
-        let samples: Vec<[f64; 2]> = (0..1000)
-            .map(|k| [1e6 + (k % 7) as f64, 1e6 - (k % 5) as f64])
-            .collect();
+        let samples: Vec<[f64; 2]> =
+            (0..1000).map(|k| [1e6 + (k % 7) as f64, 1e6 - (k % 5) as f64]).collect();
         let mut window = Window::new(2);
         for s in &samples {
             window.add(s, &[0.0, 0.0], &[1.0, 1.0]);
@@ -225,11 +224,7 @@ mod tests {
         let (mean, covariance) = two_pass(&samples);
         assert!((window.mean(0) / mean[0] - 1.0).abs() < 1e-15);
         assert!((window.covariance(0, 1) - covariance).abs() < 1e-8);
-        assert!(
-            (window.covariance(0, 0) - 4.0).abs() < 0.01,
-            "{}",
-            window.covariance(0, 0)
-        );
+        assert!((window.covariance(0, 0) - 4.0).abs() < 0.01, "{}", window.covariance(0, 0));
     }
 
     #[test]
@@ -240,10 +235,7 @@ mod tests {
             window.add(&[2.0 * spike], &[0.0], &[2.0]);
         }
         assert_eq!(window.first_excursion(), Some(40));
-        assert!(
-            window.no_deviation(0),
-            "one spike moves neither mean nor variance enough"
-        );
+        assert!(window.no_deviation(0), "one spike moves neither mean nor variance enough");
         assert!((window.largest(0) - 0.031).abs() < 1e-15);
         window.clear();
         window.add(&[0.04], &[0.0], &[1.0]);
@@ -260,13 +252,7 @@ mod tests {
         }
         let exchanged = window.reordered(&[1, 0, 2]);
         assert_eq!(exchanged.mean(0), window.mean(1));
-        assert_eq!(
-            exchanged.cross_covariance(0, 2),
-            window.cross_covariance(1, 2)
-        );
-        assert_eq!(
-            exchanged.reordered(&[1, 0, 2]),
-            window.reordered(&[0, 1, 2])
-        );
+        assert_eq!(exchanged.cross_covariance(0, 2), window.cross_covariance(1, 2));
+        assert_eq!(exchanged.reordered(&[1, 0, 2]), window.reordered(&[0, 1, 2]));
     }
 }

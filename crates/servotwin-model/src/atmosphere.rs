@@ -68,10 +68,7 @@ mod tests {
     use super::*;
 
     fn assert_close(value: f64, expected: f64, tolerance: f64) {
-        assert!(
-            (value - expected).abs() < tolerance,
-            "{value} is not {expected}"
-        );
+        assert!((value - expected).abs() < tolerance, "{value} is not {expected}");
     }
 
     #[test]

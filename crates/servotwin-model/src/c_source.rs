@@ -37,11 +37,7 @@ pub struct BadPrefix(pub String);
 
 impl core::fmt::Display for BadPrefix {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(
-            f,
-            "'{}' is no C identifier: letters, digits and '_', no digit first",
-            self.0
-        )
+        write!(f, "'{}' is no C identifier: letters, digits and '_', no digit first", self.0)
     }
 }
 
@@ -97,14 +93,7 @@ impl CFunction {
         values: &[Symbol],
     ) -> Self {
         let values = values.iter().map(|v| v.operand()).collect();
-        Self {
-            name,
-            summary,
-            arguments,
-            result,
-            expressions: graph.expressions(),
-            values,
-        }
+        Self { name, summary, arguments, result, expressions: graph.expressions(), values }
     }
 
     /// Which expressions the stored values need.
@@ -134,16 +123,11 @@ impl CFunction {
 
     /// The operations that need something of the prelude.
     fn used(&self) -> BTreeSet<Helper> {
-        self.live()
-            .filter_map(|(_, expression)| Helper::of(expression))
-            .collect()
+        self.live().filter_map(|(_, expression)| Helper::of(expression)).collect()
     }
 
     fn phrases<'a>(&'a self, prefix: &'a str) -> Phrases<'a> {
-        Phrases {
-            prefix,
-            expressions: &self.expressions,
-        }
+        Phrases { prefix, expressions: &self.expressions }
     }
 
     fn write(&self, c: &mut String, prefix: &str, names: &Names) {
@@ -152,17 +136,11 @@ impl CFunction {
             let read = |&(_, e): &_| matches!(e, Expression::Variable(a, _) if a == array);
             live.iter().any(read)
         };
-        let arguments: Vec<String> = self
-            .arguments
-            .iter()
-            .map(|a| format!("const double *{a}, "))
-            .collect();
+        let arguments: Vec<String> =
+            self.arguments.iter().map(|a| format!("const double *{a}, ")).collect();
         let arguments = arguments.concat();
         line(c, format_args!("/* {} */", self.summary));
-        let head = format!(
-            "void {prefix}_{}({arguments}double *{})",
-            self.name, self.result
-        );
+        let head = format!("void {prefix}_{}({arguments}double *{})", self.name, self.result);
         line(c, format_args!("{head};"));
         line(c, format_args!("{head}\n{{"));
         for unread in self.arguments.iter().filter(|a| !reads(a)) {
@@ -178,10 +156,7 @@ impl CFunction {
             phrases.statement(c, node, &comment);
         }
         for (index, &value) in self.values.iter().enumerate() {
-            line(
-                c,
-                format_args!("    {}[{index}] = {};", self.result, phrases.operand(value)),
-            );
+            line(c, format_args!("    {}[{index}] = {};", self.result, phrases.operand(value)));
         }
         line(c, format_args!("}}\n"));
     }
@@ -191,28 +166,14 @@ fn constants(program: &Program) -> CFunction {
     let graph = Graph::new();
     let values = program.block_constants(&parameter_symbols(program, &graph));
     let summary = "the constants of a variant, from its parameters with the faults applied";
-    CFunction::new(
-        "constants".into(),
-        summary,
-        &["parameters"],
-        "constants",
-        &graph,
-        &values,
-    )
+    CFunction::new("constants".into(), summary, &["parameters"], "constants", &graph, &values)
 }
 
 fn held(program: &Program) -> CFunction {
     let graph = Graph::new();
     let values = program.stand_in_values(&parameter_symbols(program, &graph));
     let summary = "what stands in for open signal inputs, and zero for values held by clocks";
-    CFunction::new(
-        "held".into(),
-        summary,
-        &["parameters"],
-        "held",
-        &graph,
-        &values,
-    )
+    CFunction::new("held".into(), summary, &["parameters"], "held", &graph, &values)
 }
 
 /// The parameters of all components as variables.
@@ -223,17 +184,14 @@ fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<
         index += 1;
         graph.variable("parameters", index - 1)
     };
-    components
-        .map(|c| c.parameters.iter().map(&mut next).collect())
-        .collect()
+    components.map(|c| c.parameters.iter().map(&mut next).collect()).collect()
 }
 
 /// Everything that evaluates the equations.
 fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     let graph = Graph::new();
-    let constants: Vec<Symbol> = (0..program.constants())
-        .map(|i| graph.variable("constants", i))
-        .collect();
+    let constants: Vec<Symbol> =
+        (0..program.constants()).map(|i| graph.variable("constants", i)).collect();
     let stand_ins = stand_ins(program);
     let variables = traced(program, &graph, &constants);
     let function = |name: String, summary, result, values: &[Symbol]| {
@@ -241,20 +199,10 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     };
     let derivatives = &variables[program.derivatives()];
     let summary = "the derivatives of the states";
-    let mut functions = vec![function(
-        "derivatives".into(),
-        summary,
-        "derivatives",
-        derivatives,
-    )];
+    let mut functions = vec![function("derivatives".into(), summary, "derivatives", derivatives)];
     if !outputs.is_empty() {
         let values: Vec<Symbol> = outputs.iter().map(|o| variables[o.slot as usize]).collect();
-        functions.push(function(
-            "outputs".into(),
-            "what was asked for",
-            "outputs",
-            &values,
-        ));
+        functions.push(function("outputs".into(), "what was asked for", "outputs", &values));
     }
     for (index, clock) in program.clocks().iter().enumerate() {
         let mut ticked = variables.clone();
@@ -264,12 +212,7 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
         }
         let summary = "the held values after a tick of this clock";
         let values = &ticked[stand_ins.clone()];
-        functions.push(function(
-            format!("tick_{index}"),
-            summary,
-            "held_next",
-            values,
-        ));
+        functions.push(function(format!("tick_{index}"), summary, "held_next", values));
     }
     functions
 }
@@ -316,14 +259,8 @@ impl Names {
                 declared.map(move |p| described(&format!("{}.{}", c.id, p.name), p.unit.symbol()))
             })
             .collect();
-        let states = program
-            .states()
-            .iter()
-            .map(|s| described(&s.name, s.unit.symbol()));
-        let inputs = network
-            .inputs
-            .iter()
-            .map(|i| described(&i.id, i.unit.symbol()));
+        let states = program.states().iter().map(|s| described(&s.name, s.unit.symbol()));
+        let inputs = network.inputs.iter().map(|i| described(&i.id, i.unit.symbol()));
         let graph = Graph::new();
         let stand_ins = program.stand_in_values(&parameter_symbols(program, &graph));
         let held = stand_ins.iter().map(|value| match value.expression() {
@@ -331,12 +268,7 @@ impl Names {
             _ => "held by a clock".to_string(),
         });
         let (states, inputs, held) = (states.collect(), inputs.collect(), held.collect());
-        Self {
-            parameters,
-            states,
-            inputs,
-            held,
-        }
+        Self { parameters, states, inputs, held }
     }
 
     fn of(&self, array: &str, index: usize) -> Option<&str> {
@@ -354,11 +286,7 @@ impl Names {
 /// A name with its unit, safe inside a comment.
 fn described(name: &str, unit: &str) -> String {
     let name = name.replace("*/", "* /");
-    if unit.is_empty() {
-        name
-    } else {
-        format!("{name}, {unit}")
-    }
+    if unit.is_empty() { name } else { format!("{name}, {unit}") }
 }
 
 fn line(c: &mut String, text: core::fmt::Arguments) {
@@ -366,24 +294,13 @@ fn line(c: &mut String, text: core::fmt::Arguments) {
 }
 
 fn heading(c: &mut String, program: &Program, prefix: &str, names: &Names, outputs: &[Observable]) {
-    line(
-        c,
-        format_args!("/* Equations of a system, written by servotwin. C99."),
-    );
+    line(c, format_args!("/* Equations of a system, written by servotwin. C99."));
     line(c, format_args!(" *"));
-    line(
-        c,
-        format_args!(" * Compile without fused or reassociated arithmetic, for example"),
-    );
+    line(c, format_args!(" * Compile without fused or reassociated arithmetic, for example"));
     line(c, format_args!(" *     cc -std=c99 -O2 -ffp-contract=off"));
-    line(
-        c,
-        format_args!(" * and the numbers are those of servotwin to the last bit."),
-    );
-    let outputs: Vec<String> = outputs
-        .iter()
-        .map(|o| described(&o.name, o.unit.symbol()))
-        .collect();
+    line(c, format_args!(" * and the numbers are those of servotwin to the last bit."));
+    let outputs: Vec<String> =
+        outputs.iter().map(|o| described(&o.name, o.unit.symbol())).collect();
     let lists = [
         ("parameters", &names.parameters),
         ("states", &names.states),
@@ -399,21 +316,12 @@ fn heading(c: &mut String, program: &Program, prefix: &str, names: &Names, outpu
     }
     let periods: Vec<f64> = program.clock_periods_s().collect();
     for (index, period) in periods.iter().enumerate() {
-        line(
-            c,
-            format_args!(" *\n * {prefix}_tick_{index} is due every {period:?} s."),
-        );
+        line(c, format_args!(" *\n * {prefix}_tick_{index} is due every {period:?} s."));
     }
     line(c, format_args!(" */\n"));
-    line(
-        c,
-        format_args!("#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"),
-    );
+    line(c, format_args!("#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"));
     let sizes = lists.map(|(array, list)| (array, list.len()));
-    for (array, size) in sizes
-        .into_iter()
-        .chain([("constants", program.constants())])
-    {
+    for (array, size) in sizes.into_iter().chain([("constants", program.constants())]) {
         let (prefix, array) = (prefix.to_uppercase(), array.to_uppercase());
         line(c, format_args!("#define {prefix}_{array} {size}"));
     }
@@ -510,18 +418,12 @@ fn prelude(c: &mut String, prefix: &str, used: &BTreeSet<Helper>) {
         line(c, format_args!("static double {prefix}_{body}"));
     }
     for kernel in &kernels {
-        line(
-            c,
-            format_args!("static double {prefix}_{}(double x)\n{{", kernel.name),
-        );
+        line(c, format_args!("static double {prefix}_{}(double x)\n{{", kernel.name));
         let phrases = kernel.phrases(prefix);
         for (node, _) in kernel.live() {
             phrases.statement(c, node, "");
         }
-        line(
-            c,
-            format_args!("    return {};\n}}\n", phrases.operand(kernel.values[0])),
-        );
+        line(c, format_args!("    return {};\n}}\n", phrases.operand(kernel.values[0])));
     }
 }
 
@@ -549,16 +451,9 @@ impl Phrases<'_> {
         if in_place(expression).is_some() {
             return;
         }
-        let kind = if expression.is_truth() {
-            "int"
-        } else {
-            "double"
-        };
+        let kind = if expression.is_truth() { "int" } else { "double" };
         let value = self.value(expression);
-        line(
-            c,
-            format_args!("    const {kind} v{node} = {value};{comment}"),
-        );
+        line(c, format_args!("    const {kind} v{node} = {value};{comment}"));
     }
 
     fn value(&self, expression: Expression) -> String {

@@ -42,10 +42,7 @@ impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     /// The chain rule: a function's value and its derivative here.
     #[inline(always)]
     fn chain(self, value: V, derivative: V) -> Self {
-        Self {
-            value,
-            partials: combined!(self, self, |a, _b| a * derivative),
-        }
+        Self { value, partials: combined!(self, self, |a, _b| a * derivative) }
     }
 }
 
@@ -53,10 +50,7 @@ impl<V: Scalar<Base = V>, const N: usize> Add for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self {
-            value: self.value + other.value,
-            partials: combined!(self, other, |a, b| a + b),
-        }
+        Self { value: self.value + other.value, partials: combined!(self, other, |a, b| a + b) }
     }
 }
 
@@ -64,10 +58,7 @@ impl<V: Scalar<Base = V>, const N: usize> Sub for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self {
-            value: self.value - other.value,
-            partials: combined!(self, other, |a, b| a - b),
-        }
+        Self { value: self.value - other.value, partials: combined!(self, other, |a, b| a - b) }
     }
 }
 
@@ -101,10 +92,7 @@ impl<V: Scalar<Base = V>, const N: usize> Neg for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self {
-            value: -self.value,
-            partials: combined!(self, self, |a, _b| -a),
-        }
+        Self { value: -self.value, partials: combined!(self, self, |a, _b| -a) }
     }
 }
 
@@ -112,10 +100,7 @@ impl<V: Scalar<Base = V>, const N: usize> Add<V> for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: V) -> Self {
-        Self {
-            value: self.value + other,
-            ..self
-        }
+        Self { value: self.value + other, ..self }
     }
 }
 
@@ -123,10 +108,7 @@ impl<V: Scalar<Base = V>, const N: usize> Sub<V> for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: V) -> Self {
-        Self {
-            value: self.value - other,
-            ..self
-        }
+        Self { value: self.value - other, ..self }
     }
 }
 
@@ -156,10 +138,7 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     }
     #[inline(always)]
     fn from_base(value: V) -> Self {
-        Self {
-            value,
-            partials: [V::constant(0.0); N],
-        }
+        Self { value, partials: [V::constant(0.0); N] }
     }
     #[inline(always)]
     fn base(self) -> V {

@@ -132,9 +132,8 @@ impl Rows {
                 last_writer.insert(from as usize, index);
             }
         }
-        let mut order: Vec<(Option<&usize>, u16)> = (places.iter())
-            .map(|(&(row, _), &place)| (last_writer.get(&row), place))
-            .collect();
+        let mut order: Vec<(Option<&usize>, u16)> =
+            (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
         order.sort_unstable();
         for (_, target) in order {
             let (add, subtract) = terms.remove(&target).unwrap_or_default();
@@ -142,11 +141,7 @@ impl Rows {
             let middle = self.terms.len() as u32;
             self.terms.extend(subtract);
             let end = self.terms.len() as u32;
-            self.entries.push(Entry {
-                target,
-                middle,
-                end,
-            });
+            self.entries.push(Entry { target, middle, end });
         }
     }
 
@@ -171,11 +166,7 @@ impl Rows {
     }
 
     pub(crate) fn with_plan(mut self, plan: &Plan) -> Self {
-        self.in_plan = self
-            .jacobian
-            .iter()
-            .map(|&(i, j, _)| plan.slot(i, j))
-            .collect();
+        self.in_plan = self.jacobian.iter().map(|&(i, j, _)| plan.slot(i, j)).collect();
         self
     }
 
@@ -246,9 +237,7 @@ impl Rows {
         &'a self,
         gradients: &'a [V],
     ) -> impl Iterator<Item = (usize, usize, V)> + 'a {
-        self.jacobian
-            .iter()
-            .map(|&(i, j, slot)| (i as usize, j as usize, gradients[slot as usize]))
+        self.jacobian.iter().map(|&(i, j, slot)| (i as usize, j as usize, gradients[slot as usize]))
     }
 
     /// Writes `diagonal · I − J` into the factors' place.
@@ -288,12 +277,7 @@ fn needed(sequence: &Sequence, states: usize, sums: &Range<usize>) -> BTreeSet<u
             .iter()
             .any(|o| needed.contains(&(o.0 as usize)) || needed.contains(&(o.1 as usize)));
         if matters {
-            needed.extend(
-                inputs
-                    .iter()
-                    .map(|&i| i as usize)
-                    .filter(|i| sums.contains(i)),
-            );
+            needed.extend(inputs.iter().map(|&i| i as usize).filter(|i| sums.contains(i)));
         }
     }
     needed

@@ -149,10 +149,7 @@ impl Plan {
                     }
                 }
                 let updates_end = self.updates.len() as u32;
-                self.eliminations.push(Elimination {
-                    factor,
-                    updates_end,
-                });
+                self.eliminations.push(Elimination { factor, updates_end });
             }
             self.pivots.push(Pivot {
                 diagonal: self.diagonal[pivot as usize],
@@ -289,11 +286,7 @@ fn eliminate(rows: &mut [Vec<bool>]) -> Vec<u16> {
             let in_column = left.iter().filter(|&&i| rows[i][k]).count() - 1;
             (in_row * in_column, in_row + in_column, k)
         };
-        let pivot = left
-            .iter()
-            .copied()
-            .min_by_key(cost)
-            .expect("something is left");
+        let pivot = left.iter().copied().min_by_key(cost).expect("something is left");
         left.retain(|&k| k != pivot);
         order.push(pivot as u16);
         for &i in left.iter().filter(|&&i| rows[i][pivot]).collect::<Vec<_>>() {
@@ -319,11 +312,7 @@ mod tests {
         let mut values = vec![0.0; plan.slots()];
         let all = entries.iter().copied().chain((0..4).map(|i| (i, i)));
         for (k, (i, j)) in all.enumerate() {
-            let value = if i == j {
-                5.0 + i as f64
-            } else {
-                0.3 * (k as f64 + 1.0)
-            };
+            let value = if i == j { 5.0 + i as f64 } else { 0.3 * (k as f64 + 1.0) };
             dense[i as usize][j as usize] = value;
             values[plan.slot(i, j) as usize] = value;
         }

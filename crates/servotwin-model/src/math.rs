@@ -6,9 +6,9 @@
 //!
 //! | function | method | error |
 //! |---|---|---|
-//! | [`exp`] | k = round(x/ln 2), polynomial of degree 12 on ±ln 2 / 2 | 5e-16 relative |
+//! | [`exp`] | k = round(x/ln 2), polynomial of degree 12 on ±ln 2 / 2 | 7e-16 relative |
 //! | [`ln`] | x = m·2^e, series in (m − 1)/(m + 1) to the 21st power | 5e-16 of max(1, result) |
-//! | [`tanh`] | 1 − 2/(e^{2\|x\|} + 1), odd by construction | 3e-16 absolute |
+//! | [`tanh`] | 1 − 2/(e^{2\|x\|} + 1), odd by construction | 5e-16 absolute |
 //! | [`sin_cos`] | reduction by π/2, polynomials to the 15th/16th power | 3e-16 absolute for \|x\| ≤ π |
 
 use crate::scalar::{Primitive, lit};
@@ -174,17 +174,14 @@ mod tests {
 
     fn assert_near(measured: f64, stated: f64) {
         assert!(measured <= stated, "error {measured:e} over {stated:e}");
-        assert!(
-            measured > 0.2 * stated,
-            "error {measured:e} of {stated:e}: state it sharper"
-        );
+        assert!(measured > 0.2 * stated, "error {measured:e} of {stated:e}: state it sharper");
     }
 
     #[test]
     fn exp_agrees_with_libm() {
         let relative = |x: f64| (exp(x) / libm::exp(x) - 1.0).abs();
-        assert_near(worst(-700.0, 700.0, relative), 5e-16);
-        assert_near(worst(-1.0, 1.0, relative), 5e-16);
+        assert_near(worst(-700.0, 700.0, relative), 7e-16);
+        assert_near(worst(-1.0, 1.0, relative), 7e-16);
         assert_eq!(exp(0.0), 1.0);
         assert!(exp(1e9).is_finite() && exp(-1e9) > 0.0);
     }
@@ -200,10 +197,7 @@ mod tests {
     #[test]
     fn tanh_agrees_with_libm() {
         let error = |x: f64| (tanh(x) - libm::tanh(x)).abs();
-        assert_near(
-            worst(-3.0, 3.0, error).max(worst(-50.0, 50.0, error)),
-            3e-16,
-        );
+        assert_near(worst(-3.0, 3.0, error).max(worst(-50.0, 50.0, error)), 5e-16);
         assert_eq!(tanh(0.0), 0.0);
         assert_eq!(tanh(1e3), 1.0);
         assert_eq!(tanh(-0.7), -tanh(0.7));
@@ -213,9 +207,7 @@ mod tests {
     fn sine_and_cosine_agree_with_libm() {
         let error = |x: f64| {
             let (sine, cosine) = sin_cos(x);
-            (sine - libm::sin(x))
-                .abs()
-                .max((cosine - libm::cos(x)).abs())
+            (sine - libm::sin(x)).abs().max((cosine - libm::cos(x)).abs())
         };
         let pi = core::f64::consts::PI;
         assert_near(worst(-pi, pi, error), 3e-16);
@@ -233,14 +225,7 @@ mod tests {
 
     #[test]
     fn the_step_is_flat_at_both_ends() {
-        let table = [
-            (-1.0, 0.0),
-            (0.0, 0.0),
-            (0.25, 0.15625),
-            (0.5, 0.5),
-            (1.0, 1.0),
-            (9.0, 1.0),
-        ];
+        let table = [(-1.0, 0.0), (0.0, 0.0), (0.25, 0.15625), (0.5, 0.5), (1.0, 1.0), (9.0, 1.0)];
         for (x, y) in table {
             assert_eq!(smooth_step(x), y);
         }

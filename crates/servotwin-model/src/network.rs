@@ -36,11 +36,7 @@ impl Instance {
         Self {
             id: id.into(),
             component,
-            parameters: spec
-                .parameters
-                .iter()
-                .map(|p| p.default.unwrap_or(f64::NAN))
-                .collect(),
+            parameters: spec.parameters.iter().map(|p| p.default.unwrap_or(f64::NAN)).collect(),
             fault_full: spec.faults.iter().map(|f| f.full).collect(),
             fluid: Fluid::default(),
         }
@@ -51,11 +47,7 @@ impl Instance {
     /// # Panics
     /// Where the component declares no such parameter.
     pub fn with(mut self, parameter: &str, value: f64) -> Self {
-        let index = self
-            .component
-            .spec()
-            .parameter(parameter)
-            .expect("a declared parameter");
+        let index = self.component.spec().parameter(parameter).expect("a declared parameter");
         self.parameters[index] = value;
         self
     }
@@ -230,10 +222,7 @@ impl Network {
     fn same_fluid(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.components[a], &self.components[b]);
         let temperature = |i: &Instance| {
-            i.component
-                .spec()
-                .parameter("temperature_k")
-                .map(|index| i.parameters[index])
+            i.component.spec().parameter("temperature_k").map(|index| i.parameters[index])
         };
         a.fluid == b.fluid && temperature(a) == temperature(b)
     }
@@ -361,11 +350,7 @@ impl Joints {
                     self.used[b] = true;
                     unite(&mut self.parents, a, b);
                 } else {
-                    mistakes.push(Mistake::MixedKinds {
-                        connection,
-                        first,
-                        second,
-                    });
+                    mistakes.push(Mistake::MixedKinds { connection, first, second });
                 }
             }
         }
@@ -393,10 +378,7 @@ impl Joints {
         for (port, joint) in self.ports(network) {
             if network.kind(port).sets() {
                 match sources[joint] {
-                    Some(first) => mistakes.push(Mistake::TwoSources {
-                        first,
-                        second: port,
-                    }),
+                    Some(first) => mistakes.push(Mistake::TwoSources { first, second: port }),
                     None => sources[joint] = Some(port),
                 }
             }
@@ -404,10 +386,7 @@ impl Joints {
         let mut reported = vec![false; self.count()];
         for (component, instance) in network.components.iter().enumerate() {
             for (index, declared) in instance.component.spec().ports.iter().enumerate() {
-                let port = PortOf {
-                    component,
-                    port: index,
-                };
+                let port = PortOf { component, port: index };
                 let Some(joint) = self.of(port) else {
                     if !declared.optional {
                         mistakes.push(Mistake::OpenPort(port));
@@ -446,11 +425,7 @@ impl Joints {
                 sum: Sum(collected.variable(Role::Sum).0),
             });
         }
-        let unused = Node {
-            first: Variable(0),
-            second: Variable(0),
-            sum: Sum(0),
-        };
+        let unused = Node { first: Variable(0), second: Variable(0), sum: Sum(0) };
         nodes.into_iter().map(|n| n.unwrap_or(unused)).collect()
     }
 }

@@ -225,13 +225,9 @@ impl Program {
             let instance = &components[fault.component];
             let spec = instance.component.spec();
             let declared = &spec.faults[fault.fault];
-            let parameter = spec
-                .parameter(declared.parameter)
-                .expect("checked by the contract");
+            let parameter = spec.parameter(declared.parameter).expect("checked by the contract");
             let value = &mut all[fault.component][parameter];
-            *value = declared
-                .law
-                .apply(*value, fault.intensity, instance.fault_full[fault.fault]);
+            *value = declared.law.apply(*value, fault.intensity, instance.fault_full[fault.fault]);
         }
         all
     }
@@ -271,10 +267,7 @@ impl Program {
     pub fn stand_in_values<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<S> {
         let fluids = self.fluids(parameters);
         let value = |role: &Role| match *role {
-            Role::Parameter {
-                component,
-                parameter,
-            } => parameters[component][parameter],
+            Role::Parameter { component, parameter } => parameters[component][parameter],
             Role::Temperature { component } => fluids[component].temperature_k,
             _ => S::constant(0.0),
         };
@@ -299,15 +292,8 @@ impl Program {
     /// Finds a fault by `component.fault`.
     pub fn find_fault(&self, id: &str) -> Option<(usize, usize)> {
         let (component, fault) = id.rsplit_once('.')?;
-        let index = self
-            .network
-            .components
-            .iter()
-            .position(|c| c.id == component)?;
-        let fault = self.network.components[index]
-            .component
-            .spec()
-            .fault(fault)?;
+        let index = self.network.components.iter().position(|c| c.id == component)?;
+        let fault = self.network.components[index].component.spec().fault(fault)?;
         Some((index, fault))
     }
 }
@@ -328,12 +314,7 @@ impl Sequence {
     #[inline(always)]
     pub fn run<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
         for group in &self.groups {
-            group.kind.visit(Evaluate {
-                group,
-                sequence: self,
-                constants,
-                variables,
-            });
+            group.kind.visit(Evaluate { group, sequence: self, constants, variables });
         }
     }
 
@@ -353,15 +334,9 @@ impl Sequence {
         }
         self.groups.last_mut().expect("just pushed").count += 1;
         *constants += block.kind.visit(Dimensions).2;
-        self.inputs
-            .extend(block.inputs.iter().map(|v| slots[v.0 as usize]));
+        self.inputs.extend(block.inputs.iter().map(|v| slots[v.0 as usize]));
         let slot = |sum: Option<crate::wiring::Sum>| sum.map_or(bin, |s| slots[s.0 as usize]);
-        self.outputs.extend(
-            block
-                .outputs
-                .iter()
-                .map(|o| (slot(o.add), slot(o.subtract))),
-        );
+        self.outputs.extend(block.outputs.iter().map(|o| (slot(o.add), slot(o.subtract))));
         self.blocks.push(block);
     }
 }
@@ -525,9 +500,7 @@ pub(crate) fn schedule(
         .collect();
     for block in sampled {
         let clock = &mut clocks[block.clock.expect("a sampled block")];
-        clock
-            .sequence
-            .push(block, &layout.slot_of, bin, &mut constants);
+        clock.sequence.push(block, &layout.slot_of, bin, &mut constants);
     }
     for &(clock, from, to) in &collected.exchanges {
         let slot = |v: Variable| layout.slot_of[v.0 as usize];
@@ -576,10 +549,7 @@ struct Layout {
 impl Layout {
     fn new(network: &Network, collected: &Collected) -> Self {
         let roles = &collected.roles;
-        let states = roles
-            .iter()
-            .filter(|r| matches!(r, Role::State { .. }))
-            .count();
+        let states = roles.iter().filter(|r| matches!(r, Role::State { .. })).count();
         let mut slot_of = vec![Slot::MAX; roles.len()];
         let mut stand_ins = Vec::new();
         let externals = network.inputs.len();
@@ -593,12 +563,8 @@ impl Layout {
             }
         };
         assign(&|r| matches!(r, Role::State { .. }), &mut 0);
-        let stands_in = |r| {
-            matches!(
-                r,
-                Role::Parameter { .. } | Role::Temperature { .. } | Role::Held
-            )
-        };
+        let stands_in =
+            |r| matches!(r, Role::Parameter { .. } | Role::Temperature { .. } | Role::Held);
         assign(&stands_in, &mut next);
         stand_ins.extend(roles.iter().copied().filter(|&r| stands_in(r)));
         let first_sum = next;
@@ -615,13 +581,7 @@ impl Layout {
                 slot_of[variable] = slot_of[target.0 as usize];
             }
         }
-        Self {
-            states,
-            slots: next,
-            sums: first_sum..next,
-            stand_ins,
-            slot_of,
-        }
+        Self { states, slots: next, sums: first_sum..next, stand_ins, slot_of }
     }
 
     fn list_states(&self, network: &Network, collected: &Collected) -> Vec<StateOf> {
@@ -648,9 +608,7 @@ impl Layout {
 fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec<Mistake>> {
     let sums_of = |block: &Block| -> Vec<u32> {
         let ends = block.outputs.iter().flat_map(|o| [o.add, o.subtract]);
-        ends.flatten()
-            .map(|s| collected.resolve(Variable(s.0)).0)
-            .collect()
+        ends.flatten().map(|s| collected.resolve(Variable(s.0)).0).collect()
     };
     let mut writers: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (index, block) in blocks.iter().enumerate() {
@@ -666,11 +624,7 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
             if level[index].is_some() {
                 continue;
             }
-            let needed = blocks[index]
-                .inputs
-                .iter()
-                .filter_map(|v| writers.get(&v.0))
-                .flatten();
+            let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
             let levels: Option<Vec<usize>> = needed.map(|&w| level[w]).collect();
             if let Some(levels) = levels {
                 level[index] = Some(levels.iter().map(|l| l + 1).max().unwrap_or(0));
@@ -684,10 +638,7 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by_key(|&i| (level[i], blocks[i].kind, blocks[i].subtracts(), i));
     let mut blocks: Vec<Option<Block>> = blocks.into_iter().map(Some).collect();
-    Ok(order
-        .into_iter()
-        .map(|i| blocks[i].take().expect("each once"))
-        .collect())
+    Ok(order.into_iter().map(|i| blocks[i].take().expect("each once")).collect())
 }
 
 /// Follows what an unplaced block waits for until a block comes again.
@@ -697,20 +648,11 @@ fn loop_among(
     writers: &BTreeMap<u32, Vec<usize>>,
 ) -> Mistake {
     let waits_for = |index: usize| {
-        let needed = blocks[index]
-            .inputs
-            .iter()
-            .filter_map(|v| writers.get(&v.0))
-            .flatten();
-        needed
-            .copied()
-            .find(|&w| level[w].is_none())
-            .expect("an unplaced block waits")
+        let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
+        needed.copied().find(|&w| level[w].is_none()).expect("an unplaced block waits")
     };
     let mut seen = vec![false; blocks.len()];
-    let mut index = (0..blocks.len())
-        .find(|&i| level[i].is_none())
-        .expect("one is unplaced");
+    let mut index = (0..blocks.len()).find(|&i| level[i].is_none()).expect("one is unplaced");
     while !seen[index] {
         seen[index] = true;
         index = waits_for(index);
@@ -755,20 +697,12 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
             }
             PortKind::Translational { sets: true } => {
                 push(format!("{name}.position_m"), Unit::Metre, node.first);
-                push(
-                    format!("{name}.velocity_m_s"),
-                    Unit::MetrePerSecond,
-                    node.second,
-                );
+                push(format!("{name}.velocity_m_s"), Unit::MetrePerSecond, node.second);
                 push(format!("{name}.force_n"), Unit::Newton, sum);
             }
             PortKind::Rotational { sets: true } => {
                 push(format!("{name}.angle_rad"), Unit::Radian, node.first);
-                push(
-                    format!("{name}.rate_rad_s"),
-                    Unit::RadianPerSecond,
-                    node.second,
-                );
+                push(format!("{name}.rate_rad_s"), Unit::RadianPerSecond, node.second);
                 push(format!("{name}.moment_nm"), Unit::NewtonMetre, sum);
             }
             PortKind::SignalOut { unit } => push(name, unit, node.first),
@@ -777,11 +711,7 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
     }
     for (index, input) in network.inputs.iter().enumerate() {
         let slot = (layout.states + index) as Slot;
-        list.push(Observable {
-            name: input.id.clone(),
-            unit: input.unit,
-            slot,
-        });
+        list.push(Observable { name: input.id.clone(), unit: input.unit, slot });
     }
     list
 }

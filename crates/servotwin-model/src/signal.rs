@@ -81,15 +81,8 @@ impl fmt::Display for CurveError {
             CurveError::Time { index, time_s } => {
                 write!(out, "time {time_s} of point {index} is not finite")
             }
-            CurveError::Order {
-                index,
-                before_s,
-                time_s,
-            } => {
-                write!(
-                    out,
-                    "time {time_s} s of point {index} is not after {before_s} s before it"
-                )
+            CurveError::Order { index, before_s, time_s } => {
+                write!(out, "time {time_s} s of point {index} is not after {before_s} s before it")
             }
             CurveError::Value { index, value } => {
                 write!(out, "value {value} of point {index} is not finite")
@@ -197,9 +190,7 @@ impl Piecewise {
 
     /// The piece that holds at a time; the first one also before it begins.
     pub fn piece(&self, time_s: f64) -> usize {
-        self.breaks_s
-            .partition_point(|&b| b <= time_s)
-            .saturating_sub(1)
+        self.breaks_s.partition_point(|&b| b <= time_s).saturating_sub(1)
     }
 
     /// The value at a time.
@@ -226,10 +217,7 @@ impl Piecewise {
             None => (self.pieces[0][0], 0.0),
             Some(k) => {
                 let tau_s = self.breaks_s[index] - self.breaks_s[k];
-                (
-                    cubic(&self.pieces[k], tau_s),
-                    cubic_slope(&self.pieces[k], tau_s),
-                )
+                (cubic(&self.pieces[k], tau_s), cubic_slope(&self.pieces[k], tau_s))
             }
         }
     }
@@ -244,11 +232,7 @@ impl Piecewise {
         let (value, slope) = self.before(index);
         let piece = &self.pieces[index];
         let k = index.saturating_sub(1);
-        let length_s = if index == 0 {
-            1.0
-        } else {
-            self.breaks_s[index] - self.breaks_s[k]
-        };
+        let length_s = if index == 0 { 1.0 } else { self.breaks_s[index] - self.breaks_s[k] };
         let size = self.pieces[k][0].abs().max(value.abs()).max(piece[0].abs());
         if (piece[0] - value).abs() > ROUNDING * size {
             Smoothness::Jump
@@ -264,11 +248,7 @@ impl Piecewise {
     /// # Errors
     /// A product that is not finite.
     pub fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
-        let pieces = self
-            .pieces
-            .iter()
-            .map(|piece| piece.map(|c| c * factor))
-            .collect();
+        let pieces = self.pieces.iter().map(|piece| piece.map(|c| c * factor)).collect();
         Self::new(self.breaks_s.clone(), pieces)
     }
 
@@ -296,12 +276,7 @@ impl Piecewise {
             return [self.pieces[k][0], 0.0, 0.0, 0.0];
         }
         let slope = cubic_slope(&self.pieces[k], tau_s);
-        [
-            cubic(&self.pieces[k], tau_s),
-            slope,
-            square + 3.0 * cube * tau_s,
-            cube,
-        ]
+        [cubic(&self.pieces[k], tau_s), slope, square + 3.0 * cube * tau_s, cube]
     }
 
     /// The mean of the square from `from_s` to `to_s`, exact up to rounding.
@@ -322,12 +297,7 @@ impl Piecewise {
 fn square_integral(piece: &Cubic, length_s: f64) -> f64 {
     // Coefficients for τ = length · x, x in 0 … 1; ∫ xⁱ xʲ dx = 1/(i + j + 1).
     let [c0, c1, c2, c3] = *piece;
-    let scaled = [
-        c0,
-        c1 * length_s,
-        c2 * length_s * length_s,
-        c3 * length_s * length_s * length_s,
-    ];
+    let scaled = [c0, c1 * length_s, c2 * length_s * length_s, c3 * length_s * length_s * length_s];
     let mut sum = 0.0;
     for (i, a) in scaled.iter().enumerate() {
         for (j, b) in scaled.iter().enumerate() {
@@ -354,21 +324,14 @@ fn check_times(times_s: &[f64], values: usize) -> Result<(), CurveError> {
         return Err(CurveError::Empty);
     }
     if times_s.len() != values {
-        return Err(CurveError::Lengths {
-            times: times_s.len(),
-            values,
-        });
+        return Err(CurveError::Lengths { times: times_s.len(), values });
     }
     for (index, &time_s) in times_s.iter().enumerate() {
         if !time_s.is_finite() {
             return Err(CurveError::Time { index, time_s });
         }
         if index > 0 && time_s <= times_s[index - 1] {
-            return Err(CurveError::Order {
-                index,
-                before_s: times_s[index - 1],
-                time_s,
-            });
+            return Err(CurveError::Order { index, before_s: times_s[index - 1], time_s });
         }
     }
     Ok(())
@@ -388,18 +351,9 @@ mod tests {
     #[test]
     fn pieces_hold_from_break_to_break() {
         let s = Piecewise::steps(&[1.0, 2.0], &[5.0, -3.0]).unwrap();
-        assert_eq!(
-            [0.0, 1.0, 1.999, 2.0, 1e9].map(|t| s.value(t)),
-            [5.0, 5.0, 5.0, -3.0, -3.0]
-        );
-        assert_eq!(
-            [0.0, 1.0, 1.999, 2.0, 1e9].map(|t| s.piece(t)),
-            [0, 0, 0, 1, 1]
-        );
-        assert_eq!(
-            (s.smoothness(0), s.smoothness(1)),
-            (Smoothness::Smooth, Smoothness::Jump)
-        );
+        assert_eq!([0.0, 1.0, 1.999, 2.0, 1e9].map(|t| s.value(t)), [5.0, 5.0, 5.0, -3.0, -3.0]);
+        assert_eq!([0.0, 1.0, 1.999, 2.0, 1e9].map(|t| s.piece(t)), [0, 0, 0, 1, 1]);
+        assert_eq!((s.smoothness(0), s.smoothness(1)), (Smoothness::Smooth, Smoothness::Jump));
     }
 
     #[test]
@@ -409,10 +363,7 @@ mod tests {
             [-1.0, 0.0, 0.25, 0.5, 2.0, 3.0].map(|t| s.value(t)),
             [1., 1., 1.5, 2., -1., -1.]
         );
-        assert_eq!(
-            [-1.0, 0.0, 0.5, 2.0].map(|t| s.slope(t)),
-            [0.0, 2.0, -2.0, 0.0]
-        );
+        assert_eq!([-1.0, 0.0, 0.5, 2.0].map(|t| s.slope(t)), [0.0, 2.0, -2.0, 0.0]);
         assert!((0..3).all(|k| s.smoothness(k) == Smoothness::Kink));
     }
 
@@ -451,10 +402,7 @@ mod tests {
         assert!((ramp.mean_square(0.0, 2.0) - 4.0 / 3.0).abs() < 1e-15);
         // ∫ t² from 1 to 2, then 4 for 2 s.
         assert!((ramp.mean_square(1.0, 4.0) - (7.0 / 3.0 + 8.0) / 3.0).abs() < 1e-14);
-        assert_eq!(
-            Piecewise::constant(-3.0).unwrap().mean_square(-1.0, 7.0),
-            9.0
-        );
+        assert_eq!(Piecewise::constant(-3.0).unwrap().mean_square(-1.0, 7.0), 9.0);
     }
 
     #[test]
@@ -462,20 +410,10 @@ mod tests {
         use CurveError as E;
         let nan = f64::NAN;
         assert_eq!(Piecewise::linear(&[], &[]), Err(E::Empty));
-        assert_eq!(
-            Piecewise::linear(&[0.0], &[1.0, 2.0]),
-            Err(E::Lengths {
-                times: 1,
-                values: 2
-            })
-        );
+        assert_eq!(Piecewise::linear(&[0.0], &[1.0, 2.0]), Err(E::Lengths { times: 1, values: 2 }));
         assert_eq!(
             Piecewise::steps(&[0.0, 1.0, 1.0], &[0.0; 3]),
-            Err(E::Order {
-                index: 2,
-                before_s: 1.0,
-                time_s: 1.0
-            })
+            Err(E::Order { index: 2, before_s: 1.0, time_s: 1.0 })
         );
         assert!(matches!(
             Piecewise::linear(&[0.0, 1.0], &[0.0, nan]),
@@ -508,10 +446,7 @@ mod tests {
         for lane in 0..Portable::WIDTH {
             let (piece, tau_s) = (&pieces[lane % 2], 0.1 * lane as f64);
             assert_eq!(value.lane(lane).to_bits(), cubic(piece, tau_s).to_bits());
-            assert_eq!(
-                slope.lane(lane).to_bits(),
-                cubic_slope(piece, tau_s).to_bits()
-            );
+            assert_eq!(slope.lane(lane).to_bits(), cubic_slope(piece, tau_s).to_bits());
         }
     }
 }

@@ -85,13 +85,7 @@ impl Unit {
             shown: &'static str,
             shown_per_si: f64,
         ) -> UnitFacts {
-            UnitFacts {
-                suffix,
-                symbol,
-                shown,
-                shown_per_si,
-                shown_offset: 0.0,
-            }
+            UnitFacts { suffix, symbol, shown, shown_per_si, shown_offset: 0.0 }
         }
         const DEGREES: f64 = 180.0 / core::f64::consts::PI;
         match self {
@@ -452,14 +446,7 @@ pub mod declare {
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
-        Parameter {
-            name,
-            unit,
-            default: Some(default),
-            min: range.0,
-            max: range.1,
-            summary,
-        }
+        Parameter { name, unit, default: Some(default), min: range.0, max: range.1, summary }
     }
 
     /// A parameter that every system file must give.
@@ -469,14 +456,7 @@ pub mod declare {
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
-        Parameter {
-            name,
-            unit,
-            default: None,
-            min: range.0,
-            max: range.1,
-            summary,
-        }
+        Parameter { name, unit, default: None, min: range.0, max: range.1, summary }
     }
 
     /// A fault that adds `full · i` to a parameter.
@@ -509,10 +489,7 @@ pub mod declare {
         category: Category,
         summary: &'static str,
     ) -> Fault {
-        Fault {
-            law: Law::Scale,
-            ..adds(name, parameter, full, range, category, summary)
-        }
+        Fault { law: Law::Scale, ..adds(name, parameter, full, range, category, summary) }
     }
 
     /// A fault that multiplies a parameter by `full^i`.
@@ -524,19 +501,11 @@ pub mod declare {
         category: Category,
         summary: &'static str,
     ) -> Fault {
-        Fault {
-            law: Law::Geometric,
-            ..adds(name, parameter, full, range, category, summary)
-        }
+        Fault { law: Law::Geometric, ..adds(name, parameter, full, range, category, summary) }
     }
 
     const fn port(name: &'static str, kind: PortKind, summary: &'static str) -> Port {
-        Port {
-            name,
-            kind,
-            optional: false,
-            summary,
-        }
+        Port { name, kind, optional: false, summary }
     }
 
     /// A hydraulic port whose pressure comes from elsewhere.
@@ -571,14 +540,7 @@ pub mod declare {
 
     /// A signal input that must be connected.
     pub const fn input(name: &'static str, unit: Unit, summary: &'static str) -> Port {
-        port(
-            name,
-            PortKind::SignalIn {
-                unit,
-                default: None,
-            },
-            summary,
-        )
+        port(name, PortKind::SignalIn { unit, default: None }, summary)
     }
 
     /// A signal input with a parameter that stands in.
@@ -590,31 +552,18 @@ pub mod declare {
     ) -> Port {
         Port {
             optional: true,
-            ..port(
-                name,
-                PortKind::SignalIn {
-                    unit,
-                    default: Some(default),
-                },
-                summary,
-            )
+            ..port(name, PortKind::SignalIn { unit, default: Some(default) }, summary)
         }
     }
 
     /// A signal output.
     pub const fn output(name: &'static str, unit: Unit, summary: &'static str) -> Port {
-        Port {
-            optional: true,
-            ..port(name, PortKind::SignalOut { unit }, summary)
-        }
+        Port { optional: true, ..port(name, PortKind::SignalOut { unit }, summary) }
     }
 
     /// The same port, but it may be left open.
     pub const fn optional(port: Port) -> Port {
-        Port {
-            optional: true,
-            ..port
-        }
+        Port { optional: true, ..port }
     }
 
     /// A state variable.
@@ -625,13 +574,7 @@ pub mod declare {
         start: Start,
         summary: &'static str,
     ) -> State {
-        State {
-            name,
-            unit,
-            scale,
-            start,
-            summary,
-        }
+        State { name, unit, scale, start, summary }
     }
 }
 
@@ -653,27 +596,13 @@ mod tests {
             (Unit::Radian, core::f64::consts::PI, 180.0, "°"),
             (Unit::Ampere, 8e-3, 8.0, "mA"),
             (Unit::PascalSecondPerCubicMetre, 3.84e9, 0.64, "bar min/L"),
-            (
-                Unit::CubicMetrePerSecondPascal,
-                1.0 / 6e9,
-                1.0,
-                "L/(min bar)",
-            ),
-            (
-                Unit::PascalSecondSquaredPerMetreToTheSixth,
-                3.6e14,
-                1.0,
-                "bar min²/L²",
-            ),
+            (Unit::CubicMetrePerSecondPascal, 1.0 / 6e9, 1.0, "L/(min bar)"),
+            (Unit::PascalSecondSquaredPerMetreToTheSixth, 3.6e14, 1.0, "bar min²/L²"),
             (Unit::None, 0.7, 0.7, ""),
         ];
         for (unit, si, shown, symbol) in table {
             assert_eq!(unit.shown(), symbol);
-            assert!(
-                close(unit.to_shown(si), shown),
-                "{si} {} is {shown} {symbol}",
-                unit.symbol()
-            );
+            assert!(close(unit.to_shown(si), shown), "{si} {} is {shown} {symbol}", unit.symbol());
         }
     }
 
@@ -700,11 +629,7 @@ mod tests {
         for p in [0.0, 1e-300, 2.38e-3, 0.1, 1.0 / 3.0, 20.684e6, -2e-6] {
             for law in [Law::Add, Law::Scale, Law::Geometric] {
                 for full in [0.004, 0.03, 0.05, 0.3, 2.0, 30.0] {
-                    assert_eq!(
-                        law.apply(p, 0.0, full).to_bits(),
-                        p.to_bits(),
-                        "{law:?} {p}"
-                    );
+                    assert_eq!(law.apply(p, 0.0, full).to_bits(), p.to_bits(), "{law:?} {p}");
                 }
             }
         }

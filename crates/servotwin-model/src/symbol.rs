@@ -59,13 +59,8 @@ pub enum Function {
 
 impl Function {
     /// Every function.
-    pub const ALL: [Function; 5] = [
-        Function::Exp,
-        Function::Ln,
-        Function::Tanh,
-        Function::Sin,
-        Function::Cos,
-    ];
+    pub const ALL: [Function; 5] =
+        [Function::Exp, Function::Ln, Function::Tanh, Function::Sin, Function::Cos];
 
     /// The usual name.
     pub fn name(self) -> &'static str {
@@ -348,8 +343,7 @@ impl Div for Symbol<'_> {
 impl Neg for Symbol<'_> {
     type Output = Self;
     fn neg(self) -> Self {
-        self.negated()
-            .unwrap_or_else(|| self.unary(Unary::Negative, |x| -x))
+        self.negated().unwrap_or_else(|| self.unary(Unary::Negative, |x| -x))
     }
 }
 
@@ -416,10 +410,7 @@ impl Primitive for Symbol<'_> {
     }
     fn split_exponent(self) -> (Self, Self) {
         let mantissa = self.unary(Unary::Mantissa, |x| x.split_exponent().0);
-        (
-            mantissa,
-            self.unary(Unary::Exponent, |x| x.split_exponent().1),
-        )
+        (mantissa, self.unary(Unary::Exponent, |x| x.split_exponent().1))
     }
 }
 
@@ -437,10 +428,7 @@ mod tests {
         assert_eq!((x + -y).operand(), (x - y).operand());
         assert_eq!((Symbol::constant(0.0) + x).operand(), x.operand());
         assert_eq!((two * two).operand(), Symbol::constant(4.0).operand());
-        assert_eq!(
-            two.exp().operand(),
-            Operand::Constant(math::exp(2.0).to_bits())
-        );
+        assert_eq!(two.exp().operand(), Operand::Constant(math::exp(2.0).to_bits()));
         assert_eq!(x.clamp(x, x).operand(), x.operand());
         let before = graph.expressions().len();
         assert_eq!((x * y).sqrt().operand(), (x * y).sqrt().operand());

@@ -42,24 +42,15 @@ pub struct Output {
 impl Output {
     /// Adds to a sum.
     pub fn add(sum: Sum) -> Self {
-        Self {
-            add: Some(sum),
-            subtract: None,
-        }
+        Self { add: Some(sum), subtract: None }
     }
     /// Subtracts from a sum.
     pub fn subtract(sum: Sum) -> Self {
-        Self {
-            add: None,
-            subtract: Some(sum),
-        }
+        Self { add: None, subtract: Some(sum) }
     }
     /// Takes from one sum and gives to the other.
     pub fn transfer(from: Sum, to: Sum) -> Self {
-        Self {
-            add: Some(to),
-            subtract: Some(from),
-        }
+        Self { add: Some(to), subtract: Some(from) }
     }
 }
 
@@ -176,8 +167,7 @@ pub struct Wiring<'a> {
 impl Wiring<'_> {
     fn index(&self, port: &str) -> usize {
         let spec = self.spec;
-        spec.port(port)
-            .unwrap_or_else(|| panic!("{} declares no port '{port}'", spec.kind))
+        spec.port(port).unwrap_or_else(|| panic!("{} declares no port '{port}'", spec.kind))
     }
 
     fn node(&self, port: &str) -> Node {
@@ -194,10 +184,7 @@ impl Wiring<'_> {
     /// A parameter of the component, without faults: for what shapes the
     /// structure (a count, a period), never for an equation's numbers.
     pub fn structural(&self, parameter: &str) -> f64 {
-        self.parameters[self
-            .spec
-            .parameter(parameter)
-            .expect("a declared parameter")]
+        self.parameters[self.spec.parameter(parameter).expect("a declared parameter")]
     }
 
     /// A state by its declared name.
@@ -248,31 +235,20 @@ impl Wiring<'_> {
             return node.first;
         }
         match self.spec.ports[index].kind {
-            crate::spec::PortKind::SignalIn {
-                default: Some(name),
-                ..
-            } => self.parameter(name),
-            _ => panic!(
-                "port '{port}' of {} is open: ask `connected`",
-                self.spec.kind
-            ),
+            crate::spec::PortKind::SignalIn { default: Some(name), .. } => self.parameter(name),
+            _ => panic!("port '{port}' of {} is open: ask `connected`", self.spec.kind),
         }
     }
 
     /// A parameter as a variable.
     pub fn parameter(&mut self, name: &str) -> Variable {
         let parameter = self.spec.parameter(name).expect("a declared parameter");
-        self.collected.variable(Role::Parameter {
-            component: self.component,
-            parameter,
-        })
+        self.collected.variable(Role::Parameter { component: self.component, parameter })
     }
 
     /// The fluid temperature of the component's circuit.
     pub fn fluid_temperature(&mut self) -> Variable {
-        self.collected.variable(Role::Temperature {
-            component: self.component,
-        })
+        self.collected.variable(Role::Temperature { component: self.component })
     }
 
     /// A sum inside the component.
@@ -321,27 +297,19 @@ impl Wiring<'_> {
     where
         E: Equation<I, O, C> + Listed,
     {
-        let clock = Clock {
-            component: self.component,
-            period_s: self.structural(period),
-        };
+        let clock = Clock { component: self.component, period_s: self.structural(period) };
         let clocks = &mut self.collected.clocks;
-        let index = clocks
-            .iter()
-            .position(|c| c.period_s == clock.period_s)
-            .unwrap_or_else(|| {
-                clocks.push(clock);
-                clocks.len() - 1
-            });
+        let index = clocks.iter().position(|c| c.period_s == clock.period_s).unwrap_or_else(|| {
+            clocks.push(clock);
+            clocks.len() - 1
+        });
         let held = core::array::from_fn(|_| self.collected.variable(Role::Held));
         let inputs = inputs(self, held);
         // Blocks add to sums of their own, which replace the held values when
         // all blocks of the tick have run.
         let outputs = held.map(|held| {
             let next = self.internal();
-            self.collected
-                .exchanges
-                .push((index, next.variable(), held));
+            self.collected.exchanges.push((index, next.variable(), held));
             Output::add(next)
         });
         self.block::<E, I, O, C>(0, inputs, outputs, Some(index));

@@ -15,9 +15,7 @@ use servotwin::figure::tree::{Node, Tree};
 use servotwin::figure::{Figure, FigureError};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = std::env::args()
-        .nth(1)
-        .map_or_else(std::env::temp_dir, PathBuf::from);
+    let folder = std::env::args().nth(1).map_or_else(std::env::temp_dir, PathBuf::from);
     servotwin::files::create_folder(&folder)?;
     save(&folder, "time_series", time_series())?;
     save(&folder, "histogram", histogram())?;
@@ -60,15 +58,10 @@ fn time_series() -> Figure {
     let command: Vec<f64> = time.iter().map(|at| 0.2 * slow(*at, 0.0)).collect();
     let angle: Vec<f64> = time.iter().map(|at| 0.2 * slow(*at - 0.12, 0.0)).collect();
     let twin: Vec<f64> = time.iter().map(|at| 0.2 * slow(*at - 0.1, 0.0)).collect();
-    let mut pressure: Vec<f64> = time
-        .iter()
-        .map(|at| 1.2e7 + 4e6 * slow(*at, 1.0) + 1e5 * noise.normal())
-        .collect();
+    let mut pressure: Vec<f64> =
+        time.iter().map(|at| 1.2e7 + 4e6 * slow(*at, 1.0) + 1e5 * noise.normal()).collect();
     pressure[4321] = 2.6e7;
-    let pressure_twin: Vec<f64> = time
-        .iter()
-        .map(|at| 1.2e7 + 3.9e6 * slow(*at, 1.0))
-        .collect();
+    let pressure_twin: Vec<f64> = time.iter().map(|at| 1.2e7 + 3.9e6 * slow(*at, 1.0)).collect();
     let mut residual: Vec<f64> = time.iter().map(|_| 0.01 * noise.normal()).collect();
     residual[6000..6200].fill(f64::NAN);
     TimeSeries::new("External leakage in actuator 1, intensity 0.4", "time (s)")
@@ -103,11 +96,7 @@ fn histogram() -> Figure {
         "surface angle",
         "oil temperature",
     ];
-    let series = [
-        "healthy",
-        "actuator 1, intensity 0.2",
-        "actuator 1, intensity 0.8",
-    ];
+    let series = ["healthy", "actuator 1, intensity 0.2", "actuator 1, intensity 0.8"];
     let mut grid = HistogramGrid::new(
         "Scaled residuals: external leakage in the cylinder",
         "scaled residual (-)",
@@ -140,11 +129,8 @@ fn bars() -> Figure {
         "linear discriminant analysis",
         "neural network",
     ];
-    let mut figure = Bars::new(
-        "Accuracy on unseen variants",
-        "accuracy (-)",
-        &["one stage", "hierarchy"],
-    );
+    let mut figure =
+        Bars::new("Accuracy on unseen variants", "accuracy (-)", &["one stage", "hierarchy"]);
     figure.range = Some((0.0, 1.0));
     for (place, name) in names.into_iter().enumerate() {
         let value = 0.95 - 0.06 * place as f64;
@@ -152,10 +138,7 @@ fn bars() -> Figure {
             (place != 5).then(|| Bar::with_interval(value + 0.03, value + 0.01, value + 0.05));
         figure = figure.with(
             name,
-            vec![
-                Some(Bar::with_interval(value, value - 0.04, value + 0.03)),
-                hierarchy,
-            ],
+            vec![Some(Bar::with_interval(value, value - 0.04, value + 0.03)), hierarchy],
         );
     }
     figure.draw()
@@ -183,11 +166,7 @@ fn heatmap(count: usize) -> Figure {
         "computer",
     ];
     let mut noise = Noise(3);
-    let classes: Vec<String> = names
-        .iter()
-        .take(count)
-        .map(|name| (*name).to_owned())
-        .collect();
+    let classes: Vec<String> = names.iter().take(count).map(|name| (*name).to_owned()).collect();
     let counts = (0..count)
         .map(|row| {
             let cell = |column: usize| match row.abs_diff(column) {
@@ -204,22 +183,13 @@ fn lines() -> Figure {
     let mut noise = Noise(4);
     let mut figure = Lines::new("Learning curves", "training variants", "error rate (-)");
     (figure.x_log, figure.y_log) = (true, true);
-    for (place, name) in [
-        "decision tree",
-        "random forest",
-        "nearest neighbours",
-        "linear",
-    ]
-    .into_iter()
-    .enumerate()
+    for (place, name) in
+        ["decision tree", "random forest", "nearest neighbours", "linear"].into_iter().enumerate()
     {
         let points: Vec<(f64, f64)> = (0..9)
             .map(|step| {
                 let x = 40.0 * 2_f64.powi(step);
-                (
-                    x,
-                    (0.9 + place as f64) * x.powf(-0.45) * (1.0 + 0.08 * noise.next()),
-                )
+                (x, (0.9 + place as f64) * x.powf(-0.45) * (1.0 + 0.08 * noise.next()))
             })
             .collect();
         let intervals = points.iter().map(|(_, y)| (y * 0.85, y * 1.18)).collect();
@@ -230,55 +200,33 @@ fn lines() -> Figure {
 
 fn tree() -> Figure {
     fn grow(depth: usize, noise: &mut Noise) -> Node {
-        let features = [
-            "r_NoDev pressure A",
-            "mean stroke",
-            "variance spool",
-            "r_NoDev return",
-        ];
+        let features = ["r_NoDev pressure A", "mean stroke", "variance spool", "r_NoDev return"];
         let feature = features[(noise.next().abs() * 4.0) as usize % 4];
-        let shares: Vec<f64> = (0..3)
-            .map(|_| (noise.next() + 0.2).max(0.0).powi(3))
-            .collect();
+        let shares: Vec<f64> = (0..3).map(|_| (noise.next() + 0.2).max(0.0).powi(3)).collect();
         let samples = format!("n = {}", (noise.next().abs() * 800.0) as u32 + 20);
         if depth == 7 || (depth > 2 && noise.next() > 0.55) {
             let class = ["healthy", "actuator 1", "actuator 2"];
-            let best = (0..3)
-                .max_by(|one, other| shares[*one].total_cmp(&shares[*other]))
-                .unwrap_or(0);
+            let best =
+                (0..3).max_by(|one, other| shares[*one].total_cmp(&shares[*other])).unwrap_or(0);
             return Node::leaf(vec![class[best].to_owned(), samples], shares);
         }
         let question = format!("{feature} ≤ {:.3}", noise.next());
         let yes = grow(depth + 1, noise);
         Node::split(vec![question, samples], shares, yes, grow(depth + 1, noise))
     }
-    let classes = ["healthy", "actuator 1", "actuator 2"]
-        .map(str::to_owned)
-        .to_vec();
+    let classes = ["healthy", "actuator 1", "actuator 2"].map(str::to_owned).to_vec();
     let root = grow(0, &mut Noise(11));
-    Tree {
-        title: "Which actuator has failed?".to_owned(),
-        classes,
-        root,
-    }
-    .draw()
+    Tree { title: "Which actuator has failed?".to_owned(), classes, root }.draw()
 }
 
 fn diagram() -> Figure {
     let mut diagram = Diagram {
         title: "Aileron with two electro-hydraulic actuators".to_owned(),
-        groups: ["Actuator 1", "Shared", "Actuator 2"]
-            .map(str::to_owned)
-            .to_vec(),
+        groups: ["Actuator 1", "Shared", "Actuator 2"].map(str::to_owned).to_vec(),
         ..Diagram::default()
     };
     diagram.blocks.extend([
-        Block::new(
-            "computer",
-            "flight computer\nposition control",
-            "electronics",
-            "Shared",
-        ),
+        Block::new("computer", "flight computer\nposition control", "electronics", "Shared"),
         Block::new("surface", "aileron\nJ = 2.4 kg m²", "mechanics", "Shared"),
         Block::new("load", "air load", "source", "Shared"),
         Block::new("angle", "angle sensor", "sensor", "Shared"),
@@ -330,9 +278,7 @@ fn actuator(diagram: &mut Diagram, number: usize) {
         ("temperature", "T sensor", "sensor"),
     ];
     for (name, text, kind) in blocks {
-        diagram
-            .blocks
-            .push(Block::new(&id(name), text, kind, &group));
+        diagram.blocks.push(Block::new(&id(name), text, kind, &group));
     }
     let wires = [
         ("supply", "filter", "oil"),
@@ -373,9 +319,6 @@ fn actuator(diagram: &mut Diagram, number: usize) {
         arrow: true,
         ..Wire::new("computer", &id("amplifier"), "signal")
     };
-    let force = Wire {
-        arrow: true,
-        ..Wire::new(&id("rod"), "surface", "force")
-    };
+    let force = Wire { arrow: true, ..Wire::new(&id("rod"), "surface", "force") };
     diagram.wires.extend([command, force]);
 }

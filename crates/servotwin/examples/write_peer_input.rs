@@ -45,7 +45,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let signal = Piecewise::constant(input.default)?;
         inputs.push(if input.id == "command" { command.clone() } else { signal });
     }
-    let mut table = String::from("# written by the example write_peer_input\nbegin_s,c0,c1,c2,c3\n");
+    let mut table =
+        String::from("# written by the example write_peer_input\nbegin_s,c0,c1,c2,c3\n");
     for (begin, [a, b, c, d]) in command.breaks_s().iter().zip(command.pieces()) {
         writeln!(table, "{begin:e},{a:e},{b:e},{c:e},{d:e}")?;
     }

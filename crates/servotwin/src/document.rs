@@ -98,23 +98,13 @@ impl fmt::Display for Mistake {
         match self {
             Mistake::Syntax { message } => write!(out, "not valid TOML: {message}"),
             Mistake::Format { found, supported } => {
-                write!(
-                    out,
-                    "format {found} is not known: this version reads format {supported}"
-                )
+                write!(out, "format {found} is not known: this version reads format {supported}")
             }
             Mistake::WrongType { key, wanted, found } => {
                 write!(out, "'{key}' must be {wanted}, not {found}")
             }
             Mistake::NotFinite { key } => write!(out, "'{key}' must be a finite number"),
-            Mistake::OutOfRange {
-                key,
-                value,
-                min,
-                max,
-                unit,
-                ..
-            } => {
+            Mistake::OutOfRange { key, value, min, max, unit, .. } => {
                 let (value, range) = (Quantity(*value, unit), Quantities(*min, *max, unit));
                 write!(out, "{key} = {value} is out of range: allowed are {range}")
             }
@@ -150,11 +140,7 @@ pub struct Quantity<'a>(pub f64, pub &'a str);
 impl fmt::Display for Quantity<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_number(out, self.0)?;
-        if self.1.is_empty() {
-            Ok(())
-        } else {
-            write!(out, " {}", self.1)
-        }
+        if self.1.is_empty() { Ok(()) } else { write!(out, " {}", self.1) }
     }
 }
 
@@ -212,10 +198,7 @@ impl<M> Located<M> {
 /// The nearest character boundary at or before a byte.
 fn floor(text: &str, byte: usize) -> usize {
     let byte = byte.min(text.len());
-    (0..=byte)
-        .rev()
-        .find(|&at| text.is_char_boundary(at))
-        .unwrap_or(0)
+    (0..=byte).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
 
 /// The most characters of a source line that are shown.
@@ -224,21 +207,12 @@ const SHOWN: usize = 100;
 impl<M: Explained> Located<M> {
     /// Shows the mistake with its source line.
     pub fn write(&self, out: &mut fmt::Formatter<'_>, path: &str) -> fmt::Result {
-        let Self {
-            line,
-            column,
-            mistake,
-            ..
-        } = self;
+        let Self { line, column, mistake, .. } = self;
         writeln!(out, "{path}:{line}:{column}: {mistake}")?;
         let number = line.to_string();
         let margin = " ".repeat(number.len() + 1);
         // Of a very long line, show what surrounds the mistake.
-        let skipped = if column - 1 > SHOWN - 20 {
-            column - 21
-        } else {
-            0
-        };
+        let skipped = if column - 1 > SHOWN - 20 { column - 21 } else { 0 };
         let shown: String = self.source.chars().skip(skipped).take(SHOWN).collect();
         // Tabs stay tabs, so that the caret stands below its character.
         let before = shown.chars().take(column - 1 - skipped);
@@ -246,11 +220,7 @@ impl<M: Explained> Located<M> {
         let room = (SHOWN + skipped + 1).saturating_sub(*column).max(1);
         writeln!(out, "{margin}|")?;
         writeln!(out, "{number} | {shown}")?;
-        writeln!(
-            out,
-            "{margin}| {indent}{}",
-            "^".repeat(self.width.min(room))
-        )?;
+        writeln!(out, "{margin}| {indent}{}", "^".repeat(self.width.min(room)))?;
         match mistake.help() {
             Some(help) => writeln!(out, "{margin}= {help}"),
             None => Ok(()),
@@ -286,10 +256,7 @@ impl<M: PartialEq> Collector<M> {
     /// All mistakes in the order of the file.
     pub fn locate(mut self, text: &str) -> Vec<Located<M>> {
         self.found.sort_by_key(|(span, _)| span.start);
-        self.found
-            .into_iter()
-            .map(|(span, m)| Located::new(text, &span, m))
-            .collect()
+        self.found.into_iter().map(|(span, m)| Located::new(text, &span, m)).collect()
     }
 }
 
@@ -313,11 +280,7 @@ pub struct Entry<'a> {
 /// The entries of a table in the order of the file.
 pub fn entries<'a>(table: &'a DeTable<'a>) -> Vec<Entry<'a>> {
     let mut entries: Vec<Entry<'a>> = (table.iter())
-        .map(|(key, value)| Entry {
-            key: key.get_ref(),
-            at: key.span(),
-            value,
-        })
+        .map(|(key, value)| Entry { key: key.get_ref(), at: key.span(), value })
         .collect();
     entries.sort_by_key(|entry| entry.at.start);
     entries
@@ -338,11 +301,7 @@ pub fn type_name(value: &DeValue<'_>) -> &'static str {
 impl<'a> Entry<'a> {
     /// An element of a list, under the list's key.
     pub fn element(key: &'a str, value: &'a Spanned<DeValue<'a>>) -> Self {
-        Self {
-            key,
-            at: value.span(),
-            value,
-        }
+        Self { key, at: value.span(), value }
     }
 
     /// Where the value stands.
@@ -353,11 +312,7 @@ impl<'a> Entry<'a> {
     /// That another type is needed.
     pub fn wrong_type(&self, wanted: &'static str) -> Mistake {
         let found = type_name(self.value.get_ref());
-        Mistake::WrongType {
-            key: self.key.into(),
-            wanted,
-            found,
-        }
+        Mistake::WrongType { key: self.key.into(), wanted, found }
     }
 
     /// The value as a text.
@@ -385,9 +340,7 @@ impl<'a> Entry<'a> {
             _ => return Err(self.wrong_type("a number")),
         };
         let finite = value.filter(|value: &f64| value.is_finite());
-        finite.ok_or_else(|| Mistake::NotFinite {
-            key: self.key.into(),
-        })
+        finite.ok_or_else(|| Mistake::NotFinite { key: self.key.into() })
     }
 
     /// The value as a table.

@@ -34,17 +34,11 @@ impl Complex {
     }
 
     fn conjugate(self) -> Self {
-        Self {
-            im: -self.im,
-            ..self
-        }
+        Self { im: -self.im, ..self }
     }
 
     fn scaled(self, factor: f64) -> Self {
-        Self {
-            re: self.re * factor,
-            im: self.im * factor,
-        }
+        Self { re: self.re * factor, im: self.im * factor }
     }
 
     /// The root with a real part that is not negative.
@@ -52,30 +46,21 @@ impl Complex {
         let size = self.abs();
         let re = (0.5 * (size + self.re)).max(0.0).sqrt();
         let im = (0.5 * (size - self.re)).max(0.0).sqrt();
-        Self {
-            re,
-            im: im.copysign(self.im),
-        }
+        Self { re, im: im.copysign(self.im) }
     }
 }
 
 impl Add for Complex {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        Self {
-            re: self.re + other.re,
-            im: self.im + other.im,
-        }
+        Self { re: self.re + other.re, im: self.im + other.im }
     }
 }
 
 impl Sub for Complex {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
-        Self {
-            re: self.re - other.re,
-            im: self.im - other.im,
-        }
+        Self { re: self.re - other.re, im: self.im - other.im }
     }
 }
 
@@ -111,11 +96,8 @@ pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
         if turns > 200 || !h[size - 1][size - 1].abs().is_finite() {
             return None;
         }
-        let shift = if turns % 11 == 10 {
-            exceptional_shift(&h, size)
-        } else {
-            wilkinson_shift(&h, size)
-        };
+        let shift =
+            if turns % 11 == 10 { exceptional_shift(&h, size) } else { wilkinson_shift(&h, size) };
         qr_step(&mut h, low, size, shift);
     }
     found.sort_by(by_speed);
@@ -127,11 +109,7 @@ pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
 fn by_speed(a: &Complex, b: &Complex) -> Ordering {
     let rounded = |c: &Complex| (c.abs() as f32, c.re as f32);
     let (a_size, b_size) = (rounded(a), rounded(b));
-    a_size
-        .0
-        .total_cmp(&b_size.0)
-        .then(a_size.1.total_cmp(&b_size.1))
-        .then(b.im.total_cmp(&a.im))
+    a_size.0.total_cmp(&b_size.0).then(a_size.1.total_cmp(&b_size.1)).then(b.im.total_cmp(&a.im))
 }
 
 fn to_hessenberg(a: &mut [Vec<f64>]) {
@@ -178,20 +156,13 @@ fn wilkinson_shift(h: &[Vec<Complex>], size: usize) -> Complex {
     let half = (a - d).scaled(0.5);
     let root = (half * half + b * c).sqrt();
     let (plus, minus) = (half + root, half - root);
-    d + if plus.abs() < minus.abs() {
-        plus
-    } else {
-        minus
-    }
+    d + if plus.abs() < minus.abs() { plus } else { minus }
 }
 
 /// Breaks cycles.
 fn exceptional_shift(h: &[Vec<Complex>], size: usize) -> Complex {
     let re = h[size - 1][size - 1].re + h[size - 1][size - 2].abs();
-    Complex {
-        re,
-        im: 0.3 * h[size - 1][size - 2].abs(),
-    }
+    Complex { re, im: 0.3 * h[size - 1][size - 2].abs() }
 }
 
 /// One QR step of the rows and columns `low .. size`.
@@ -270,11 +241,7 @@ mod tests {
     fn small_matrices_have_their_known_eigenvalues() {
         expect(&[], &[], 0.0);
         expect(&[&[-3.0]], &[(-3.0, 0.0)], 1e-15);
-        expect(
-            &[&[0.0, 1.0], &[-4.0, 0.0]],
-            &[(0.0, 2.0), (0.0, -2.0)],
-            1e-14,
-        );
+        expect(&[&[0.0, 1.0], &[-4.0, 0.0]], &[(0.0, 2.0), (0.0, -2.0)], 1e-14);
         let triangle: &[&[f64]] = &[&[1.0, 5.0, 7.0], &[0.0, -2.0, 9.0], &[0.0, 0.0, 30.0]];
         expect(triangle, &[(1.0, 0.0), (-2.0, 0.0), (30.0, 0.0)], 1e-12);
         // A cyclic permutation: the cube roots of one.
@@ -303,10 +270,7 @@ mod tests {
             }
         }
         for (k, value) in eigenvalues(matrix).unwrap().iter().enumerate() {
-            assert!(
-                (value.re + (k + 1) as f64).abs() < 1e-6 && value.im.abs() < 1e-6,
-                "{value:?}"
-            );
+            assert!((value.re + (k + 1) as f64).abs() < 1e-6 && value.im.abs() < 1e-6, "{value:?}");
         }
     }
 
@@ -326,19 +290,9 @@ mod tests {
             .map(|(i, j)| matrix[i][j] * matrix[j][i])
             .sum();
         let sum = found.iter().fold(Complex::ZERO, |sum, &value| sum + value);
-        let square_sum = found
-            .iter()
-            .fold(Complex::ZERO, |sum, &value| sum + value * value);
+        let square_sum = found.iter().fold(Complex::ZERO, |sum, &value| sum + value * value);
         assert!((sum - Complex { re: trace, im: 0.0 }).abs() < 1e-11);
-        assert!(
-            (square_sum
-                - Complex {
-                    re: squares,
-                    im: 0.0
-                })
-            .abs()
-                < 1e-10
-        );
+        assert!((square_sum - Complex { re: squares, im: 0.0 }).abs() < 1e-10);
     }
 
     #[test]

@@ -166,8 +166,6 @@ impl<'p> Ensemble<'p> {
     }
 }
 
-
-
 struct Worker<'w, 'p, V, K, S, D> {
     ensemble: &'w Ensemble<'p>,
     next: &'w AtomicUsize,

@@ -106,18 +106,11 @@ impl fmt::Display for FileError {
         match self {
             FileError::Missing { .. } => write!(out, "no such file"),
             FileError::MissingFolder { path } => {
-                write!(
-                    out,
-                    "the folder {} does not exist",
-                    folder_of(path).display()
-                )
+                write!(out, "the folder {} does not exist", folder_of(path).display())
             }
             FileError::IsFolder { .. } => write!(out, "this is a folder, a file is needed"),
             FileError::NotFolder { .. } => {
-                write!(
-                    out,
-                    "a part of this path is a file where a folder is needed"
-                )
+                write!(out, "a part of this path is a file where a folder is needed")
             }
             FileError::Denied { .. } => write!(out, "permission denied"),
             FileError::ReadOnly { .. } => write!(out, "read-only, it cannot be written"),
@@ -168,11 +161,7 @@ impl AtomicFile {
     fn open_directly(target: PathBuf) -> Result<Self, FileError> {
         let file = OpenOptions::new().write(true).open(&target);
         let file = file.map_err(|cause| FileError::from_io(&target, cause))?;
-        Ok(Self {
-            target,
-            temporary: None,
-            writer: Some(BufWriter::new(file)),
-        })
+        Ok(Self { target, temporary: None, writer: Some(BufWriter::new(file)) })
     }
 
     fn open_beside(
@@ -180,25 +169,16 @@ impl AtomicFile {
         permissions: Option<fs::Permissions>,
     ) -> Result<Self, FileError> {
         let temporary = temporary_name(&target);
-        let file = OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(&temporary);
+        let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
         let file = file.map_err(|cause| match cause.kind() {
-            io::ErrorKind::NotFound => FileError::MissingFolder {
-                path: target.clone(),
-            },
+            io::ErrorKind::NotFound => FileError::MissingFolder { path: target.clone() },
             _ => FileError::from_io(&target, cause),
         })?;
         if let Some(permissions) = permissions {
             // Best effort: a file system without permissions is no reason to lose a result.
             let _ = file.set_permissions(permissions);
         }
-        Ok(Self {
-            target,
-            temporary: Some(temporary),
-            writer: Some(BufWriter::new(file)),
-        })
+        Ok(Self { target, temporary: Some(temporary), writer: Some(BufWriter::new(file)) })
     }
 
     /// The file that [`commit`](Self::commit) will replace.
@@ -209,8 +189,7 @@ impl AtomicFile {
     /// Brings everything to the disk and puts the file in the target's place.
     pub fn commit(mut self) -> Result<(), FileError> {
         let target = self.target.clone();
-        self.finish()
-            .map_err(|cause| FileError::from_io(&target, cause))
+        self.finish().map_err(|cause| FileError::from_io(&target, cause))
     }
 
     fn finish(&mut self) -> io::Result<()> {
@@ -279,28 +258,17 @@ pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
     let path = path.as_ref();
     let text = String::from_utf8(read_bytes(path)?).map_err(|cause| {
         let valid = cause.utf8_error().valid_up_to();
-        let line = 1 + cause.as_bytes()[..valid]
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count();
-        FileError::NotText {
-            path: path.to_path_buf(),
-            line,
-        }
+        let line = 1 + cause.as_bytes()[..valid].iter().filter(|byte| **byte == b'\n').count();
+        FileError::NotText { path: path.to_path_buf(), line }
     })?;
-    Ok(text
-        .strip_prefix('\u{feff}')
-        .map(str::to_owned)
-        .unwrap_or(text))
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// Makes a folder and those above it; one that exists already is no error.
 pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     let path = path.as_ref();
     fs::create_dir_all(path).map_err(|cause| match cause.kind() {
-        io::ErrorKind::AlreadyExists => FileError::NotFolder {
-            path: path.to_path_buf(),
-        },
+        io::ErrorKind::AlreadyExists => FileError::NotFolder { path: path.to_path_buf() },
         _ => FileError::from_io(path, cause),
     })
 }

@@ -46,7 +46,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::listen();
     let wanted = |setting: &Setting| {
         let named = options.setting.as_deref().is_none_or(|name| name == setting.name());
-        named && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
+        named
+            && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
     };
     let mut text = String::new();
     let mut results = Vec::new();

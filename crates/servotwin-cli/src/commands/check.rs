@@ -27,18 +27,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
                 })
             });
             let list: Vec<_> = list.collect();
-            crate::print(&json(
-                &json!({ "file": path, "valid": false, "mistakes": list }),
-            ))?;
+            crate::print(&json(&json!({ "file": path, "valid": false, "mistakes": list })))?;
             return Err(Failure::System(SystemError::Mistakes { path, mistakes }));
         }
         other => other?,
     };
     let components = &system.network().components;
-    let faults: usize = components
-        .iter()
-        .map(|c| c.component.spec().faults.len())
-        .sum();
+    let faults: usize = components.iter().map(|c| c.component.spec().faults.len()).sum();
     let (states, inputs) = (system.program.states().len(), system.network().inputs.len());
     if global.json {
         return Ok(json(&json!({

@@ -39,34 +39,22 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         schematic(&system).draw().save(path)?;
     }
     let rest = rest(&system)?;
-    Ok(if global.json {
-        json(&as_json(&system, &rest))
-    } else {
-        people(&system, &rest)
-    })
+    Ok(if global.json { json(&as_json(&system, &rest)) } else { people(&system, &rest) })
 }
 
 fn rest(system: &System) -> Result<Rest, Failure> {
     let program = &system.program;
     let inputs = default_inputs(system);
-    let variant = Variant {
-        inputs: inputs.iter().collect(),
-        ..Variant::default()
-    };
-    let states = Ensemble::new(program)
-        .settle(&variant)
-        .map_err(|failure| Failure::Run {
-            time_s: failure.time_s,
-            state: program.states()[failure.state].name.clone(),
-            cause: failure.cause.to_string(),
-        })?;
+    let variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
+    let states = Ensemble::new(program).settle(&variant).map_err(|failure| Failure::Run {
+        time_s: failure.time_s,
+        state: program.states()[failure.state].name.clone(),
+        cause: failure.cause.to_string(),
+    })?;
     let values: Vec<f64> = inputs.iter().map(|input| input.value(0.0)).collect();
     let eigenvalues = eigenvalues::of_system(program, &states, &values);
     let eigenvalues = eigenvalues.ok_or(Failure::Eigenvalues)?;
-    Ok(Rest {
-        states,
-        eigenvalues,
-    })
+    Ok(Rest { states, eigenvalues })
 }
 
 fn as_json(system: &System, rest: &Rest) -> Value {
@@ -97,10 +85,7 @@ fn as_json(system: &System, rest: &Rest) -> Value {
             "unit": sensor.unit.symbol(), "scale": sensor.scale,
         })
     });
-    let eigenvalues = rest
-        .eigenvalues
-        .iter()
-        .map(|value| json!([value.re, value.im]));
+    let eigenvalues = rest.eigenvalues.iter().map(|value| json!([value.re, value.im]));
     json!({
         "name": system.name, "title": system.title,
         "components": components.collect::<Vec<_>>(),
@@ -132,11 +117,7 @@ fn components(network: &Network) -> String {
         let spec = instance.component.spec();
         text += &format!("{} ({}): {}\n", instance.id, spec.kind, spec.summary);
         for (declared, &value) in spec.parameters.iter().zip(&instance.parameters) {
-            text += &format!(
-                "    {:<32} {}\n",
-                declared.name,
-                shown(value, declared.unit)
-            );
+            text += &format!("    {:<32} {}\n", declared.name, shown(value, declared.unit));
         }
     }
     text
@@ -161,11 +142,8 @@ fn states(system: &System, rest: &Rest) -> String {
 }
 
 fn inputs(network: &Network) -> String {
-    let mut grid = Grid::new(&[
-        ("input", Side::Left),
-        ("default", Side::Right),
-        ("unit", Side::Left),
-    ]);
+    let mut grid =
+        Grid::new(&[("input", Side::Left), ("default", Side::Right), ("unit", Side::Left)]);
     for input in &network.inputs {
         let value = number(input.unit.to_shown(input.default), 5);
         grid.push(vec![input.id.clone(), value, input.unit.shown().into()]);
@@ -215,22 +193,13 @@ fn eigenvalue_table(rest: &Rest) -> String {
 /// Components as blocks, connections as wires from the port that sets.
 fn schematic(system: &System) -> Diagram {
     let network = system.network();
-    let mut diagram = Diagram {
-        title: system.title.clone(),
-        ..Diagram::default()
-    };
+    let mut diagram = Diagram { title: system.title.clone(), ..Diagram::default() };
     for instance in &network.components {
         let (group, name) = instance.id.rsplit_once('.').unwrap_or(("", &instance.id));
         let spec = instance.component.spec();
-        let text = if name == spec.kind {
-            name.into()
-        } else {
-            format!("{name}\n{}", spec.kind)
-        };
+        let text = if name == spec.kind { name.into() } else { format!("{name}\n{}", spec.kind) };
         let family = spec.ports.first().map_or("", |port| port.kind.family());
-        diagram
-            .blocks
-            .push(Block::new(&instance.id, &text, family, group));
+        diagram.blocks.push(Block::new(&instance.id, &text, family, group));
     }
     for ports in &network.connections {
         diagram.wires.extend(wires(network, ports));
@@ -238,18 +207,11 @@ fn schematic(system: &System) -> Diagram {
     for input in &network.inputs {
         let block = format!("input {}", input.id);
         let group = input.id.rsplit_once('.').map_or("", |(group, _)| group);
-        diagram.blocks.push(Block::new(
-            &block,
-            &format!("{}\ninput", input.id),
-            "input",
-            group,
-        ));
-        diagram
-            .wires
-            .extend(input.targets.iter().map(|target| Wire {
-                arrow: true,
-                ..Wire::new(&block, &network.components[target.component].id, "signal")
-            }));
+        diagram.blocks.push(Block::new(&block, &format!("{}\ninput", input.id), "input", group));
+        diagram.wires.extend(input.targets.iter().map(|target| Wire {
+            arrow: true,
+            ..Wire::new(&block, &network.components[target.component].id, "signal")
+        }));
     }
     diagram
 }
@@ -258,11 +220,7 @@ fn wires(network: &Network, ports: &[PortOf]) -> Vec<Wire> {
     let id = |port: &PortOf| &network.components[port.component].id;
     let kind =
         |port: &PortOf| network.components[port.component].component.spec().ports[port.port].kind;
-    let Some(from) = ports
-        .iter()
-        .find(|port| kind(port).sets())
-        .or(ports.first())
-    else {
+    let Some(from) = ports.iter().find(|port| kind(port).sets()).or(ports.first()) else {
         return Vec::new();
     };
     let others = ports.iter().filter(|port| *port != from);

@@ -51,14 +51,8 @@ fn lines(system: &System) -> Vec<Line> {
     for (component, instance) in system.network().components.iter().enumerate() {
         let spec = instance.component.spec();
         for (fault, declared) in spec.faults.iter().enumerate() {
-            let place = spec
-                .parameter(declared.parameter)
-                .expect("checked by the contract");
-            let full = system.program.parameters(&[FaultAt {
-                component,
-                fault,
-                intensity: 1.0,
-            }]);
+            let place = spec.parameter(declared.parameter).expect("checked by the contract");
+            let full = system.program.parameters(&[FaultAt { component, fault, intensity: 1.0 }]);
             lines.push(Line {
                 id: format!("{}.{}", instance.id, declared.name),
                 component: instance.id.clone(),
@@ -134,9 +128,5 @@ fn people(lines: &[Line]) -> String {
             line.summary.into(),
         ]);
     }
-    format!(
-        "{}{} faults; intensities go from 0 (healthy) to 1.\n",
-        grid.text(),
-        lines.len()
-    )
+    format!("{}{} faults; intensities go from 0 (healthy) to 1.\n", grid.text(), lines.len())
 }

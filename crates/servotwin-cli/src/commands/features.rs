@@ -24,24 +24,16 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let text = files::read_text(&options.study).map_err(EvaluationError::File)?;
-    let in_study = |error| Failure::Trace {
-        path: options.study.clone(),
-        error,
-    };
+    let in_study = |error| Failure::Trace { path: options.study.clone(), error };
     let study = TraceStudy::parse(&text).map_err(in_study)?;
-    let features = study
-        .features(&table::read(&options.traces)?)
-        .map_err(in_study)?;
+    let features = study.features(&table::read(&options.traces)?).map_err(in_study)?;
     table::write(&options.out, &features)?;
     let (windows, columns) = (features.row_count(), features.columns().len());
     Ok(match (global.json, global.quiet) {
         (true, _) => crate::render::json(&json!({ "windows": windows, "columns": columns })),
         (false, true) => String::new(),
         (false, false) => {
-            format!(
-                "{}: {windows} windows, {columns} columns\n",
-                options.out.display()
-            )
+            format!("{}: {windows} windows, {columns} columns\n", options.out.display())
         }
     })
 }

@@ -123,9 +123,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     let (values, statistics) = plan.run(global)?;
     let wall_s = begin.elapsed().as_secs_f64();
-    let times_s: Vec<f64> = (0..values[0].len())
-        .map(|k| k as f64 * plan.period_s)
-        .collect();
+    let times_s: Vec<f64> = (0..values[0].len()).map(|k| k as f64 * plan.period_s).collect();
     if let Some(path) = &options.out {
         table::write(path, &plan.table(&times_s, &values)?)?;
     }
@@ -134,11 +132,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     if !global.quiet {
         let factor = number(plan.duration_s / wall_s, 3);
-        eprintln!(
-            "{} s in {} s: {factor} times real time",
-            plan.duration_s,
-            number(wall_s, 3)
-        );
+        eprintln!("{} s in {} s: {factor} times real time", plan.duration_s, number(wall_s, 3));
     }
     Ok(match global {
         Global { json: true, .. } => json(&plan.json(&values, statistics)),
@@ -176,23 +170,14 @@ fn positive(
     if value > 0.0 && value <= largest {
         return Ok(value);
     }
-    Err(Failure::OutOfRange {
-        option,
-        given: text.into(),
-        range,
-    })
+    Err(Failure::OutOfRange { option, given: text.into(), range })
 }
 
 fn settings(options: &Options) -> Result<Settings, Failure> {
     let control = match (&options.step, &options.tolerance) {
         (Some(text), _) => {
-            let step_s = positive(
-                "--step",
-                text,
-                Unit::Second,
-                1.0,
-                "greater than 0, at most 1 s",
-            )?;
+            let step_s =
+                positive("--step", text, Unit::Second, 1.0, "greater than 0, at most 1 s")?;
             Control::Fixed { step_s }
         }
         (None, _) if options.method == Method::RungeKutta4 => {
@@ -204,26 +189,16 @@ fn settings(options: &Options) -> Result<Settings, Failure> {
             let text = text.as_deref().unwrap_or("1e-5");
             let range = "greater than 0, at most 0.1";
             let tolerance = positive("--tolerance", text, Unit::None, 0.1, range)?;
-            Control::Adaptive {
-                tolerance,
-                max_step_s: 0.1,
-            }
+            Control::Adaptive { tolerance, max_step_s: 0.1 }
         }
     };
-    Ok(Settings {
-        method: options.method,
-        control,
-        land_on_samples: true,
-    })
+    Ok(Settings { method: options.method, control, land_on_samples: true })
 }
 
 /// The two sides of `name=value`.
 fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), Failure> {
     let sides = text.split_once('=');
-    sides.ok_or_else(|| Failure::NoEqualSign {
-        option,
-        given: text.into(),
-    })
+    sides.ok_or_else(|| Failure::NoEqualSign { option, given: text.into() })
 }
 
 fn faults(system: &System, texts: &[String]) -> Result<Vec<FaultAt>, Failure> {
@@ -236,32 +211,16 @@ fn faults(system: &System, texts: &[String]) -> Result<Vec<FaultAt>, Failure> {
             given: id.into(),
             known: all_faults(system),
         })?;
-        let intensity = Quantity::in_unit(value, Unit::None).map_err(|error| Failure::Number {
-            option: "--fault",
-            error,
-        })?;
+        let intensity = Quantity::in_unit(value, Unit::None)
+            .map_err(|error| Failure::Number { option: "--fault", error })?;
         if !(0.0..=1.0).contains(&intensity) {
             let range = "an intensity goes from 0 to 1";
-            return Err(Failure::OutOfRange {
-                option: "--fault",
-                given: text.clone(),
-                range,
-            });
+            return Err(Failure::OutOfRange { option: "--fault", given: text.clone(), range });
         }
-        if faults
-            .iter()
-            .any(|f| (f.component, f.fault) == (component, fault))
-        {
-            return Err(Failure::Repeated {
-                option: "--fault",
-                name: id.into(),
-            });
+        if faults.iter().any(|f| (f.component, f.fault) == (component, fault)) {
+            return Err(Failure::Repeated { option: "--fault", name: id.into() });
         }
-        faults.push(FaultAt {
-            component,
-            fault,
-            intensity,
-        });
+        faults.push(FaultAt { component, fault, intensity });
     }
     Ok(faults)
 }
@@ -277,14 +236,10 @@ fn all_faults(system: &System) -> Vec<String> {
 
 /// The signals that were given: (option, input, signal).
 fn signals(options: &Options) -> Result<Vec<(String, String, Signal)>, Failure> {
-    let named = [
-        ("--command", "command", &options.command),
-        ("--load", "load_factor", &options.load),
-    ];
+    let named =
+        [("--command", "command", &options.command), ("--load", "load_factor", &options.load)];
     let named = named.into_iter().filter_map(|(option, id, signal)| {
-        signal
-            .as_ref()
-            .map(|signal| Ok((option.to_string(), id.to_string(), signal.clone())))
+        signal.as_ref().map(|signal| Ok((option.to_string(), id.to_string(), signal.clone())))
     });
     let others = options.inputs.iter().map(|text| {
         let (id, signal) = split("--input", text)?;
@@ -335,10 +290,7 @@ impl<'s> Plan<'s> {
             known: inputs.iter().map(|input| input.id.clone()).collect(),
         })?;
         if self.signals[place].is_some() {
-            return Err(Failure::Repeated {
-                option: "--input",
-                name: id.into(),
-            });
+            return Err(Failure::Repeated { option: "--input", name: id.into() });
         }
         let curve = signal.build(inputs[place].unit, self.duration_s);
         self.curves[place] = curve.map_err(|error| Failure::Signal { option, error })?;
@@ -353,12 +305,7 @@ impl<'s> Plan<'s> {
             let inputs = self.system.network().inputs.iter().zip(&self.signals);
             let driven = inputs.filter(|(_, signal)| signal.is_some());
             recorded.extend(driven.flat_map(|(input, _)| self.named(&input.id)));
-            recorded.extend(
-                self.system
-                    .sensors
-                    .iter()
-                    .flat_map(|sensor| self.named(&sensor.id)),
-            );
+            recorded.extend(self.system.sensors.iter().flat_map(|sensor| self.named(&sensor.id)));
             if self.system.sensors.is_empty() {
                 let states = self.system.program.states().iter();
                 recorded.extend(states.flat_map(|state| self.named(&state.name)));
@@ -368,11 +315,7 @@ impl<'s> Plan<'s> {
             let found = self.named(name);
             if found.is_empty() {
                 let known = self.all_names();
-                return Err(Failure::UnknownName {
-                    what: "quantity",
-                    given: name.clone(),
-                    known,
-                });
+                return Err(Failure::UnknownName { what: "quantity", given: name.clone(), known });
             }
             recorded.extend(found);
         }
@@ -385,17 +328,9 @@ impl<'s> Plan<'s> {
     fn named(&self, name: &str) -> Vec<Recorded> {
         let program = &self.system.program;
         if let Some(sensor) = self.system.sensor(name) {
-            let slot = program
-                .observable(&sensor.signal)
-                .expect("a checked sensor")
-                .slot;
+            let slot = program.observable(&sensor.signal).expect("a checked sensor").slot;
             let (name, label) = (with_suffix(&sensor.id, sensor.unit), sensor.label.clone());
-            return vec![Recorded {
-                name,
-                label,
-                unit: sensor.unit,
-                slot,
-            }];
+            return vec![Recorded { name, label, unit: sensor.unit, slot }];
         }
         let inside = format!("{name}.");
         let observables = program.observables().iter();
@@ -412,18 +347,8 @@ impl<'s> Plan<'s> {
 
     fn all_names(&self) -> Vec<String> {
         let sensors = self.system.sensors.iter().map(|sensor| sensor.id.clone());
-        let components = self
-            .system
-            .network()
-            .components
-            .iter()
-            .map(|c| c.id.clone());
-        let observables = self
-            .system
-            .program
-            .observables()
-            .iter()
-            .map(|o| o.name.clone());
+        let components = self.system.network().components.iter().map(|c| c.id.clone());
+        let observables = self.system.program.observables().iter().map(|o| o.name.clone());
         sensors.chain(components).chain(observables).collect()
     }
 
@@ -445,10 +370,8 @@ impl<'s> Plan<'s> {
             inputs: self.curves.iter().collect(),
             ..Variant::default()
         };
-        let values = || Recorder {
-            values: vec![Vec::new(); self.recorded.len()],
-            bar: bar.clone(),
-        };
+        let values =
+            || Recorder { values: vec![Vec::new(); self.recorded.len()], bar: bar.clone() };
         let mut result = None;
         ensemble.run(
             1,
@@ -460,9 +383,7 @@ impl<'s> Plan<'s> {
         );
         bar.finish_and_clear();
         // A run that was stopped gives no result at all.
-        result
-            .ok_or(Failure::Stopped)?
-            .map_err(|failure| self.failure(failure))
+        result.ok_or(Failure::Stopped)?.map_err(|failure| self.failure(failure))
     }
 
     fn failure(&self, failure: solver::Failure) -> Failure {
@@ -478,11 +399,7 @@ impl<'s> Plan<'s> {
         let mut table = Table::new()
             .with_metadata("servotwin", env!("CARGO_PKG_VERSION"))
             .with_metadata("system", &self.system.name);
-        table.push(Column::new(
-            "time_s",
-            Unit::Second.symbol(),
-            times_s.to_vec(),
-        ))?;
+        table.push(Column::new("time_s", Unit::Second.symbol(), times_s.to_vec()))?;
         for (one, values) in self.recorded.iter().zip(values) {
             table.push(Column::new(&one.name, one.unit.symbol(), values.clone()))?;
         }
@@ -500,11 +417,7 @@ impl<'s> Plan<'s> {
         }
         for unit in units {
             let mut panel = Panel::new("", unit.shown());
-            let of_unit = self
-                .recorded
-                .iter()
-                .zip(values)
-                .filter(|(one, _)| one.unit == unit);
+            let of_unit = self.recorded.iter().zip(values).filter(|(one, _)| one.unit == unit);
             for (one, values) in of_unit {
                 let shown: Vec<f64> = values.iter().map(|&si| unit.to_shown(si)).collect();
                 panel = panel.with(Series::new(one.label.clone(), times_s.to_vec(), shown));
@@ -516,22 +429,15 @@ impl<'s> Plan<'s> {
 
     /// The inputs that were driven: (place, text of the signal, rms).
     fn driven(&self) -> impl Iterator<Item = (usize, &str, f64)> {
-        self.signals
-            .iter()
-            .enumerate()
-            .filter_map(|(place, signal)| {
-                let rms = self.curves[place].mean_square(0.0, self.duration_s).sqrt();
-                signal.as_ref().map(|signal| (place, signal.as_str(), rms))
-            })
+        self.signals.iter().enumerate().filter_map(|(place, signal)| {
+            let rms = self.curves[place].mean_square(0.0, self.duration_s).sqrt();
+            signal.as_ref().map(|signal| (place, signal.as_str(), rms))
+        })
     }
 
     fn fault_id(&self, fault: &FaultAt) -> String {
         let instance = &self.system.network().components[fault.component];
-        format!(
-            "{}.{}",
-            instance.id,
-            instance.component.spec().faults[fault.fault].name
-        )
+        format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name)
     }
 
     fn json(&self, values: &[Vec<f64>], statistics: Statistics) -> Value {
@@ -544,12 +450,7 @@ impl<'s> Plan<'s> {
             .iter()
             .map(|fault| json!({ "id": self.fault_id(fault), "intensity": fault.intensity }));
         let recorded = self.recorded.iter().zip(values).map(|(one, values)| {
-            let Summary {
-                start,
-                least,
-                most,
-                end,
-            } = Summary::of(values);
+            let Summary { start, least, most, end } = Summary::of(values);
             json!({
                 "name": one.name, "unit": one.unit.symbol(),
                 "start": start, "min": least, "max": most, "end": end,
@@ -589,23 +490,13 @@ impl<'s> Plan<'s> {
             ("unit", Side::Left),
         ]);
         for (one, values) in self.recorded.iter().zip(values) {
-            let Summary {
-                start,
-                least,
-                most,
-                end,
-            } = Summary::of(values);
+            let Summary { start, least, most, end } = Summary::of(values);
             let cells = [start, least, most, end].map(|si| number(one.unit.to_shown(si), 5));
             let row = [one.label.clone()].into_iter().chain(cells);
             grid.push(row.chain([one.unit.shown().to_string()]).collect());
         }
         text += &grid.text();
-        let Statistics {
-            steps,
-            rejected,
-            jacobians,
-            ..
-        } = statistics;
+        let Statistics { steps, rejected, jacobians, .. } = statistics;
         text + &format!("{steps} steps, {rejected} rejected, {jacobians} Jacobians\n")
     }
 }

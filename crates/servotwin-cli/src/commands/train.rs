@@ -73,9 +73,7 @@ impl ValueEnum for Choice {
 
 impl Options {
     fn settings(&self) -> Settings {
-        let chosen = default_classifiers()
-            .into_iter()
-            .find(|s| s.kind() == self.classifier.0);
+        let chosen = default_classifiers().into_iter().find(|s| s.kind() == self.classifier.0);
         match chosen {
             Some(Settings::Cart(mut cart)) => {
                 cart.max_depth = Some(self.depth);
@@ -96,10 +94,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         features: options.features.clone(),
     };
     let settings = options.settings();
-    let folds = HoldOut::Folds {
-        folds: options.folds,
-        seed: options.seed,
-    };
+    let folds = HoldOut::Folds { folds: options.folds, seed: options.seed };
     let hold_out = options.last.map_or(folds, |share| HoldOut::Last { share });
     let threads = available_parallelism().map_or(1, |threads| threads.get());
     let score = validate_table(&table, &selection, &settings, hold_out, threads)?;
@@ -135,22 +130,14 @@ pub fn people(score: &Score) -> String {
     for (class, counts) in score.confusion.iter().enumerate() {
         let rows: u64 = counts.iter().sum();
         let found = (rows > 0).then(|| percent(counts[class] as f64 / rows as f64));
-        let others = counts
-            .iter()
-            .enumerate()
-            .filter(|(other, _)| *other != class);
+        let others = counts.iter().enumerate().filter(|(other, _)| *other != class);
         // Of equally frequent ones the first.
         let worst = others.rev().max_by_key(|(_, count)| **count);
         let worst = worst.filter(|(_, count)| **count > 0);
         let worst = worst.map(|(other, count)| format!("{} ({count})", score.classes[other]));
         let found = found.unwrap_or_else(|| "–".into());
         let name = score.classes[class].clone();
-        grid.push(vec![
-            name,
-            rows.to_string(),
-            found,
-            worst.unwrap_or_default(),
-        ]);
+        grid.push(vec![name, rows.to_string(), found, worst.unwrap_or_default()]);
     }
     text += &grid.text();
     text

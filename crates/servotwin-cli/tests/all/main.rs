@@ -4,17 +4,11 @@ use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-const SPRING: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/../../systems/spring_actuator.toml"
-);
+const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
 
 fn servotwin(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_servotwin"));
-    command
-        .args(arguments)
-        .output()
-        .expect("the binary can be run")
+    command.args(arguments).output().expect("the binary can be run")
 }
 
 fn stdout(output: &Output) -> String {
@@ -27,11 +21,7 @@ fn stderr(output: &Output) -> String {
 
 fn json(arguments: &[&str]) -> serde_json::Value {
     let output = servotwin(arguments);
-    assert!(
-        output.status.success(),
-        "{arguments:?}: {}",
-        stderr(&output)
-    );
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
     serde_json::from_slice(&output.stdout).expect("valid JSON")
 }
 
@@ -59,11 +49,8 @@ impl Drop for Folder {
 #[test]
 fn a_step_is_followed_and_written() {
     let folder = Folder::new("step");
-    let (csv, parquet, svg) = (
-        folder.file("a.csv"),
-        folder.file("a.parquet"),
-        folder.file("a.svg"),
-    );
+    let (csv, parquet, svg) =
+        (folder.file("a.csv"), folder.file("a.parquet"), folder.file("a.svg"));
     let run = |out: &str| {
         json(&[
             "simulate",
@@ -86,10 +73,7 @@ fn a_step_is_followed_and_written() {
     let summary = run(&csv);
     assert_eq!(summary, run(&parquet), "a run gives the same twice");
     let recorded = summary["recorded"].as_array().unwrap();
-    let angle = recorded
-        .iter()
-        .find(|r| r["name"] == "aileron.angle_rad")
-        .unwrap();
+    let angle = recorded.iter().find(|r| r["name"] == "aileron.angle_rad").unwrap();
     // physics.md 7.1: 10.00° at no load.
     let end_deg = angle["end"].as_f64().unwrap().to_degrees();
     assert!((end_deg - 10.0).abs() < 0.1, "{end_deg}");
@@ -97,10 +81,7 @@ fn a_step_is_followed_and_written() {
     let from_csv = servotwin::table::read(&csv).unwrap();
     let from_parquet = servotwin::table::read(&parquet).unwrap();
     assert_eq!(from_csv.row_count(), 101);
-    assert_eq!(
-        from_csv.f64("x_p_1_m").unwrap(),
-        from_parquet.f64("x_p_1_m").unwrap()
-    );
+    assert_eq!(from_csv.f64("x_p_1_m").unwrap(), from_parquet.f64("x_p_1_m").unwrap());
     assert!(std::fs::read_to_string(&svg).unwrap().starts_with("<svg"));
     let files = std::fs::read_dir(&folder.0).unwrap().count();
     assert_eq!(files, 3, "no temporary file is left");
@@ -115,10 +96,7 @@ fn lanes_do_not_change_the_result_and_faults_do() {
     let healthy = run(&[]);
     assert_eq!(run(&["--lanes", "portable"]), healthy);
     let zero = run(&["--fault", "servo_valve.clogging_pa=0"]);
-    assert_eq!(
-        zero["recorded"], healthy["recorded"],
-        "zero intensity is healthy"
-    );
+    assert_eq!(zero["recorded"], healthy["recorded"], "zero intensity is healthy");
     let faulty = run(&["--fault", "servo_valve.bias_positive=50%"]);
     assert_eq!(faulty["faults"][0]["intensity"], 0.5);
     assert_ne!(faulty["recorded"], healthy["recorded"]);
@@ -129,10 +107,7 @@ fn faults_are_listed_in_three_forms() {
     let list = json(&["faults", "--json"]);
     let list = list.as_array().unwrap();
     assert!(list.len() > 80, "{}", list.len());
-    let clogging = list
-        .iter()
-        .find(|f| f["id"] == "actuator_1.servo_valve.clogging_pa")
-        .unwrap();
+    let clogging = list.iter().find(|f| f["id"] == "actuator_1.servo_valve.clogging_pa").unwrap();
     assert_eq!(clogging["category"], "clogging");
     assert_eq!(clogging["unit"], "m");
     let ratio =
@@ -152,23 +127,11 @@ fn a_system_is_described() {
     let states = description["states"].as_array().unwrap().len();
     let eigenvalues = description["eigenvalues_per_s"].as_array().unwrap();
     assert_eq!(eigenvalues.len(), states);
-    let stable = eigenvalues
-        .iter()
-        .all(|value| value[0].as_f64().unwrap() < 1e-6);
+    let stable = eigenvalues.iter().all(|value| value[0].as_f64().unwrap() < 1e-6);
     assert!(stable, "{eigenvalues:?}");
-    assert!(
-        std::fs::read_to_string(&svg)
-            .unwrap()
-            .contains("servo_valve")
-    );
+    assert!(std::fs::read_to_string(&svg).unwrap().contains("servo_valve"));
     let text = stdout(&servotwin(&["describe", SPRING]));
-    for part in [
-        "Components",
-        "States at rest",
-        "Inputs",
-        "Sensors",
-        "Eigenvalues",
-    ] {
+    for part in ["Components", "States at rest", "Inputs", "Sensors", "Eigenvalues"] {
         assert!(text.contains(part), "{part}");
     }
 }
@@ -177,11 +140,7 @@ fn a_system_is_described() {
 fn files_are_checked_with_their_places() {
     let folder = Folder::new("check");
     let good = servotwin(&["check", SPRING]);
-    assert!(
-        good.status.success() && stdout(&good).contains("no mistakes"),
-        "{}",
-        stderr(&good)
-    );
+    assert!(good.status.success() && stdout(&good).contains("no mistakes"), "{}", stderr(&good));
     let wrong = folder.file("wrong.toml");
     let text = std::fs::read_to_string(SPRING)
         .unwrap()
@@ -206,117 +165,39 @@ fn wrong_use_is_told_and_has_its_exit_code() {
     let cases: &[(&[&str], i32, &str)] = &[
         (&[], 2, "Usage"),
         (&["simulat"], 2, "simulate"),
+        (&["check", "/nowhere.toml"], 3, "/nowhere.toml: no such file"),
+        (&["simulate", "--command", "stp:size=1"], 2, "unknown kind of signal 'stp'"),
+        (&["simulate", "--command", "200bar"], 2, "--command: constant: 'value=200bar'"),
+        (&["simulate", "--input", "mode"], 2, "--input needs NAME=VALUE"),
+        (&["simulate", "--input", "comand=1"], 2, "did you mean 'command'?"),
+        (&["simulate", "--command", "1deg", "--input", "command=1"], 2, "given twice"),
         (
-            &["check", "/nowhere.toml"],
-            3,
-            "/nowhere.toml: no such file",
-        ),
-        (
-            &["simulate", "--command", "stp:size=1"],
-            2,
-            "unknown kind of signal 'stp'",
-        ),
-        (
-            &["simulate", "--command", "200bar"],
-            2,
-            "--command: constant: 'value=200bar'",
-        ),
-        (
-            &["simulate", "--input", "mode"],
-            2,
-            "--input needs NAME=VALUE",
-        ),
-        (
-            &["simulate", "--input", "comand=1"],
-            2,
-            "did you mean 'command'?",
-        ),
-        (
-            &["simulate", "--command", "1deg", "--input", "command=1"],
-            2,
-            "given twice",
-        ),
-        (
-            &[
-                "simulate",
-                "--fault",
-                "actuator_1.servo_valve.clogging_paa=1",
-            ],
+            &["simulate", "--fault", "actuator_1.servo_valve.clogging_paa=1"],
             2,
             "did you mean 'actuator_1.servo_valve.clogging_pa'?",
         ),
+        (&["simulate", "--fault", "actuator_1.servo_valve.clogging_pa=1.5"], 2, "from 0 to 1"),
         (
-            &[
-                "simulate",
-                "--fault",
-                "actuator_1.servo_valve.clogging_pa=1.5",
-            ],
-            2,
-            "from 0 to 1",
-        ),
-        (
-            &[
-                "simulate",
-                "--fault",
-                "actuator_1.servo_valve.clogging_pa=x",
-            ],
+            &["simulate", "--fault", "actuator_1.servo_valve.clogging_pa=x"],
             2,
             "'x' is not a number",
         ),
         (&["simulate", "--duration", "5Hz"], 2, "allowed: s, ms"),
-        (
-            &["simulate", "--duration=-5s"],
-            2,
-            "--duration -5s is out of range",
-        ),
-        (
-            &["simulate", "--record", "x_p_9"],
-            2,
-            "no quantity 'x_p_9'; did you mean",
-        ),
+        (&["simulate", "--duration=-5s"], 2, "--duration -5s is out of range"),
+        (&["simulate", "--record", "x_p_9"], 2, "no quantity 'x_p_9'; did you mean"),
         (&["simulate", "--out", "a.xls"], 2, "a.xls"),
         (&["simulate", "--plot", "a.pdf"], 2, "a.pdf"),
         (&["simulate", "--method", "euler"], 2, "rodas4p"),
         (&["simulate", "--method", "rk4"], 2, "give --step"),
+        (&["simulate", "--step", "1ms", "--tolerance", "1e-3"], 2, "cannot be used with"),
         (
-            &["simulate", "--step", "1ms", "--tolerance", "1e-3"],
-            2,
-            "cannot be used with",
-        ),
-        (
-            &[
-                "simulate",
-                "--duration",
-                "1s",
-                "--command",
-                "table:file=/nowhere.csv,column=a",
-            ],
+            &["simulate", "--duration", "1s", "--command", "table:file=/nowhere.csv,column=a"],
             3,
             "no such file",
         ),
+        (&["simulate", SPRING, "--duration", "20ms", "--out", "/nowhere/a.csv"], 1, "/nowhere"),
         (
-            &[
-                "simulate",
-                SPRING,
-                "--duration",
-                "20ms",
-                "--out",
-                "/nowhere/a.csv",
-            ],
-            1,
-            "/nowhere",
-        ),
-        (
-            &[
-                "simulate",
-                SPRING,
-                "--duration",
-                "2s",
-                "--method",
-                "rk4",
-                "--step",
-                "10ms",
-            ],
+            &["simulate", SPRING, "--duration", "2s", "--method", "rk4", "--step", "10ms"],
             1,
             "the run stopped at",
         ),
@@ -353,21 +234,13 @@ fn an_interrupt_leaves_no_file() {
     let out = folder.file("a.csv");
     let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
         .args(["simulate", "--duration", "100000s", "--rate", "10Hz"])
-        .args([
-            "--command",
-            "sine:amplitude=1deg,frequency=0.1Hz",
-            "--record",
-            "x_p_1",
-        ])
+        .args(["--command", "sine:amplitude=1deg,frequency=0.1Hz", "--record", "x_p_1"])
         .args(["--out", &out])
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     std::thread::sleep(std::time::Duration::from_millis(1500));
-    let kill = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status()
-        .unwrap();
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 0);

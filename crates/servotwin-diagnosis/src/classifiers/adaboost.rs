@@ -30,12 +30,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings {
-            trees: 50,
-            max_depth: 1,
-            learning_rate: 1.0,
-            criterion: Criterion::Gini,
-        }
+        Settings { trees: 50, max_depth: 1, learning_rate: 1.0, criterion: Criterion::Gini }
     }
 }
 
@@ -43,12 +38,7 @@ impl Settings {
     fn rules(&self, samples: &Samples) -> Result<Rules, Error> {
         let rate = self.learning_rate;
         require(self.trees >= 1, "trees", self.trees as f64, ">= 1")?;
-        require(
-            self.max_depth >= 1,
-            "max_depth",
-            self.max_depth as f64,
-            ">= 1",
-        )?;
+        require(self.max_depth >= 1, "max_depth", self.max_depth as f64, ">= 1")?;
         require(rate.is_finite() && rate > 0.0, "learning_rate", rate, "> 0")?;
         Ok(Rules {
             criterion: self.criterion,
@@ -86,11 +76,7 @@ struct WeightedTree {
 impl WeightedTree {
     fn new(tree: &Tree, weight: f64) -> Self {
         let decisions = (0..tree.nodes()).map(|node| tree.decision(node)).collect();
-        WeightedTree {
-            weight,
-            branches: tree.branches().clone(),
-            decisions,
-        }
+        WeightedTree { weight, branches: tree.branches().clone(), decisions }
     }
 }
 
@@ -136,19 +122,12 @@ impl Fit for Settings {
             let vote = self.learning_rate * odds;
             trees.push(WeightedTree::new(&tree, vote));
             let factor = libm::exp(vote);
-            let both = weights
-                .iter_mut()
-                .zip(&missed)
-                .filter(|(_, missed)| **missed);
+            let both = weights.iter_mut().zip(&missed).filter(|(_, missed)| **missed);
             both.for_each(|(weight, _)| *weight *= factor);
         }
         let total: f64 = trees.iter().map(|tree| tree.weight).sum();
         trees.iter_mut().for_each(|tree| tree.weight /= total);
-        Ok(Model {
-            features: samples.features(),
-            classes: samples.classes(),
-            trees,
-        })
+        Ok(Model { features: samples.features(), classes: samples.classes(), trees })
     }
 }
 
@@ -186,21 +165,13 @@ impl Classifier for Model {
 
     fn check(&self) -> Result<(), Error> {
         if self.trees.is_empty() {
-            return Err(Error::CorruptModel {
-                broken: "a boosted model has trees",
-            });
+            return Err(Error::CorruptModel { broken: "a boosted model has trees" });
         }
         for tree in &self.trees {
             tree.branches.check(self.features)?;
             same_length("decisions", tree.branches.len(), tree.decisions.len())?;
-            if tree
-                .decisions
-                .iter()
-                .any(|&class| class as usize >= self.classes)
-            {
-                return Err(Error::CorruptModel {
-                    broken: "trees must decide known classes",
-                });
+            if tree.decisions.iter().any(|&class| class as usize >= self.classes) {
+                return Err(Error::CorruptModel { broken: "trees must decide known classes" });
             }
         }
         Ok(())

@@ -117,14 +117,9 @@ impl Settings {
         for name in &self.excluded_features {
             allowed[samples.feature_index(name)?] = false;
         }
-        let features: Vec<usize> = (0..samples.features())
-            .filter(|&feature| allowed[feature])
-            .collect();
-        if features.is_empty() {
-            Err(Error::NoFeatures)
-        } else {
-            Ok(features)
-        }
+        let features: Vec<usize> =
+            (0..samples.features()).filter(|&feature| allowed[feature]).collect();
+        if features.is_empty() { Err(Error::NoFeatures) } else { Ok(features) }
     }
 
     fn limits(&self, samples: &Samples) -> Result<Vec<Limits>, Error> {
@@ -132,18 +127,10 @@ impl Settings {
             return Ok(vec![]);
         }
         let mut limits = vec![Limits::default(); samples.features()];
-        for Resolution {
-            feature,
-            gap,
-            magnitude,
-        } in &self.resolutions
-        {
+        for Resolution { feature, gap, magnitude } in &self.resolutions {
             not_negative("gap", *gap)?;
             not_negative("magnitude", *magnitude)?;
-            limits[samples.feature_index(feature)?] = Limits {
-                gap: *gap,
-                magnitude: *magnitude,
-            };
+            limits[samples.feature_index(feature)?] = Limits { gap: *gap, magnitude: *magnitude };
         }
         Ok(limits)
     }
@@ -174,17 +161,10 @@ impl Settings {
         };
         let factors = costs.prior_factors();
         for &factor in &factors {
-            require(
-                factor > 0.0,
-                "costs",
-                factor,
-                "with altered priors each row sums to > 0",
-            )?;
+            require(factor > 0.0, "costs", factor, "with altered priors each row sums to > 0")?;
         }
         let altered = weights.iter().zip(samples.labels());
-        Ok(altered
-            .map(|(weight, &label)| weight * factors[label as usize])
-            .collect())
+        Ok(altered.map(|(weight, &label)| weight * factors[label as usize]).collect())
     }
 }
 
@@ -213,11 +193,7 @@ impl Fit for Settings {
         };
         // All features are tried at each split, so nothing is drawn.
         let tree = grow(&growth, &mut Random::new(0));
-        Ok(if self.ccp_alpha > 0.0 {
-            tree.prune(self.ccp_alpha)
-        } else {
-            tree
-        })
+        Ok(if self.ccp_alpha > 0.0 { tree.prune(self.ccp_alpha) } else { tree })
     }
 }
 

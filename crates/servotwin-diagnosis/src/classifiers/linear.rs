@@ -39,13 +39,7 @@ impl LinearFunctions {
             }
             *intercept -= dot(weights, &standardiser.means);
         }
-        LinearFunctions {
-            features,
-            classes,
-            labels,
-            weights,
-            intercepts,
-        }
+        LinearFunctions { features, classes, labels, weights, intercepts }
     }
 
     /// Number of features in a row.
@@ -61,20 +55,13 @@ impl LinearFunctions {
     /// The weights of each trained class: (label, weights, intercept).
     pub fn functions(&self) -> impl Iterator<Item = (u32, &[f64], f64)> {
         let weights = self.weights.chunks_exact(self.features);
-        self.labels
-            .iter()
-            .zip(weights)
-            .zip(&self.intercepts)
-            .map(|((l, w), b)| (*l, w, *b))
+        self.labels.iter().zip(weights).zip(&self.intercepts).map(|((l, w), b)| (*l, w, *b))
     }
 
     /// The label with the largest value.
     pub(crate) fn predict(&self, row: &[f64]) -> u32 {
         let row = &row[..self.features];
-        self.labels[arg_max(
-            self.functions()
-                .map(|(_, weights, b)| dot(weights, row) + b),
-        )]
+        self.labels[arg_max(self.functions().map(|(_, weights, b)| dot(weights, row) + b))]
     }
 
     /// Writes the values; classes that were not trained get minus infinity.
@@ -95,11 +82,7 @@ impl LinearFunctions {
     pub(crate) fn check(&self) -> Result<(), Error> {
         check_labels(&self.labels, self.classes)?;
         same_length("intercepts", self.labels.len(), self.intercepts.len())?;
-        same_length(
-            "weights",
-            self.labels.len() * self.features,
-            self.weights.len(),
-        )
+        same_length("weights", self.labels.len() * self.features, self.weights.len())
     }
 }
 
@@ -108,9 +91,7 @@ pub(crate) fn check_labels(labels: &[u32], classes: usize) -> Result<(), Error> 
     if !labels.is_empty() && labels.iter().all(|&label| (label as usize) < classes) {
         Ok(())
     } else {
-        Err(Error::CorruptModel {
-            broken: "labels must be known classes",
-        })
+        Err(Error::CorruptModel { broken: "labels must be known classes" })
     }
 }
 

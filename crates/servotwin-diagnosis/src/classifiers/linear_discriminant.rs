@@ -36,10 +36,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings {
-            ridge: 0.0,
-            first_ridge: 1e-6,
-        }
+        Settings { ridge: 0.0, first_ridge: 1e-6 }
     }
 }
 
@@ -69,19 +66,9 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-        require(
-            self.ridge.is_finite() && self.ridge >= 0.0,
-            "ridge",
-            self.ridge,
-            ">= 0",
-        )?;
+        require(self.ridge.is_finite() && self.ridge >= 0.0, "ridge", self.ridge, ">= 0")?;
         let first = self.first_ridge;
-        require(
-            first.is_finite() && first > 0.0,
-            "first_ridge",
-            first,
-            "> 0",
-        )?;
+        require(first.is_finite() && first > 0.0, "first_ridge", first, "> 0")?;
         let features = samples.features();
         let present = PresentClasses::new(samples);
         let mut scatter = Scatter::new(samples, &present);
@@ -120,11 +107,7 @@ impl Settings {
                 return (factor, ridge);
             }
             // Ends: a ridge above the number of features dominates every correlation.
-            ridge = if ridge > 0.0 {
-                ridge * RIDGE_STEP
-            } else {
-                self.first_ridge
-            };
+            ridge = if ridge > 0.0 { ridge * RIDGE_STEP } else { self.first_ridge };
         }
     }
 }
@@ -146,16 +129,9 @@ impl Scatter {
         for (row, values) in table.chunks_exact(features).enumerate() {
             let class = present.of_row[row];
             let share = samples.weight(row) / present.weights[class];
-            add_scaled(
-                &mut means[class * features..(class + 1) * features],
-                share,
-                values,
-            );
+            add_scaled(&mut means[class * features..(class + 1) * features], share, values);
         }
-        Scatter {
-            standardiser,
-            means,
-        }
+        Scatter { standardiser, means }
     }
 
     /// The pooled covariance within the classes, scaled to correlations (row-major). Rescales
@@ -166,13 +142,7 @@ impl Scatter {
         let mut covariance = self.covariance(samples, present);
         let scales: Vec<f64> = (0..features)
             .map(|feature| libm::sqrt(covariance[feature * features + feature].max(0.0)))
-            .map(|deviation| {
-                if deviation > NEGLIGIBLE {
-                    1.0 / deviation
-                } else {
-                    1.0
-                }
-            })
+            .map(|deviation| if deviation > NEGLIGIBLE { 1.0 / deviation } else { 1.0 })
             .collect();
         for row in 0..features {
             for column in 0..features {
@@ -181,10 +151,7 @@ impl Scatter {
             self.standardiser.scales[row] *= scales[row];
         }
         for means in self.means.chunks_exact_mut(features) {
-            means
-                .iter_mut()
-                .zip(&scales)
-                .for_each(|(mean, scale)| *mean *= scale);
+            means.iter_mut().zip(&scales).for_each(|(mean, scale)| *mean *= scale);
         }
         covariance
     }
@@ -193,24 +160,14 @@ impl Scatter {
     /// filled.
     fn covariance(&self, samples: &Samples, present: &PresentClasses) -> Vec<f64> {
         let features = samples.features();
-        let rows = (0..samples.rows())
-            .filter(|&row| samples.weight(row) > 0.0)
-            .count();
-        let freedom = if rows > present.len() {
-            rows - present.len()
-        } else {
-            rows
-        };
+        let rows = (0..samples.rows()).filter(|&row| samples.weight(row) > 0.0).count();
+        let freedom = if rows > present.len() { rows - present.len() } else { rows };
         let divisor = present.total_weight() * freedom as f64 / rows as f64;
         let mut covariance = vec![0.0; features * features];
         let mut table = self.standardiser.rows(samples, features);
         for (row, values) in table.chunks_exact_mut(features).enumerate() {
             let class = present.of_row[row];
-            add_scaled(
-                values,
-                -1.0,
-                &self.means[class * features..(class + 1) * features],
-            );
+            add_scaled(values, -1.0, &self.means[class * features..(class + 1) * features]);
             let share = samples.weight(row) / divisor;
             for feature in 0..features {
                 let target = &mut covariance[feature * features..feature * features + feature + 1];

@@ -33,12 +33,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings {
-            cost: 1.0,
-            tolerance: 1e-4,
-            max_passes: 1000,
-            seed: 0,
-        }
+        Settings { cost: 1.0, tolerance: 1e-4, max_passes: 1000, seed: 0 }
     }
 }
 
@@ -67,19 +62,9 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-        require(
-            self.cost.is_finite() && self.cost > 0.0,
-            "cost",
-            self.cost,
-            "> 0",
-        )?;
+        require(self.cost.is_finite() && self.cost > 0.0, "cost", self.cost, "> 0")?;
         require(self.tolerance > 0.0, "tolerance", self.tolerance, "> 0")?;
-        require(
-            self.max_passes >= 1,
-            "max_passes",
-            self.max_passes as f64,
-            ">= 1",
-        )?;
+        require(self.max_passes >= 1, "max_passes", self.max_passes as f64, ">= 1")?;
         let present = PresentClasses::new(samples);
         let standardiser = Standardiser::new(samples);
         let mut dual = Dual::new(samples, &standardiser, self);
@@ -103,10 +88,7 @@ impl Fit for Settings {
             weights,
             intercepts,
         );
-        Ok(Model {
-            functions,
-            converged,
-        })
+        Ok(Model { functions, converged })
     }
 }
 
@@ -137,19 +119,13 @@ impl Dual {
     fn new(samples: &Samples, standardiser: &Standardiser, settings: &Settings) -> Self {
         let stride = samples.features() + 1;
         let mut table = standardiser.rows(samples, stride);
-        table
-            .chunks_exact_mut(stride)
-            .for_each(|row| row[stride - 1] = 1.0);
+        table.chunks_exact_mut(stride).for_each(|row| row[stride - 1] = 1.0);
         let used = |row: &u32| samples.weight(*row as usize) > 0.0;
         let rows = (0..samples.rows() as u32).filter(used).collect();
-        let softness: Vec<f64> = (0..samples.rows())
-            .map(|row| 0.5 / (settings.cost * samples.weight(row)))
-            .collect();
-        let diagonal = table
-            .chunks_exact(stride)
-            .zip(&softness)
-            .map(|(x, soft)| dot(x, x) + soft)
-            .collect();
+        let softness: Vec<f64> =
+            (0..samples.rows()).map(|row| 0.5 / (settings.cost * samples.weight(row))).collect();
+        let diagonal =
+            table.chunks_exact(stride).zip(&softness).map(|(x, soft)| dot(x, x) + soft).collect();
         Dual {
             stride,
             diagonal,
@@ -182,11 +158,7 @@ impl Dual {
             let extremes = self.pass(&mut active, shrink_above, &mut random);
             if extremes.largest - extremes.smallest > settings.tolerance {
                 let largest = extremes.largest;
-                shrink_above = if largest > 0.0 {
-                    largest
-                } else {
-                    f64::INFINITY
-                };
+                shrink_above = if largest > 0.0 { largest } else { f64::INFINITY };
             } else if active == self.rows.len() {
                 return true;
             } else {
@@ -201,10 +173,7 @@ impl Dual {
     /// One pass over the active rows in random order.
     fn pass(&mut self, active: &mut usize, shrink_above: f64, random: &mut Random) -> Extremes {
         random.shuffle(&mut self.rows[..*active]);
-        let mut extremes = Extremes {
-            largest: f64::NEG_INFINITY,
-            smallest: f64::INFINITY,
-        };
+        let mut extremes = Extremes { largest: f64::NEG_INFINITY, smallest: f64::INFINITY };
         let mut place = 0;
         while place < *active {
             let row = self.rows[place] as usize;
@@ -218,11 +187,7 @@ impl Dual {
                 continue;
             }
             place += 1;
-            let projected = if multiplier == 0.0 {
-                gradient.min(0.0)
-            } else {
-                gradient
-            };
+            let projected = if multiplier == 0.0 { gradient.min(0.0) } else { gradient };
             extremes.largest = extremes.largest.max(projected);
             extremes.smallest = extremes.smallest.min(projected);
             if projected != 0.0 {

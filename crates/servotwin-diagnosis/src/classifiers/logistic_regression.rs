@@ -32,11 +32,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings {
-            cost: 1.0,
-            tolerance: 1e-4,
-            max_steps: 200,
-        }
+        Settings { cost: 1.0, tolerance: 1e-4, max_steps: 200 }
     }
 }
 
@@ -64,19 +60,9 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-        require(
-            self.cost.is_finite() && self.cost > 0.0,
-            "cost",
-            self.cost,
-            "> 0",
-        )?;
+        require(self.cost.is_finite() && self.cost > 0.0, "cost", self.cost, "> 0")?;
         require(self.tolerance > 0.0, "tolerance", self.tolerance, "> 0")?;
-        require(
-            self.max_steps >= 1,
-            "max_steps",
-            self.max_steps as f64,
-            ">= 1",
-        )?;
+        require(self.max_steps >= 1, "max_steps", self.max_steps as f64, ">= 1")?;
         let present = PresentClasses::new(samples);
         let standardiser = Standardiser::new(samples);
         let objective = Objective::new(samples, &standardiser, &present, self.cost);
@@ -89,10 +75,7 @@ impl Fit for Settings {
             weights,
             intercepts,
         );
-        Ok(Model {
-            functions,
-            converged,
-        })
+        Ok(Model { functions, converged })
     }
 }
 
@@ -120,9 +103,7 @@ impl Objective {
     ) -> Self {
         let stride = samples.features() + 1;
         let mut table = standardiser.rows(samples, stride);
-        table
-            .chunks_exact_mut(stride)
-            .for_each(|row| row[stride - 1] = 1.0);
+        table.chunks_exact_mut(stride).for_each(|row| row[stride - 1] = 1.0);
         let total = present.total_weight();
         Objective {
             classes: present.len(),
@@ -130,9 +111,7 @@ impl Objective {
             stride,
             table,
             class_of_row: present.of_row.clone(),
-            shares: (0..samples.rows())
-                .map(|row| samples.weight(row) / total)
-                .collect(),
+            shares: (0..samples.rows()).map(|row| samples.weight(row) / total).collect(),
             penalty: 1.0 / (cost * total),
         }
     }
@@ -166,9 +145,7 @@ impl Objective {
 
     fn add_penalty(&self, point: &[f64], gradient: &mut [f64]) -> f64 {
         let mut squares = 0.0;
-        let both = point
-            .chunks_exact(self.stride)
-            .zip(gradient.chunks_exact_mut(self.stride));
+        let both = point.chunks_exact(self.stride).zip(gradient.chunks_exact_mut(self.stride));
         for (weights, slope) in both {
             let weights = &weights[..self.stride - 1];
             squares += dot(weights, weights);
@@ -205,35 +182,20 @@ fn minimise(objective: &Objective, settings: &Settings) -> (Vec<f64>, bool) {
     let mut value = objective.value(&point, &mut gradient);
     let mut memory: VecDeque<Curvature> = VecDeque::with_capacity(MEMORY);
     for _ in 0..settings.max_steps {
-        if gradient
-            .iter()
-            .all(|slope| libm::fabs(*slope) <= settings.tolerance)
-        {
+        if gradient.iter().all(|slope| libm::fabs(*slope) <= settings.tolerance) {
             return (point, true);
         }
         let direction = descent_direction(&gradient, &memory);
-        let first_length = if memory.is_empty() {
-            1.0 / dot(&gradient, &gradient).max(1.0)
-        } else {
-            1.0
-        };
-        let Some(found) = line_search(
-            objective,
-            &point,
-            value,
-            &gradient,
-            &direction,
-            first_length,
-        ) else {
+        let first_length =
+            if memory.is_empty() { 1.0 / dot(&gradient, &gradient).max(1.0) } else { 1.0 };
+        let Some(found) =
+            line_search(objective, &point, value, &gradient, &direction, first_length)
+        else {
             // No descent is left within rounding.
             return (point, false);
         };
         remember(&mut memory, &point, &gradient, &found);
-        Place {
-            point,
-            gradient,
-            value,
-        } = found;
+        Place { point, gradient, value } = found;
     }
     (point, false)
 }
@@ -255,11 +217,7 @@ fn remember(memory: &mut VecDeque<Curvature>, point: &[f64], gradient: &[f64], f
         if memory.len() == MEMORY {
             memory.pop_front();
         }
-        memory.push_back(Curvature {
-            step,
-            change,
-            inverse: 1.0 / curvature,
-        });
+        memory.push_back(Curvature { step, change, inverse: 1.0 / curvature });
     }
 }
 
@@ -301,11 +259,7 @@ fn line_search(
     let mut length = first_length;
     let mut found = None;
     for _ in 0..MOST_TRIALS {
-        let mut place = Place {
-            point: point.to_vec(),
-            gradient: vec![0.0; point.len()],
-            value,
-        };
+        let mut place = Place { point: point.to_vec(), gradient: vec![0.0; point.len()], value };
         add_scaled(&mut place.point, length, direction);
         place.value = objective.value(&place.point, &mut place.gradient);
         if place.value > value + ENOUGH_DESCENT * length * slope {
@@ -316,11 +270,7 @@ fn line_search(
         } else {
             return Some(place);
         }
-        length = if longest.is_finite() {
-            0.5 * (shortest + longest)
-        } else {
-            2.0 * length
-        };
+        length = if longest.is_finite() { 0.5 * (shortest + longest) } else { 2.0 * length };
     }
     found
 }

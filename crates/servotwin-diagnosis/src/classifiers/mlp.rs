@@ -59,31 +59,11 @@ impl Default for Settings {
 impl Settings {
     fn check(&self) -> Result<(), Error> {
         let rate = self.learning_rate;
-        require(
-            self.hidden_units >= 1,
-            "hidden_units",
-            self.hidden_units as f64,
-            ">= 1",
-        )?;
-        require(
-            self.penalty.is_finite() && self.penalty >= 0.0,
-            "penalty",
-            self.penalty,
-            ">= 0",
-        )?;
+        require(self.hidden_units >= 1, "hidden_units", self.hidden_units as f64, ">= 1")?;
+        require(self.penalty.is_finite() && self.penalty >= 0.0, "penalty", self.penalty, ">= 0")?;
         require(rate.is_finite() && rate > 0.0, "learning_rate", rate, "> 0")?;
-        require(
-            self.batch_rows >= 1,
-            "batch_rows",
-            self.batch_rows as f64,
-            ">= 1",
-        )?;
-        require(
-            self.max_epochs >= 1,
-            "max_epochs",
-            self.max_epochs as f64,
-            ">= 1",
-        )
+        require(self.batch_rows >= 1, "batch_rows", self.batch_rows as f64, ">= 1")?;
+        require(self.max_epochs >= 1, "max_epochs", self.max_epochs as f64, ">= 1")
     }
 }
 
@@ -149,11 +129,7 @@ impl Fit for Settings {
         while epochs < self.max_epochs && without_progress <= self.patience {
             loss = training.epoch(&mut random);
             epochs += 1;
-            without_progress = if loss > best - self.tolerance {
-                without_progress + 1
-            } else {
-                0
-            };
+            without_progress = if loss > best - self.tolerance { without_progress + 1 } else { 0 };
             best = best.min(loss);
         }
         Ok(training.finish(&standardiser, epochs, loss))
@@ -202,9 +178,7 @@ impl<'a> Training<'a> {
             shape,
             table: standardiser.rows(samples, shape.features),
             labels: samples.labels(),
-            weights: (0..samples.rows())
-                .map(|row| samples.weight(row) / mean_weight)
-                .collect(),
+            weights: (0..samples.rows()).map(|row| samples.weight(row) / mean_weight).collect(),
             rows,
             parameters: starting_parameters(shape, random),
             gradient: vec![0.0; size],
@@ -247,11 +221,7 @@ impl<'a> Training<'a> {
 
     /// Fills the hidden values and the output errors of a row; returns its loss.
     fn forward(&mut self, row: usize) -> f64 {
-        let Shape {
-            features,
-            hidden,
-            classes,
-        } = self.shape;
+        let Shape { features, hidden, classes } = self.shape;
         let (first, output) = self.parameters.split_at(self.shape.output());
         let (weights, intercepts) = first.split_at(features * hidden);
         self.hidden.copy_from_slice(intercepts);
@@ -281,11 +251,7 @@ impl<'a> Training<'a> {
 
     /// Adds the gradient of the row that went forward.
     fn backward(&mut self, row: usize) {
-        let Shape {
-            features,
-            hidden,
-            classes,
-        } = self.shape;
+        let Shape { features, hidden, classes } = self.shape;
         let (first, output) = self.gradient.split_at_mut(self.shape.output());
         let (slopes, intercepts) = output.split_at_mut(hidden * classes);
         add_scaled(intercepts, 1.0, &self.errors);
@@ -313,11 +279,7 @@ impl<'a> Training<'a> {
     /// Adds the gradient of the penalty on all weights but the intercepts; returns the sum of
     /// their squares.
     fn add_penalty(&mut self) -> f64 {
-        let Shape {
-            features,
-            hidden,
-            classes,
-        } = self.shape;
+        let Shape { features, hidden, classes } = self.shape;
         let output = self.shape.output();
         let mut squares = 0.0;
         for range in [0..features * hidden, output..output + hidden * classes] {
@@ -344,9 +306,7 @@ impl<'a> Training<'a> {
 
     /// The model for features as they come.
     fn finish(self, standardiser: &Standardiser, epochs: usize, loss: f64) -> Model {
-        let Shape {
-            features, hidden, ..
-        } = self.shape;
+        let Shape { features, hidden, .. } = self.shape;
         let (first, output) = self.parameters.split_at(self.shape.output());
         let mut hidden_weights = vec![0.0; features * hidden];
         let mut hidden_intercepts = first[features * hidden..].to_vec();
@@ -358,14 +318,7 @@ impl<'a> Training<'a> {
             hidden_intercepts[unit] -= dot(weights, &standardiser.means);
         }
         let output_weights = output.to_vec();
-        Model {
-            shape: self.shape,
-            hidden_weights,
-            hidden_intercepts,
-            output_weights,
-            epochs,
-            loss,
-        }
+        Model { shape: self.shape, hidden_weights, hidden_intercepts, output_weights, epochs, loss }
     }
 }
 
@@ -375,13 +328,7 @@ fn starting_parameters(shape: Shape, random: &mut Random) -> Vec<f64> {
     let hidden = bound(shape.features, shape.hidden);
     let output = bound(shape.hidden, shape.classes);
     (0..shape.parameters())
-        .map(|place| {
-            if place < shape.output() {
-                hidden
-            } else {
-                output
-            }
-        })
+        .map(|place| if place < shape.output() { hidden } else { output })
         .map(|bound| random.between(-bound, bound))
         .collect()
 }
@@ -396,18 +343,11 @@ impl Classifier for Model {
     }
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
-        let Shape {
-            features,
-            hidden,
-            classes,
-        } = self.shape;
+        let Shape { features, hidden, classes } = self.shape;
         let row = &row[..features];
         let (weights, intercepts) = self.output_weights.split_at(hidden * classes);
         scores.copy_from_slice(intercepts);
-        let units = self
-            .hidden_weights
-            .chunks_exact(features)
-            .zip(&self.hidden_intercepts);
+        let units = self.hidden_weights.chunks_exact(features).zip(&self.hidden_intercepts);
         for ((inner, intercept), outer) in units.zip(weights.chunks_exact(classes)) {
             let unit = dot(inner, row) + intercept;
             if unit > 0.0 {
@@ -418,21 +358,9 @@ impl Classifier for Model {
     }
 
     fn check(&self) -> Result<(), Error> {
-        let Shape {
-            features,
-            hidden,
-            classes,
-        } = self.shape;
-        same_length(
-            "hidden weights",
-            features * hidden,
-            self.hidden_weights.len(),
-        )?;
+        let Shape { features, hidden, classes } = self.shape;
+        same_length("hidden weights", features * hidden, self.hidden_weights.len())?;
         same_length("hidden intercepts", hidden, self.hidden_intercepts.len())?;
-        same_length(
-            "output weights",
-            (hidden + 1) * classes,
-            self.output_weights.len(),
-        )
+        same_length("output weights", (hidden + 1) * classes, self.output_weights.len())
     }
 }

@@ -25,9 +25,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings {
-            variance_smoothing: 1e-9,
-        }
+        Settings { variance_smoothing: 1e-9 }
     }
 }
 
@@ -52,20 +50,11 @@ impl Fit for Settings {
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
         let smoothing = self.variance_smoothing;
-        require(
-            smoothing.is_finite() && smoothing > 0.0,
-            "variance_smoothing",
-            smoothing,
-            "> 0",
-        )?;
+        require(smoothing.is_finite() && smoothing > 0.0, "variance_smoothing", smoothing, "> 0")?;
         let (means, mut variances) = class_moments(samples);
         let added = smoothing * largest_variance(samples);
         // Features this small would otherwise be divided by zero.
-        let added = if added >= f64::MIN_POSITIVE {
-            added
-        } else {
-            smoothing
-        };
+        let added = if added >= f64::MIN_POSITIVE { added } else { smoothing };
         variances.iter_mut().for_each(|variance| *variance += added);
         let present = PresentClasses::new(samples);
         let log_prior = |class: usize| libm::log(present.weights[class] / present.total_weight());
@@ -127,16 +116,10 @@ impl Model {
     fn log_densities<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         let means = self.means.chunks_exact(self.features);
         let precisions = self.half_precisions.chunks_exact(self.features);
-        means
-            .zip(precisions)
-            .zip(&self.constants)
-            .map(move |((means, precisions), constant)| {
-                let terms = row.iter().zip(means).zip(precisions);
-                constant
-                    - terms
-                        .map(|((x, mean), p)| (x - mean) * (x - mean) * p)
-                        .sum::<f64>()
-            })
+        means.zip(precisions).zip(&self.constants).map(move |((means, precisions), constant)| {
+            let terms = row.iter().zip(means).zip(precisions);
+            constant - terms.map(|((x, mean), p)| (x - mean) * (x - mean) * p).sum::<f64>()
+        })
     }
 }
 

@@ -98,9 +98,8 @@ impl Settings {
             return (0..samples.rows()).map(|row| samples.weight(row)).collect();
         }
         // Rows without weight are not there; one of the others is always drawn.
-        let used: Vec<usize> = (0..samples.rows())
-            .filter(|&row| samples.weight(row) > 0.0)
-            .collect();
+        let used: Vec<usize> =
+            (0..samples.rows()).filter(|&row| samples.weight(row) > 0.0).collect();
         let mut weights = vec![0.0; samples.rows()];
         for _ in 0..used.len() {
             let row = used[random.index(used.len())];
@@ -170,9 +169,7 @@ impl VotingTree {
         if ascending && ends && known {
             Ok(())
         } else {
-            Err(Error::CorruptModel {
-                broken: "leaf shares must be listed node by node",
-            })
+            Err(Error::CorruptModel { broken: "leaf shares must be listed node by node" })
         }
     }
 }
@@ -186,13 +183,8 @@ impl Fit for Settings {
         let one_tree = |place| {
             let mut random = Random::stream(self.seed, place as u64);
             let weights = &self.drawn_weights(samples, &mut random);
-            let growth = Growth {
-                samples,
-                presorted,
-                weights,
-                impurity_weights: weights,
-                rules: &rules,
-            };
+            let growth =
+                Growth { samples, presorted, weights, impurity_weights: weights, rules: &rules };
             VotingTree::new(&grow(&growth, &mut random))
         };
         Ok(Model {
@@ -222,12 +214,8 @@ impl Classifier for Model {
 
     fn check(&self) -> Result<(), Error> {
         if self.trees.is_empty() {
-            return Err(Error::CorruptModel {
-                broken: "a forest has trees",
-            });
+            return Err(Error::CorruptModel { broken: "a forest has trees" });
         }
-        self.trees
-            .iter()
-            .try_for_each(|tree| tree.check(self.features, self.classes))
+        self.trees.iter().try_for_each(|tree| tree.check(self.features, self.classes))
     }
 }

@@ -50,12 +50,8 @@ fn mean(window: &Window, combination: &[(usize, f64)]) -> f64 {
 }
 
 fn covariance(window: &Window, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
-    let products = a
-        .iter()
-        .flat_map(|&(i, u)| b.iter().map(move |&(j, v)| (i, j, u * v)));
-    products
-        .map(|(i, j, weight)| weight * window.covariance(i, j))
-        .sum()
+    let products = a.iter().flat_map(|&(i, u)| b.iter().map(move |&(j, v)| (i, j, u * v)));
+    products.map(|(i, j, weight)| weight * window.covariance(i, j)).sum()
 }
 
 impl Family for Balance {
@@ -81,66 +77,16 @@ impl Family for Balance {
         vec![
             feature("mean_sum", "of scale", "mean change of load: d1 + d2", 1.0),
             feature("mean_fight", "of scale", "mean force fight: d1 − d2", 1.0),
-            feature(
-                "mean_gap",
-                "of scale",
-                "mean disagreement of the ram sensors: x1 − x2",
-                1.0,
-            ),
-            feature(
-                "log_dev_sum",
-                "log10 of scale",
-                "log10 deviation of d1 + d2",
-                0.02,
-            ),
-            feature(
-                "log_dev_fight",
-                "log10 of scale",
-                "log10 deviation of d1 − d2",
-                0.02,
-            ),
-            feature(
-                "log_dev_gap",
-                "log10 of scale",
-                "log10 deviation of x1 − x2",
-                0.02,
-            ),
-            feature(
-                "sum_over_gap",
-                "1",
-                "mean change of load over mean ram disagreement",
-                0.02,
-            ),
-            feature(
-                "sum_over_fight",
-                "1",
-                "mean change of load over mean force fight",
-                0.02,
-            ),
-            feature(
-                "gap_over_fight",
-                "1",
-                "mean ram disagreement over mean force fight",
-                0.02,
-            ),
-            feature(
-                "sum_fight_corr",
-                "1",
-                "correlation of d1 + d2 with d1 − d2",
-                0.02,
-            ),
-            feature(
-                "sum_gap_corr",
-                "1",
-                "correlation of d1 + d2 with x1 − x2",
-                0.02,
-            ),
-            feature(
-                "fight_gap_corr",
-                "1",
-                "correlation of d1 − d2 with x1 − x2",
-                0.02,
-            ),
+            feature("mean_gap", "of scale", "mean disagreement of the ram sensors: x1 − x2", 1.0),
+            feature("log_dev_sum", "log10 of scale", "log10 deviation of d1 + d2", 0.02),
+            feature("log_dev_fight", "log10 of scale", "log10 deviation of d1 − d2", 0.02),
+            feature("log_dev_gap", "log10 of scale", "log10 deviation of x1 − x2", 0.02),
+            feature("sum_over_gap", "1", "mean change of load over mean ram disagreement", 0.02),
+            feature("sum_over_fight", "1", "mean change of load over mean force fight", 0.02),
+            feature("gap_over_fight", "1", "mean ram disagreement over mean force fight", 0.02),
+            feature("sum_fight_corr", "1", "correlation of d1 + d2 with d1 − d2", 0.02),
+            feature("sum_gap_corr", "1", "correlation of d1 + d2 with x1 − x2", 0.02),
+            feature("fight_gap_corr", "1", "correlation of d1 − d2 with x1 − x2", 0.02),
         ]
     }
 
@@ -155,17 +101,9 @@ impl Family for Balance {
         values.push(ratio(means[0], means[2]));
         values.push(ratio(means[0], means[1]));
         values.push(ratio(means[2], means[1]));
-        let pairs = [
-            (&sum, &fight, 0, 1),
-            (&sum, &gap, 0, 2),
-            (&fight, &gap, 1, 2),
-        ];
+        let pairs = [(&sum, &fight, 0, 1), (&sum, &gap, 0, 2), (&fight, &gap, 1, 2)];
         for (a, b, i, j) in pairs {
-            values.push(correlation(
-                covariance(window, a, b),
-                variances[i],
-                variances[j],
-            ));
+            values.push(correlation(covariance(window, a, b), variances[i], variances[j]));
         }
     }
 }

@@ -14,10 +14,9 @@ pub struct Comparison;
 
 /// The sensors of the first two units that correspond.
 fn pairs(sensors: &Sensors) -> Vec<(&'static str, usize, usize)> {
-    let known = Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface));
-    known
-        .filter_map(|&(q, name)| Some((name, sensors.find(q, 0)?, sensors.find(q, 1)?)))
-        .collect()
+    let known =
+        Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface));
+    known.filter_map(|&(q, name)| Some((name, sensors.find(q, 0)?, sensors.find(q, 1)?))).collect()
 }
 
 impl Family for Comparison {
@@ -42,18 +41,8 @@ impl Family for Comparison {
                 });
             };
             push("mean_excess", "of scale", "|mean| difference", 1.0);
-            push(
-                "mean_contrast",
-                "1",
-                "(|mean 1| − |mean 2|)/(|mean 1| + |mean 2|)",
-                0.02,
-            );
-            push(
-                "dev_excess",
-                "log10",
-                "log10 ratio of standard deviations",
-                0.02,
-            );
+            push("mean_contrast", "1", "(|mean 1| − |mean 2|)/(|mean 1| + |mean 2|)", 0.02);
+            push("dev_excess", "log10", "log10 ratio of standard deviations", 0.02);
         }
         features
     }

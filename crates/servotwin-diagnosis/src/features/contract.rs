@@ -7,14 +7,11 @@ use alloc::format;
 fn two_actuators() -> Sensors {
     let mut sensors = Vec::new();
     for unit in 0..2 {
-        for (quantity, name) in Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
+        for (quantity, name) in
+            Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
             let name = format!("{name}_{}", unit + 1);
-            sensors.push(Sensor {
-                name,
-                quantity: *quantity,
-                unit,
-            });
+            sensors.push(Sensor { name, quantity: *quantity, unit });
         }
     }
     Sensors(sensors)
@@ -31,9 +28,7 @@ fn some_window(sensors: &Sensors) -> Window {
     let mut window = Window::new(n);
     let mut random = 1u64;
     let mut next = || {
-        random = random
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (random >> 11) as f64 / (1u64 << 53) as f64 - 0.4
     };
     for _ in 0..300 {
@@ -58,12 +53,7 @@ fn names_are_unique_and_values_as_many() {
     for family in ALL {
         let features = family.features(&sensors);
         assert!(!features.is_empty(), "{}", family.name());
-        assert_eq!(
-            features.len(),
-            compute(*family, &sensors, &window).len(),
-            "{}",
-            family.name()
-        );
+        assert_eq!(features.len(), compute(*family, &sensors, &window).len(), "{}", family.name());
         for f in features {
             assert!(names.insert(f.name.clone()), "{} twice", f.name);
             assert!(!f.meaning.is_empty() && !f.unit.is_empty());
@@ -83,20 +73,12 @@ fn empty_and_healthy_windows_give_finite_numbers() {
     let empty = Window::new(n);
     let mut healthy = Window::new(n);
     for _ in 0..10 {
-        healthy.add(
-            &alloc::vec![0.5; n],
-            &alloc::vec![0.5; n],
-            &alloc::vec![1.0; n],
-        );
+        healthy.add(&alloc::vec![0.5; n], &alloc::vec![0.5; n], &alloc::vec![1.0; n]);
     }
     for family in ALL {
         for window in [&empty, &healthy] {
             let values = compute(*family, &sensors, window);
-            assert!(
-                values.iter().all(|v| v.is_finite()),
-                "{}: {values:?}",
-                family.name()
-            );
+            assert!(values.iter().all(|v| v.is_finite()), "{}: {values:?}", family.name());
         }
     }
 }
@@ -107,11 +89,7 @@ fn no_family_is_inert() {
     let n = sensors.0.len();
     let disturbed = some_window(&sensors);
     let mut healthy = Window::new(n);
-    healthy.add(
-        &alloc::vec![0.5; n],
-        &alloc::vec![0.5; n],
-        &alloc::vec![1.0; n],
-    );
+    healthy.add(&alloc::vec![0.5; n], &alloc::vec![0.5; n], &alloc::vec![1.0; n]);
     for family in ALL {
         let a = compute(*family, &sensors, &disturbed);
         let b = compute(*family, &sensors, &healthy);
@@ -124,17 +102,11 @@ fn no_family_is_inert() {
 
 #[test]
 fn unlike_sensors_give_only_what_needs_no_partner() {
-    let sensors = Sensors(alloc::vec![Sensor {
-        name: "flow".into(),
-        quantity: Quantity::Other,
-        unit: 0,
-    }]);
+    let sensors =
+        Sensors(alloc::vec![Sensor { name: "flow".into(), quantity: Quantity::Other, unit: 0 }]);
     let window = some_window(&sensors);
     for family in ALL {
-        assert_eq!(
-            family.features(&sensors).len(),
-            compute(*family, &sensors, &window).len()
-        );
+        assert_eq!(family.features(&sensors).len(), compute(*family, &sensors, &window).len());
     }
 }
 

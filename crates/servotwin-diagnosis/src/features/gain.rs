@@ -34,18 +34,8 @@ impl Family for Gain {
                 resolution,
             };
             [
-                feature(
-                    "gain",
-                    "1",
-                    "slope of the residual over the twin's signal of",
-                    5.0,
-                ),
-                feature(
-                    "offset",
-                    "of scale",
-                    "residual at a twin signal of zero of",
-                    1.0,
-                ),
+                feature("gain", "1", "slope of the residual over the twin's signal of", 5.0),
+                feature("offset", "of scale", "residual at a twin signal of zero of", 1.0),
                 feature(
                     "self_corr",
                     "1",

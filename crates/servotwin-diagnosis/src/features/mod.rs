@@ -74,9 +74,7 @@ pub struct Sensors(pub Vec<Sensor>);
 impl Sensors {
     /// The first sensor of a quantity in a unit.
     pub fn find(&self, quantity: Quantity, unit: usize) -> Option<usize> {
-        self.0
-            .iter()
-            .position(|s| s.quantity == quantity && s.unit == unit)
+        self.0.iter().position(|s| s.quantity == quantity && s.unit == unit)
     }
 
     /// Number of units.
@@ -96,19 +94,10 @@ impl Sensors {
             };
             // The k-th sensor of a quantity corresponds to the k-th.
             let same = |s: &&Sensor| s.quantity == sensor.quantity && s.unit == sensor.unit;
-            let rank = self
-                .0
-                .iter()
-                .filter(same)
-                .position(|s| core::ptr::eq(s, sensor))?;
+            let rank = self.0.iter().filter(same).position(|s| core::ptr::eq(s, sensor))?;
             let matching =
                 |(_, s): &(usize, &Sensor)| s.quantity == sensor.quantity && s.unit == unit;
-            self.0
-                .iter()
-                .enumerate()
-                .filter(matching)
-                .nth(rank)
-                .map(|(i, _)| i)
+            self.0.iter().enumerate().filter(matching).nth(rank).map(|(i, _)| i)
         };
         self.0.iter().map(like).collect()
     }

@@ -39,26 +39,11 @@ impl Family for Pressure {
             };
             push("mean_common", "of scale", "mean of (r_pA + r_pB)/2", 1.0);
             push("mean_differential", "of scale", "mean of r_pA − r_pB", 1.0);
-            push(
-                "log_dev_common",
-                "log10 of scale",
-                "log10 deviation of (r_pA + r_pB)/2",
-                0.02,
-            );
-            push(
-                "log_dev_differential",
-                "log10 of scale",
-                "log10 deviation of r_pA − r_pB",
-                0.02,
-            );
+            push("log_dev_common", "log10 of scale", "log10 deviation of (r_pA + r_pB)/2", 0.02);
+            push("log_dev_differential", "log10 of scale", "log10 deviation of r_pA − r_pB", 0.02);
             push("mean_chambers_ratio", "1", "mean r_pB over mean r_pA", 0.02);
             push("chambers_corr", "1", "correlation of r_pA with r_pB", 0.02);
-            push(
-                "common_over_differential",
-                "1",
-                "log10 of the two deviations' ratio",
-                0.02,
-            );
+            push("common_over_differential", "1", "log10 of the two deviations' ratio", 0.02);
             push(
                 "differential_spool_corr",
                 "1",
@@ -90,10 +75,8 @@ impl Family for Pressure {
             let var_differential = var_a + var_b - 2.0 * both;
             let (mean_a, mean_b) = (window.mean(a), window.mean(b));
             let common = 0.5 * (mean_a + mean_b);
-            let (with_a, with_b) = (
-                window.cross_covariance(a, spool),
-                window.cross_covariance(b, spool),
-            );
+            let (with_a, with_b) =
+                (window.cross_covariance(a, spool), window.cross_covariance(b, spool));
             let var_spool = window.twin_covariance(spool, spool);
             values.extend([
                 common,

@@ -24,10 +24,7 @@ impl Criterion {
     /// Impurity of a node with these class weights.
     pub(crate) fn impurity(self, weights: &[f64]) -> f64 {
         let total: f64 = weights.iter().sum();
-        let shares = weights
-            .iter()
-            .filter(|&&weight| weight > 0.0)
-            .map(|weight| weight / total);
+        let shares = weights.iter().filter(|&&weight| weight > 0.0).map(|weight| weight / total);
         match self {
             Criterion::Gini => 1.0 - shares.map(|share| share * share).sum::<f64>(),
             Criterion::Entropy => -shares.map(|share| share * libm::log2(share)).sum::<f64>(),

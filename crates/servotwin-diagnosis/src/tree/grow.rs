@@ -105,10 +105,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             goes_left: vec![false; samples.rows()],
             spare: vec![0; rows.len()],
             keys: Vec::new(),
-            total_weight: rows
-                .iter()
-                .map(|&row| growth.impurity_weights[row as usize])
-                .sum(),
+            total_weight: rows.iter().map(|&row| growth.impurity_weights[row as usize]).sum(),
             node_weights: vec![],
             rows,
             growth,
@@ -116,20 +113,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     }
 
     fn run(mut self, random: &mut Random) -> Tree {
-        let features = self
-            .growth
-            .rules
-            .features
-            .iter()
-            .map(|&feature| feature as u32)
-            .collect();
-        let root = Pending {
-            start: 0,
-            end: self.rows.len(),
-            depth: 0,
-            parent: None,
-            features,
-        };
+        let features = self.growth.rules.features.iter().map(|&feature| feature as u32).collect();
+        let root = Pending { start: 0, end: self.rows.len(), depth: 0, parent: None, features };
         let mut stack = vec![root];
         while let Some(mut pending) = stack.pop() {
             let node = self.add_node(&pending);
@@ -181,8 +166,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         tree.depth.push(pending.depth as u32);
         tree.counts.extend(counts);
         tree.weights.extend(weights);
-        tree.impurity
-            .push(self.growth.rules.criterion.impurity(&self.node_weights));
+        tree.impurity.push(self.growth.rules.criterion.impurity(&self.node_weights));
         tree.decrease.push(0.0);
         tree.share.push(share);
         node
@@ -226,11 +210,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
 
     fn decrease_of(&self, node: usize, candidate: &Candidate) -> f64 {
         let total: f64 = self.node_weights.iter().sum();
-        let children = self
-            .growth
-            .rules
-            .criterion
-            .of_children(candidate.score, total);
+        let children = self.growth.rules.criterion.of_children(candidate.score, total);
         self.tree.share[node] * (self.tree.impurity[node] - children)
     }
 
@@ -244,19 +224,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         forbidden.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.feature.cmp(&b.feature)));
         for candidate in forbidden.into_iter().take(REJECTED_PER_NODE) {
             let decrease = self.decrease_of(node, &candidate);
-            let Candidate {
-                feature,
-                threshold,
-                gap,
-                ..
-            } = candidate;
-            self.tree.rejected.push(RejectedSplit {
-                node,
-                feature,
-                threshold,
-                gap,
-                decrease,
-            });
+            let Candidate { feature, threshold, gap, .. } = candidate;
+            self.tree.rejected.push(RejectedSplit { node, feature, threshold, gap, decrease });
         }
     }
 
@@ -312,20 +281,10 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             }
             tried += 1;
             let (scan, feature) = (&mut self.scan, feature as usize);
-            search(
-                self.growth,
-                &self.node_weights,
-                scan,
-                sorted,
-                feature,
-                &mut best,
-                forbidden,
-            );
+            search(self.growth, &self.node_weights, scan, sorted, feature, &mut best, forbidden);
         }
         if !constant.is_empty() {
-            pending
-                .features
-                .retain(|feature| !constant.contains(feature));
+            pending.features.retain(|feature| !constant.contains(feature));
         }
         best
     }
@@ -395,12 +354,7 @@ fn search<S: Scan>(
         labels: growth.samples.labels(),
         weights: growth.impurity_weights,
     };
-    let limits = growth
-        .rules
-        .limits
-        .get(feature)
-        .copied()
-        .unwrap_or_default();
+    let limits = growth.rules.limits.get(feature).copied().unwrap_or_default();
     scan.restart(node_weights);
     let offer = best_of_feature(&rows, feature, growth.rules.min_rows_leaf, limits, scan);
     if let Some(candidate) = offer.allowed.filter(|candidate| candidate.beats(best)) {

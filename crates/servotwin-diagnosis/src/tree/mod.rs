@@ -74,11 +74,7 @@ impl Branches {
         let mut node = 0;
         while self.feature[node] != LEAF {
             let goes_left = row[self.feature[node] as usize] <= self.threshold[node];
-            node = if goes_left {
-                self.left[node]
-            } else {
-                self.right[node]
-            } as usize;
+            node = if goes_left { self.left[node] } else { self.right[node] } as usize;
         }
         node
     }
@@ -101,9 +97,7 @@ impl Branches {
         if nodes > 0 && (0..nodes).all(sound) {
             Ok(())
         } else {
-            Err(Error::CorruptModel {
-                broken: "tree nodes must point to later nodes",
-            })
+            Err(Error::CorruptModel { broken: "tree nodes must point to later nodes" })
         }
     }
 
@@ -271,11 +265,7 @@ impl Tree {
         core::iter::successors(Some(0), move |&node| {
             let (feature, threshold) = self.branches.split(node)?;
             let (left, right) = self.branches.children(node)?;
-            Some(if row[feature] <= threshold {
-                left
-            } else {
-                right
-            })
+            Some(if row[feature] <= threshold { left } else { right })
         })
     }
 
@@ -290,9 +280,7 @@ impl Tree {
         }
         let total: f64 = importances.iter().sum();
         if total > 0.0 {
-            importances
-                .iter_mut()
-                .for_each(|importance| *importance /= total);
+            importances.iter_mut().for_each(|importance| *importance /= total);
         }
         importances
     }
@@ -300,15 +288,9 @@ impl Tree {
     /// All leaves, the least pure first; of equally pure ones the heavier, then the lower number.
     pub fn leaves(&self) -> Vec<LeafReport> {
         let is_leaf = |node: &usize| self.split(*node).is_none();
-        let mut leaves: Vec<_> = (0..self.nodes())
-            .filter(is_leaf)
-            .map(|node| self.report(node))
-            .collect();
-        leaves.sort_by(|a, b| {
-            a.purity
-                .total_cmp(&b.purity)
-                .then(b.weight.total_cmp(&a.weight))
-        });
+        let mut leaves: Vec<_> =
+            (0..self.nodes()).filter(is_leaf).map(|node| self.report(node)).collect();
+        leaves.sort_by(|a, b| a.purity.total_cmp(&b.purity).then(b.weight.total_cmp(&a.weight)));
         leaves
     }
 
@@ -344,16 +326,10 @@ impl Tree {
         }
         same_length("tree counts", nodes * self.classes, self.counts.len())?;
         same_length("tree weights", nodes * self.classes, self.weights.len())?;
-        if self
-            .decision
-            .iter()
-            .all(|&class| (class as usize) < self.classes)
-        {
+        if self.decision.iter().all(|&class| (class as usize) < self.classes) {
             Ok(())
         } else {
-            Err(Error::CorruptModel {
-                broken: "tree leaves must decide known classes",
-            })
+            Err(Error::CorruptModel { broken: "tree leaves must decide known classes" })
         }
     }
 }
@@ -366,11 +342,7 @@ impl Costs {
     /// The class whose decision costs least for these class weights; of equal ones the lowest.
     fn decide(&self, weights: &[f64]) -> usize {
         let cost_of = |class: usize| -> f64 {
-            weights
-                .iter()
-                .zip(&self.0)
-                .map(|(weight, row)| weight * row[class])
-                .sum()
+            weights.iter().zip(&self.0).map(|(weight, row)| weight * row[class]).sum()
         };
         arg_max((0..weights.len()).map(|class| -cost_of(class)))
     }

@@ -16,11 +16,7 @@ pub(crate) struct Presorted {
 /// Bits that sort as unsigned numbers the way finite values do; −0 sorts as 0.
 fn sortable_bits(value: f64) -> u64 {
     let bits = (value + 0.0).to_bits();
-    if bits >> 63 == 1 {
-        !bits
-    } else {
-        bits | (1 << 63)
-    }
+    if bits >> 63 == 1 { !bits } else { bits | (1 << 63) }
 }
 
 impl Presorted {
@@ -32,20 +28,11 @@ impl Presorted {
         for feature in 0..samples.features() {
             let column = samples.column(feature);
             keys.clear();
-            keys.extend(
-                column
-                    .iter()
-                    .zip(0..)
-                    .map(|(&value, row)| (sortable_bits(value), row)),
-            );
+            keys.extend(column.iter().zip(0..).map(|(&value, row)| (sortable_bits(value), row)));
             keys.sort_unstable();
             order.extend(keys.iter().map(|&(_, row)| row));
         }
-        Presorted {
-            rows,
-            order,
-            rank: Vec::new(),
-        }
+        Presorted { rows, order, rank: Vec::new() }
     }
 
     /// Sorts every feature and ranks the rows, for trees that draw features at each split.
@@ -84,11 +71,7 @@ mod tests {
     #[test]
     fn bits_sort_as_numbers() {
         let ascending = [f64::MIN, -2.0, -1.0, -5e-324, 0.0, 5e-324, 1.0, f64::MAX];
-        assert!(
-            ascending
-                .windows(2)
-                .all(|pair| sortable_bits(pair[0]) < sortable_bits(pair[1]))
-        );
+        assert!(ascending.windows(2).all(|pair| sortable_bits(pair[0]) < sortable_bits(pair[1])));
         assert_eq!(sortable_bits(-0.0), sortable_bits(0.0));
     }
 }

@@ -41,9 +41,7 @@ impl PartialOrd for Link {
 
 impl Ord for Link {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.strength
-            .total_cmp(&other.strength)
-            .then(self.node.cmp(&other.node))
+        self.strength.total_cmp(&other.strength).then(self.node.cmp(&other.node))
     }
 }
 
@@ -66,9 +64,7 @@ impl<'a> Pruning<'a> {
             tree,
             parent: vec![None; nodes],
             leaves: vec![1; nodes],
-            risk: (0..nodes)
-                .map(|node| tree.impurity[node] * tree.share[node])
-                .collect(),
+            risk: (0..nodes).map(|node| tree.impurity[node] * tree.share[node]).collect(),
             links: BinaryHeap::new(),
             alpha: 0.0,
         };
@@ -91,11 +87,7 @@ impl<'a> Pruning<'a> {
     fn push_link(&mut self, node: usize) {
         let leaves = self.leaves[node];
         let strength = (self.own_risk(node) - self.risk[node]) / (leaves - 1) as f64;
-        self.links.push(Reverse(Link {
-            strength: strength.max(0.0),
-            node,
-            leaves,
-        }));
+        self.links.push(Reverse(Link { strength: strength.max(0.0), node, leaves }));
     }
 
     /// Cuts the weakest link if it is not stronger than `limit`; returns whether it was cut.
@@ -144,11 +136,7 @@ impl<'a> Pruning<'a> {
     }
 
     fn step(&self) -> PruningStep {
-        PruningStep {
-            alpha: self.alpha,
-            leaves: self.leaves[0],
-            impurity: self.risk[0],
-        }
+        PruningStep { alpha: self.alpha, leaves: self.leaves[0], impurity: self.risk[0] }
     }
 }
 
@@ -189,8 +177,7 @@ impl Tree {
                 tree.branches.right[node] = place[self.branches.right[old] as usize];
             }
             let is_leaf = tree.branches.feature[node] == LEAF;
-            tree.decrease
-                .push(if is_leaf { 0.0 } else { self.decrease[old] });
+            tree.decrease.push(if is_leaf { 0.0 } else { self.decrease[old] });
             tree.decision.push(self.decision[old]);
             tree.depth.push(self.depth[old]);
             tree.counts.extend_from_slice(self.counts(old));
@@ -200,10 +187,7 @@ impl Tree {
         }
         let still_there = self.rejected.iter().filter(|split| leaves[split.node] > 0);
         tree.rejected = still_there
-            .map(|split| RejectedSplit {
-                node: place[split.node] as usize,
-                ..split.clone()
-            })
+            .map(|split| RejectedSplit { node: place[split.node] as usize, ..split.clone() })
             .collect();
         tree
     }

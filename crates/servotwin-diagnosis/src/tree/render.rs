@@ -45,8 +45,5 @@ impl Tree {
 }
 
 fn name_of(names: &[String], kind: &str, place: usize) -> String {
-    names
-        .get(place)
-        .cloned()
-        .unwrap_or_else(|| alloc::format!("{kind} {place}"))
+    names.get(place).cloned().unwrap_or_else(|| alloc::format!("{kind} {place}"))
 }

@@ -61,11 +61,7 @@ pub(crate) struct NodeRows<'a> {
 /// middle is rounded up to the upper one.
 fn separate(lower: f64, upper: f64) -> f64 {
     let middle = lower / 2.0 + upper / 2.0;
-    if lower <= middle && middle < upper {
-        middle
-    } else {
-        lower
-    }
+    if lower <= middle && middle < upper { middle } else { lower }
 }
 
 /// Tries every threshold of a feature. `scan` must have been started with the node's weights.
@@ -89,12 +85,7 @@ pub(crate) fn best_of_feature<S: Scan>(
             let score = scan.score();
             if score > best {
                 let (threshold, gap) = (separate(value, next), next - value);
-                let candidate = Candidate {
-                    feature,
-                    threshold,
-                    gap,
-                    score,
-                };
+                let candidate = Candidate { feature, threshold, gap, score };
                 if limits.allow(threshold, gap) {
                     best = score;
                     offer.allowed = Some(candidate);
@@ -118,11 +109,7 @@ mod tests {
         let pairs = [
             (1.0, 2.0, 1.5),
             (1.0, 1.0_f64.next_up(), 1.0),
-            (
-                1.0_f64.next_up(),
-                1.0_f64.next_up().next_up(),
-                1.0_f64.next_up(),
-            ),
+            (1.0_f64.next_up(), 1.0_f64.next_up().next_up(), 1.0_f64.next_up()),
             (f64::MIN, f64::MAX, 0.0),
             (0.0, 5e-324, 0.0),
             (-5e-324, 0.0, -5e-324),

@@ -17,9 +17,7 @@ fn settings(kind: Kind) -> Settings {
 }
 
 fn fit(kind: Kind, samples: &Samples) -> Model {
-    settings(kind)
-        .fit(samples)
-        .unwrap_or_else(|error| panic!("{kind:?}: {error}"))
+    settings(kind).fit(samples).unwrap_or_else(|error| panic!("{kind:?}: {error}"))
 }
 
 fn json(model: &Model) -> String {
@@ -45,10 +43,7 @@ fn rows(samples: &Samples) -> Vec<Vec<f64>> {
 fn eight_kinds_with_ids_that_are_the_names_in_files() {
     assert_eq!(ALL.len(), 8);
     for &kind in ALL {
-        assert_eq!(
-            serde_json::to_string(&kind).unwrap(),
-            format!("\"{}\"", kind.id())
-        );
+        assert_eq!(serde_json::to_string(&kind).unwrap(), format!("\"{}\"", kind.id()));
         assert!(!kind.title().is_empty());
         assert_eq!(kind.default_settings().kind(), kind);
         assert_eq!(fit(kind, &clouds(12, 0)).kind(), kind);
@@ -59,11 +54,7 @@ fn eight_kinds_with_ids_that_are_the_names_in_files() {
 fn same_fit_twice_is_bit_identical() {
     let samples = clouds(60, 1);
     for &kind in ALL {
-        assert_eq!(
-            json(&fit(kind, &samples)),
-            json(&fit(kind, &samples)),
-            "{kind:?}"
-        );
+        assert_eq!(json(&fit(kind, &samples)), json(&fit(kind, &samples)), "{kind:?}");
     }
 }
 
@@ -72,16 +63,8 @@ fn separable_samples_are_learnt_without_error() {
     let (train, test) = (clouds(90, 2), clouds(60, 3));
     for &kind in ALL {
         let model = fit(kind, &train);
-        assert_eq!(
-            model.predict(&train).unwrap(),
-            train.labels(),
-            "{kind:?} on its own rows"
-        );
-        assert_eq!(
-            model.predict(&test).unwrap(),
-            test.labels(),
-            "{kind:?} on new rows"
-        );
+        assert_eq!(model.predict(&train).unwrap(), train.labels(), "{kind:?} on its own rows");
+        assert_eq!(model.predict(&test).unwrap(), test.labels(), "{kind:?} on new rows");
     }
 }
 
@@ -95,20 +78,10 @@ fn prediction_ways_agree_and_scores_are_what_they_say() {
             let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let predicted = model.predict_row(&row);
             assert_eq!(scores[predicted as usize], best, "{kind:?}");
-            assert_eq!(
-                model.predict_with(&row, &mut [0.0; 3]),
-                predicted,
-                "{kind:?}"
-            );
+            assert_eq!(model.predict_with(&row, &mut [0.0; 3]), predicted, "{kind:?}");
             if model.scores() == Scores::Shares {
-                assert!(
-                    (scores.iter().sum::<f64>() - 1.0).abs() < 1e-12,
-                    "{kind:?} {scores:?}"
-                );
-                assert!(
-                    scores.iter().all(|&share| share >= 0.0),
-                    "{kind:?} {scores:?}"
-                );
+                assert!((scores.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{kind:?} {scores:?}");
+                assert!(scores.iter().all(|&share| share >= 0.0), "{kind:?} {scores:?}");
             }
         }
     }
@@ -132,24 +105,12 @@ fn stored_and_loaded_model_predicts_the_same() {
 fn settings_are_stored_with_their_kind_and_refuse_unknown_names() {
     for &kind in ALL {
         let text = serde_json::to_string(&settings(kind)).unwrap();
-        assert!(
-            text.contains(&format!("\"kind\":\"{}\"", kind.id())),
-            "{text}"
-        );
-        assert_eq!(
-            serde_json::from_str::<Settings>(&text).unwrap(),
-            settings(kind)
-        );
+        assert!(text.contains(&format!("\"kind\":\"{}\"", kind.id())), "{text}");
+        assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings(kind));
         let short = format!("{{\"kind\":\"{}\"}}", kind.id());
-        assert_eq!(
-            serde_json::from_str::<Settings>(&short).unwrap(),
-            kind.default_settings()
-        );
+        assert_eq!(serde_json::from_str::<Settings>(&short).unwrap(), kind.default_settings());
         let wrong = format!("{{\"kind\":\"{}\",\"no_such_setting\":1}}", kind.id());
-        assert!(
-            serde_json::from_str::<Settings>(&wrong).is_err(),
-            "{kind:?}"
-        );
+        assert!(serde_json::from_str::<Settings>(&wrong).is_err(), "{kind:?}");
     }
 }
 
@@ -157,19 +118,10 @@ fn settings_are_stored_with_their_kind_and_refuse_unknown_names() {
 /// stored model must keep every one of its numbers.
 fn check_sound(kind: Kind, samples: &Samples) -> Model {
     let model = fit(kind, samples);
-    assert!(
-        !json(&model).contains("null"),
-        "{kind:?} holds a number that is not finite"
-    );
+    assert!(!json(&model).contains("null"), "{kind:?} holds a number that is not finite");
     for row in rows(samples) {
-        assert!(
-            scores(&model, &row).iter().all(|score| !score.is_nan()),
-            "{kind:?}"
-        );
-        assert!(
-            (model.predict_row(&row) as usize) < samples.classes(),
-            "{kind:?}"
-        );
+        assert!(scores(&model, &row).iter().all(|score| !score.is_nan()), "{kind:?}");
+        assert!((model.predict_row(&row) as usize) < samples.classes(), "{kind:?}");
     }
     model
 }
@@ -187,11 +139,7 @@ fn constant_features_do_no_harm() {
     let samples = samples(&rows, &[0, 0, 0, 1, 1, 1]);
     for &kind in ALL {
         let model = check_sound(kind, &samples);
-        assert_eq!(
-            model.predict(&samples).unwrap(),
-            samples.labels(),
-            "{kind:?}"
-        );
+        assert_eq!(model.predict(&samples).unwrap(), samples.labels(), "{kind:?}");
     }
 }
 
@@ -208,26 +156,16 @@ fn only_constant_features_predict_the_commonest_class() {
 #[test]
 fn a_perfect_indicator_is_used() {
     // Within each class the feature is constant: its variance there is 0.
-    let samples = samples(
-        &[&[0.0], &[0.0], &[0.0], &[1.0], &[1.0], &[1.0]],
-        &[0, 0, 0, 1, 1, 1],
-    );
+    let samples = samples(&[&[0.0], &[0.0], &[0.0], &[1.0], &[1.0], &[1.0]], &[0, 0, 0, 1, 1, 1]);
     for &kind in ALL {
         let model = check_sound(kind, &samples);
-        assert_eq!(
-            model.predict(&samples).unwrap(),
-            samples.labels(),
-            "{kind:?}"
-        );
+        assert_eq!(model.predict(&samples).unwrap(), samples.labels(), "{kind:?}");
     }
 }
 
 #[test]
 fn a_single_class_is_always_predicted() {
-    for rows in [
-        &[&[1.0, 2.0][..], &[2.0, 1.0], &[0.0, 0.0]][..],
-        &[&[3.0, 4.0]],
-    ] {
+    for rows in [&[&[1.0, 2.0][..], &[2.0, 1.0], &[0.0, 0.0]][..], &[&[3.0, 4.0]]] {
         let samples = samples(rows, &vec![2; rows.len()]);
         for &kind in ALL {
             let model = check_sound(kind, &samples);
@@ -256,10 +194,7 @@ fn a_class_without_rows_is_never_predicted() {
     for &kind in ALL {
         let model = check_sound(kind, &part);
         assert_eq!(model.classes(), 3);
-        assert!(
-            model.predict(&all).unwrap().iter().all(|&class| class != 1),
-            "{kind:?}"
-        );
+        assert!(model.predict(&all).unwrap().iter().all(|&class| class != 1), "{kind:?}");
     }
 }
 
@@ -267,26 +202,15 @@ fn a_class_without_rows_is_never_predicted() {
 fn rows_without_weight_are_not_learnt_from() {
     let samples = clouds(60, 7);
     let mut wrong = samples.labels().to_vec();
-    wrong[..20]
-        .iter_mut()
-        .for_each(|label| *label = (*label + 1) % 3);
+    wrong[..20].iter_mut().for_each(|label| *label = (*label + 1) % 3);
     let values = rows(&samples).concat();
-    let (features, classes) = (
-        samples.feature_names().to_vec(),
-        samples.class_names().to_vec(),
-    );
-    let weights = (0..60)
-        .map(|row| if row < 20 { 0.0 } else { 1.0 })
-        .collect();
+    let (features, classes) = (samples.feature_names().to_vec(), samples.class_names().to_vec());
+    let weights = (0..60).map(|row| if row < 20 { 0.0 } else { 1.0 }).collect();
     let weighted = Samples::from_rows(features, classes, &values, wrong).unwrap();
     let weighted = weighted.with_weights(weights).unwrap();
     for &kind in ALL {
         let model = check_sound(kind, &weighted);
-        assert_eq!(
-            model.predict(&samples).unwrap(),
-            samples.labels(),
-            "{kind:?}"
-        );
+        assert_eq!(model.predict(&samples).unwrap(), samples.labels(), "{kind:?}");
     }
 }
 
@@ -295,16 +219,9 @@ fn weight_two_is_two_rows() {
     let samples = clouds(30, 8);
     let doubled: Vec<usize> = (0..30).chain((0..30).filter(|row| row % 4 == 0)).collect();
     let twice = samples.select_rows(&doubled).unwrap();
-    let weights = (0..30)
-        .map(|row| if row % 4 == 0 { 2.0 } else { 1.0 })
-        .collect();
+    let weights = (0..30).map(|row| if row % 4 == 0 { 2.0 } else { 1.0 }).collect();
     let weighted = samples.with_weights(weights).unwrap();
-    for kind in [
-        Kind::Cart,
-        Kind::NaiveBayes,
-        Kind::LogisticRegression,
-        Kind::Adaboost,
-    ] {
+    for kind in [Kind::Cart, Kind::NaiveBayes, Kind::LogisticRegression, Kind::Adaboost] {
         let (a, b) = (fit(kind, &twice), fit(kind, &weighted));
         for row in rows(&twice) {
             let pairs = scores(&a, &row).into_iter().zip(scores(&b, &row));

@@ -32,11 +32,7 @@ fn splits(folds: &[usize]) -> Vec<Split> {
 
 fn mean_accuracy(kind: Kind, samples: &Samples, splits: &[Split]) -> f64 {
     let tables = cross_validate(&settings(kind), samples, splits).unwrap();
-    tables
-        .iter()
-        .map(|table| table.accuracy().unwrap())
-        .sum::<f64>()
-        / splits.len() as f64
+    tables.iter().map(|table| table.accuracy().unwrap()).sum::<f64>() / splits.len() as f64
 }
 
 fn compare_accuracies(table: &str) {
@@ -45,21 +41,12 @@ fn compare_accuracies(table: &str) {
     let (_, records) = golden("sklearn_accuracy.csv");
     let mut worse = vec![];
     for &kind in ALL {
-        let record = records
-            .iter()
-            .find(|r| r[0] == table && r[1] == kind.id())
-            .unwrap();
+        let record = records.iter().find(|r| r[0] == table && r[1] == kind.id()).unwrap();
         let theirs: f64 = record[2].parse().unwrap();
         let ours = mean_accuracy(kind, &samples, &splits);
-        println!(
-            "{table:15} {:20} sklearn {theirs:.4} ours {ours:.4}",
-            kind.id()
-        );
+        println!("{table:15} {:20} sklearn {theirs:.4} ours {ours:.4}", kind.id());
         if (ours - theirs).abs() > TWO_POINTS {
-            worse.push(format!(
-                "{}: sklearn {theirs:.4}, ours {ours:.4}",
-                kind.id()
-            ));
+            worse.push(format!("{}: sklearn {theirs:.4}, ours {ours:.4}", kind.id()));
         }
     }
     assert!(worse.is_empty(), "{table}: {worse:?}");
@@ -86,20 +73,14 @@ fn tree_of(case: &str) -> Tree {
     let number = |place: usize| parts[place].parse::<usize>().unwrap();
     let (samples, _) = golden_table(parts[0]);
     let columns: Vec<usize> = (0..number(1)).collect();
-    let criterion = if parts[2] == "gini" {
-        Criterion::Gini
-    } else {
-        Criterion::Entropy
-    };
+    let criterion = if parts[2] == "gini" { Criterion::Gini } else { Criterion::Entropy };
     let settings = cart::Settings {
         criterion,
         max_depth: Some(number(3)),
         min_samples_leaf: number(4),
         ..Default::default()
     };
-    settings
-        .fit(&samples.select_columns(&columns).unwrap())
-        .unwrap()
+    settings.fit(&samples.select_columns(&columns).unwrap()).unwrap()
 }
 
 /// The records of each case, in the order of the file.
@@ -123,10 +104,7 @@ fn val_sklearn_cart_trees_are_identical() {
             let counts: Vec<u32> = record[6].split(' ').map(|c| c.parse().unwrap()).collect();
             assert_eq!(tree.counts(node), counts, "{case}, node {node}");
             let impurity: f64 = record[5].parse().unwrap();
-            assert!(
-                (tree.impurity(node) - impurity).abs() < 1e-12,
-                "{case}, node {node}"
-            );
+            assert!((tree.impurity(node) - impurity).abs() < 1e-12, "{case}, node {node}");
             let feature: i64 = record[1].parse().unwrap();
             let Some((our_feature, our_threshold)) = tree.split(node) else {
                 assert!(feature < 0, "{case}, node {node}");
@@ -135,10 +113,7 @@ fn val_sklearn_cart_trees_are_identical() {
             assert_eq!(our_feature as i64, feature, "{case}, node {node}");
             // scikit-learn rounds features to single precision.
             let threshold: f64 = record[2].parse().unwrap();
-            assert!(
-                (our_threshold - threshold).abs() <= 1e-6 * threshold.abs(),
-                "{case} {node}"
-            );
+            assert!((our_threshold - threshold).abs() <= 1e-6 * threshold.abs(), "{case} {node}");
             let children = (record[3].parse().unwrap(), record[4].parse().unwrap());
             assert_eq!(tree.children(node), Some(children), "{case}, node {node}");
         }
@@ -153,14 +128,8 @@ fn val_sklearn_cart_pruning_paths_are_identical() {
         for (step, record) in path.iter().zip(&records) {
             let (alpha, impurity): (f64, f64) =
                 (record[1].parse().unwrap(), record[2].parse().unwrap());
-            assert!(
-                (step.alpha - alpha).abs() < 1e-12,
-                "{case}: {step:?} {record:?}"
-            );
-            assert!(
-                (step.impurity - impurity).abs() < 1e-12,
-                "{case}: {step:?} {record:?}"
-            );
+            assert!((step.alpha - alpha).abs() < 1e-12, "{case}: {step:?} {record:?}");
+            assert!((step.impurity - impurity).abs() < 1e-12, "{case}: {step:?} {record:?}");
         }
     }
 }

@@ -80,14 +80,8 @@ impl Alone {
         let parameters = parameters(spec);
         let mut collected = Collected::default();
         let state = |state| {
-            let variable = collected.variable(Role::State {
-                component: 0,
-                state,
-            });
-            let rate = collected.variable(Role::Derivative {
-                component: 0,
-                state,
-            });
+            let variable = collected.variable(Role::State { component: 0, state });
+            let rate = collected.variable(Role::Derivative { component: 0, state });
             (variable, Sum(rate.0))
         };
         let states: Vec<_> = (0..spec.states.len()).map(state).collect();
@@ -113,13 +107,7 @@ impl Alone {
             .enumerate()
             .filter_map(|(port, &node)| node.map(|node| (PortOf { component: 0, port }, node)));
         collected.nodes = ports.collect();
-        Self {
-            spec,
-            parameters,
-            collected,
-            states,
-            nodes,
-        }
+        Self { spec, parameters, collected, states, nodes }
     }
 
     /// Where an input of a block is to be tried.
@@ -154,11 +142,7 @@ impl Alone {
                 PortKind::SignalOut { .. } => 1.0,
             }
         } else if variable == node.second {
-            if matches!(kind, PortKind::Rotational { .. }) {
-                1.0
-            } else {
-                0.05
-            }
+            if matches!(kind, PortKind::Rotational { .. }) { 1.0 } else { 0.05 }
         } else {
             match kind {
                 PortKind::Hydraulic { .. } => 3e-4,
@@ -171,9 +155,7 @@ impl Alone {
 
     /// Around the parameter that stands in; else by unit.
     fn signal(&self, unit: Unit, default: Option<&str>) -> (f64, f64) {
-        let value = default.map_or(0.0, |name| {
-            self.parameters[self.spec.parameter(name).unwrap()]
-        });
+        let value = default.map_or(0.0, |name| self.parameters[self.spec.parameter(name).unwrap()]);
         let by_unit = match unit {
             Unit::Metre => 1e-2,
             Unit::Radian => 0.4,
@@ -196,9 +178,7 @@ impl Alone {
         let mut random = Random(0x9e37_79b9_7f4a_7c15);
         let ranges = self.ranges(block);
         let sample = |_| {
-            let values = ranges
-                .iter()
-                .map(|(low, high)| low + (high - low) * random.next());
+            let values = ranges.iter().map(|(low, high)| low + (high - low) * random.next());
             values.collect()
         };
         (0..SAMPLES).map(sample).collect()
@@ -220,8 +200,7 @@ fn usual(unit: Unit) -> Option<(f64, f64)> {
 
 /// Every component, wired in both ways.
 fn all() -> impl Iterator<Item = Alone> {
-    ALL.iter()
-        .flat_map(|&c| [true, false].map(|optional| Alone::new(c, optional)))
+    ALL.iter().flat_map(|&c| [true, false].map(|optional| Alone::new(c, optional)))
 }
 
 /// Every block of every component, wired in both ways.
@@ -249,10 +228,7 @@ impl Kernel for OneBlock<'_> {
     type Output = Results;
     fn run<V: Lanes>(self) -> Results {
         let parameters: Vec<V> = self.parameters.iter().map(|&p| V::constant(p)).collect();
-        self.kind.visit(InLanes {
-            block: self,
-            parameters,
-        })
+        self.kind.visit(InLanes { block: self, parameters })
     }
 }
 
@@ -297,17 +273,9 @@ fn names_are_unique_and_end_in_their_unit() {
         }
     };
     let ends_in = |kind: &str, name: &str, unit: Unit| {
-        let suffixes = Unit::ALL
-            .iter()
-            .map(|u| u.suffix())
-            .filter(|s| name.ends_with(s));
+        let suffixes = Unit::ALL.iter().map(|u| u.suffix()).filter(|s| name.ends_with(s));
         let longest = suffixes.max_by_key(|s| s.len()).unwrap();
-        assert_eq!(
-            longest,
-            unit.suffix(),
-            "{kind}: '{name}' is in '{}'",
-            unit.symbol()
-        );
+        assert_eq!(longest, unit.suffix(), "{kind}: '{name}' is in '{}'", unit.symbol());
     };
     unique("kinds", &mut ALL.iter().map(|c| c.spec().kind));
     for component in ALL {
@@ -338,30 +306,18 @@ fn declarations_hold_together() {
         }
         for port in spec.ports {
             assert!(!port.summary.is_empty(), "{kind}.{}", port.name);
-            if let PortKind::SignalIn {
-                unit,
-                default: Some(name),
-            } = port.kind
-            {
+            if let PortKind::SignalIn { unit, default: Some(name) } = port.kind {
                 let found = spec.parameter(name);
                 let index = found.unwrap_or_else(|| panic!("{kind}.{}: '{name}'", port.name));
                 assert_eq!(spec.parameters[index].unit, unit, "{kind}.{}", port.name);
             }
         }
         for state in spec.states {
-            assert!(
-                state.scale > 0.0 && !state.summary.is_empty(),
-                "{kind}.{}",
-                state.name
-            );
+            assert!(state.scale > 0.0 && !state.summary.is_empty(), "{kind}.{}", state.name);
             if let Start::Parameter(name) = state.start {
                 let found = spec.parameter(name);
                 let index = found.unwrap_or_else(|| panic!("{kind}.{}: '{name}'", state.name));
-                assert_eq!(
-                    spec.parameters[index].unit, state.unit,
-                    "{kind}.{}",
-                    state.name
-                );
+                assert_eq!(spec.parameters[index].unit, state.unit, "{kind}.{}", state.name);
             }
         }
         assert_eq!(component.check(&parameters(spec)), Ok(()), "{kind}");
@@ -376,23 +332,15 @@ fn a_fault_is_neutral_at_zero_and_acts_at_one() {
             let name = format!("{}.{}", spec.kind, fault.name);
             assert!(!fault.summary.is_empty(), "{name}");
             assert!(fault.full_min < fault.full_max, "{name}");
-            assert!(
-                fault.full_min <= fault.full && fault.full <= fault.full_max,
-                "{name}"
-            );
-            let index = spec
-                .parameter(fault.parameter)
-                .unwrap_or_else(|| panic!("{name}"));
+            assert!(fault.full_min <= fault.full && fault.full <= fault.full_max, "{name}");
+            let index = spec.parameter(fault.parameter).unwrap_or_else(|| panic!("{name}"));
             let healthy = alone.parameters[index];
             for full in [fault.full, fault.full_max] {
                 let neutral = fault.law.apply(healthy, 0.0, full);
                 assert_eq!(neutral.to_bits(), healthy.to_bits(), "{name}");
             }
             let faulty = fault.law.apply(healthy, 1.0, fault.full);
-            assert!(
-                faulty.is_finite() && faulty != healthy,
-                "{name}: {healthy} stays"
-            );
+            assert!(faulty.is_finite() && faulty != healthy, "{name}: {healthy} stays");
             assert!(
                 alone.depends_on(index, faulty),
                 "{name}: no equation reads {}",
@@ -417,14 +365,7 @@ impl Alone {
             || self.collected.blocks.iter().any(|block| {
                 let constants = |parameters: &[f64]| {
                     let (kind, which) = (block.kind, block.which);
-                    OneBlock {
-                        kind,
-                        which,
-                        parameters,
-                        samples: &[],
-                    }
-                    .run::<f64>()
-                    .0
+                    OneBlock { kind, which, parameters, samples: &[] }.run::<f64>().0
                 };
                 bits(&constants(&self.parameters)) != bits(&constants(&changed))
             })
@@ -458,12 +399,7 @@ fn lanes_equal_scalars_bit_for_bit() {
     for_each_block(|alone, block| {
         let samples = alone.samples(block);
         let (kind, which) = (block.kind, block.which);
-        let one = OneBlock {
-            kind,
-            which,
-            parameters: &alone.parameters,
-            samples: &samples,
-        };
+        let one = OneBlock { kind, which, parameters: &alone.parameters, samples: &samples };
         let (constants, outputs) = one.run::<f64>();
         for level in [Level::Portable, Level::best()] {
             let (lane_constants, lane_outputs) = dispatch(level, one);
@@ -494,10 +430,7 @@ impl Visitor for WithPartials<'_> {
         });
         let inputs = core::array::from_fn(|i| Dual::input(self.block.samples[0][i], i));
         let outputs: [Dual<f64, I>; O] = E::evaluate(&constants, inputs);
-        outputs
-            .iter()
-            .map(|o| (o.value, o.partials.to_vec()))
-            .collect()
+        outputs.iter().map(|o| (o.value, o.partials.to_vec())).collect()
     }
 }
 
@@ -521,26 +454,14 @@ fn partial_derivatives_agree_with_differences() {
         let ranges = alone.ranges(block);
         let (kind, which) = (block.kind, block.which);
         let parameters: &[f64] = &alone.parameters;
-        let values = |samples: &[Vec<f64>]| {
-            OneBlock {
-                kind,
-                which,
-                parameters,
-                samples,
-            }
-            .run::<f64>()
-            .1
-        };
+        let values =
+            |samples: &[Vec<f64>]| OneBlock { kind, which, parameters, samples }.run::<f64>().1;
         let all = values(&samples);
         let largest = |o: usize| all.iter().fold(0.0, |m: f64, v| m.max(v[o].abs()));
         let (kept, total) = tried.entry(kind).or_default();
         for sample in &samples {
-            let block = OneBlock {
-                kind,
-                which,
-                parameters,
-                samples: core::slice::from_ref(sample),
-            };
+            let block =
+                OneBlock { kind, which, parameters, samples: core::slice::from_ref(sample) };
             let exact = kind.visit(WithPartials { block });
             for (i, (low, high)) in ranges.iter().enumerate().filter(|(_, r)| r.0 < r.1) {
                 for (o, (_, partials)) in exact.iter().enumerate() {
@@ -567,11 +488,7 @@ fn partial_derivatives_agree_with_differences() {
         }
     });
     for (kind, (kept, total)) in tried {
-        assert!(
-            2 * kept >= total,
-            "{kind:?}: kinks at {} of {total}",
-            total - kept
-        );
+        assert!(2 * kept >= total, "{kind:?}: kinks at {} of {total}", total - kept);
     }
 }
 
@@ -589,11 +506,7 @@ fn all_numbers_are_finite_at_zero_and_in_range() {
             };
             for (value, partials) in block.kind.visit(WithPartials { block: one }) {
                 let finite = value.is_finite() && partials.iter().all(|p| p.is_finite());
-                assert!(
-                    finite,
-                    "{}: {value} {partials:?} at {sample:?}",
-                    alone.name(block)
-                );
+                assert!(finite, "{}: {value} {partials:?} at {sample:?}", alone.name(block));
             }
         }
     });

@@ -123,9 +123,7 @@ impl<S: Scalar> BulkModulus<S> {
 /// [`BulkModulus::to_array`].
 #[inline(always)]
 pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> S {
-    let &[liquid, slope, gas, exponent, reciprocal, wall] = constants else {
-        unreachable!()
-    };
+    let &[liquid, slope, gas, exponent, reciprocal, wall] = constants else { unreachable!() };
     let one = lit::<S>(1.0);
     let p = pressure_pa.max(S::constant(LOWEST_PRESSURE_PA));
     let liquid_modulus = p * slope + liquid;
@@ -233,11 +231,7 @@ mod tests {
     }
 
     fn at(kind: FluidKind, celsius: f64) -> FluidState<f64> {
-        Fluid {
-            kind,
-            ..Fluid::default()
-        }
-        .at(celsius + 273.15)
+        Fluid { kind, ..Fluid::default() }.at(celsius + 273.15)
     }
 
     #[test]
@@ -279,25 +273,15 @@ mod tests {
             let fluid = at(FluidKind::MilPrf83282, celsius);
             assert_close(fluid.kinematic_viscosity_m2_s, centistokes * 1e-6, 1e-4);
         }
-        assert_close(
-            at(FluidKind::MilPrf83282, 40.0).bulk.liquid_pa,
-            1.379e9,
-            1e-12,
-        );
+        assert_close(at(FluidKind::MilPrf83282, 40.0).bulk.liquid_pa, 1.379e9, 1e-12);
     }
 
     #[test]
     fn the_effective_bulk_modulus_falls_with_air_at_low_pressure() {
         let constants = at(FluidKind::PhosphateEster, 40.0).bulk.to_array();
         let modulus = |bar: f64| 1.0 / compressibility_per_pa(&constants, bar * 1e5);
-        let table = [
-            (1.0, 0.027),
-            (6.0, 0.41),
-            (20.0, 1.02),
-            (50.0, 1.25),
-            (100.0, 1.34),
-            (200.0, 1.43),
-        ];
+        let table =
+            [(1.0, 0.027), (6.0, 0.41), (20.0, 1.02), (50.0, 1.25), (100.0, 1.34), (200.0, 1.43)];
         for (bar, gigapascal) in table {
             assert_close(modulus(bar), gigapascal * 1e9, 1.5e-2);
         }
@@ -309,10 +293,7 @@ mod tests {
         let constants = at(FluidKind::PhosphateEster, 40.0).bulk.to_array();
         for pressure in [-1e7, -1.0, 0.0, 1.0, 2e3, 1e9] {
             let compressibility = compressibility_per_pa(&constants, pressure);
-            assert!(
-                compressibility.is_finite() && compressibility > 0.0,
-                "{pressure}"
-            );
+            assert!(compressibility.is_finite() && compressibility > 0.0, "{pressure}");
         }
     }
 
@@ -323,21 +304,11 @@ mod tests {
             let name = kind.name();
             let mut colder = f64::INFINITY;
             for step in 0..=100 {
-                let fluid = Fluid {
-                    kind,
-                    ..Fluid::default()
-                };
+                let fluid = Fluid { kind, ..Fluid::default() };
                 let state = fluid.at(low + (high - low) * step as f64 / 100.0);
                 assert!((600.0..1200.0).contains(&state.density_kg_m3), "{name}");
-                assert!(
-                    (1e-7..1e-2).contains(&state.kinematic_viscosity_m2_s),
-                    "{name}"
-                );
-                assert!(
-                    state.bulk.liquid_pa > 0.1e9,
-                    "{name} at {} K",
-                    state.temperature_k
-                );
+                assert!((1e-7..1e-2).contains(&state.kinematic_viscosity_m2_s), "{name}");
+                assert!(state.bulk.liquid_pa > 0.1e9, "{name} at {} K", state.temperature_k);
                 let viscosity = state.kinematic_viscosity_m2_s;
                 assert!(viscosity < colder, "{name} thickens when warmed");
                 colder = viscosity;

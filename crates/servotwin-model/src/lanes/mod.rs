@@ -123,11 +123,7 @@ pub trait Kernel {
 /// # Panics
 /// Where the processor does not have the level.
 pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
-    assert!(
-        level.available(),
-        "this processor has no {} lanes",
-        level.name()
-    );
+    assert!(level.available(), "this processor has no {} lanes", level.name());
     match level {
         Level::Portable => kernel.run::<Portable>(),
         // SAFETY: the level is available.

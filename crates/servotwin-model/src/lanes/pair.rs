@@ -57,10 +57,7 @@ impl<V: Lanes> Scalar for Pair<V> {
     }
     #[inline(always)]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
-        Self(
-            V::select(mask.0, yes.0, no.0),
-            V::select(mask.1, yes.1, no.1),
-        )
+        Self(V::select(mask.0, yes.0, no.0), V::select(mask.1, yes.1, no.1))
     }
 }
 
@@ -71,10 +68,7 @@ impl<V: Lanes> Primitive for Pair<V> {
     }
     #[inline(always)]
     fn scale_by_power_of_two(self, exponent: Self) -> Self {
-        Self(
-            self.0.scale_by_power_of_two(exponent.0),
-            self.1.scale_by_power_of_two(exponent.1),
-        )
+        Self(self.0.scale_by_power_of_two(exponent.0), self.1.scale_by_power_of_two(exponent.1))
     }
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {
@@ -92,11 +86,7 @@ impl<V: Lanes> Lanes for Pair<V> {
     }
     #[inline(always)]
     fn lane(self, lane: usize) -> f64 {
-        if lane < V::WIDTH {
-            self.0.lane(lane)
-        } else {
-            self.1.lane(lane - V::WIDTH)
-        }
+        if lane < V::WIDTH { self.0.lane(lane) } else { self.1.lane(lane - V::WIDTH) }
     }
     #[inline(always)]
     fn set_lane(&mut self, lane: usize, value: f64) {

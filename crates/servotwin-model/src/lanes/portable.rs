@@ -67,9 +67,7 @@ impl Scalar for Portable {
     }
     #[inline(always)]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
-        Self(core::array::from_fn(|i| {
-            if mask[i] { yes.0[i] } else { no.0[i] }
-        }))
+        Self(core::array::from_fn(|i| if mask[i] { yes.0[i] } else { no.0[i] }))
     }
 }
 
@@ -84,10 +82,7 @@ impl Primitive for Portable {
     }
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {
-        (
-            self.map(|x| x.split_exponent().0),
-            self.map(|x| x.split_exponent().1),
-        )
+        (self.map(|x| x.split_exponent().0), self.map(|x| x.split_exponent().1))
     }
 }
 

@@ -26,17 +26,9 @@ impl Draft {
     /// Where `component.port` is.
     fn port(&self, id: &str) -> PortOf {
         let (id, port) = id.rsplit_once('.').expect("component.port");
-        let component = self
-            .0
-            .components
-            .iter()
-            .position(|c| c.id == id)
-            .expect("a component");
+        let component = self.0.components.iter().position(|c| c.id == id).expect("a component");
         let spec = self.0.components[component].component.spec();
-        PortOf {
-            component,
-            port: spec.port(port).expect("a port"),
-        }
+        PortOf { component, port: spec.port(port).expect("a port") }
     }
 
     fn join(mut self, ports: &[&str]) -> Self {
@@ -47,12 +39,7 @@ impl Draft {
 
     fn input(mut self, id: &str, unit: Unit, target: &str) -> Self {
         let targets = vec![self.port(target)];
-        self.0.inputs.push(ExternalInput {
-            id: id.into(),
-            unit,
-            default: 0.0,
-            targets,
-        });
+        self.0.inputs.push(ExternalInput { id: id.into(), unit, default: 0.0, targets });
         self
     }
 
@@ -80,11 +67,7 @@ impl Running {
         let stand_ins = program.stand_in_values(&parameters);
         variables[program.externals().end..][..stand_ins.len()].copy_from_slice(&stand_ins);
         program.evaluate(&constants, &mut variables);
-        Self {
-            program,
-            constants,
-            variables,
-        }
+        Self { program, constants, variables }
     }
 
     fn value(&self, name: &str) -> f64 {
@@ -121,11 +104,7 @@ fn fluid_flows_from_high_to_low_pressure() {
         let high_to_low = Running::new(&between(kind, 100.0));
         let filling = high_to_low.value(FILLING);
         assert!(filling > 0.0, "{kind}: {filling}");
-        assert_eq!(
-            filling,
-            -high_to_low.value("supply.port.flow_m3_s"),
-            "{kind} keeps the volume"
-        );
+        assert_eq!(filling, -high_to_low.value("supply.port.flow_m3_s"), "{kind} keeps the volume");
         let emptying = Running::new(&between(kind, 300.0)).value(FILLING);
         assert_eq!(emptying, -filling, "{kind} is odd in the pressure drop");
     }
@@ -136,11 +115,7 @@ fn check_and_relief_valves_pass_one_way() {
     let flow = |draft: &Draft| Running::new(draft).value(FILLING);
     assert!(flow(&between("check_valve", 199.0)) > 0.0);
     assert_eq!(flow(&between("check_valve", 201.0)), 0.0);
-    assert_eq!(
-        flow(&between("check_valve", 199.9)),
-        0.0,
-        "below the cracking pressure"
-    );
+    assert_eq!(flow(&between("check_valve", 199.9)), 0.0, "below the cracking pressure");
     let mut relief = between("relief_valve", 10.0);
     assert_eq!(flow(&relief), 0.0, "below the set pressure");
     let part = &mut relief.0.components[1];
@@ -201,10 +176,7 @@ fn an_open_port_is_named() {
         .join(&["tank.port", "path.a"]);
     let mistakes = draft.mistakes();
     for port in ["path.b", "volume.port"] {
-        assert!(
-            mistakes.contains(&Mistake::OpenPort(draft.port(port))),
-            "{port}: {mistakes:?}"
-        );
+        assert!(mistakes.contains(&Mistake::OpenPort(draft.port(port))), "{port}: {mistakes:?}");
     }
 }
 
@@ -250,13 +222,7 @@ fn sources_of_one_circuit_agree_about_the_fluid() {
         .with("return", "orifice")
         .join(&["volume.port", "return.a"])
         .join(&["return.b", "tank.port"]);
-    assert_eq!(
-        draft.mistakes(),
-        [Mistake::TwoFluids {
-            first: 0,
-            second: 3
-        }]
-    );
+    assert_eq!(draft.mistakes(), [Mistake::TwoFluids { first: 0, second: 3 }]);
 }
 
 #[test]
@@ -275,10 +241,7 @@ fn mixed_kinds_and_units_are_named() {
         from: Some(draft.port("cylinder.position")),
         to: draft.port("part.opening"),
     };
-    assert!(
-        mistakes.contains(&mixed) && mistakes.contains(&units),
-        "{mistakes:?}"
-    );
+    assert!(mistakes.contains(&mixed) && mistakes.contains(&units), "{mistakes:?}");
 }
 
 #[test]
@@ -295,12 +258,7 @@ fn an_algebraic_loop_is_named() {
         .with("two", "gain")
         .join(&["one.output", "two.input"])
         .join(&["two.output", "one.input"]);
-    assert_eq!(
-        draft.mistakes(),
-        [Mistake::AlgebraicLoop {
-            components: vec![3, 4]
-        }]
-    );
+    assert_eq!(draft.mistakes(), [Mistake::AlgebraicLoop { components: vec![3, 4] }]);
 }
 
 #[test]

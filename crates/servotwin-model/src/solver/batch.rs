@@ -127,12 +127,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
-        differentiate(
-            self.program,
-            &self.constants,
-            &mut self.variables,
-            &mut self.gradients,
-        );
+        differentiate(self.program, &self.constants, &mut self.variables, &mut self.gradients);
     }
 
     /// Evaluates everything at the beginning of the step, without the Jacobian.
@@ -170,11 +165,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
                 evaluate(self.program, &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
-            solve(
-                self.program,
-                &self.factors,
-                &mut self.stages[stage * n..][..n],
-            );
+            solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
         }
         self.combine(method)
     }
@@ -205,13 +196,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
         let (before, right) = self.stages.split_at_mut(stage * n);
-        weighted(
-            &mut right[..n],
-            derivatives,
-            method.c[stage],
-            reciprocal,
-            before,
-        );
+        weighted(&mut right[..n], derivatives, method.c[stage], reciprocal, before);
         let gamma = method.gamma_sum[stage];
         if gamma != 0.0 {
             let rows = self.program.rows();
@@ -298,11 +283,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let relative = |k: usize| {
             let e = self.error[k].lane(lane) * self.reciprocal_scales[k];
             let bad = !e.is_finite() || !self.y_new[k].lane(lane).is_finite();
-            if bad {
-                f64::INFINITY
-            } else {
-                crate::scalar::Scalar::abs(e)
-            }
+            if bad { f64::INFINITY } else { crate::scalar::Scalar::abs(e) }
         };
         let mut worst = 0;
         for k in 1..self.error.len() {

@@ -67,15 +67,7 @@ pub fn run<'a>(
             Ensemble::<V>::new(self.program, self.settings, self.record, self.feed).run();
         }
     }
-    dispatch(
-        level,
-        All {
-            program,
-            settings,
-            record,
-            feed,
-        },
-    );
+    dispatch(level, All { program, settings, record, feed });
 }
 
 /// What one lane is doing.
@@ -213,8 +205,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
         let first = self.program.externals().start;
         for (external, input) in case.inputs.iter().enumerate() {
-            self.batch
-                .set_variable(lane, first + external, input.pieces()[0][0]);
+            self.batch.set_variable(lane, first + external, input.pieces()[0][0]);
         }
     }
 
@@ -251,8 +242,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
                 pieces.len() > 1 || pieces[0][1..] != [0.0; 3]
             };
             if lanes.iter().any(moves) {
-                self.batch
-                    .set_input(external, |lane| lanes[lane].cubic(external));
+                self.batch.set_input(external, |lane| lanes[lane].cubic(external));
             }
         }
     }
@@ -304,8 +294,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
                 for (value, &slot) in self.values.iter_mut().zip(self.record) {
                     *value = self.batch.variable(index, slot as usize);
                 }
-                self.feed
-                    .sample(lane.case.job, lane.next_sample, &self.values);
+                self.feed.sample(lane.case.job, lane.next_sample, &self.values);
                 lane.next_sample += 1;
             }
             if lane.time_s + SAME_TIME_S >= lane.case.duration_s {
@@ -349,8 +338,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
                 }
                 let lane = &mut self.lanes[index];
                 lane.statistics.evaluations += 1;
-                self.feed
-                    .sample(lane.case.job, lane.next_sample, &self.values);
+                self.feed.sample(lane.case.job, lane.next_sample, &self.values);
                 lane.next_sample += 1;
             }
         }
@@ -401,11 +389,8 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             if matches!(lane.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }
-            *accepted = if lane.phase == Phase::Settling {
-                error <= LARGEST_SETTLING_ERROR
-            } else {
-                good
-            };
+            *accepted =
+                if lane.phase == Phase::Settling { error <= LARGEST_SETTLING_ERROR } else { good };
             if *accepted {
                 lane.accept();
             } else {
@@ -427,17 +412,9 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         let stuck = lane.rejections > 0
             && (fixed || lane.rejections > MOST_REJECTIONS || lane.wanted_s < SMALLEST_STEP_S);
         if stuck {
-            let cause = if error.is_finite() {
-                Cause::StepTooSmall
-            } else {
-                Cause::NotFinite
-            };
+            let cause = if error.is_finite() { Cause::StepTooSmall } else { Cause::NotFinite };
             let state = self.batch.worst_state(index);
-            let failure = Failure {
-                time_s: lane.time_s,
-                state,
-                cause,
-            };
+            let failure = Failure { time_s: lane.time_s, state, cause };
             lane.phase = Phase::Idle;
             self.feed.finish(lane.case.job, Err(failure));
             // A lane with finite numbers again, until the next variant.
@@ -453,11 +430,7 @@ const FIRST_STEP_S: f64 = 1e-4;
 
 impl<'a> Lane<'a> {
     fn new(case: Case<'a>, clocks: usize) -> Self {
-        let phase = if case.settle {
-            Phase::Settling
-        } else {
-            Phase::Running
-        };
+        let phase = if case.settle { Phase::Settling } else { Phase::Running };
         Self {
             pieces: vec![0; case.inputs.len()],
             phase,
@@ -491,11 +464,7 @@ impl<'a> Lane<'a> {
 
     /// The time that inputs are taken at.
     fn input_time_s(&self) -> f64 {
-        if self.phase == Phase::Running {
-            self.time_s
-        } else {
-            0.0
-        }
+        if self.phase == Phase::Running { self.time_s } else { 0.0 }
     }
 
     #[inline(always)]
@@ -519,12 +488,7 @@ impl<'a> Lane<'a> {
         if self.phase != Phase::Running || t < -SAME_TIME_S {
             return [a, 0.0, 0.0, 0.0];
         }
-        [
-            a + t * (b + t * (c + t * d)),
-            b + t * (2.0 * c + t * 3.0 * d),
-            c + 3.0 * t * d,
-            d,
-        ]
+        [a + t * (b + t * (c + t * d)), b + t * (2.0 * c + t * 3.0 * d), c + 3.0 * t * d, d]
     }
 
     /// The next time that a step must not pass.
@@ -564,11 +528,7 @@ impl<'a> Lane<'a> {
             Phase::Settling => {
                 // Sampled controllers act once per step here.
                 let longest = periods_s.iter().copied().fold(f64::INFINITY, f64::min);
-                self.step_s = if self.wanted_s < longest {
-                    self.wanted_s
-                } else {
-                    longest
-                };
+                self.step_s = if self.wanted_s < longest { self.wanted_s } else { longest };
                 self.end_s = self.time_s + self.step_s;
                 return;
             }
@@ -609,13 +569,7 @@ impl<'a> Lane<'a> {
         match (self.phase, settings.control) {
             // Accuracy does not matter on the way to rest, stability does.
             (Phase::Settling, _) => Some((1e-2, 1e4)),
-            (
-                _,
-                Control::Adaptive {
-                    tolerance,
-                    max_step_s,
-                },
-            ) => Some((tolerance, max_step_s)),
+            (_, Control::Adaptive { tolerance, max_step_s }) => Some((tolerance, max_step_s)),
             (_, Control::Fixed { .. }) => None,
         }
     }

@@ -38,12 +38,8 @@ pub enum Method {
 
 impl Method {
     /// Every method.
-    pub const ALL: [Method; 4] = [
-        Method::Rodas3,
-        Method::Rodas4P,
-        Method::Rodas5P,
-        Method::RungeKutta4,
-    ];
+    pub const ALL: [Method; 4] =
+        [Method::Rodas3, Method::Rodas4P, Method::Rodas5P, Method::RungeKutta4];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -102,10 +98,7 @@ impl Settings {
     pub fn campaign() -> Self {
         Self {
             method: Method::Rodas4P,
-            control: Control::Adaptive {
-                tolerance: 1e-5,
-                max_step_s: 0.1,
-            },
+            control: Control::Adaptive { tolerance: 1e-5, max_step_s: 0.1 },
             land_on_samples: true,
         }
     }
@@ -114,10 +107,7 @@ impl Settings {
     pub fn reference() -> Self {
         Self {
             method: Method::Rodas5P,
-            control: Control::Adaptive {
-                tolerance: 1e-9,
-                max_step_s: 0.1,
-            },
+            control: Control::Adaptive { tolerance: 1e-9, max_step_s: 0.1 },
             land_on_samples: true,
         }
     }
@@ -207,11 +197,7 @@ mod tests {
         let component = |id: &str, kind| Instance::new(id, components::find(kind).unwrap());
         let port = |component: usize, name: &str, network: &Network| PortOf {
             component,
-            port: network.components[component]
-                .component
-                .spec()
-                .port(name)
-                .unwrap(),
+            port: network.components[component].component.spec().port(name).unwrap(),
         };
         let mut network = Network {
             components: vec![
@@ -272,21 +258,13 @@ mod tests {
             outcomes: vec![None; jobs],
         };
         run(&program, settings, &[0], level, &mut record);
-        assert!(
-            record.outcomes.iter().all(|o| matches!(o, Some(Ok(_)))),
-            "{:?}",
-            record.outcomes
-        );
+        assert!(record.outcomes.iter().all(|o| matches!(o, Some(Ok(_)))), "{:?}", record.outcomes);
         record.samples
     }
 
     fn fixed(method: Method, step_s: f64) -> f64 {
         let control = Control::Fixed { step_s };
-        let settings = Settings {
-            method,
-            control,
-            land_on_samples: true,
-        };
+        let settings = Settings { method, control, land_on_samples: true };
         pressures(settings, Level::Portable, 1)[0][4]
     }
 
@@ -303,20 +281,13 @@ mod tests {
             let fine = fixed(method, step / 2.0) - exact;
             let ratio = (coarse / fine).abs();
             let expected = crate::math::power(2f64, order);
-            assert!(
-                ratio > 0.75 * expected,
-                "{}: {coarse:e} {fine:e}",
-                method.name()
-            );
+            assert!(ratio > 0.75 * expected, "{}: {coarse:e} {fine:e}", method.name());
         }
     }
 
     #[test]
     fn a_variant_is_the_same_alone_in_any_lane_and_at_any_level() {
-        let settings = Settings {
-            method: Method::Rodas4P,
-            ..Settings::campaign()
-        };
+        let settings = Settings { method: Method::Rodas4P, ..Settings::campaign() };
         let together = pressures(settings, Level::Portable, 11);
         for level in crate::lanes::ALL.into_iter().filter(|l| l.available()) {
             assert_eq!(pressures(settings, level, 11), together, "{}", level.name());
@@ -327,19 +298,9 @@ mod tests {
     #[test]
     fn dense_output_agrees_with_landing() {
         for method in [Method::Rodas4P, Method::Rodas5P] {
-            let control = Control::Adaptive {
-                tolerance: 1e-9,
-                max_step_s: 1.0,
-            };
-            let landing = Settings {
-                method,
-                control,
-                land_on_samples: true,
-            };
-            let dense = Settings {
-                land_on_samples: false,
-                ..landing
-            };
+            let control = Control::Adaptive { tolerance: 1e-9, max_step_s: 1.0 };
+            let landing = Settings { method, control, land_on_samples: true };
+            let dense = Settings { land_on_samples: false, ..landing };
             let a = &pressures(landing, Level::best(), 1)[0];
             let b = &pressures(dense, Level::best(), 1)[0];
             for (a, b) in a.iter().zip(b) {

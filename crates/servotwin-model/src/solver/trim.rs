@@ -30,22 +30,9 @@ pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
         }
     }
     let record: Vec<Slot> = (0..program.states().len() as Slot).collect();
-    let case = Case {
-        settle: true,
-        duration_s: 0.0,
-        ..case
-    };
-    let mut catch = Catch {
-        case: Some(case),
-        states: Vec::new(),
-        outcome: Ok(Statistics::default()),
-    };
-    run(
-        program,
-        Settings::campaign(),
-        &record,
-        Level::best(),
-        &mut catch,
-    );
+    let case = Case { settle: true, duration_s: 0.0, ..case };
+    let mut catch =
+        Catch { case: Some(case), states: Vec::new(), outcome: Ok(Statistics::default()) };
+    run(program, Settings::campaign(), &record, Level::best(), &mut catch);
     catch.outcome.map(|_| catch.states)
 }

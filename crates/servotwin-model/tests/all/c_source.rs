@@ -41,10 +41,7 @@ fn points(program: &Program, parameters: &[Vec<f64>]) -> Vec<Point> {
         inputs: (program.network().inputs.iter())
             .map(|input| input.default * (1.0 + random.next()))
             .collect(),
-        held: held
-            .iter()
-            .map(|h| if *h == 0.0 { random.next() } else { *h })
-            .collect(),
+        held: held.iter().map(|h| if *h == 0.0 { random.next() } else { *h }).collect(),
     };
     (0..CASES).map(point).collect()
 }
@@ -59,12 +56,7 @@ fn expected(program: &Program, parameters: &[Vec<f64>], points: &[Point]) -> Vec
         variables.resize(program.slots() + 1, 0.0);
         program.evaluate(&constants, &mut variables);
         numbers.extend(&variables[program.derivatives()]);
-        numbers.extend(
-            program
-                .observables()
-                .iter()
-                .map(|o| variables[o.slot as usize]),
-        );
+        numbers.extend(program.observables().iter().map(|o| variables[o.slot as usize]));
     }
     numbers
 }
@@ -120,14 +112,7 @@ fn compiled(program: &Program, name: &str, outputs: &[Observable], main: &str) -
     let c = c_source::write(program, "t", outputs).unwrap();
     std::fs::write(&source, format!("{c}{main}")).unwrap();
     let status = Command::new("cc")
-        .args([
-            "-std=c99",
-            "-O2",
-            "-ffp-contract=off",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-        ])
+        .args(["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"])
         .arg(format!("-DCASES={CASES}"))
         .args([Path::new("-o"), &binary, &source, Path::new("-lm")])
         .status()
@@ -143,40 +128,26 @@ fn in_c(binary: &Path, parameters: &[Vec<f64>], points: &[Point]) -> Vec<f64> {
     for number in numbers {
         writeln!(text, "{:x}", number.to_bits()).unwrap();
     }
-    let mut child = Command::new(binary)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child =
+        Command::new(binary).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
     let output = child.wait_with_output().unwrap();
     writer.join().unwrap().unwrap();
     let lines = String::from_utf8(output.stdout).unwrap();
-    lines
-        .lines()
-        .map(|l| f64::from_bits(u64::from_str_radix(l, 16).unwrap()))
-        .collect()
+    lines.lines().map(|l| f64::from_bits(u64::from_str_radix(l, 16).unwrap())).collect()
 }
 
 fn assert_same(program: &Program, name: &str, faults: &[FaultAt]) {
     let parameters = program.parameters(faults);
     let points = points(program, &parameters);
     let expected = expected(program, &parameters, &points);
-    let found = in_c(
-        &compiled(program, name, program.observables(), MAIN),
-        &parameters,
-        &points,
-    );
+    let found = in_c(&compiled(program, name, program.observables(), MAIN), &parameters, &points);
     assert_eq!(expected.len(), found.len());
     assert!(expected.iter().all(|x| x.is_finite()));
     for (index, (a, b)) in expected.iter().zip(&found).enumerate() {
         // Adding zero takes the sign off a zero.
-        assert_eq!(
-            (a + 0.0).to_bits(),
-            (b + 0.0).to_bits(),
-            "number {index}: {a:e}, C has {b:e}"
-        );
+        assert_eq!((a + 0.0).to_bits(), (b + 0.0).to_bits(), "number {index}: {a:e}, C has {b:e}");
     }
 }
 
@@ -190,16 +161,9 @@ fn a_faulty_actuator_is_the_same_in_c() {
     let program = rig::actuator();
     let fault = |id: &str, intensity| {
         let (component, fault) = program.find_fault(id).expect(id);
-        FaultAt {
-            component,
-            fault,
-            intensity,
-        }
+        FaultAt { component, fault, intensity }
     };
-    let faults = [
-        fault("sensor_a.gain_low", 0.7),
-        fault("supply_valve.stuck", 0.3),
-    ];
+    let faults = [fault("sensor_a.gain_low", 0.7), fault("supply_valve.stuck", 0.3)];
     assert_same(&program, "actuator", &faults);
 }
 
@@ -237,34 +201,17 @@ fn a_tick_moves_the_held_values_on() {
     let program = rig::actuator();
     // With all states zero the sensors read −25 % and the position zero.
     let binary = compiled(&program, "tick", &[], TICK);
-    let parameters: Vec<String> = program
-        .parameters(&[])
-        .iter()
-        .flatten()
-        .map(|p| format!("{p:e}"))
-        .collect();
-    let mut child = Command::new(binary)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    child
-        .stdin
-        .take()
-        .unwrap()
-        .write_all(parameters.join("\n").as_bytes())
-        .unwrap();
+    let parameters: Vec<String> =
+        program.parameters(&[]).iter().flatten().map(|p| format!("{p:e}")).collect();
+    let mut child =
+        Command::new(binary).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(parameters.join("\n").as_bytes()).unwrap();
     let output = String::from_utf8(child.wait_with_output().unwrap().stdout).unwrap();
-    let currents: Vec<f64> = output
-        .split_whitespace()
-        .map(|x| x.parse().unwrap())
-        .collect();
+    let currents: Vec<f64> = output.split_whitespace().map(|x| x.parse().unwrap()).collect();
     // Both pressure readings are equal, so only the command acts; the delayed
     // currents follow tick by tick.
     let current = 272.0 * 0.0525 * 0.001;
-    let expected = [
-        current, 0.0, 0.0, current, current, 0.0, current, current, current,
-    ];
+    let expected = [current, 0.0, 0.0, current, current, 0.0, current, current, current];
     for (found, expected) in currents.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-8, "{currents:?}");
     }
@@ -275,9 +222,6 @@ fn a_tick_moves_the_held_values_on() {
 fn a_prefix_must_be_an_identifier() {
     let program = rig::filling();
     for prefix in ["", "1a", "a-b", "ä"] {
-        assert_eq!(
-            c_source::write(&program, prefix, &[]),
-            Err(BadPrefix(prefix.into()))
-        );
+        assert_eq!(c_source::write(&program, prefix, &[]), Err(BadPrefix(prefix.into())));
     }
 }

@@ -14,26 +14,16 @@ impl Rig {
     pub fn add(mut self, id: &str, kind: &str, parameters: &[(&str, f64)]) -> Self {
         let component = components::find(kind).expect("a kind of the catalogue");
         let instance = Instance::new(id, component);
-        let instance = parameters
-            .iter()
-            .fold(instance, |i, &(name, value)| i.with(name, value));
+        let instance = parameters.iter().fold(instance, |i, &(name, value)| i.with(name, value));
         self.0.components.push(instance);
         self
     }
 
     fn port(&self, path: &str) -> PortOf {
         let (id, name) = path.rsplit_once('.').expect("component.port");
-        let component = self
-            .0
-            .components
-            .iter()
-            .position(|c| c.id == id)
-            .expect(path);
+        let component = self.0.components.iter().position(|c| c.id == id).expect(path);
         let spec = self.0.components[component].component.spec();
-        PortOf {
-            component,
-            port: spec.port(name).expect(path),
-        }
+        PortOf { component, port: spec.port(name).expect(path) }
     }
 
     /// Joins ports, separated by blanks.
@@ -50,20 +40,13 @@ impl Rig {
         let PortKind::SignalIn { unit, .. } = spec.ports[target.port].kind else {
             panic!("{id} feeds no signal input");
         };
-        self.0.inputs.push(ExternalInput {
-            id: id.into(),
-            unit,
-            default,
-            targets: vec![target],
-        });
+        self.0.inputs.push(ExternalInput { id: id.into(), unit, default, targets: vec![target] });
         self
     }
 
     /// The compiled system.
     pub fn compile(&self) -> Program {
-        self.0
-            .compile()
-            .unwrap_or_else(|mistakes| panic!("{mistakes:?}"))
+        self.0.compile().unwrap_or_else(|mistakes| panic!("{mistakes:?}"))
     }
 }
 
@@ -102,11 +85,7 @@ pub fn actuator() -> Program {
         .add("sensor_b", "pressure_sensor", &[("bias_electrical", 0.01)])
         .add("sensor_temperature", "temperature_sensor", &[])
         .add("sensor_ram", "lvdt", &[("full_scale_m", 22.2e-3)])
-        .add(
-            "controller",
-            "sampled_position_controller",
-            &[("delay_samples", 1.0)],
-        )
+        .add("controller", "sampled_position_controller", &[("delay_samples", 1.0)])
         .join("supply.port supply_valve.a")
         .join("supply_valve.b manifold.port servo_valve.p sensor_temperature.port")
         .join("servo_valve.t tank.port mode_valve.reserve")

@@ -48,20 +48,12 @@ pub fn evaluate(
     holding: Holding,
     threads: usize,
 ) -> Result<Vec<Ablation>, EvaluationError> {
-    let splits = Protocol::Grouped.splits(
-        data,
-        Holding {
-            deals: 1,
-            ..holding
-        },
-    )?;
+    let splits = Protocol::Grouped.splits(data, Holding { deals: 1, ..holding })?;
     if splits.is_empty() {
         return Ok(vec![]);
     }
     let list = variations(&data.families(), settings);
-    list.iter()
-        .map(|variation| one(data, variation, &splits, threads))
-        .collect()
+    list.iter().map(|variation| one(data, variation, &splits, threads)).collect()
 }
 
 fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
@@ -73,11 +65,7 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
     let set = |title: &str, change: &dyn Fn(&mut Settings)| {
         let mut settings = settings.clone();
         change(&mut settings);
-        Variation {
-            title: title.into(),
-            families: families.to_vec(),
-            settings,
-        }
+        Variation { title: title.into(), families: families.to_vec(), settings }
     };
     let mut list = vec![with("all features".into(), families.to_vec())];
     if families.len() > 1 {
@@ -95,13 +83,10 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
     }
     list.push(set("without mirror images", &|s| s.mirror = false));
     list.push(set("a tree for each actuator", &|s| s.pool = false));
-    list.push(set(
-        "without mirror images, a tree for each actuator",
-        &|s| {
-            s.mirror = false;
-            s.pool = false;
-        },
-    ));
+    list.push(set("without mirror images, a tree for each actuator", &|s| {
+        s.mirror = false;
+        s.pool = false;
+    }));
     if matches!(settings.actuator, classifiers::Settings::Cart(_)) {
         list.extend(DEPTHS.map(|depth| set(&format!("depth {depth}"), &|s| limit(s, depth))));
     }
@@ -110,11 +95,7 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
 
 /// Limits the depth of every CART tree.
 fn limit(settings: &mut Settings, depth: usize) {
-    for stage in [
-        &mut settings.actuator,
-        &mut settings.command,
-        &mut settings.detail,
-    ] {
+    for stage in [&mut settings.actuator, &mut settings.command, &mut settings.detail] {
         if let classifiers::Settings::Cart(cart) = stage {
             cart.max_depth = Some(depth);
         }

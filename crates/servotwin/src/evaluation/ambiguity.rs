@@ -49,13 +49,8 @@ pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {
     let mut sorted: Vec<_> = counts.into_iter().collect();
     // Stable: equally frequent pairs stay in the order of the kinds.
     sorted.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    let joined = sorted
-        .iter()
-        .filter(|((kind, _, _), count)| share(*kind, *count) >= GROUPING);
-    let groups = groups(
-        data.kinds.len(),
-        joined.map(|((a, b, _), _)| (*a as usize, *b as usize)),
-    );
+    let joined = sorted.iter().filter(|((kind, _, _), count)| share(*kind, *count) >= GROUPING);
+    let groups = groups(data.kinds.len(), joined.map(|((a, b, _), _)| (*a as usize, *b as usize)));
     let name = |kind: usize| data.kinds[kind].clone();
     let confused = |((kind, other, question), count): &((u32, u32, Question), u64)| Confused {
         kind: name(*kind as usize),
@@ -66,10 +61,7 @@ pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {
     };
     Ambiguity {
         pairs: sorted.iter().map(confused).collect(),
-        groups: groups
-            .into_iter()
-            .map(|group| group.into_iter().map(name).collect())
-            .collect(),
+        groups: groups.into_iter().map(|group| group.into_iter().map(name).collect()).collect(),
     }
 }
 
@@ -78,19 +70,10 @@ fn groups(size: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Vec<Vec<u
     let mut root: Vec<usize> = (0..size).collect();
     for (a, b) in pairs {
         let (a, b) = (root[a].min(root[b]), root[a].max(root[b]));
-        root.iter_mut()
-            .filter(|own| **own == b)
-            .for_each(|own| *own = a);
+        root.iter_mut().filter(|own| **own == b).for_each(|own| *own = a);
     }
-    let members = |leader: usize| {
-        (0..size)
-            .filter(|&own| root[own] == leader)
-            .collect::<Vec<_>>()
-    };
-    (0..size)
-        .map(members)
-        .filter(|group| group.len() > 1)
-        .collect()
+    let members = |leader: usize| (0..size).filter(|&own| root[own] == leader).collect::<Vec<_>>();
+    (0..size).map(members).filter(|group| group.len() > 1).collect()
 }
 
 #[cfg(test)]

@@ -63,12 +63,7 @@ pub fn evaluate(
 ) -> Result<Vec<Compared>, EvaluationError> {
     let hierarchy = settled(data, hierarchy);
     let asks = |place: &Place| place.question != Question::Detail;
-    let places: Vec<Place> = data
-        .examples
-        .places(true)
-        .into_iter()
-        .filter(asks)
-        .collect();
+    let places: Vec<Place> = data.examples.places(true).into_iter().filter(asks).collect();
     let mut compared = vec![];
     for protocol in [Protocol::RandomThird, Protocol::Grouped] {
         let splits = protocol.splits(data, holding)?;
@@ -78,11 +73,7 @@ pub fn evaluate(
         let mut jobs = vec![];
         for place in &places {
             for settings in list {
-                let job = |split| Job {
-                    settings: settings.clone(),
-                    place: *place,
-                    split,
-                };
+                let job = |split| Job { settings: settings.clone(), place: *place, split };
                 jobs.extend(splits.iter().map(job));
             }
         }
@@ -103,9 +94,7 @@ fn of_splits(
 ) -> Compared {
     let names = data.examples.names();
     let classes = data.examples.classes(&job.place);
-    let classes = classes
-        .iter()
-        .map(|&c| names.class_name(job.place.question, c).to_owned());
+    let classes = classes.iter().map(|&c| names.class_name(job.place.question, c).to_owned());
     let kind = job.settings.kind();
     Compared {
         classifier: kind.id(),
@@ -131,17 +120,11 @@ fn test(
     let mut settings = job.settings.clone();
     if let classifiers::Settings::Cart(cart) = &mut settings {
         cart.resolutions.clone_from(&hierarchy.resolutions);
-        cart.resolutions
-            .retain(|limit| train.feature_names().contains(&limit.feature));
+        cart.resolutions.retain(|limit| train.feature_names().contains(&limit.feature));
     }
     let model = settings.fit(&train)?;
     debug_assert_eq!(model.features(), test.features());
     let predicted = model.predict(&test)?;
     let truth = test.labels().iter();
-    Ok(rows
-        .iter()
-        .zip(truth)
-        .zip(predicted)
-        .map(|((&r, &t), p)| (r, t, Some(p)))
-        .collect())
+    Ok(rows.iter().zip(truth).zip(predicted).map(|((&r, &t), p)| (r, t, Some(p))).collect())
 }

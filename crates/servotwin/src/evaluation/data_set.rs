@@ -34,9 +34,7 @@ pub struct FeatureInfo {
 impl FeatureInfo {
     /// The features of a study; those that need its extra sensor only if asked for.
     pub fn of_study(study: &Study, extra: bool) -> Vec<Self> {
-        let features = data_features(study)
-            .into_iter()
-            .filter(|f| extra || !f.extra);
+        let features = data_features(study).into_iter().filter(|f| extra || !f.extra);
         let info = |f: crate::study::campaign::DataFeature| FeatureInfo {
             name: f.feature.name,
             family: f.family.into(),
@@ -115,23 +113,12 @@ impl DataSet {
         let mirrored = names.actuators.len() == 2 && has_mirror(table, &features);
         let make = |rows: &[usize], labels| -> Result<Examples, EvaluationError> {
             let prefixes: &[&str] = if mirrored { &["f:", "m:"] } else { &["f:"] };
-            let views = prefixes
-                .iter()
-                .map(|prefix| values(table, prefix, &features, rows));
+            let views = prefixes.iter().map(|prefix| values(table, prefix, &features, rows));
             let views = views.collect::<Result<_, _>>()?;
-            Ok(Examples::new(
-                names.clone(),
-                own_columns(&features, &names),
-                views,
-                labels,
-            )?)
+            Ok(Examples::new(names.clone(), own_columns(&features, &names), views, labels)?)
         };
         let examples = make(&faulty, labels(table, &names, &faulty)?)?;
-        let none = Label {
-            actuator: 0,
-            command: 0,
-            detail: 0,
-        };
+        let none = Label { actuator: 0, command: 0, detail: 0 };
         let healthy_examples = match healthy.is_empty() {
             true => None,
             false => Some(make(&healthy, vec![none; healthy.len()])?),
@@ -170,13 +157,10 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NothingDetectable`].
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
-        let rows: Vec<usize> = (0..self.rows.len())
-            .filter(|&row| self.rows[row].detectable)
-            .collect();
+        let rows: Vec<usize> =
+            (0..self.rows.len()).filter(|&row| self.rows[row].detectable).collect();
         match rows.is_empty() {
-            true => Err(EvaluationError::NothingDetectable {
-                faults: self.rows.len(),
-            }),
+            true => Err(EvaluationError::NothingDetectable { faults: self.rows.len() }),
             false => Ok(rows),
         }
     }
@@ -194,15 +178,9 @@ impl DataSet {
         if columns.is_empty() {
             return Err(EvaluationError::NoFeatures);
         }
-        let healthy = self
-            .healthy
-            .as_ref()
-            .map(|healthy| healthy.select_columns(&columns));
+        let healthy = self.healthy.as_ref().map(|healthy| healthy.select_columns(&columns));
         Ok(DataSet {
-            features: columns
-                .iter()
-                .map(|&column| self.features[column].clone())
-                .collect(),
+            features: columns.iter().map(|&column| self.features[column].clone()).collect(),
             examples: self.examples.select_columns(&columns)?,
             healthy: healthy.transpose()?,
             ..self.clone()
@@ -223,8 +201,7 @@ impl DataSet {
     /// The component of a kind: all but the last word.
     pub fn component(&self, kind: u32) -> &str {
         let kind = &self.kinds[kind as usize];
-        kind.rsplit_once('.')
-            .map_or(kind, |(component, _)| component)
+        kind.rsplit_once('.').map_or(kind, |(component, _)| component)
     }
 }
 
@@ -239,9 +216,7 @@ fn rows_that_ran(table: &Table) -> Result<Vec<usize>, EvaluationError> {
 
 fn has_mirror(table: &Table, features: &[FeatureInfo]) -> bool {
     let known: std::collections::BTreeSet<&str> = table.names().collect();
-    features
-        .iter()
-        .all(|feature| known.contains(format!("m:{}", feature.name).as_str()))
+    features.iter().all(|feature| known.contains(format!("m:{}", feature.name).as_str()))
 }
 
 /// The texts of some rows, sorted and numbered.
@@ -260,9 +235,7 @@ fn coded_numbers(numbers: &[f64], rows: &[usize]) -> (Vec<f64>, Vec<u32>) {
     names.sort_by(f64::total_cmp);
     names.dedup();
     let code = |&row: &usize| {
-        names
-            .binary_search_by(|known| known.total_cmp(&numbers[row]))
-            .unwrap_or(0) as u32
+        names.binary_search_by(|known| known.total_cmp(&numbers[row])).unwrap_or(0) as u32
     };
     let codes = rows.iter().map(code).collect();
     (names, codes)
@@ -283,10 +256,7 @@ fn names(
     let found = of("actuator")?;
     let all_known = found.iter().all(|name| units.contains(name));
     Ok(Names {
-        features: features
-            .iter()
-            .map(|feature| feature.name.clone())
-            .collect(),
+        features: features.iter().map(|feature| feature.name.clone()).collect(),
         actuators: if all_known { units.to_vec() } else { found },
         commands,
         details: of("detail")?,
@@ -297,11 +267,8 @@ fn labels(table: &Table, names: &Names, rows: &[usize]) -> Result<Vec<Label>, Ev
     let place = |known: &[String], text: &String| {
         known.iter().position(|name| name == text).unwrap_or(0) as u32
     };
-    let (actuators, commands, details) = (
-        table.text("actuator")?,
-        table.text("command")?,
-        table.text("detail")?,
-    );
+    let (actuators, commands, details) =
+        (table.text("actuator")?, table.text("command")?, table.text("detail")?);
     let label = |&row: &usize| Label {
         actuator: place(&names.actuators, &actuators[row]),
         command: place(&names.commands, &commands[row]),

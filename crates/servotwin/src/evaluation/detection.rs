@@ -52,9 +52,7 @@ pub fn evaluate(data: &DataSet) -> Detection {
         excluded: Rate::of(&data.rows, |row| !row.detectable),
         false_alarms: (!data.alarms.is_empty()).then_some(alarms),
         failed: data.failed,
-        curves: (0..data.kinds.len() as u32)
-            .map(|kind| curve(data, kind))
-            .collect(),
+        curves: (0..data.kinds.len() as u32).map(|kind| curve(data, kind)).collect(),
         least: least(data),
     }
 }
@@ -70,18 +68,10 @@ fn curve(data: &DataSet, kind: u32) -> Curve {
             detail.clone_from(&data.examples.names().details[label.detail as usize]);
         }
     }
-    let points = data
-        .intensities
-        .iter()
-        .zip(counts)
-        .filter(|(_, (_, all))| *all > 0);
+    let points = data.intensities.iter().zip(counts).filter(|(_, (_, all))| *all > 0);
     let point =
         |(intensity, (detected, all)): (&f64, (u64, u64))| (*intensity, Rate::new(detected, all));
-    Curve {
-        kind: data.kinds[kind as usize].clone(),
-        detail,
-        points: points.map(point).collect(),
-    }
+    Curve { kind: data.kinds[kind as usize].clone(), detail, points: points.map(point).collect() }
 }
 
 fn least(data: &DataSet) -> Vec<Least> {

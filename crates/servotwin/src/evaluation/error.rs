@@ -86,25 +86,16 @@ impl fmt::Display for EvaluationError {
             EvaluationError::NoFeatures => {
                 write!(out, "no column with numbers is left to learn from")
             }
-            EvaluationError::TooFewGroups {
-                column,
-                found,
-                needed,
-            } => write!(
-                out,
-                "column '{column}' has {found} groups, at least {needed} are needed"
-            ),
+            EvaluationError::TooFewGroups { column, found, needed } => {
+                write!(out, "column '{column}' has {found} groups, at least {needed} are needed")
+            }
             EvaluationError::Model { path, source } => {
                 write!(out, "{}: no model of servotwin: {source}", path.display())
             }
             EvaluationError::CorruptModel { path, source } => {
                 write!(out, "{}: {source}", path.display())
             }
-            EvaluationError::UnknownClass {
-                column,
-                class,
-                known,
-            } => write!(
+            EvaluationError::UnknownClass { column, class, known } => write!(
                 out,
                 "column '{column}' holds '{class}', which the model was not trained with; \
                  it knows {}",

@@ -68,16 +68,10 @@ impl TableModel {
         use servotwin_diagnosis::Error;
         let same = |what, expected, found| match expected == found {
             true => Ok(()),
-            false => Err(Error::LengthMismatch {
-                what,
-                expected,
-                found,
-            }),
+            false => Err(Error::LengthMismatch { what, expected, found }),
         };
         if self.format != FORMAT {
-            return Err(Error::CorruptModel {
-                broken: "the format is another one",
-            });
+            return Err(Error::CorruptModel { broken: "the format is another one" });
         }
         self.model.check()?;
         same("features", self.model.features(), self.features.len())?;
@@ -108,10 +102,7 @@ pub fn samples(
         Some(column) => Some(coded(&self::texts(table, column)?).1),
         None => None,
     };
-    Ok((
-        Samples::from_columns(features, classes, values, labels)?,
-        groups,
-    ))
+    Ok((Samples::from_columns(features, classes, values, labels)?, groups))
 }
 
 /// Trains a classifier with all rows of a table.
@@ -141,30 +132,18 @@ pub fn evaluate_table(table: &Table, model: &TableModel) -> Result<Score, Evalua
     let column = &model.label;
     let place = |class: &String| {
         let found = model.classes.iter().position(|known| known == class);
-        found
-            .map(|place| place as u32)
-            .ok_or_else(|| EvaluationError::UnknownClass {
-                column: column.clone(),
-                class: class.clone(),
-                known: model.classes.clone(),
-            })
+        found.map(|place| place as u32).ok_or_else(|| EvaluationError::UnknownClass {
+            column: column.clone(),
+            class: class.clone(),
+            known: model.classes.clone(),
+        })
     };
-    let labels = texts(table, column)?
-        .iter()
-        .map(place)
-        .collect::<Result<Vec<u32>, _>>()?;
+    let labels = texts(table, column)?.iter().map(place).collect::<Result<Vec<u32>, _>>()?;
     let values = matrix(table, &model.features)?;
-    let samples = Samples::from_columns(
-        model.features.clone(),
-        model.classes.clone(),
-        values,
-        labels,
-    )?;
+    let samples =
+        Samples::from_columns(model.features.clone(), model.classes.clone(), values, labels)?;
     let predicted = model.model.predict(&samples)?;
-    Ok(Score::of(
-        model.classes.clone(),
-        &[predictions(samples.labels(), &predicted, |row| row)],
-    ))
+    Ok(Score::of(model.classes.clone(), &[predictions(samples.labels(), &predicted, |row| row)]))
 }
 
 /// Trains and tests a classifier over held-out rows.
@@ -184,9 +163,7 @@ pub fn validate_table(
         let model = classifier.fit(&samples.select_rows(&split.train)?)?;
         let test = samples.select_rows(&split.test)?;
         let predicted = model.predict(&test)?;
-        Ok(predictions(test.labels(), &predicted, |place| {
-            split.test[place]
-        }))
+        Ok(predictions(test.labels(), &predicted, |place| split.test[place]))
     };
     let results = parallel::map(&splits, threads, one);
     let results: Result<Vec<Vec<Prediction>>, _> = results.into_iter().collect();
@@ -195,9 +172,7 @@ pub fn validate_table(
 
 fn predictions(truth: &[u32], predicted: &[u32], row: impl Fn(usize) -> usize) -> Vec<Prediction> {
     let pairs = truth.iter().zip(predicted).enumerate();
-    pairs
-        .map(|(place, (&truth, &predicted))| (row(place), truth, Some(predicted)))
-        .collect()
+    pairs.map(|(place, (&truth, &predicted))| (row(place), truth, Some(predicted))).collect()
 }
 
 fn splits(
@@ -211,11 +186,7 @@ fn splits(
             let found = groups.iter().max().map_or(0, |last| *last as usize + 1);
             if found < folds {
                 let column = selection.group.clone().unwrap_or_default();
-                return Err(EvaluationError::TooFewGroups {
-                    column,
-                    found,
-                    needed: folds,
-                });
+                return Err(EvaluationError::TooFewGroups { column, found, needed: folds });
             }
             Ok(grouped_k_fold(groups, folds, seed)?)
         }
@@ -229,21 +200,14 @@ fn splits(
 fn last_of_each_class(samples: &Samples, share: f64) -> Result<Split, EvaluationError> {
     if !(share > 0.0 && share < 1.0) {
         let (setting, allowed) = ("held out", "between 0 and 1");
-        let error = servotwin_diagnosis::Error::SettingOutOfRange {
-            setting,
-            value: share,
-            allowed,
-        };
+        let error =
+            servotwin_diagnosis::Error::SettingOutOfRange { setting, value: share, allowed };
         return Err(error.into());
     }
-    let mut split = Split {
-        train: vec![],
-        test: vec![],
-    };
+    let mut split = Split { train: vec![], test: vec![] };
     for class in 0..samples.classes() as u32 {
-        let rows: Vec<usize> = (0..samples.rows())
-            .filter(|&row| samples.labels()[row] == class)
-            .collect();
+        let rows: Vec<usize> =
+            (0..samples.rows()).filter(|&row| samples.labels()[row] == class).collect();
         let first = rows.len() - (rows.len() as f64 * share).floor() as usize;
         split.train.extend(&rows[..first]);
         split.test.extend(&rows[first..]);
@@ -259,22 +223,14 @@ fn feature_columns(table: &Table, selection: &Selection) -> Result<Vec<String>, 
         return Ok(selection.features.clone());
     }
     let numbers = |values: &Values| {
-        matches!(
-            values,
-            Values::Float(_) | Values::Integer(_) | Values::Unsigned(_)
-        )
+        matches!(values, Values::Float(_) | Values::Integer(_) | Values::Unsigned(_))
     };
     let reserved = |name: &String| {
         *name == selection.label || selection.group.as_ref().is_some_and(|group| group == name)
     };
-    let columns = table
-        .columns()
-        .iter()
-        .filter(|column| numbers(&column.values));
-    let names: Vec<String> = columns
-        .map(|column| column.name.clone())
-        .filter(|name| !reserved(name))
-        .collect();
+    let columns = table.columns().iter().filter(|column| numbers(&column.values));
+    let names: Vec<String> =
+        columns.map(|column| column.name.clone()).filter(|name| !reserved(name)).collect();
     match names.is_empty() {
         true => Err(EvaluationError::NoFeatures),
         false => Ok(names),

@@ -101,10 +101,7 @@ pub fn worst(
 
 fn class_name(hierarchy: &Hierarchy, stage: &Stage, class: u32) -> String {
     let class = stage.classes[class as usize];
-    hierarchy
-        .names
-        .class_name(stage.place.question, class)
-        .to_owned()
+    hierarchy.names.class_name(stage.place.question, class).to_owned()
 }
 
 fn feature_name(hierarchy: &Hierarchy, stage: &Stage, feature: usize) -> String {
@@ -123,11 +120,7 @@ fn conditions(hierarchy: &Hierarchy, stage: &Stage, tree: &Tree, node: usize) ->
         // Preorder: everything below the right child comes behind it.
         let above = node >= right;
         let feature = feature_name(hierarchy, stage, feature);
-        conditions.push(Condition {
-            feature,
-            above,
-            threshold,
-        });
+        conditions.push(Condition { feature, above, threshold });
         at = if above { right } else { left };
     }
     conditions
@@ -157,10 +150,7 @@ fn contents(
     for ((leaf, kind, class), rows) in counts {
         let class = samples.class_names()[class as usize].clone();
         let kind = data.kinds[kind as usize].clone();
-        leaves
-            .entry(leaf)
-            .or_insert_with(Vec::new)
-            .push(Content { kind, class, rows });
+        leaves.entry(leaf).or_insert_with(Vec::new).push(Content { kind, class, rows });
     }
     for contents in leaves.values_mut() {
         contents.sort_by_key(|content| std::cmp::Reverse(content.rows));

@@ -56,11 +56,7 @@ impl Default for Settings {
         Settings {
             training: Training::default(),
             holding: Holding::default(),
-            short_holding: Holding {
-                repeats: 3,
-                deals: 1,
-                ..Holding::default()
-            },
+            short_holding: Holding { repeats: 3, deals: 1, ..Holding::default() },
             shutdown: "shut_down".into(),
             baseline_family: "moments".into(),
             classifiers: comparison::default_classifiers(),
@@ -135,9 +131,7 @@ pub struct Evaluation {
 impl Evaluation {
     /// The hierarchy's result under a protocol.
     pub fn protocol(&self, protocol: Protocol) -> Option<&ProtocolResult> {
-        self.protocols
-            .iter()
-            .find(|result| result.protocol == protocol)
+        self.protocols.iter().find(|result| result.protocol == protocol)
     }
 }
 
@@ -154,12 +148,7 @@ pub fn evaluate(
     settings: &Settings,
     progress: &dyn Fn(&str),
 ) -> Result<(Evaluation, Hierarchy), EvaluationError> {
-    let Settings {
-        holding,
-        short_holding,
-        threads,
-        ..
-    } = *settings;
+    let Settings { holding, short_holding, threads, .. } = *settings;
     let rows = data.detectable()?;
     let training = run::settled(data, &settings.training);
     progress("training the hierarchy");
@@ -168,14 +157,8 @@ pub fn evaluate(
     let mut ambiguity = ambiguity::evaluate(data, &[]);
     for protocol in protocol::ALL {
         progress(protocol.title());
-        let found = protocol::evaluate(
-            protocol,
-            data,
-            &training,
-            holding,
-            &settings.shutdown,
-            threads,
-        )?;
+        let found =
+            protocol::evaluate(protocol, data, &training, holding, &settings.shutdown, threads)?;
         let Some((result, outcomes)) = found else {
             continue;
         };
@@ -201,11 +184,7 @@ pub fn evaluate(
         constant_features: data.constant.clone(),
         worst_leaves: leaves::worst(data, &training, &hierarchy, &rows, WORST_LEAVES)?,
         implausible: implausible(data, settings, &hierarchy)?,
-        stages: hierarchy
-            .stages
-            .iter()
-            .map(|stage| size(&hierarchy, stage))
-            .collect(),
+        stages: hierarchy.stages.iter().map(|stage| size(&hierarchy, stage)).collect(),
         false_alarms: false_alarms(data, &hierarchy, &settings.shutdown)?,
         protocols,
         baseline,
@@ -223,20 +202,10 @@ fn baseline(data: &DataSet, settings: &Settings) -> Result<Vec<ProtocolResult>, 
         return Ok(vec![]);
     }
     let data = data.with_features(family)?;
-    let training = Training {
-        mirror: false,
-        pool: false,
-        ..Training::default()
-    };
-    let Settings {
-        holding, threads, ..
-    } = *settings;
+    let training = Training { mirror: false, pool: false, ..Training::default() };
+    let Settings { holding, threads, .. } = *settings;
     let mut results = vec![];
-    for protocol in [
-        Protocol::RandomThird,
-        Protocol::Grouped,
-        Protocol::LeaveCaseOut,
-    ] {
+    for protocol in [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut] {
         let shutdown = &settings.shutdown;
         let found = protocol::evaluate(protocol, &data, &training, holding, shutdown, threads)?;
         results.extend(found.map(|(result, _)| result));
@@ -250,40 +219,20 @@ fn implausible(
     hierarchy: &Hierarchy,
 ) -> Result<Implausible, EvaluationError> {
     let splits = leaves::implausible(hierarchy);
-    let mut compared = Implausible {
-        splits,
-        actuator: None,
-        command: None,
-    };
+    let mut compared = Implausible { splits, actuator: None, command: None };
     if compared.splits.is_empty() {
         return Ok(compared);
     }
     let result = |training: &Training| {
-        let Settings {
-            short_holding,
-            threads,
-            ..
-        } = *settings;
+        let Settings { short_holding, threads, .. } = *settings;
         let shutdown = &settings.shutdown;
-        protocol::evaluate(
-            Protocol::Grouped,
-            data,
-            training,
-            short_holding,
-            shutdown,
-            threads,
-        )
+        protocol::evaluate(Protocol::Grouped, data, training, short_holding, shutdown, threads)
     };
-    let allowed = Training {
-        resolutions: vec![],
-        ..settings.training.clone()
-    };
+    let allowed = Training { resolutions: vec![], ..settings.training.clone() };
     let (forbidden, allowed) = (result(&settings.training)?, result(&allowed)?);
     let pair = |id: &str| {
         let of = |result: &Option<(ProtocolResult, _)>| {
-            result
-                .as_ref()
-                .and_then(|(result, _)| Some(result.stage(id)?.accuracy))
+            result.as_ref().and_then(|(result, _)| Some(result.stage(id)?.accuracy))
         };
         of(&forbidden).zip(of(&allowed))
     };
@@ -301,11 +250,7 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
         };
     };
     let name = |column: u32| hierarchy.names.features[column as usize].clone();
-    let named = stage
-        .columns
-        .iter()
-        .map(|&column| name(column))
-        .zip(tree.importances());
+    let named = stage.columns.iter().map(|&column| name(column)).zip(tree.importances());
     let mut importances: Vec<(String, f64)> = named.filter(|(_, share)| *share > 0.0).collect();
     importances.sort_by(|a, b| b.1.total_cmp(&a.1));
     StageSize {
@@ -324,17 +269,11 @@ fn false_alarms(
     let Some(healthy) = &data.healthy else {
         return Ok(None);
     };
-    let shutdown = hierarchy
-        .names
-        .commands
-        .iter()
-        .position(|name| name == shutdown);
+    let shutdown = hierarchy.names.commands.iter().position(|name| name == shutdown);
     let mut scratch = hierarchy.scratch();
     let mut views = vec![vec![0.0; data.features.len()]; healthy.views()];
     let mut shutdowns = 0;
-    let alarms: Vec<usize> = (0..data.alarms.len())
-        .filter(|&row| data.alarms[row])
-        .collect();
+    let alarms: Vec<usize> = (0..data.alarms.len()).filter(|&row| data.alarms[row]).collect();
     for &row in &alarms {
         for (view, values) in views.iter_mut().enumerate() {
             healthy.row_into(view, row, values);

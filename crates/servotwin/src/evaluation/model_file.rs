@@ -21,17 +21,13 @@ use std::path::Path;
 pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), EvaluationError> {
     let path = path.as_ref();
     let text = to_json(path, value)?;
-    Ok(files::write_atomically(path, |out| {
-        out.write_all(text.as_bytes())
-    })?)
+    Ok(files::write_atomically(path, |out| out.write_all(text.as_bytes()))?)
 }
 
 fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationError> {
     let json = serde_json::to_string_pretty(value);
-    let mut text = json.map_err(|source| EvaluationError::Model {
-        path: path.to_path_buf(),
-        source,
-    })?;
+    let mut text =
+        json.map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })?;
     text.push('\n');
     Ok(text)
 }
@@ -43,10 +39,8 @@ fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationErro
 pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, EvaluationError> {
     let path = path.as_ref();
     let text = files::read_text(path)?;
-    serde_json::from_str(&text).map_err(|source| EvaluationError::Model {
-        path: path.to_path_buf(),
-        source,
-    })
+    serde_json::from_str(&text)
+        .map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })
 }
 
 /// Reads a hierarchy and checks it.
@@ -58,10 +52,7 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
     let hierarchy: Hierarchy = read(path)?;
     hierarchy
         .check()
-        .map_err(|source| EvaluationError::CorruptModel {
-            path: path.to_path_buf(),
-            source,
-        })?;
+        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
     Ok(hierarchy)
 }
 
@@ -74,9 +65,6 @@ pub fn read_table_model(path: impl AsRef<Path>) -> Result<TableModel, Evaluation
     let model: TableModel = read(path)?;
     model
         .check()
-        .map_err(|source| EvaluationError::CorruptModel {
-            path: path.to_path_buf(),
-            source,
-        })?;
+        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
     Ok(model)
 }

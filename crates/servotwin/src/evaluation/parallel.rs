@@ -28,9 +28,7 @@ pub fn map<T: Sync, R: Send>(
         }
         work();
     });
-    let mut results = done
-        .into_inner()
-        .unwrap_or_else(|poisoned| poisoned.into_inner());
+    let mut results = done.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
     results.sort_by_key(|(index, _)| *index);
     results.into_iter().map(|(_, result)| result).collect()
 }
@@ -41,12 +39,7 @@ mod tests {
     fn results_stand_in_the_order_of_the_items() {
         let items: Vec<u64> = (0..100).collect();
         let squares = super::map(&items, 3, |item| item * item);
-        assert!(
-            squares
-                .iter()
-                .zip(&items)
-                .all(|(square, item)| *square == item * item)
-        );
+        assert!(squares.iter().zip(&items).all(|(square, item)| *square == item * item));
         assert!(super::map(&[] as &[u8], 2, |item| *item).is_empty());
     }
 }

@@ -61,12 +61,7 @@ pub struct Holding {
 
 impl Default for Holding {
     fn default() -> Self {
-        Holding {
-            repeats: 10,
-            folds: 5,
-            deals: 2,
-            seed: 1,
-        }
+        Holding { repeats: 10, folds: 5, deals: 2, seed: 1 }
     }
 }
 
@@ -97,12 +92,7 @@ impl Protocol {
     /// [`EvaluationError::NothingDetectable`] and what making splits says.
     pub fn splits(self, data: &DataSet, holding: Holding) -> Result<Vec<Split>, EvaluationError> {
         let rows = data.detectable()?;
-        let Holding {
-            repeats,
-            folds,
-            deals,
-            seed,
-        } = holding;
+        let Holding { repeats, folds, deals, seed } = holding;
         let groups =
             |key: &dyn Fn(usize) -> u32| rows.iter().map(|&row| key(row)).collect::<Vec<u32>>();
         let of = |row: usize| &data.rows[row];
@@ -111,11 +101,7 @@ impl Protocol {
             Protocol::RandomThird => {
                 let case = data.cases.len() as u32;
                 let kind_at = |row: usize| of(row).kind * intensities + of(row).intensity;
-                thirds(
-                    &groups(&|row| kind_at(row) * case + of(row).case),
-                    repeats,
-                    seed,
-                )?
+                thirds(&groups(&|row| kind_at(row) * case + of(row).case), repeats, seed)?
             }
             Protocol::Grouped => {
                 let groups = groups(&|row| of(row).kind * intensities + of(row).intensity);
@@ -126,10 +112,7 @@ impl Protocol {
             Protocol::LeaveKindOut => left_out(&groups(&|row| of(row).kind))?,
         };
         let real = |places: &[usize]| places.iter().map(|&place| rows[place]).collect();
-        let split = |split: &Split| Split {
-            train: real(&split.train),
-            test: real(&split.test),
-        };
+        let split = |split: &Split| Split { train: real(&split.train), test: real(&split.test) };
         Ok(splits.iter().map(split).collect())
     }
 }
@@ -251,10 +234,7 @@ pub struct ProtocolResult {
 impl ProtocolResult {
     /// The score of a stage by its letter.
     pub fn stage(&self, id: &str) -> Option<&Score> {
-        self.stages
-            .iter()
-            .find(|stage| stage.id == id)
-            .map(|stage| &stage.score)
+        self.stages.iter().find(|stage| stage.id == id).map(|stage| &stage.score)
     }
 }
 
@@ -307,11 +287,7 @@ pub fn summary(
         stages: stage_scores(data, outcomes, full),
         end_to_end: full.then_some(right),
         right_action: full.then(|| counting.rate(|_| true, acted)),
-        isolated_of_all: right
-            .share
-            .zip(detected)
-            .filter(|_| full)
-            .map(|(a, b)| a * b),
+        isolated_of_all: right.share.zip(detected).filter(|_| full).map(|(a, b)| a * b),
         safety: full.then(|| counting.safety()),
         components: if full { counting.components() } else { vec![] },
     }
@@ -322,27 +298,16 @@ fn stage_scores(data: &DataSet, outcomes: &[Vec<Outcome>], full: bool) -> Vec<St
     let mut places = data.examples.places(true);
     if actuators > 1 {
         let own = data.examples.places(false);
-        places.extend(
-            own.into_iter()
-                .filter(|place| place.question != Question::Actuator),
-        );
+        places.extend(own.into_iter().filter(|place| place.question != Question::Actuator));
     }
     places.retain(|place| full || place.question == Question::Actuator);
-    places
-        .iter()
-        .map(|place| stage_score(data, outcomes, place))
-        .collect()
+    places.iter().map(|place| stage_score(data, outcomes, place)).collect()
 }
 
 fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> StageScore {
     let names = data.examples.names();
     let classes = data.examples.classes(place);
-    let local = |class: u32| {
-        classes
-            .iter()
-            .position(|known| *known == class)
-            .map(|c| c as u32)
-    };
+    let local = |class: u32| classes.iter().position(|known| *known == class).map(|c| c as u32);
     let prediction = |outcome: &Outcome| -> Option<Prediction> {
         let truth = data.examples.labels()[outcome.row];
         if !place.is_asked(truth.actuator, truth.command) {
@@ -355,22 +320,14 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> Stag
         };
         Some((outcome.row, local(truth)?, said.and_then(local)))
     };
-    let splits: Vec<Vec<Prediction>> = outcomes
-        .iter()
-        .map(|split| split.iter().filter_map(prediction).collect())
-        .collect();
-    let class_names = classes
-        .iter()
-        .map(|&c| names.class_name(place.question, c).to_owned());
+    let splits: Vec<Vec<Prediction>> =
+        outcomes.iter().map(|split| split.iter().filter_map(prediction).collect()).collect();
+    let class_names = classes.iter().map(|&c| names.class_name(place.question, c).to_owned());
     StageScore {
         id: place.id(),
         question: place.question,
-        actuator: place
-            .actuator
-            .map(|actuator| names.actuators[actuator as usize].clone()),
-        command: place
-            .command
-            .map(|command| names.commands[command as usize].clone()),
+        actuator: place.actuator.map(|actuator| names.actuators[actuator as usize].clone()),
+        command: place.command.map(|command| names.commands[command as usize].clone()),
         score: Score::of(class_names.collect(), &splits),
     }
 }
@@ -386,23 +343,12 @@ struct Counting<'a> {
 impl<'a> Counting<'a> {
     fn new(data: &'a DataSet, outcomes: &'a [Vec<Outcome>], shutdown: &str) -> Self {
         let commands = &data.examples.names().commands;
-        let shutdown = commands
-            .iter()
-            .position(|name| name == shutdown)
-            .map(|c| c as u32);
-        Counting {
-            data,
-            outcomes: outcomes.iter().flatten().collect(),
-            shutdown,
-        }
+        let shutdown = commands.iter().position(|name| name == shutdown).map(|c| c as u32);
+        Counting { data, outcomes: outcomes.iter().flatten().collect(), shutdown }
     }
 
     fn rate(&self, among: impl Fn(&Outcome) -> bool, holds: impl Fn(&Outcome) -> bool) -> Rate {
-        let asked: Vec<&&Outcome> = self
-            .outcomes
-            .iter()
-            .filter(|outcome| among(outcome))
-            .collect();
+        let asked: Vec<&&Outcome> = self.outcomes.iter().filter(|outcome| among(outcome)).collect();
         let count = asked.iter().filter(|outcome| holds(outcome)).count();
         let mut rows: Vec<usize> = asked.iter().map(|outcome| outcome.row).collect();
         rows.sort_unstable();
@@ -437,11 +383,7 @@ impl<'a> Counting<'a> {
 
     fn components(&self) -> Vec<ComponentScore> {
         let component = |outcome: &Outcome| self.data.component(self.data.rows[outcome.row].kind);
-        let mut names: Vec<&str> = self
-            .outcomes
-            .iter()
-            .map(|outcome| component(outcome))
-            .collect();
+        let mut names: Vec<&str> = self.outcomes.iter().map(|outcome| component(outcome)).collect();
         names.sort_unstable();
         names.dedup();
         let score = |name: &&str| {

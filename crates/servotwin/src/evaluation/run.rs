@@ -95,11 +95,7 @@ fn actuator_only(
             stages.extend(settings.fit_stage(&data.examples, rows, &place)?);
         }
     }
-    Ok(Hierarchy {
-        format: FORMAT.into(),
-        names: data.examples.names().clone(),
-        stages,
-    })
+    Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
 }
 
 /// A hierarchy being asked about one row after the other.
@@ -129,19 +125,11 @@ impl<'a> Asking<'a> {
         let said = self.hierarchy.diagnose(&views, &mut self.scratch)?;
         let truth = self.data.examples.labels()[row];
         let mut given = |question| {
-            let stage = self
-                .hierarchy
-                .stage(question, truth.actuator, truth.command)?;
+            let stage = self.hierarchy.stage(question, truth.actuator, truth.command)?;
             Some(stage.decide(views[stage.place.view(truth.actuator)], &mut self.scratch))
         };
         let (command, detail) = (given(Question::Command), given(Question::Detail));
-        Ok(Outcome {
-            row,
-            said,
-            command,
-            detail,
-            confused_with: None,
-        })
+        Ok(Outcome { row, said, command, detail, confused_with: None })
     }
 }
 
@@ -198,9 +186,7 @@ fn leaf_kinds(
     let Model::Cart(tree) = &stage.model else {
         return Ok(None);
     };
-    let Some((samples, origins)) = data
-        .examples
-        .samples(&stage.place, train, settings.mirror)?
+    let Some((samples, origins)) = data.examples.samples(&stage.place, train, settings.mirror)?
     else {
         return Ok(None);
     };
@@ -220,9 +206,5 @@ fn leaf_kinds(
             *entry = (count, kind);
         }
     }
-    Ok(Some(
-        best.into_iter()
-            .map(|(leaf, (_, kind))| (leaf, kind))
-            .collect(),
-    ))
+    Ok(Some(best.into_iter().map(|(leaf, (_, kind))| (leaf, kind)).collect()))
 }

@@ -36,13 +36,7 @@ impl Rate {
         let trials = independent.min(of);
         let successes = (share.unwrap_or(0.0) * trials as f64).round() as u64;
         let (low, high) = wilson_interval(successes, trials, Z_95);
-        Rate {
-            count,
-            of,
-            share,
-            low,
-            high,
-        }
+        Rate { count, of, share, low, high }
     }
 
     /// The share of a test that holds.
@@ -80,15 +74,11 @@ impl Score {
             }
         }
         let right = |split: &[Prediction]| {
-            split
-                .iter()
-                .filter(|(_, truth, predicted)| Some(*truth) == *predicted)
-                .count() as u64
+            split.iter().filter(|(_, truth, predicted)| Some(*truth) == *predicted).count() as u64
         };
         let all: Vec<Prediction> = splits.iter().flatten().copied().collect();
-        let per_split = splits
-            .iter()
-            .map(|split| Rate::new(right(split), split.len() as u64).share);
+        let per_split =
+            splits.iter().map(|split| Rate::new(right(split), split.len() as u64).share);
         Score {
             accuracy: Rate::repeated(right(&all), all.len() as u64, different_rows(&all)),
             balanced_accuracy: balanced(&all, classes.len()),
@@ -132,12 +122,7 @@ mod tests {
 
     #[test]
     fn a_missing_prediction_is_wrong() {
-        let split = vec![
-            (0, 0, Some(0)),
-            (1, 1, None),
-            (2, 1, Some(1)),
-            (3, 1, Some(0)),
-        ];
+        let split = vec![(0, 0, Some(0)), (1, 1, None), (2, 1, Some(1)), (3, 1, Some(0))];
         let score = Score::of(vec!["a".into(), "b".into()], &[split]);
         assert_eq!(score.accuracy.share, Some(0.5));
         assert_eq!(score.confusion, [[1, 0], [1, 1]]);

@@ -108,32 +108,17 @@ impl fmt::Display for TraceError {
         match self {
             TraceError::Syntax(error) => write!(out, "{error}"),
             TraceError::Format(found) => {
-                write!(
-                    out,
-                    "format {found} is not known, this version reads {FORMAT}"
-                )
+                write!(out, "format {found} is not known, this version reads {FORMAT}")
             }
-            TraceError::Unknown {
-                what,
-                word,
-                nearest,
-            } => {
+            TraceError::Unknown { what, word, nearest } => {
                 write!(out, "no {what} is named '{word}'")?;
-                nearest
-                    .as_ref()
-                    .map_or(Ok(()), |near| write!(out, "; did you mean '{near}'?"))
+                nearest.as_ref().map_or(Ok(()), |near| write!(out, "; did you mean '{near}'?"))
             }
             TraceError::OutOfRange { what, allowed } => write!(out, "{what} must be {allowed}"),
             TraceError::NoSensors => {
-                write!(
-                    out,
-                    "there is nothing to measure: name 'residuals' or add [[sensors]]"
-                )
+                write!(out, "there is nothing to measure: name 'residuals' or add [[sensors]]")
             }
-            TraceError::NoWindow {
-                window_rows,
-                longest,
-            } => write!(
+            TraceError::NoWindow { window_rows, longest } => write!(
                 out,
                 "no window of {window_rows} rows fits: the longest run of rows has {longest}"
             ),
@@ -178,10 +163,7 @@ impl TraceStudy {
     fn check(&self) -> Result<(), TraceError> {
         let range = |holds: bool, what: &str, allowed| match holds {
             true => Ok(()),
-            false => Err(TraceError::OutOfRange {
-                what: what.into(),
-                allowed,
-            }),
+            false => Err(TraceError::OutOfRange { what: what.into(), allowed }),
         };
         if self.sensors.is_empty() {
             return Err(TraceError::NoSensors);
@@ -189,16 +171,8 @@ impl TraceStudy {
         range(self.window_rows >= 1, "window_rows", "at least 1")?;
         for sensor in &self.sensors {
             let positive = sensor.scale > 0.0 && sensor.scale.is_finite();
-            range(
-                positive,
-                &format!("the scale of {}", sensor.name),
-                "above 0",
-            )?;
-            range(
-                sensor.unit >= 1,
-                &format!("the unit of {}", sensor.name),
-                "at least 1",
-            )?;
+            range(positive, &format!("the scale of {}", sensor.name), "above 0")?;
+            range(sensor.unit >= 1, &format!("the unit of {}", sensor.name), "at least 1")?;
         }
         self.seen().map(drop)?;
         self.chosen().map(drop)
@@ -206,26 +180,15 @@ impl TraceStudy {
 
     fn seen(&self) -> Result<Sensors, TraceError> {
         let one = |sensor: &SensorText| {
-            let known = Quantity::ALL
-                .iter()
-                .find(|(_, word)| *word == sensor.quantity);
+            let known = Quantity::ALL.iter().find(|(_, word)| *word == sensor.quantity);
             let (quantity, _) = known.ok_or_else(|| {
                 let words = Quantity::ALL.iter().map(|(_, word)| *word);
                 unknown("quantity", &sensor.quantity, words)
             })?;
             let (name, unit) = (sensor.name.clone(), sensor.unit - 1);
-            Ok(Sensor {
-                name,
-                quantity: *quantity,
-                unit,
-            })
+            Ok(Sensor { name, quantity: *quantity, unit })
         };
-        Ok(Sensors(
-            self.sensors
-                .iter()
-                .map(one)
-                .collect::<Result<_, TraceError>>()?,
-        ))
+        Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, TraceError>>()?))
     }
 
     fn chosen(&self) -> Result<Vec<&'static dyn Family>, TraceError> {
@@ -245,22 +208,13 @@ impl TraceStudy {
     /// A column is missing or unfit, or no window is full.
     pub fn features(&self, traces: &Table) -> Result<Table, TraceError> {
         let column = |name: &String| traces.finite_f64(name);
-        let measured = self
-            .sensors
-            .iter()
-            .map(|s| column(&s.measured))
-            .collect::<Result<Vec<_>, _>>()?;
+        let measured =
+            self.sensors.iter().map(|s| column(&s.measured)).collect::<Result<Vec<_>, _>>()?;
         let zero = || Ok(Cow::Owned(vec![0.0; traces.row_count()]));
-        let nominal = self
-            .sensors
-            .iter()
-            .map(|s| s.nominal.as_ref().map_or_else(zero, column));
+        let nominal = self.sensors.iter().map(|s| s.nominal.as_ref().map_or_else(zero, column));
         let nominal = nominal.collect::<Result<Vec<_>, TableError>>()?;
-        let kept = self
-            .keep
-            .iter()
-            .map(|name| texts(traces, name))
-            .collect::<Result<Vec<_>, _>>()?;
+        let kept =
+            self.keep.iter().map(|name| texts(traces, name)).collect::<Result<Vec<_>, _>>()?;
         let starts = self.windows(traces.row_count(), &kept)?;
         let scales: Vec<f64> = self.sensors.iter().map(|sensor| sensor.scale).collect();
         let (sensors, families) = (self.seen()?, self.chosen()?);
@@ -273,9 +227,7 @@ impl TraceStudy {
                 window.add(&row(&measured, at), &row(&nominal, at), &scales);
             }
             let mut values = vec![];
-            families
-                .iter()
-                .for_each(|family| family.compute(&sensors, &window, &mut values));
+            families.iter().for_each(|family| family.compute(&sensors, &window, &mut values));
             values
         };
         let rows: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
@@ -305,10 +257,7 @@ impl TraceStudy {
             }
         }
         match starts.is_empty() {
-            true => Err(TraceError::NoWindow {
-                window_rows: self.window_rows,
-                longest,
-            }),
+            true => Err(TraceError::NoWindow { window_rows: self.window_rows, longest }),
             false => Ok(starts),
         }
     }
@@ -320,9 +269,5 @@ fn unknown<'a>(
     known: impl IntoIterator<Item = &'a str>,
 ) -> TraceError {
     let nearest = nearest(word, known).map(str::to_owned);
-    TraceError::Unknown {
-        what,
-        word: word.into(),
-        nearest,
-    }
+    TraceError::Unknown { what, word: word.into(), nearest }
 }

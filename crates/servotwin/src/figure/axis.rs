@@ -31,24 +31,11 @@ impl Axis {
         let last = (high / step + 1e-9).floor() as i64;
         let tick = |index: i64| {
             let at = index as f64 * step;
-            Tick {
-                at,
-                label: signed(format!("{:.digits$}", at / unit)),
-            }
+            Tick { at, label: signed(format!("{:.digits$}", at / unit)) }
         };
         let ticks = (first..=last).map(tick).collect();
-        let factor = if exponent == 0 {
-            String::new()
-        } else {
-            format!("×{}", power(exponent))
-        };
-        Self {
-            low,
-            high,
-            log: false,
-            ticks,
-            factor,
-        }
+        let factor = if exponent == 0 { String::new() } else { format!("×{}", power(exponent)) };
+        Self { low, high, log: false, ticks, factor }
     }
 
     /// A logarithmic axis over the positive part of a range.
@@ -75,13 +62,7 @@ impl Axis {
         };
         let inside = |tick: &Tick| tick.at >= low * 0.999 && tick.at <= high * 1.001;
         let ticks = all.map(tick).filter(inside).collect();
-        Self {
-            low,
-            high,
-            log: true,
-            ticks,
-            factor: String::new(),
-        }
+        Self { low, high, log: true, ticks, factor: String::new() }
     }
 
     /// The axis with its ends moved outwards to the next tick where that is very near, as 90 s is
@@ -93,16 +74,8 @@ impl Axis {
         let (step, margin) = (second.at - first.at, 0.01 * (self.high - self.low));
         let lower = (self.low / step).floor() * step;
         let upper = (self.high / step).ceil() * step;
-        let low = if self.low - lower <= margin {
-            lower
-        } else {
-            self.low
-        };
-        let high = if upper - self.high <= margin {
-            upper
-        } else {
-            self.high
-        };
+        let low = if self.low - lower <= margin { lower } else { self.low };
+        let high = if upper - self.high <= margin { upper } else { self.high };
         let count = ((high - low) / step).ceil().max(1.0) as usize;
         Self::linear((low, high), count)
     }
@@ -129,13 +102,10 @@ impl Axis {
 
 /// The least and the greatest finite value; `None` without any.
 pub(super) fn extent(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
-    values
-        .into_iter()
-        .filter(|value| value.is_finite())
-        .fold(None, |range, value| {
-            let (low, high) = range.unwrap_or((value, value));
-            Some((low.min(value), high.max(value)))
-        })
+    values.into_iter().filter(|value| value.is_finite()).fold(None, |range, value| {
+        let (low, high) = range.unwrap_or((value, value));
+        Some((low.min(value), high.max(value)))
+    })
 }
 
 /// A range with a share of its width added on both sides.
@@ -165,9 +135,7 @@ fn round_step(rough: f64) -> f64 {
     }
     let decade = 10_f64.powi(rough.log10().floor() as i32);
     let parts = [1.0, 2.0, 2.5, 5.0, 10.0];
-    let part = parts
-        .into_iter()
-        .find(|part| part * decade >= rough * (1.0 - 1e-9));
+    let part = parts.into_iter().find(|part| part * decade >= rough * (1.0 - 1e-9));
     part.unwrap_or(10.0) * decade
 }
 
@@ -200,11 +168,7 @@ pub(super) fn signed(text: String) -> String {
 fn decade_label(part: f64, decade: i32) -> String {
     match decade {
         0.. if decade <= 4 => format!("{}", part * 10_f64.powi(decade)),
-        -3..0 => format!(
-            "{:.*}",
-            decade.unsigned_abs() as usize,
-            part * 10_f64.powi(decade)
-        ),
+        -3..0 => format!("{:.*}", decade.unsigned_abs() as usize, part * 10_f64.powi(decade)),
         _ if part == 1.0 => power(decade),
         _ => format!("{part}·{}", power(decade)),
     }
@@ -218,8 +182,5 @@ fn power(exponent: i32) -> String {
         '3' => '³',
         digit => char::from_u32('⁰' as u32 + digit.to_digit(10).unwrap_or(0)).unwrap_or('⁰'),
     };
-    format!(
-        "10{}",
-        exponent.to_string().chars().map(raised).collect::<String>()
-    )
+    format!("10{}", exponent.to_string().chars().map(raised).collect::<String>())
 }

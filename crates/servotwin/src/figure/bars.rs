@@ -48,18 +48,12 @@ pub struct Bar {
 impl Bar {
     /// A value without an interval.
     pub fn new(value: f64) -> Self {
-        Self {
-            value,
-            interval: None,
-        }
+        Self { value, interval: None }
     }
 
     /// A value with an interval.
     pub fn with_interval(value: f64, low: f64, high: f64) -> Self {
-        Self {
-            value,
-            interval: Some((low, high)),
-        }
+        Self { value, interval: Some((low, high)) }
     }
 }
 
@@ -85,20 +79,14 @@ impl Bars {
 
     /// Adds a group below the others.
     pub fn with(mut self, label: impl Into<String>, bars: Vec<Option<Bar>>) -> Self {
-        self.groups.push(Group {
-            label: label.into(),
-            bars,
-        });
+        self.groups.push(Group { label: label.into(), bars });
         self
     }
 
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
-        let labels = self
-            .groups
-            .iter()
-            .map(|group| font::width(&group.label, LABEL_SIZE, false));
+        let labels = self.groups.iter().map(|group| font::width(&group.label, LABEL_SIZE, false));
         let left = MARGIN + labels.fold(0.0, f64::max).min(self.width * 0.4) + 8.0;
         let top = self.draw_header(&mut canvas, left);
         let value_width = font::width(&self.value_text(-0.5), VALUE_SIZE, false) + 16.0;
@@ -106,21 +94,10 @@ impl Bars {
             x: left,
             y: top,
             width: self.width - left - MARGIN - value_width,
-            height: self
-                .groups
-                .iter()
-                .map(|group| self.group_height(group))
-                .sum(),
+            height: self.groups.iter().map(|group| self.group_height(group)).sum(),
         };
-        let y = Axis {
-            ticks: Vec::new(),
-            ..Axis::linear((0.0, 1.0), 1)
-        };
-        let frame = Frame {
-            area,
-            x: Axis::linear(self.range(), 6),
-            y,
-        };
+        let y = Axis { ticks: Vec::new(), ..Axis::linear((0.0, 1.0), 1) };
+        let frame = Frame { area, x: Axis::linear(self.range(), 6), y };
         frame.draw_grid(&mut canvas);
         let mut y = top;
         for group in &self.groups {
@@ -129,11 +106,7 @@ impl Bars {
         }
         frame.draw_outline(&mut canvas);
         frame.draw_x_labels(&mut canvas, &self.x_label);
-        canvas.finish(
-            self.width,
-            area.bottom() + TITLE_BELOW + MARGIN / 2.0,
-            &self.title,
-        )
+        canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title)
     }
 
     fn draw_header(&self, canvas: &mut Canvas, left: f64) -> f64 {
@@ -147,10 +120,7 @@ impl Bars {
         }
         let named = self.series.iter().enumerate();
         let entries: Vec<Entry> = named
-            .map(|(index, name)| Entry {
-                name: name.clone(),
-                swatch: Swatch::Box(index),
-            })
+            .map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Box(index) })
             .collect();
         let rows = legend::rows(&entries, self.width - left - MARGIN);
         legend::draw(canvas, (left, y), &rows);
@@ -162,16 +132,12 @@ impl Bars {
     }
 
     fn range(&self) -> (f64, f64) {
-        let bars = self
-            .groups
-            .iter()
-            .flat_map(|group| group.bars.iter().flatten());
+        let bars = self.groups.iter().flat_map(|group| group.bars.iter().flatten());
         let ends = bars.flat_map(|bar| {
             let (low, high) = bar.interval.unwrap_or((bar.value, bar.value));
             [bar.value, low, high, 0.0]
         });
-        self.range
-            .unwrap_or_else(|| extent(ends).unwrap_or((0.0, 1.0)))
+        self.range.unwrap_or_else(|| extent(ends).unwrap_or((0.0, 1.0)))
     }
 
     fn value_text(&self, value: f64) -> String {
@@ -210,10 +176,7 @@ impl Bars {
         let fill = tint(colour(index), 0.75);
         canvas.rect(
             area,
-            &format!(
-                " fill=\"{fill}\" stroke=\"{}\" stroke-width=\".6\"",
-                colour(index)
-            ),
+            &format!(" fill=\"{fill}\" stroke=\"{}\" stroke-width=\".6\"", colour(index)),
         );
         if let Some((Some(low), Some(high))) = bar.interval.map(|(low, high)| (at(low), at(high))) {
             let style = format!(" stroke=\"{INK}\" stroke-width=\"1.1\"");
@@ -224,10 +187,6 @@ impl Bars {
         }
         // The values stand in a column of their own, where no bar or grid line crosses them.
         let column = right + 6.0;
-        canvas.text(
-            (column, middle + 3.4),
-            &self.value_text(bar.value),
-            Type::new(VALUE_SIZE),
-        );
+        canvas.text((column, middle + 3.4), &self.value_text(bar.value), Type::new(VALUE_SIZE));
     }
 }

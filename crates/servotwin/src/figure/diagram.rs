@@ -83,12 +83,7 @@ pub struct Wire {
 impl Wire {
     /// A wire without label and arrow head.
     pub fn new(from: &str, to: &str, kind: &str) -> Self {
-        Self {
-            from: from.to_owned(),
-            to: to.to_owned(),
-            kind: kind.to_owned(),
-            ..Self::default()
-        }
+        Self { from: from.to_owned(), to: to.to_owned(), kind: kind.to_owned(), ..Self::default() }
     }
 }
 
@@ -136,17 +131,8 @@ impl Diagram {
 
     fn legend(&self, kinds: &[&str]) -> Vec<Entry> {
         let mut entries = Vec::new();
-        for (index, kind) in kinds
-            .iter()
-            .enumerate()
-            .filter(|(_, kind)| !kind.is_empty())
-        {
-            let mut add = |swatch| {
-                entries.push(Entry {
-                    name: (*kind).to_owned(),
-                    swatch,
-                })
-            };
+        for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_empty()) {
+            let mut add = |swatch| entries.push(Entry { name: (*kind).to_owned(), swatch });
             if self.wires.iter().any(|wire| wire.kind == *kind) {
                 add(Swatch::Line(index));
             }
@@ -248,14 +234,7 @@ impl Layout {
         let pieces = split_wires(&wires, &mut items);
         let bands = stack_bands(&groups, &items);
         let height = bands.last().map_or(0.0, |band| band.top + band.height);
-        let mut layout = Self {
-            items,
-            pieces,
-            bands,
-            columns: Vec::new(),
-            width: 0.0,
-            height,
-        };
+        let mut layout = Self { items, pieces, bands, columns: Vec::new(), width: 0.0, height };
         layout.place_items();
         layout.place_ports();
         layout.part_ports();
@@ -265,11 +244,7 @@ impl Layout {
     }
 
     fn layer_count(&self) -> usize {
-        self.items
-            .iter()
-            .map(|item| item.layer + 1)
-            .max()
-            .unwrap_or(0)
+        self.items.iter().map(|item| item.layer + 1).max().unwrap_or(0)
     }
 
     /// The items of a column and a band, from the top.
@@ -298,11 +273,7 @@ impl Layout {
             // Early passes find an order, later ones only straighten wires.
             let reorder = sweep < SWEEPS * 2 / 3;
             for step in 0..layers {
-                let layer = if sweep % 2 == 0 {
-                    step
-                } else {
-                    layers - 1 - step
-                };
+                let layer = if sweep % 2 == 0 { step } else { layers - 1 - step };
                 for group in 0..self.bands.len() {
                     self.place_stack(layer, group, &neighbours, reorder);
                 }
@@ -316,23 +287,14 @@ impl Layout {
             let middles = near[index].iter().map(|other| self.items[*other].middle());
             let count = near[index].len() as f64;
             let mean = middles.sum::<f64>() / count;
-            if count > 0.0 {
-                mean
-            } else {
-                self.items[index].middle()
-            }
+            if count > 0.0 { mean } else { self.items[index].middle() }
         };
         if reorder {
             stack.sort_by(|one, other| wish(*one).total_cmp(&wish(*other)));
         }
-        let wishes = stack
-            .iter()
-            .map(|index| wish(*index) - self.items[*index].height / 2.0);
+        let wishes = stack.iter().map(|index| wish(*index) - self.items[*index].height / 2.0);
         let wishes: Vec<f64> = wishes.collect();
-        let heights: Vec<f64> = stack
-            .iter()
-            .map(|index| self.items[*index].height + GAP)
-            .collect();
+        let heights: Vec<f64> = stack.iter().map(|index| self.items[*index].height + GAP).collect();
         let band = &self.bands[group];
         let (top, bottom) = (band.top + BAND_HEAD, band.top + band.height - GAP / 2.0);
         let tops = separated(&wishes, &heights, top, bottom + GAP / 2.0);
@@ -349,18 +311,13 @@ impl Layout {
                 let (own, other) = (piece.ends[end], piece.ends[1 - end]);
                 let right = self.items[other].layer >= self.items[own].layer;
                 let aim = self.items[other].middle();
-                sides
-                    .entry((own, right))
-                    .or_default()
-                    .push(Port { aim, place, end });
+                sides.entry((own, right)).or_default().push(Port { aim, place, end });
             }
         }
         let mut alone = vec![[false; 2]; self.pieces.len()];
         for ((own, _), mut ports) in sides {
             ports.sort_by(|one, other| {
-                one.aim
-                    .total_cmp(&other.aim)
-                    .then(one.place.cmp(&other.place))
+                one.aim.total_cmp(&other.aim).then(one.place.cmp(&other.place))
             });
             let item = &self.items[own];
             let count = ports.len();
@@ -382,12 +339,8 @@ impl Layout {
         if items[0].layer == items[1].layer {
             return;
         }
-        let span = |item: &Item| {
-            (
-                item.top + 4.0,
-                (item.top + item.height - 4.0).max(item.top + 4.0),
-            )
-        };
+        let span =
+            |item: &Item| (item.top + 4.0, (item.top + item.height - 4.0).max(item.top + 4.0));
         let (one, other) = (span(items[0]), span(items[1]));
         let free = |end: usize| alone[end] && items[end].block.is_some();
         let target = match (free(0), free(1)) {
@@ -397,11 +350,7 @@ impl Layout {
             (false, false) => return,
         };
         let reaches = |end: usize, (low, high): (f64, f64)| {
-            if free(end) {
-                target >= low && target <= high
-            } else {
-                true
-            }
+            if free(end) { target >= low && target <= high } else { true }
         };
         if reaches(0, one) && reaches(1, other) {
             self.pieces[place].ports = [target; 2];
@@ -432,9 +381,7 @@ impl Layout {
             self.pieces.iter().enumerate().filter(|(other, piece)| {
                 *other != place && self.items[piece.ends[0]].layer == layer
             });
-        others
-            .flat_map(|(_, piece)| piece.ports)
-            .all(|port| (port - y).abs() >= 3.0)
+        others.flat_map(|(_, piece)| piece.ports).all(|port| (port - y).abs() >= 3.0)
     }
 
     /// Gives each piece that changes its height a track where it touches no other.
@@ -482,13 +429,8 @@ impl Layout {
         let inside = |piece: &&Piece| self.items[piece.ends[0]].layer == layer;
         let pieces = || self.pieces.iter().filter(inside);
         let labels = pieces().map(|piece| &diagram.wires[piece.wire].label);
-        let label = labels
-            .map(|label| font::width(label, LABEL_SIZE, false))
-            .fold(0.0, f64::max);
-        let tracks = pieces()
-            .filter_map(|piece| piece.track)
-            .max()
-            .map_or(0, |last| last + 1);
+        let label = labels.map(|label| font::width(label, LABEL_SIZE, false)).fold(0.0, f64::max);
+        let tracks = pieces().filter_map(|piece| piece.track).max().map_or(0, |last| last + 1);
         match pieces().count() {
             0 if layer + 1 == self.layer_count() => 8.0,
             _ => 2.0 * CHANNEL_SIDE + TRACK * tracks as f64 + label,
@@ -511,11 +453,7 @@ impl Layout {
     fn corners(&self, piece: &Piece) -> Vec<(f64, f64)> {
         let [first, second] = piece.ends.map(|end| &self.items[end]);
         let start = self.sides(first).1;
-        let end = if self.same_layer(piece) {
-            self.sides(second).1
-        } else {
-            self.sides(second).0
-        };
+        let end = if self.same_layer(piece) { self.sides(second).1 } else { self.sides(second).0 };
         let [from, to] = piece.ports;
         let Some(track) = piece.track else {
             return vec![(start, from), (end, to)];
@@ -542,15 +480,9 @@ impl Layout {
     fn draw_wires(&self, canvas: &mut Canvas, top: f64, diagram: &Diagram, kinds: &[&str]) {
         for piece in &self.pieces {
             let wire = &diagram.wires[piece.wire];
-            let index = kinds
-                .iter()
-                .position(|kind| *kind == wire.kind)
-                .unwrap_or(0);
-            let corners: Vec<(f64, f64)> = self
-                .corners(piece)
-                .into_iter()
-                .map(|(x, y)| (x, y + top))
-                .collect();
+            let index = kinds.iter().position(|kind| *kind == wire.kind).unwrap_or(0);
+            let corners: Vec<(f64, f64)> =
+                self.corners(piece).into_iter().map(|(x, y)| (x, y + top)).collect();
             let style = format!(
                 " stroke=\"{}\" stroke-width=\"1.3\" stroke-linejoin=\"round\"{}",
                 colour(index),
@@ -576,9 +508,7 @@ impl Layout {
     ) -> impl Iterator<Item = (&'a Item, (f64, f64))> {
         let item = &self.items[piece.ends[1]];
         let last = corners.last().copied();
-        last.filter(|_| item.block.is_none())
-            .map(|corner| (item, corner))
-            .into_iter()
+        last.filter(|_| item.block.is_none()).map(|corner| (item, corner)).into_iter()
     }
 
     /// Which end of a piece is the wire's end, if any is.
@@ -602,11 +532,7 @@ impl Layout {
         let Some(end) = self.target_end(piece, diagram) else {
             return;
         };
-        let (x, y) = if end == 0 {
-            corners[0]
-        } else {
-            corners[corners.len() - 1]
-        };
+        let (x, y) = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
         // An end on the right of its block is entered leftwards.
         let leftwards = end == 0 || self.same_layer(piece);
         let back = if leftwards { x + 7.0 } else { x - 7.0 };
@@ -621,21 +547,10 @@ impl Layout {
             };
             let (left, right) = self.sides(item);
             let y = item.top + top;
-            let area = Area {
-                x: left,
-                y,
-                width: right - left,
-                height: item.height,
-            };
-            let index = kinds
-                .iter()
-                .position(|kind| *kind == block.kind)
-                .unwrap_or(0);
+            let area = Area { x: left, y, width: right - left, height: item.height };
+            let index = kinds.iter().position(|kind| *kind == block.kind).unwrap_or(0);
             let (fill, stroke) = (tint(colour(index), 0.25), shade(colour(index)));
-            canvas.rect(
-                area,
-                &format!(" rx=\"3\" fill=\"{fill}\" stroke=\"{stroke}\""),
-            );
+            canvas.rect(area, &format!(" rx=\"3\" fill=\"{fill}\" stroke=\"{stroke}\""));
             for (place, line) in block.lines.iter().enumerate() {
                 let kind = Type::new(SIZE).anchor(Anchor::Middle);
                 let kind = if place == 0 { kind.bold() } else { kind };
@@ -649,24 +564,14 @@ impl Layout {
     fn draw_labels(&self, canvas: &mut Canvas, top: f64, diagram: &Diagram) {
         for piece in &self.pieces {
             let label = &diagram.wires[piece.wire].label;
-            let Some(end) = self
-                .target_end(piece, diagram)
-                .filter(|_| !label.is_empty())
-            else {
+            let Some(end) = self.target_end(piece, diagram).filter(|_| !label.is_empty()) else {
                 continue;
             };
             let corners = self.corners(piece);
-            let (x, y) = if end == 0 {
-                corners[0]
-            } else {
-                corners[corners.len() - 1]
-            };
+            let (x, y) = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
             let rightwards = end == 0 || self.same_layer(piece);
-            let (anchor, shift) = if rightwards {
-                (Anchor::Start, 8.0)
-            } else {
-                (Anchor::End, -8.0)
-            };
+            let (anchor, shift) =
+                if rightwards { (Anchor::Start, 8.0) } else { (Anchor::End, -8.0) };
             let kind = Type::new(LABEL_SIZE).anchor(anchor).rim();
             canvas.text((x + shift, y + top - 2.5), label, kind);
         }
@@ -679,10 +584,7 @@ fn block_items(diagram: &Diagram, wires: &[Option<(usize, usize)>], groups: &[&s
     let item = |(place, (block, layer)): (usize, (&Block, usize))| Item {
         block: Some(place),
         layer,
-        group: groups
-            .iter()
-            .position(|name| *name == block.group)
-            .unwrap_or(0),
+        group: groups.iter().position(|name| *name == block.group).unwrap_or(0),
         width: block.width(),
         height: block.height(),
         // The first order is the one given.
@@ -741,38 +643,18 @@ fn split_wires(wires: &[Option<(usize, usize)>], items: &mut Vec<Item>) -> Vec<P
     let mut pieces = Vec::new();
     for (wire, ends) in wires.iter().enumerate() {
         let Some((from, to)) = *ends else { continue };
-        let (first, last) = if items[from].layer <= items[to].layer {
-            (from, to)
-        } else {
-            (to, from)
-        };
+        let (first, last) =
+            if items[from].layer <= items[to].layer { (from, to) } else { (to, from) };
         let mut left = first;
         for layer in items[first].layer + 1..items[last].layer {
             let group = items[first].group;
             let top = items[first].top;
-            items.push(Item {
-                block: None,
-                layer,
-                group,
-                width: 0.0,
-                height: 4.0,
-                top,
-            });
+            items.push(Item { block: None, layer, group, width: 0.0, height: 4.0, top });
             let gap = items.len() - 1;
-            pieces.push(Piece {
-                wire,
-                ends: [left, gap],
-                ports: [0.0; 2],
-                track: None,
-            });
+            pieces.push(Piece { wire, ends: [left, gap], ports: [0.0; 2], track: None });
             left = gap;
         }
-        pieces.push(Piece {
-            wire,
-            ends: [left, last],
-            ports: [0.0; 2],
-            track: None,
-        });
+        pieces.push(Piece { wire, ends: [left, last], ports: [0.0; 2], track: None });
     }
     pieces
 }
@@ -784,18 +666,12 @@ fn stack_bands(groups: &[&str], items: &[Item]) -> Vec<Band> {
     let mut bands = Vec::new();
     for (group, name) in groups.iter().enumerate() {
         let fill = |layer: usize| -> f64 {
-            let inside = items
-                .iter()
-                .filter(|item| item.layer == layer && item.group == group);
+            let inside = items.iter().filter(|item| item.layer == layer && item.group == group);
             inside.map(|item| item.height + GAP).sum()
         };
         let fullest = (0..layers).map(fill).fold(0.0, f64::max);
         let height = BAND_HEAD + fullest;
-        bands.push(Band {
-            name: (*name).to_owned(),
-            top,
-            height,
-        });
+        bands.push(Band { name: (*name).to_owned(), top, height });
         top += height + BAND_GAP;
     }
     bands
@@ -822,11 +698,6 @@ fn separated(wishes: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64>
         }
     }
     let highest = (bottom - offset).max(top);
-    let bases = pools
-        .into_iter()
-        .flat_map(|(mean, count)| std::iter::repeat_n(mean, count));
-    bases
-        .zip(offsets)
-        .map(|(base, offset)| base.clamp(top, highest) + offset)
-        .collect()
+    let bases = pools.into_iter().flat_map(|(mean, count)| std::iter::repeat_n(mean, count));
+    bases.zip(offsets).map(|(base, offset)| base.clamp(top, highest) + offset).collect()
 }

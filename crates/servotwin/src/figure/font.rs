@@ -18,10 +18,7 @@ const BOLD: f64 = 1.12;
 
 /// The width of a text at a font size.
 pub(super) fn width(text: &str, size: f64, bold: bool) -> f64 {
-    let thousandths: f64 = text
-        .chars()
-        .map(|letter| f64::from(letter_width(letter)))
-        .sum();
+    let thousandths: f64 = text.chars().map(|letter| f64::from(letter_width(letter))).sum();
     thousandths * size / 1000.0 * if bold { BOLD } else { 1.0 }
 }
 

@@ -64,11 +64,7 @@ impl Frame {
             let Some(at) = self.x_at(tick.at) else {
                 continue;
             };
-            canvas.line(
-                (at, bottom),
-                (at, bottom + 3.0),
-                &format!(" stroke=\"{FRAME}\""),
-            );
+            canvas.line((at, bottom), (at, bottom + 3.0), &format!(" stroke=\"{FRAME}\""));
             let half = font::width(&tick.label, TICK_SIZE, false) / 2.0;
             // A label that would touch the one before is left out; its tick stays.
             if at - half >= free_from {
@@ -97,19 +93,12 @@ impl Frame {
         }
         let title = font::fit(&self.y.title(title), self.area.height + 24.0, TITLE_SIZE);
         let kind = Type::new(TITLE_SIZE).anchor(Anchor::Middle).turn(-90.0);
-        canvas.text(
-            (title_x, self.area.y + self.area.height / 2.0),
-            &title,
-            kind,
-        );
+        canvas.text((title_x, self.area.y + self.area.height / 2.0), &title, kind);
     }
 }
 
 /// The width that an axis's labels need at the left of a plotting area.
 pub(super) fn labels_width(axis: &Axis) -> f64 {
-    let widths = axis
-        .ticks
-        .iter()
-        .map(|tick| font::width(&tick.label, TICK_SIZE, false));
+    let widths = axis.ticks.iter().map(|tick| font::width(&tick.label, TICK_SIZE, false));
     widths.fold(0.0, f64::max) + 7.0
 }

@@ -27,21 +27,14 @@ const SCALE: ([f64; 3], [f64; 3]) = ([255.0, 255.0, 255.0], [8.0, 48.0, 107.0]);
 impl ConfusionMatrix {
     /// A matrix from its classes and counts.
     pub fn new(title: impl Into<String>, classes: Vec<String>, counts: Vec<Vec<u64>>) -> Self {
-        Self {
-            title: title.into(),
-            classes,
-            counts,
-        }
+        Self { title: title.into(), classes, counts }
     }
 
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
         let (cell, label_size) = self.sizes();
-        let longest = self
-            .classes
-            .iter()
-            .map(|name| font::width(name, label_size, false));
+        let longest = self.classes.iter().map(|name| font::width(name, label_size, false));
         let labels = longest.fold(0.0, f64::max).min(220.0);
         // Short names stand level above the columns, long ones upright.
         let level = labels <= cell - 4.0;
@@ -53,33 +46,16 @@ impl ConfusionMatrix {
             canvas.text((MARGIN, MARGIN + 12.0), &self.title, Type::new(13.0).bold());
         }
         let middle = Type::new(11.0).anchor(Anchor::Middle);
-        canvas.text(
-            (left + side / 2.0, MARGIN + titles + 11.0),
-            "predicted class",
-            middle,
-        );
-        canvas.text(
-            (MARGIN + 10.0, top + side / 2.0),
-            "true class",
-            middle.turn(-90.0),
-        );
+        canvas.text((left + side / 2.0, MARGIN + titles + 11.0), "predicted class", middle);
+        canvas.text((MARGIN + 10.0, top + side / 2.0), "true class", middle.turn(-90.0));
         self.draw_labels(&mut canvas, (left, top), cell, labels, level);
         for row in 0..self.classes.len() {
             self.draw_row(&mut canvas, row, (left, top + cell * row as f64), cell);
         }
-        let area = Area {
-            x: left,
-            y: top,
-            width: side,
-            height: side,
-        };
+        let area = Area { x: left, y: top, width: side, height: side };
         canvas.rect(area, &format!(" fill=\"none\" stroke=\"{FRAME}\""));
-        let scale = Area {
-            x: left + side + 14.0,
-            y: top,
-            width: 12.0,
-            height: side.clamp(60.0, 240.0),
-        };
+        let scale =
+            Area { x: left + side + 14.0, y: top, width: 12.0, height: side.clamp(60.0, 240.0) };
         draw_scale(&mut canvas, scale);
         let title = font::width(&self.title, 13.0, true) + 2.0 * MARGIN;
         let bottom = area.bottom().max(scale.bottom()) + MARGIN;
@@ -112,44 +88,24 @@ impl ConfusionMatrix {
             let row = (left - 6.0, top + middle + size * 0.36);
             canvas.text(row, &name, kind.anchor(Anchor::End));
             if level {
-                canvas.text(
-                    (left + middle, top - 5.0),
-                    &name,
-                    kind.anchor(Anchor::Middle),
-                );
+                canvas.text((left + middle, top - 5.0), &name, kind.anchor(Anchor::Middle));
             } else {
-                canvas.text(
-                    (left + middle + size * 0.36, top - 5.0),
-                    &name,
-                    kind.turn(-90.0),
-                );
+                canvas.text((left + middle + size * 0.36, top - 5.0), &name, kind.turn(-90.0));
             }
         }
     }
 
     fn draw_row(&self, canvas: &mut Canvas, row: usize, (left, top): (f64, f64), cell: f64) {
         let count = |column: usize| {
-            self.counts
-                .get(row)
-                .and_then(|counts| counts.get(column))
-                .copied()
-                .unwrap_or(0)
+            self.counts.get(row).and_then(|counts| counts.get(column)).copied().unwrap_or(0)
         };
         let total: u64 = (0..self.classes.len()).map(count).sum();
         for column in 0..self.classes.len() {
             let x = left + cell * column as f64;
-            let area = Area {
-                x,
-                y: top,
-                width: cell,
-                height: cell,
-            };
+            let area = Area { x, y: top, width: cell, height: cell };
             let share = count(column) as f64 / total.max(1) as f64;
             let fill = mix(SCALE.0, SCALE.1, share);
-            canvas.rect(
-                area,
-                &format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\""),
-            );
+            canvas.rect(area, &format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\""));
             if count(column) > 0 {
                 draw_cell_text(canvas, count(column), share, area, ink_on(&fill));
             }
@@ -193,10 +149,7 @@ fn draw_scale(canvas: &mut Canvas, area: Area) {
         let fill = mix(SCALE.0, SCALE.1, share);
         canvas.rect(Area { y, height, ..area }, &format!(" fill=\"{fill}\""));
     }
-    canvas.rect(
-        area,
-        &format!(" fill=\"none\" stroke=\"{FRAME}\" stroke-width=\".6\""),
-    );
+    canvas.rect(area, &format!(" fill=\"none\" stroke=\"{FRAME}\" stroke-width=\".6\""));
     for (share, label) in [(0.0, "100%"), (0.5, "50%"), (1.0, "0%")] {
         let y = area.y + area.height * share;
         canvas.text((area.right() + 4.0, y + 3.4), label, Type::new(9.0));

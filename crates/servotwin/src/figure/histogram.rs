@@ -49,10 +49,7 @@ pub struct HistogramPanel<'a> {
 impl<'a> HistogramPanel<'a> {
     /// A panel from its title and the values of its series.
     pub fn new(title: impl Into<String>, values: Vec<Cow<'a, [f64]>>) -> Self {
-        Self {
-            title: title.into(),
-            values,
-        }
+        Self { title: title.into(), values }
     }
 }
 
@@ -101,14 +98,10 @@ impl<'a> HistogramGrid<'a> {
             y += 20.0;
         }
         let series = self.series.iter().enumerate();
-        let boxes = series.map(|(index, name)| Entry {
-            name: name.clone(),
-            swatch: Swatch::Tinted(index),
-        });
-        let limit = self.band.map(|band| Entry {
-            name: format!("±{band}"),
-            swatch: Swatch::Limit,
-        });
+        let boxes =
+            series.map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Tinted(index) });
+        let limit =
+            self.band.map(|band| Entry { name: format!("±{band}"), swatch: Swatch::Limit });
         let entries: Vec<Entry> = boxes.chain(limit).collect();
         let rows = legend::rows(&entries, self.width - 2.0 * MARGIN);
         legend::draw(canvas, (MARGIN, y), &rows);
@@ -124,29 +117,14 @@ impl<'a> HistogramGrid<'a> {
     ) {
         let range = self.range_of(panel);
         let bins = self.bins.max(1);
-        let shares: Vec<Shares> = panel
-            .values
-            .iter()
-            .map(|values| Shares::of(values, range, bins))
-            .collect();
-        let tallest = shares
-            .iter()
-            .flat_map(|shares| &shares.bins)
-            .copied()
-            .fold(0.0, f64::max);
+        let shares: Vec<Shares> =
+            panel.values.iter().map(|values| Shares::of(values, range, bins)).collect();
+        let tallest = shares.iter().flat_map(|shares| &shares.bins).copied().fold(0.0, f64::max);
         let y_axis = percent_axis(if tallest > 0.0 { tallest * 1.08 } else { 1.0 });
         let left = labels_width(&y_axis) + 2.0;
-        let area = Area {
-            x: x + left,
-            y: y + HEADER,
-            width: width - left - 10.0,
-            height: PANEL_HEIGHT,
-        };
-        let frame = Frame {
-            area,
-            x: Axis::linear(range, 5),
-            y: y_axis,
-        };
+        let area =
+            Area { x: x + left, y: y + HEADER, width: width - left - 10.0, height: PANEL_HEIGHT };
+        let frame = Frame { area, x: Axis::linear(range, 5), y: y_axis };
         let title = font::fit(&panel.title, area.width / 1.12, 10.5);
         canvas.text((area.x, y + 12.0), &title, Type::new(10.5).bold());
         frame.draw_grid(canvas);
@@ -162,10 +140,7 @@ impl<'a> HistogramGrid<'a> {
 
     fn range_of(&self, panel: &HistogramPanel) -> (f64, f64) {
         let band = self.band.into_iter().flat_map(|band| [-band, band]);
-        let values = panel
-            .values
-            .iter()
-            .flat_map(|values| values.iter().copied());
+        let values = panel.values.iter().flat_map(|values| values.iter().copied());
         let own = || padded(extent(values.chain(band)).unwrap_or((-1.0, 1.0)), 0.04);
         self.range.unwrap_or_else(own)
     }
@@ -201,10 +176,7 @@ impl Shares {
         }
         let total = (counts.iter().sum::<u64>() + outside).max(1) as f64;
         let bins = counts.iter().map(|count| *count as f64 / total).collect();
-        Self {
-            bins,
-            outside: outside as f64 / total,
-        }
+        Self { bins, outside: outside as f64 / total }
     }
 }
 
@@ -214,12 +186,7 @@ fn percent_axis(high: f64) -> Axis {
         tick.at /= 100.0;
         tick.label.push('%');
     }
-    Axis {
-        low: 0.0,
-        high,
-        factor: String::new(),
-        ..axis
-    }
+    Axis { low: 0.0, high, factor: String::new(), ..axis }
 }
 
 fn draw_bins(canvas: &mut Canvas, bins: &[f64], index: usize, frame: &Frame) {
@@ -251,20 +218,10 @@ fn draw_outside(canvas: &mut Canvas, shares: &[Shares], area: Area) {
     let outside: Vec<String> = shares
         .iter()
         .map(|shares| shares.outside)
-        .map(|share| {
-            if share > 0.0 {
-                format!("{:.1}%", share * 100.0)
-            } else {
-                "0".to_owned()
-            }
-        })
+        .map(|share| if share > 0.0 { format!("{:.1}%", share * 100.0) } else { "0".to_owned() })
         .collect();
     if shares.iter().any(|shares| shares.outside > 0.0) {
-        let text = font::fit(
-            &format!("outside: {}", outside.join(", ")),
-            area.width - 6.0,
-            8.5,
-        );
+        let text = font::fit(&format!("outside: {}", outside.join(", ")), area.width - 6.0, 8.5);
         let kind = Type::new(8.5).anchor(Anchor::End).colour(GREY).rim();
         canvas.text((area.right() - 3.0, area.y + 10.0), &text, kind);
     }

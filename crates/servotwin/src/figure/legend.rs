@@ -72,29 +72,16 @@ pub(super) fn draw(canvas: &mut Canvas, corner: (f64, f64), rows: &[Vec<Entry>])
         let mut x = corner.0;
         for entry in row {
             draw_swatch(canvas, entry.swatch, x, middle);
-            canvas.text(
-                (x + SWATCH + 4.0, middle + 3.5),
-                &entry.name,
-                Type::new(SIZE),
-            );
+            canvas.text((x + SWATCH + 4.0, middle + 3.5), &entry.name, Type::new(SIZE));
             x += entry_width(entry) + GAP;
         }
     }
 }
 
 fn draw_swatch(canvas: &mut Canvas, swatch: Swatch, x: f64, y: f64) {
-    let area = Area {
-        x: x + 5.0,
-        y: y - 5.0,
-        width: 12.0,
-        height: 10.0,
-    };
+    let area = Area { x: x + 5.0, y: y - 5.0, width: 12.0, height: 10.0 };
     let line = |canvas: &mut Canvas, index: usize| {
-        let style = format!(
-            " stroke=\"{}\" stroke-width=\"1.8\"{}",
-            colour(index),
-            dash(index)
-        );
+        let style = format!(" stroke=\"{}\" stroke-width=\"1.8\"{}", colour(index), dash(index));
         canvas.line((x, y), (x + SWATCH, y), &style);
     };
     match swatch {
@@ -123,41 +110,21 @@ fn draw_swatch(canvas: &mut Canvas, swatch: Swatch, x: f64, y: f64) {
 
 /// The marker of the series of an index.
 pub(super) fn marker(canvas: &mut Canvas, index: usize, (x, y): (f64, f64)) {
-    let style = format!(
-        " fill=\"{}\" stroke=\"#ffffff\" stroke-width=\".7\"",
-        colour(index)
-    );
+    let style = format!(" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\".7\"", colour(index));
     let r = 3.6;
     let at = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
-        points
-            .iter()
-            .map(|(dx, dy)| (x + dx * r, y + dy * r))
-            .collect()
+        points.iter().map(|(dx, dy)| (x + dx * r, y + dy * r)).collect()
     };
     match index % 6 {
         0 => canvas.circle((x, y), r, &style),
-        1 => canvas.rect(
-            Area {
-                x: x - 3.2,
-                y: y - 3.2,
-                width: 6.4,
-                height: 6.4,
-            },
-            &style,
-        ),
+        1 => canvas.rect(Area { x: x - 3.2, y: y - 3.2, width: 6.4, height: 6.4 }, &style),
         2 => canvas.polygon(&at(&[(0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)]), &style),
-        3 => canvas.polygon(
-            &at(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]),
-            &style,
-        ),
+        3 => canvas.polygon(&at(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]), &style),
         4 => canvas.polygon(&at(&[(0.0, 1.2), (1.1, -0.8), (-1.1, -0.8)]), &style),
         _ => canvas.circle(
             (x, y),
             r - 0.6,
-            &format!(
-                " fill=\"#ffffff\" stroke=\"{}\" stroke-width=\"1.6\"",
-                colour(index)
-            ),
+            &format!(" fill=\"#ffffff\" stroke=\"{}\" stroke-width=\"1.6\"", colour(index)),
         ),
     }
 }

@@ -48,12 +48,7 @@ pub struct Curve {
 impl Curve {
     /// A curve with marked points.
     pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self {
-            name: name.into(),
-            points,
-            intervals: Vec::new(),
-            marked: true,
-        }
+        Self { name: name.into(), points, intervals: Vec::new(), marked: true }
     }
 
     /// Gives each point an interval.
@@ -111,17 +106,8 @@ impl Lines {
         let rows = legend::rows(&self.legend(), width);
         legend::draw(&mut canvas, (left, top), &rows);
         top += legend::ROW * rows.len() as f64 + 6.0;
-        let area = Area {
-            x: left,
-            y: top,
-            width,
-            height: self.height,
-        };
-        let frame = Frame {
-            area,
-            x: self.x_axis(),
-            y: y_axis,
-        };
+        let area = Area { x: left, y: top, width, height: self.height };
+        let frame = Frame { area, x: self.x_axis(), y: y_axis };
         frame.draw_grid(&mut canvas);
         let wide = Area {
             x: area.x - 5.0,
@@ -137,11 +123,7 @@ impl Lines {
         frame.draw_outline(&mut canvas);
         frame.draw_x_labels(&mut canvas, &self.x_label);
         frame.draw_y_labels(&mut canvas, &self.y_label, MARGIN + 9.0);
-        canvas.finish(
-            self.width,
-            area.bottom() + TITLE_BELOW + MARGIN / 2.0,
-            &self.title,
-        )
+        canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title)
     }
 
     fn legend(&self) -> Vec<Entry> {
@@ -150,37 +132,20 @@ impl Lines {
             .filter(|(_, curve)| !curve.name.is_empty())
             .map(|(index, curve)| Entry {
                 name: curve.name.clone(),
-                swatch: if curve.marked {
-                    Swatch::Marked(index)
-                } else {
-                    Swatch::Line(index)
-                },
+                swatch: if curve.marked { Swatch::Marked(index) } else { Swatch::Line(index) },
             })
             .collect()
     }
 
     fn x_axis(&self) -> Axis {
-        let values = self
-            .curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(|point| point.0);
+        let values = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
         axis(values, self.x_log, None, 8)
     }
 
     fn y_axis(&self) -> Axis {
-        let points = self
-            .curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(|point| point.1);
+        let points = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
         let ends = self.curves.iter().flat_map(|curve| &curve.intervals);
-        axis(
-            points.chain(ends.flat_map(|(low, high)| [*low, *high])),
-            self.y_log,
-            self.y_range,
-            6,
-        )
+        axis(points.chain(ends.flat_map(|(low, high)| [*low, *high])), self.y_log, self.y_range, 6)
     }
 }
 
@@ -208,36 +173,19 @@ fn draw_curve(canvas: &mut Canvas, curve: &Curve, index: usize, frame: &Frame) {
     let stroke = format!(" stroke=\"{}\" stroke-width=\"1.7\"", colour(index));
     let place = |point: &(f64, f64)| frame.point(point.0, point.1);
     for run in runs(curve.points.iter().map(place)) {
-        canvas.path(
-            &run,
-            &format!("{stroke} stroke-linejoin=\"round\"{}", dash(index)),
-        );
+        canvas.path(&run, &format!("{stroke} stroke-linejoin=\"round\"{}", dash(index)));
     }
     for ((x, _), (low, high)) in curve.points.iter().zip(&curve.intervals) {
         // An end below a logarithmic axis is drawn to the axis.
-        let low = frame
-            .point(*x, *low)
-            .or_else(|| frame.point(*x, frame.y.low));
+        let low = frame.point(*x, *low).or_else(|| frame.point(*x, frame.y.low));
         if let (Some(low), Some(high)) = (low, frame.point(*x, *high)) {
-            canvas.line(
-                low,
-                high,
-                &format!(" stroke=\"{}\" stroke-width=\"1\"", colour(index)),
-            );
+            canvas.line(low, high, &format!(" stroke=\"{}\" stroke-width=\"1\"", colour(index)));
             for (x, y) in [low, high] {
-                canvas.line(
-                    (x - 3.0, y),
-                    (x + 3.0, y),
-                    &format!(" stroke=\"{}\"", colour(index)),
-                );
+                canvas.line((x - 3.0, y), (x + 3.0, y), &format!(" stroke=\"{}\"", colour(index)));
             }
         }
     }
     if curve.marked {
-        curve
-            .points
-            .iter()
-            .filter_map(place)
-            .for_each(|at| legend::marker(canvas, index, at));
+        curve.points.iter().filter_map(place).for_each(|at| legend::marker(canvas, index, at));
     }
 }

@@ -95,17 +95,12 @@ impl Figure {
     /// Saves the figure atomically, as SVG or PNG after the file's extension.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FigureError> {
         let path = path.as_ref();
-        let extension = path
-            .extension()
-            .and_then(|text| text.to_str())
-            .unwrap_or_default();
+        let extension = path.extension().and_then(|text| text.to_str()).unwrap_or_default();
         let bytes = match extension.to_ascii_lowercase().as_str() {
             "svg" => self.svg.as_bytes().to_vec(),
             "png" => self.png(2.0)?,
             _ => {
-                return Err(FigureError::UnknownFormat {
-                    path: path.to_path_buf(),
-                });
+                return Err(FigureError::UnknownFormat { path: path.to_path_buf() });
             }
         };
         Ok(write_atomically(path, |out| out.write_all(&bytes))?)

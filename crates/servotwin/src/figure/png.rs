@@ -41,15 +41,9 @@ impl std::error::Error for PngError {
 
 /// Draws SVG text into a PNG file's bytes.
 pub(super) fn render(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
-    let options = usvg::Options {
-        fontdb: fonts(),
-        ..usvg::Options::default()
-    };
+    let options = usvg::Options { fontdb: fonts(), ..usvg::Options::default() };
     let tree = usvg::Tree::from_str(svg, &options).map_err(PngError::Svg)?;
-    let (width, height) = (
-        f64::from(tree.size().width()),
-        f64::from(tree.size().height()),
-    );
+    let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
     let scale = scale.min(MAX_PIXELS / width.max(height));
     let pixels = |length: f64| (length * scale).round().max(1.0) as u32;
     let mut pixmap = Pixmap::new(pixels(width), pixels(height)).ok_or(PngError::Size)?;

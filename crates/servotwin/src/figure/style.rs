@@ -10,9 +10,8 @@ pub(super) const GRID: &str = "#e2e2e2";
 pub(super) const FRAME: &str = "#8a8a8a";
 
 /// Okabe and Ito's colours, those that stand out best on white first.
-const COLOURS: [&str; 8] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442",
-];
+const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442"];
 
 /// Dash patterns; the first is a full line.
 const DASHES: [&str; 6] = ["", "7 3", "2 2", "9 3 2 3", "5 2 2 2 2 2", "12 4"];
@@ -34,11 +33,7 @@ pub(super) fn dash(index: usize) -> String {
 /// Black or white, whichever is read better on a colour given as `#rrggbb`.
 pub(super) fn ink_on(background: &str) -> &'static str {
     let [red, green, blue] = parts(background);
-    if 0.299 * red + 0.587 * green + 0.114 * blue > 140.0 {
-        "#000000"
-    } else {
-        "#ffffff"
-    }
+    if 0.299 * red + 0.587 * green + 0.114 * blue > 140.0 { "#000000" } else { "#ffffff" }
 }
 
 /// A colour between two, `share` from 0 to 1.

@@ -47,14 +47,7 @@ pub(super) struct Type {
 
 impl Type {
     pub fn new(size: f64) -> Self {
-        Self {
-            size,
-            anchor: Anchor::Start,
-            bold: false,
-            colour: INK,
-            turn: 0.0,
-            rim: false,
-        }
+        Self { size, anchor: Anchor::Start, bold: false, colour: INK, turn: 0.0, rim: false }
     }
 
     pub fn anchor(self, anchor: Anchor) -> Self {
@@ -87,12 +80,7 @@ pub(super) struct Canvas {
 impl Canvas {
     /// A rectangle; `style` holds further attributes, each with a space before it.
     pub fn rect(&mut self, area: Area, style: &str) {
-        let Area {
-            x,
-            y,
-            width,
-            height,
-        } = area;
+        let Area { x, y, width, height } = area;
         let [x, y, width, height] = [x, y, width, height].map(number);
         let _ = writeln!(
             self.body,
@@ -121,10 +109,7 @@ impl Canvas {
 
     pub fn circle(&mut self, centre: (f64, f64), radius: f64, style: &str) {
         let [x, y, radius] = [centre.0, centre.1, radius].map(number);
-        let _ = writeln!(
-            self.body,
-            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{style}/>"
-        );
+        let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{style}/>");
     }
 
     /// A text whose baseline begins, ends or has its middle at a point.
@@ -146,11 +131,7 @@ impl Canvas {
             let _ = write!(self.body, " fill=\"{}\"", kind.colour);
         }
         if kind.turn != 0.0 {
-            let _ = write!(
-                self.body,
-                " transform=\"rotate({} {x} {y})\"",
-                number(kind.turn)
-            );
+            let _ = write!(self.body, " transform=\"rotate({} {x} {y})\"", number(kind.turn));
         }
         if kind.rim {
             self.body.push_str(
@@ -234,11 +215,7 @@ fn push_tenths(path: &mut String, tenths: i64) {
 pub(super) fn number(value: f64) -> String {
     let rounded = (value * 100.0).round() / 100.0;
     // Adding zero turns the negative zero into the positive one.
-    if rounded.is_finite() {
-        format!("{}", rounded + 0.0)
-    } else {
-        "0".to_owned()
-    }
+    if rounded.is_finite() { format!("{}", rounded + 0.0) } else { "0".to_owned() }
 }
 
 /// Text with XML's special characters replaced, and those that XML forbids left out.

@@ -70,11 +70,7 @@ impl<'a> Series<'a> {
         x: impl Into<Cow<'a, [f64]>>,
         y: impl Into<Cow<'a, [f64]>>,
     ) -> Self {
-        Self {
-            name: name.into(),
-            x: x.into(),
-            y: y.into(),
-        }
+        Self { name: name.into(), x: x.into(), y: y.into() }
     }
 }
 
@@ -93,11 +89,7 @@ impl Band<'_> {
 impl<'a> Panel<'a> {
     /// A panel without signals.
     pub fn new(title: impl Into<String>, y_label: impl Into<String>) -> Self {
-        Self {
-            title: title.into(),
-            y_label: y_label.into(),
-            ..Self::default()
-        }
+        Self { title: title.into(), y_label: y_label.into(), ..Self::default() }
     }
 
     /// Adds a signal.
@@ -113,16 +105,8 @@ impl<'a> Panel<'a> {
     }
 
     fn y_axis(&self) -> Axis {
-        let band = self
-            .band
-            .iter()
-            .flat_map(|band| band.low.iter().chain(band.high.iter()));
-        let values = self
-            .series
-            .iter()
-            .flat_map(|series| series.y.iter())
-            .chain(band)
-            .copied();
+        let band = self.band.iter().flat_map(|band| band.low.iter().chain(band.high.iter()));
+        let values = self.series.iter().flat_map(|series| series.y.iter()).chain(band).copied();
         Axis::linear(padded(extent(values).unwrap_or((0.0, 1.0)), 0.05), 5)
     }
 
@@ -132,15 +116,9 @@ impl<'a> Panel<'a> {
             name: series.name.clone(),
             swatch: Swatch::Line(index),
         };
-        let band = self.band.iter().map(|band| Entry {
-            name: band.name.clone(),
-            swatch: Swatch::Band,
-        });
-        series
-            .map(line)
-            .chain(band)
-            .filter(|entry| !entry.name.is_empty())
-            .collect()
+        let band =
+            self.band.iter().map(|band| Entry { name: band.name.clone(), swatch: Swatch::Band });
+        series.map(line).chain(band).filter(|entry| !entry.name.is_empty()).collect()
     }
 }
 
@@ -182,28 +160,14 @@ impl<'a> TimeSeries<'a> {
         let last = self.panels.len().saturating_sub(1);
         for (place, (panel, y_axis)) in self.panels.iter().zip(y_axes).enumerate() {
             y += draw_header(&mut canvas, panel, (left, y), width);
-            let area = Area {
-                x: left,
-                y,
-                width,
-                height: self.panel_height,
-            };
-            let frame = Frame {
-                area,
-                x: x_axis.clone(),
-                y: y_axis,
-            };
+            let area = Area { x: left, y, width, height: self.panel_height };
+            let frame = Frame { area, x: x_axis.clone(), y: y_axis };
             draw_panel(&mut canvas, panel, &frame);
             frame.draw_y_labels(&mut canvas, &panel.y_label, MARGIN + 9.0);
             if place == last {
                 frame.draw_x_labels(&mut canvas, &self.x_label);
             }
-            y += self.panel_height
-                + if place == last {
-                    TITLE_BELOW
-                } else {
-                    TICKS_BELOW - 8.0
-                };
+            y += self.panel_height + if place == last { TITLE_BELOW } else { TICKS_BELOW - 8.0 };
         }
         canvas.finish(self.width, y + MARGIN / 2.0, &self.title)
     }
@@ -258,9 +222,7 @@ fn draw_band(canvas: &mut Canvas, band: &Band, frame: &Frame) {
     };
     let line = |y: &[f64]| -> Vec<(f64, f64)> {
         let kept = decimate(&x, y, buckets(frame));
-        kept.into_iter()
-            .filter_map(|index| frame.point(x[index], y[index]))
-            .collect()
+        kept.into_iter().filter_map(|index| frame.point(x[index], y[index])).collect()
     };
     let mut outline = line(&low);
     outline.extend(line(&high).into_iter().rev());
@@ -276,9 +238,7 @@ fn draw_series(canvas: &mut Canvas, series: &Series, index: usize, frame: &Frame
         dash(index)
     );
     let kept = decimate(&series.x, &series.y, buckets(frame));
-    let points = kept
-        .into_iter()
-        .map(|index| frame.point(series.x[index], series.y[index]));
+    let points = kept.into_iter().map(|index| frame.point(series.x[index], series.y[index]));
     for run in runs(points) {
         match run.as_slice() {
             [only] => canvas.circle(*only, 1.2, &format!(" fill=\"{}\"", colour(index))),

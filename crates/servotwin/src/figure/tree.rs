@@ -43,24 +43,13 @@ pub struct Branch {
 impl Node {
     /// A node without children.
     pub fn leaf(lines: Vec<String>, shares: Vec<f64>) -> Self {
-        Self {
-            lines,
-            shares,
-            children: Vec::new(),
-        }
+        Self { lines, shares, children: Vec::new() }
     }
 
     /// A node that asks a question: the left child for `yes`, the right one for `no`.
     pub fn split(lines: Vec<String>, shares: Vec<f64>, yes: Node, no: Node) -> Self {
-        let branch = |label: &str, node| Branch {
-            label: label.to_owned(),
-            node,
-        };
-        Self {
-            lines,
-            shares,
-            children: vec![branch("yes", yes), branch("no", no)],
-        }
+        let branch = |label: &str, node| Branch { label: label.to_owned(), node };
+        Self { lines, shares, children: vec![branch("yes", yes), branch("no", no)] }
     }
 
     fn width(&self) -> f64 {
@@ -78,12 +67,10 @@ impl Node {
     fn main_class(&self) -> Option<usize> {
         let shares = self.shares.iter().enumerate();
         let largest =
-            shares
-                .filter(|(_, share)| **share > 0.0)
-                .fold(None, |best, next| match best {
-                    Some((_, share)) if share >= next.1 => best,
-                    _ => Some(next),
-                });
+            shares.filter(|(_, share)| **share > 0.0).fold(None, |best, next| match best {
+                Some((_, share)) if share >= next.1 => best,
+                _ => Some(next),
+            });
         largest.map(|(class, _)| class)
     }
 }
@@ -127,10 +114,7 @@ impl Tree {
         }
         let named = self.classes.iter().enumerate();
         let entries: Vec<Entry> = named
-            .map(|(index, name)| Entry {
-                name: name.clone(),
-                swatch: Swatch::Box(index),
-            })
+            .map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Box(index) })
             .collect();
         let rows = legend::rows(&entries, width - 2.0 * MARGIN);
         legend::draw(canvas, (MARGIN, y), &rows);
@@ -162,36 +146,21 @@ impl<'a> Placed<'a> {
         let last = children.last().map_or(0.0, |child| child.0);
         let middle = (first + last) / 2.0;
         children.iter_mut().for_each(|child| child.0 -= middle);
-        let below = outline
-            .iter()
-            .map(|(left, right)| (left - middle, right - middle));
+        let below = outline.iter().map(|(left, right)| (left - middle, right - middle));
         let outline = std::iter::once((-half, half)).chain(below).collect();
-        Self {
-            node,
-            children,
-            outline,
-        }
+        Self { node, children, outline }
     }
 
     fn extent(&self) -> (f64, f64) {
         let levels = self.outline.iter();
-        levels.fold((0.0, 0.0), |range, level| {
-            (level.0.min(range.0), level.1.max(range.1))
-        })
+        levels.fold((0.0, 0.0), |range, level| (level.0.min(range.0), level.1.max(range.1)))
     }
 }
 
 /// How far a subtree must be moved to the right of an outline.
 fn distance(outline: &[(f64, f64)], next: &[(f64, f64)]) -> f64 {
-    let levels = outline
-        .iter()
-        .zip(next)
-        .map(|(one, other)| one.1 - other.0 + SIBLING_GAP);
-    if outline.is_empty() {
-        0.0
-    } else {
-        levels.fold(f64::NEG_INFINITY, f64::max)
-    }
+    let levels = outline.iter().zip(next).map(|(one, other)| one.1 - other.0 + SIBLING_GAP);
+    if outline.is_empty() { 0.0 } else { levels.fold(f64::NEG_INFINITY, f64::max) }
 }
 
 fn merge(outline: &mut Vec<(f64, f64)>, next: &[(f64, f64)], shift: f64) {
@@ -221,11 +190,7 @@ fn draw_edges(canvas: &mut Canvas, placed: &Placed, x: f64, level: usize, levels
         let points = [from, (from.0, bend), (to.0, bend), to];
         canvas.path(&points, &format!(" stroke=\"{FRAME}\""));
         let leftwards = *shift <= 0.0;
-        let anchor = if leftwards {
-            Anchor::End
-        } else {
-            Anchor::Start
-        };
+        let anchor = if leftwards { Anchor::End } else { Anchor::Start };
         let side = if leftwards { -3.0 } else { 3.0 };
         let kind = Type::new(8.5).colour(GREY).anchor(anchor).rim();
         canvas.text((to.0 + side, bend + 11.0), &branch.label, kind);
@@ -242,21 +207,13 @@ fn draw_nodes(canvas: &mut Canvas, placed: &Placed, x: f64, level: usize, levels
 
 fn draw_node(canvas: &mut Canvas, node: &Node, x: f64, y: f64) {
     let width = node.width();
-    let area = Area {
-        x: x - width / 2.0,
-        y,
-        width,
-        height: node.height(),
-    };
+    let area = Area { x: x - width / 2.0, y, width, height: node.height() };
     let leaf = node.children.is_empty();
     let class = node.main_class().filter(|_| leaf);
     let fill = class.map_or("#ffffff".to_owned(), |class| tint(colour(class), 0.22));
     let stroke = class.map_or(FRAME, colour);
     let corner = if leaf { 5 } else { 0 };
-    canvas.rect(
-        area,
-        &format!(" rx=\"{corner}\" fill=\"{fill}\" stroke=\"{stroke}\""),
-    );
+    canvas.rect(area, &format!(" rx=\"{corner}\" fill=\"{fill}\" stroke=\"{stroke}\""));
     for (place, line) in node.lines.iter().enumerate() {
         let kind = Type::new(SIZE).anchor(Anchor::Middle);
         let kind = if place == 0 { kind.bold() } else { kind };
@@ -267,11 +224,7 @@ fn draw_node(canvas: &mut Canvas, node: &Node, x: f64, y: f64) {
 
 fn draw_shares(canvas: &mut Canvas, node: &Node, area: Area) {
     let positive = |share: &f64| {
-        if share.is_finite() {
-            share.max(0.0)
-        } else {
-            0.0
-        }
+        if share.is_finite() { share.max(0.0) } else { 0.0 }
     };
     let total: f64 = node.shares.iter().map(positive).sum();
     if total <= 0.0 {
@@ -293,8 +246,5 @@ fn draw_shares(canvas: &mut Canvas, node: &Node, area: Area) {
         }
         x += width;
     }
-    canvas.rect(
-        bar,
-        &format!(" fill=\"none\" stroke=\"{FRAME}\" stroke-width=\".5\""),
-    );
+    canvas.rect(bar, &format!(" fill=\"none\" stroke=\"{FRAME}\" stroke-width=\".5\""));
 }

@@ -7,15 +7,11 @@ const DURATION_S: f64 = 5.0;
 
 fn examples() -> impl Iterator<Item = (&'static Spec, Signal, Piecewise)> {
     // A recorded signal needs a file: see the tests of the folder.
-    ALL.iter()
-        .filter(|kind| kind.spec().kind != "table")
-        .map(|kind| {
-            let signal: Signal = kind.spec().example.parse().expect("the example is valid");
-            let curve = signal
-                .build(Unit::Radian, DURATION_S)
-                .expect("the example is possible");
-            (kind.spec(), signal, curve)
-        })
+    ALL.iter().filter(|kind| kind.spec().kind != "table").map(|kind| {
+        let signal: Signal = kind.spec().example.parse().expect("the example is valid");
+        let curve = signal.build(Unit::Radian, DURATION_S).expect("the example is possible");
+        (kind.spec(), signal, curve)
+    })
 }
 
 #[test]
@@ -53,12 +49,7 @@ fn a_longer_run_does_not_change_the_beginning() {
         let long = signal.build(Unit::Radian, 2.0 * DURATION_S).unwrap();
         for i in 0..500 {
             let t = 0.01 * f64::from(i);
-            assert_eq!(
-                short.value(t).to_bits(),
-                long.value(t).to_bits(),
-                "{}",
-                spec.kind
-            );
+            assert_eq!(short.value(t).to_bits(), long.value(t).to_bits(), "{}", spec.kind);
         }
     }
 }
@@ -74,17 +65,9 @@ fn the_same_text_gives_the_same_bits() {
 fn declarations_are_complete() {
     for kind in ALL {
         let spec = kind.spec();
-        assert_eq!(
-            find(spec.kind).unwrap().spec().kind,
-            spec.kind,
-            "names are unique"
-        );
+        assert_eq!(find(spec.kind).unwrap().spec().kind, spec.kind, "names are unique");
         for (place, parameter) in spec.parameters.iter().enumerate() {
-            assert_eq!(
-                spec.parameter(parameter.name),
-                Some(place),
-                "names are unique"
-            );
+            assert_eq!(spec.parameter(parameter.name), Some(place), "names are unique");
             assert!(!parameter.summary.is_empty());
             let choice = matches!(parameter.sort, Sort::Choice(_));
             assert!(!choice || matches!(parameter.fallback, Fallback::Word(_)));

@@ -137,12 +137,7 @@ impl From<CurveError> for SignalError {
 
 impl fmt::Display for SignalError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let kinds = || {
-            ALL.iter()
-                .map(|k| k.spec().kind)
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
+        let kinds = || ALL.iter().map(|k| k.spec().kind).collect::<Vec<_>>().join(", ");
         match self {
             SignalError::Empty => write!(out, "a signal is missing; known kinds: {}", kinds()),
             SignalError::UnknownKind { given } => {
@@ -150,11 +145,7 @@ impl fmt::Display for SignalError {
             }
             SignalError::NoKind => write!(out, "a signal needs 'kind'; known: {}", kinds()),
             SignalError::UnknownParameter { kind, given, known } => {
-                write!(
-                    out,
-                    "{kind} has no parameter '{given}'; it has: {}",
-                    known.join(", ")
-                )
+                write!(out, "{kind} has no parameter '{given}'; it has: {}", known.join(", "))
             }
             SignalError::NoEqualSign { kind, given } => {
                 write!(out, "{kind}: '{given}' is not of the form name=value")
@@ -162,82 +153,35 @@ impl fmt::Display for SignalError {
             SignalError::Repeated { kind, parameter } => {
                 write!(out, "{kind}: '{parameter}' is given twice")
             }
-            SignalError::Missing {
-                kind,
-                parameter,
-                example,
-            } => {
+            SignalError::Missing { kind, parameter, example } => {
                 write!(out, "{kind}: '{parameter}' is missing, e.g. {example}")
             }
-            SignalError::NotANumber {
-                kind,
-                parameter,
-                given,
-            } => {
+            SignalError::NotANumber { kind, parameter, given } => {
                 write!(out, "{kind}: '{parameter}' needs a number, not '{given}'")
             }
-            SignalError::WrongUnit {
-                kind,
-                parameter,
-                given,
-                allowed,
-            } => {
-                write!(
-                    out,
-                    "{kind}: '{parameter}={given}' has a wrong unit; allowed: "
-                )?;
-                allowed
-                    .iter()
-                    .try_for_each(|unit| write!(out, "{unit}, "))?;
+            SignalError::WrongUnit { kind, parameter, given, allowed } => {
+                write!(out, "{kind}: '{parameter}={given}' has a wrong unit; allowed: ")?;
+                allowed.iter().try_for_each(|unit| write!(out, "{unit}, "))?;
                 write!(out, "a plain number (SI)")
             }
-            SignalError::UnknownWord {
-                kind,
-                parameter,
-                given,
-                known,
-            } => {
+            SignalError::UnknownWord { kind, parameter, given, known } => {
                 write!(out, "{kind}: '{parameter}' cannot be '{given}'; it is ")?;
                 write!(out, "{}", known.join(" or "))
             }
-            SignalError::OutOfRange {
-                kind,
-                parameter,
-                given,
-                range,
-                units,
-            } => {
-                write!(
-                    out,
-                    "{kind}: '{parameter}={given}' is out of range: {range}"
-                )?;
-                if units.is_empty() {
-                    Ok(())
-                } else {
-                    write!(out, " ({units})")
-                }
+            SignalError::OutOfRange { kind, parameter, given, range, units } => {
+                write!(out, "{kind}: '{parameter}={given}' is out of range: {range}")?;
+                if units.is_empty() { Ok(()) } else { write!(out, " ({units})") }
             }
             SignalError::Impossible { kind, reason } => write!(out, "{kind}: {reason}"),
             SignalError::Duration { duration_s } => {
-                write!(
-                    out,
-                    "a run of {duration_s} s is impossible: greater than 0 is needed"
-                )
+                write!(out, "a run of {duration_s} s is impossible: greater than 0 is needed")
             }
             SignalError::Curve(error) => write!(out, "{error}"),
             SignalError::Table(error) => write!(out, "{error}"),
-            SignalError::ColumnUnit {
-                column,
-                found,
-                wanted,
-            } => {
+            SignalError::ColumnUnit { column, found, wanted } => {
                 let (found, wanted) = (found.symbol(), wanted.symbol());
                 write!(out, "column '{column}' is in {found}, the input is in ")?;
-                write!(
-                    out,
-                    "{}",
-                    if wanted.is_empty() { "no unit" } else { wanted }
-                )
+                write!(out, "{}", if wanted.is_empty() { "no unit" } else { wanted })
             }
             SignalError::Rows { file, error } => write!(out, "{file}: {error}"),
         }

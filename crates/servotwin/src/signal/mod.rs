@@ -67,17 +67,8 @@ impl Quantity {
 
 impl fmt::Display for Quantity {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            out,
-            "{}{}",
-            self.number,
-            self.unit.map_or("", |unit| unit.symbol)
-        )?;
-        if self.per_second {
-            write!(out, "/s")
-        } else {
-            Ok(())
-        }
+        write!(out, "{}{}", self.number, self.unit.map_or("", |unit| unit.symbol))?;
+        if self.per_second { write!(out, "/s") } else { Ok(()) }
     }
 }
 
@@ -108,18 +99,11 @@ impl Term {
     /// The arguments that were given, with their parameters' names.
     pub fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
         let parameters = self.kind.spec().parameters.iter();
-        parameters
-            .zip(&self.arguments)
-            .filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
+        parameters.zip(&self.arguments).filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
     }
 
     fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
-        self.kind.build(&Given::new(
-            self.kind.spec(),
-            &self.arguments,
-            unit,
-            duration_s,
-        )?)
+        self.kind.build(&Given::new(self.kind.spec(), &self.arguments, unit, duration_s)?)
     }
 }
 

@@ -104,20 +104,14 @@ impl Biquad {
     fn new(k: f64, damping: f64) -> Self {
         let n = 1.0 + k * damping + k * k;
         let a = [2.0 * (k * k - 1.0) / n, (1.0 - k * damping + k * k) / n];
-        Self {
-            gain: k * k / n,
-            a,
-            memory: [0.0; 2],
-        }
+        Self { gain: k * k / n, a, memory: [0.0; 2] }
     }
 
     fn next(&mut self, input: f64) -> f64 {
         let scaled = self.gain * input;
         let output = scaled + self.memory[0];
-        self.memory = [
-            2.0 * scaled - self.a[0] * output + self.memory[1],
-            scaled - self.a[1] * output,
-        ];
+        self.memory =
+            [2.0 * scaled - self.a[0] * output + self.memory[1], scaled - self.a[1] * output];
         output
     }
 }
@@ -131,11 +125,8 @@ fn filtered(seed: u64, bandwidth_hz: f64, sampling_hz: f64, count: usize) -> Vec
     let mut random = Random::new(seed);
     // The slower pair forgets by e^{-2.4} per 1/f_c: 15 of them leave 2e-16.
     let settling = (15.0 * sampling_hz / bandwidth_hz).ceil() as usize;
-    let samples = (0..settling + count).map(|_| {
-        sections
-            .iter_mut()
-            .fold(random.normal(), |value, section| section.next(value))
-    });
+    let samples = (0..settling + count)
+        .map(|_| sections.iter_mut().fold(random.normal(), |value, section| section.next(value)));
     samples.skip(settling).collect()
 }
 
@@ -149,18 +140,12 @@ struct Shape {
 impl Shape {
     fn sample(&self, k: usize, value: f64) -> f64 {
         let x = (k as f64 / self.sampling_hz / self.fade_s.max(f64::MIN_POSITIVE)).min(1.0);
-        let limited = self
-            .limit
-            .map_or(value, |limit| limit * tanh(value / limit));
+        let limited = self.limit.map_or(value, |limit| limit * tanh(value / limit));
         limited * (x * x * (3.0 - 2.0 * x))
     }
 
     fn samples(&self, filtered: &[f64], factor: f64) -> Vec<f64> {
-        filtered
-            .iter()
-            .enumerate()
-            .map(|(k, y)| self.sample(k, factor * y))
-            .collect()
+        filtered.iter().enumerate().map(|(k, y)| self.sample(k, factor * y)).collect()
     }
 
     /// (SN4): all samples but the last two, which only give slopes.
@@ -168,11 +153,7 @@ impl Shape {
         let values = self.samples(filtered, factor);
         let count = values.len() - 2;
         let times_s: Vec<f64> = (0..count).map(|k| k as f64 / self.sampling_hz).collect();
-        Piecewise::hermite(
-            &times_s,
-            &values[..count],
-            &slopes(&values, self.sampling_hz),
-        )
+        Piecewise::hermite(&times_s, &values[..count], &slopes(&values, self.sampling_hz))
     }
 
     /// The factor that gives the curve an rms over the window.
@@ -215,11 +196,7 @@ impl Kind for Noise {
                 given.impossible("'window' must last two periods of 'bandwidth' and twice 'fade'")
             );
         }
-        let shape = Shape {
-            sampling_hz,
-            fade_s: given.number("fade"),
-            limit,
-        };
+        let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));
         let seed = given.number("seed") as u64;
@@ -234,11 +211,7 @@ impl Kind for Noise {
 /// rest.
 fn slopes(values: &[f64], sampling_hz: f64) -> Vec<f64> {
     let at = |k: usize, back: usize| {
-        if k < back {
-            values[0]
-        } else {
-            values[k - back]
-        }
+        if k < back { values[0] } else { values[k - back] }
     };
     let slope = |k: usize| {
         let near = values[k + 1] - at(k, 1);

@@ -66,31 +66,16 @@ mod tests {
         let values: [u64; 3] = std::array::from_fn(|_| splitmix(&mut counter));
         assert_eq!(
             values,
-            [
-                6_457_827_717_110_365_317,
-                3_203_168_211_198_807_973,
-                9_817_491_932_198_370_423
-            ]
+            [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423]
         );
     }
 
     #[test]
     fn xoshiro_gives_its_published_sequence() {
         // The reference implementation started with the state 1, 2, 3, 4.
-        let mut random = Random {
-            state: [1, 2, 3, 4],
-            spare: None,
-        };
+        let mut random = Random { state: [1, 2, 3, 4], spare: None };
         let values: [u64; 4] = std::array::from_fn(|_| random.bits());
-        assert_eq!(
-            values,
-            [
-                41_943_041,
-                58_720_359,
-                3_588_806_011_781_223,
-                3_591_011_842_654_386
-            ]
-        );
+        assert_eq!(values, [41_943_041, 58_720_359, 3_588_806_011_781_223, 3_591_011_842_654_386]);
     }
 
     #[test]

@@ -17,9 +17,7 @@ impl Serialize for Signal {
             return term.serialize(serializer);
         }
         let mut list = serializer.serialize_seq(Some(self.terms.len()))?;
-        self.terms
-            .iter()
-            .try_for_each(|term| list.serialize_element(term))?;
+        self.terms.iter().try_for_each(|term| list.serialize_element(term))?;
         list.end()
     }
 }
@@ -52,10 +50,7 @@ impl<'de> Visitor<'de> for SignalVisitor {
     type Value = Signal;
 
     fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        write!(
-            out,
-            "a signal: a text, a number, a table with 'kind', or a list of them"
-        )
+        write!(out, "a signal: a text, a number, a table with 'kind', or a list of them")
     }
 
     fn visit_str<E: Error>(self, text: &str) -> Result<Signal, E> {
@@ -86,9 +81,7 @@ impl<'de> Visitor<'de> for SignalVisitor {
         for (name, Plain(text)) in entries {
             builder.set(&name, &text).map_err(A::Error::custom)?;
         }
-        Ok(Signal {
-            terms: vec![builder.finish().map_err(A::Error::custom)?],
-        })
+        Ok(Signal { terms: vec![builder.finish().map_err(A::Error::custom)?] })
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Signal, A::Error> {

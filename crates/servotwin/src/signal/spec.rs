@@ -98,17 +98,11 @@ impl Parameter {
     pub fn measure(&self, unit: Unit) -> Option<Measure> {
         match self.sort {
             Sort::Value => Some(Measure::of(unit)),
-            Sort::Rate => Some(Measure {
-                unit,
-                per_second: true,
-            }),
+            Sort::Rate => Some(Measure { unit, per_second: true }),
             Sort::Angle => Some(Measure::of(Unit::Radian)),
             Sort::Time => Some(Measure::of(Unit::Second)),
             Sort::Frequency => Some(Measure::of(Unit::Hertz)),
-            Sort::Whole => Some(Measure {
-                unit: Unit::None,
-                per_second: false,
-            }),
+            Sort::Whole => Some(Measure { unit: Unit::None, per_second: false }),
             Sort::Text | Sort::Choice(_) => None,
         }
     }
@@ -120,10 +114,7 @@ impl Parameter {
             Sort::Whole => "whole number".into(),
             Sort::Choice(words) => words.join(" or "),
             Sort::Text => "text".into(),
-            _ => self
-                .measure(Unit::None)
-                .map_or(vec![], Measure::allowed)
-                .join(", "),
+            _ => self.measure(Unit::None).map_or(vec![], Measure::allowed).join(", "),
         }
     }
 }
@@ -209,12 +200,7 @@ impl<'a> Given<'a> {
                 check_unit(spec, parameter, quantity, measure)?;
             }
         }
-        Ok(Self {
-            spec,
-            arguments,
-            unit,
-            duration_s,
-        })
+        Ok(Self { spec, arguments, unit, duration_s })
     }
 
     fn place(&self, name: &str) -> usize {
@@ -234,8 +220,7 @@ impl<'a> Given<'a> {
 
     /// A number that is required or has a default.
     pub fn number(&self, name: &str) -> f64 {
-        self.optional(name)
-            .expect("required parameters are checked when parsed")
+        self.optional(name).expect("required parameters are checked when parsed")
     }
 
     /// A word or a text that was given or has a default.
@@ -250,10 +235,7 @@ impl<'a> Given<'a> {
 
     /// The error for arguments that do not go together.
     pub(super) fn impossible(&self, reason: &'static str) -> SignalError {
-        SignalError::Impossible {
-            kind: self.spec.kind,
-            reason,
-        }
+        SignalError::Impossible { kind: self.spec.kind, reason }
     }
 }
 
@@ -267,11 +249,7 @@ pub(super) fn check_unit(
     let Some(unit) = quantity.unit else {
         return Ok(());
     };
-    if (Measure {
-        unit: unit.unit,
-        per_second: quantity.per_second,
-    }) == measure
-    {
+    if (Measure { unit: unit.unit, per_second: quantity.per_second }) == measure {
         return Ok(());
     }
     Err(SignalError::WrongUnit {

@@ -90,32 +90,19 @@ impl Law {
     fn new(law: &str, from_hz: f64, to_hz: f64, length_s: f64) -> Self {
         // Equal ends have no logarithmic rate to divide by.
         if law == "linear" || from_hz == to_hz {
-            Law::Linear {
-                from_hz,
-                growth_hz_s: (to_hz - from_hz) / length_s,
-            }
+            Law::Linear { from_hz, growth_hz_s: (to_hz - from_hz) / length_s }
         } else {
-            Law::Logarithmic {
-                from_hz,
-                growth_per_s: ln(to_hz / from_hz) / length_s,
-            }
+            Law::Logarithmic { from_hz, growth_per_s: ln(to_hz / from_hz) / length_s }
         }
     }
 
     /// Phase in periods and frequency.
     fn at(self, x_s: f64) -> (f64, f64) {
         match self {
-            Law::Linear {
-                from_hz,
-                growth_hz_s,
-            } => (
-                x_s * (from_hz + 0.5 * growth_hz_s * x_s),
-                from_hz + growth_hz_s * x_s,
-            ),
-            Law::Logarithmic {
-                from_hz,
-                growth_per_s,
-            } => {
+            Law::Linear { from_hz, growth_hz_s } => {
+                (x_s * (from_hz + 0.5 * growth_hz_s * x_s), from_hz + growth_hz_s * x_s)
+            }
+            Law::Logarithmic { from_hz, growth_per_s } => {
                 let frequency_hz = from_hz * exp(growth_per_s * x_s);
                 ((frequency_hz - from_hz) / growth_per_s, frequency_hz)
             }
@@ -153,12 +140,7 @@ impl Kind for Sweep {
         if length_s <= 0.0 {
             return Err(given.impossible("'at' must be before the end of the run"));
         }
-        let law = Law::new(
-            given.word("law"),
-            given.number("from"),
-            given.number("to"),
-            length_s,
-        );
+        let law = Law::new(given.word("law"), given.number("from"), given.number("to"), length_s);
         let mut points = (vec![], vec![], vec![]);
         let mut push = |x_s: f64| {
             let (periods, frequency_hz) = law.at(x_s);

@@ -53,9 +53,7 @@ static SPEC: Spec = Spec {
 
 /// The unit that the end of a column's name tells, and one of it in SI.
 fn unit_of(column: &str) -> Option<(Unit, f64)> {
-    let si = Unit::ALL
-        .iter()
-        .map(|unit| (unit.suffix().to_string(), *unit, 1.0));
+    let si = Unit::ALL.iter().map(|unit| (unit.suffix().to_string(), *unit, 1.0));
     let others = UNITS.iter().filter(|unit| unit.symbol != "%");
     let others = others.map(|u| (format!("_{}", u.symbol.to_lowercase()), u.unit, u.si));
     let fitting = si
@@ -81,20 +79,13 @@ impl Kind for Recorded {
             });
         }
         let table = table::read(file).map_err(|e| SignalError::Table(Box::new(e)))?;
-        let numbers = |name| {
-            table
-                .finite_f64(name)
-                .map_err(|e| SignalError::Table(Box::new(e)))
-        };
+        let numbers = |name| table.finite_f64(name).map_err(|e| SignalError::Table(Box::new(e)));
         let (times_s, values) = (numbers(given.word("time"))?, numbers(column)?);
         let values: Vec<f64> = values.iter().map(|value| value * factor).collect();
         let curve = match given.word("between") {
             "hold" => Piecewise::steps(&times_s, &values),
             _ => Piecewise::linear(&times_s, &values),
         };
-        curve.map_err(|error| SignalError::Rows {
-            file: file.into(),
-            error,
-        })
+        curve.map_err(|error| SignalError::Rows { file: file.into(), error })
     }
 }

@@ -7,15 +7,11 @@ const DEGREE: f64 = PI / 180.0;
 
 fn curve(text: &str, duration_s: f64) -> Piecewise {
     let signal: Signal = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
-    signal
-        .build(Unit::Radian, duration_s)
-        .unwrap_or_else(|e| panic!("{text}: {e}"))
+    signal.build(Unit::Radian, duration_s).unwrap_or_else(|e| panic!("{text}: {e}"))
 }
 
 fn mistake(text: &str) -> String {
-    let built = text
-        .parse::<Signal>()
-        .and_then(|signal| signal.build(Unit::Radian, 5.0));
+    let built = text.parse::<Signal>().and_then(|signal| signal.build(Unit::Radian, 5.0));
     built.expect_err(text).to_string()
 }
 
@@ -43,20 +39,14 @@ fn a_sine_is_within_1e_9_of_its_amplitude() {
     let sine = curve("sine:amplitude=2,frequency=1.7Hz,phase=30deg,at=0.25s", 4.0);
     let exact = |t: f64| 2.0 * (TAU * 1.7 * (t - 0.25) + PI / 6.0).sin();
     let worst = (0..40_000).map(|i| 0.25 + 3.75 * f64::from(i) / 4e4);
-    let worst = worst
-        .map(|t| (sine.value(t) - exact(t)).abs())
-        .fold(0.0, f64::max);
+    let worst = worst.map(|t| (sine.value(t) - exact(t)).abs()).fold(0.0, f64::max);
     assert!(worst < 2e-9, "{worst:e}");
     assert!((sine.value(0.0) - 1.0).abs() < 1e-15);
 }
 
 #[test]
 fn sweeps_are_within_1e_9_of_their_amplitude() {
-    for (law, from, to) in [
-        ("log", 0.1_f64, 10.0),
-        ("log", 8.0, 0.01),
-        ("linear", 0.1, 10.0),
-    ] {
+    for (law, from, to) in [("log", 0.1_f64, 10.0), ("log", 8.0, 0.01), ("linear", 0.1, 10.0)] {
         let text = format!("sweep:amplitude=1,from={from}Hz,to={to}Hz,law={law}");
         let (sweep, length) = (curve(&text, 20.0), 20.0);
         let rate = (to / from).ln() / length;
@@ -84,12 +74,7 @@ fn noise_has_its_rms_its_limit_and_starts_from_rest() {
             let realised = longer.mean_square(90.0, 2000.0).sqrt() / DEGREE;
             assert!((realised / rms - 1.0).abs() < 0.25, "{text}: {realised}");
             assert_eq!(noise.value(0.0), 0.0);
-            let peak = noise
-                .pieces()
-                .iter()
-                .map(|p| p[0].abs())
-                .fold(0.0, f64::max)
-                / DEGREE;
+            let peak = noise.pieces().iter().map(|p| p[0].abs()).fold(0.0, f64::max) / DEGREE;
             assert!(peak < 22.0 && peak > 2.0 * rms, "{text}: {peak}");
         }
     }
@@ -98,10 +83,7 @@ fn noise_has_its_rms_its_limit_and_starts_from_rest() {
 #[test]
 fn noise_is_gaussian_noise_behind_a_butterworth_filter() {
     // Mean periodogram of many stretches against 1/(1 + (f/f_c)^8).
-    let noise = curve(
-        "noise:rms=1,bandwidth=5Hz,limit=1000,seed=11,window=3000s",
-        3000.0,
-    );
+    let noise = curve("noise:rms=1,bandwidth=5Hz,limit=1000,seed=11,window=3000s", 3000.0);
     let (stretch, sampling) = (1000, 100.0);
     let power = |frequency: f64| {
         let stretches = (0..299).map(|s| {
@@ -124,11 +106,7 @@ fn noise_is_gaussian_noise_behind_a_butterworth_filter() {
     assert!((corner / pass - 0.5).abs() < 0.06, "{}", corner / pass);
     let warped = (PI * 0.1).tan() / (PI * 0.05).tan();
     let expected = 1.0 / (1.0 + warped.powi(8));
-    assert!(
-        stop / pass < 2.0 * expected && stop / pass > 0.5 * expected,
-        "{}",
-        stop / pass
-    );
+    assert!(stop / pass < 2.0 * expected && stop / pass > 0.5 * expected, "{}", stop / pass);
 }
 
 #[test]
@@ -155,14 +133,8 @@ fn units_follow_the_input() {
     assert_eq!(build("200bar", Unit::Pascal).unwrap().value(0.0), 2e7);
     assert_eq!(build("50%", Unit::None).unwrap().value(0.0), 0.5);
     assert_eq!(build("20mm", Unit::Metre).unwrap().value(0.0), 0.02);
-    assert_eq!(
-        build("150m/s", Unit::MetrePerSecond).unwrap().value(0.0),
-        150.0
-    );
-    assert_eq!(
-        build("ramp:rate=10bar/s", Unit::Pascal).unwrap().value(0.5),
-        5e5
-    );
+    assert_eq!(build("150m/s", Unit::MetrePerSecond).unwrap().value(0.0), 150.0);
+    assert_eq!(build("ramp:rate=10bar/s", Unit::Pascal).unwrap().value(0.5), 5e5);
     let error = build("5deg", Unit::Pascal).unwrap_err().to_string();
     assert_eq!(
         error,
@@ -175,74 +147,29 @@ fn mistakes_say_what_is_possible() {
     let cases = [
         ("", "a signal is missing; known kinds: constant, step"),
         ("5deg + ", "a signal is missing"),
-        (
-            "stp:size=1",
-            "unknown kind of signal 'stp'; known: constant, step, ramp",
-        ),
-        (
-            "step",
-            "step: 'size' is missing, e.g. step:size=10deg,at=0.1s",
-        ),
+        ("stp:size=1", "unknown kind of signal 'stp'; known: constant, step, ramp"),
+        ("step", "step: 'size' is missing, e.g. step:size=10deg,at=0.1s"),
         ("step:", "step: 'size' is missing"),
         ("step:10deg", "step: '10deg' is not of the form name=value"),
         ("step:size=1,", "step: '' is not of the form name=value"),
-        (
-            "step:sise=10deg",
-            "step has no parameter 'sise'; it has: size, at",
-        ),
+        ("step:sise=10deg", "step has no parameter 'sise'; it has: size, at"),
         ("step:size=1,size=2", "step: 'size' is given twice"),
         ("step:size=ten", "step: 'size' needs a number, not 'ten'"),
         ("step:size=", "step: 'size' needs a number, not ''"),
         ("step:size=nan", "step: 'size' needs a number, not 'nan'"),
         ("step:size=1e999", "step: 'size' needs a number"),
-        (
-            "step:size=10grad",
-            "step: 'size=10grad' has a wrong unit; allowed: rad, deg",
-        ),
-        (
-            "step:size=10bar",
-            "'size=10bar' has a wrong unit; allowed: rad, deg, a plain number",
-        ),
-        (
-            "step:size=1,at=2Hz",
-            "step: 'at=2Hz' has a wrong unit; allowed: s, ms, a plain",
-        ),
-        (
-            "step:size=1,at=-2s",
-            "step: 'at=-2s' is out of range: 0 or greater (s)",
-        ),
-        (
-            "ramp:rate=20deg",
-            "ramp: 'rate=20deg' has a wrong unit; allowed: rad/s, deg/s",
-        ),
-        (
-            "ramp:rate=20deg/s,to=-5deg",
-            "ramp: 'rate' must not be zero and must have the sign",
-        ),
-        (
-            "sine:amplitude=1,frequency=0",
-            "out of range: 0.0001 to 1000 (Hz)",
-        ),
-        (
-            "sweep:amplitude=1,from=1,to=2,law=exp",
-            "'law' cannot be 'exp'; it is log or linear",
-        ),
-        (
-            "noise:rms=0,bandwidth=1",
-            "noise: 'rms=0' is out of range: greater than 0",
-        ),
-        (
-            "noise:rms=1,bandwidth=60Hz",
-            "'bandwidth' must be at most 0.4 times 'sampling'",
-        ),
-        (
-            "noise:rms=15deg,bandwidth=1",
-            "'rms' must be at most half of 'limit'",
-        ),
-        (
-            "noise:rms=0.1,bandwidth=1,seed=1.5",
-            "'seed=1.5' is out of range: 0 to 9007199254740992",
-        ),
+        ("step:size=10grad", "step: 'size=10grad' has a wrong unit; allowed: rad, deg"),
+        ("step:size=10bar", "'size=10bar' has a wrong unit; allowed: rad, deg, a plain number"),
+        ("step:size=1,at=2Hz", "step: 'at=2Hz' has a wrong unit; allowed: s, ms, a plain"),
+        ("step:size=1,at=-2s", "step: 'at=-2s' is out of range: 0 or greater (s)"),
+        ("ramp:rate=20deg", "ramp: 'rate=20deg' has a wrong unit; allowed: rad/s, deg/s"),
+        ("ramp:rate=20deg/s,to=-5deg", "ramp: 'rate' must not be zero and must have the sign"),
+        ("sine:amplitude=1,frequency=0", "out of range: 0.0001 to 1000 (Hz)"),
+        ("sweep:amplitude=1,from=1,to=2,law=exp", "'law' cannot be 'exp'; it is log or linear"),
+        ("noise:rms=0,bandwidth=1", "noise: 'rms=0' is out of range: greater than 0"),
+        ("noise:rms=1,bandwidth=60Hz", "'bandwidth' must be at most 0.4 times 'sampling'"),
+        ("noise:rms=15deg,bandwidth=1", "'rms' must be at most half of 'limit'"),
+        ("noise:rms=0.1,bandwidth=1,seed=1.5", "'seed=1.5' is out of range: 0 to 9007199254740992"),
     ];
     for (text, expected) in cases {
         let message = mistake(text);
@@ -250,10 +177,7 @@ fn mistakes_say_what_is_possible() {
     }
     let signal: Signal = "1".parse().unwrap();
     let error = signal.build(Unit::None, 0.0).unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "a run of 0 s is impossible: greater than 0 is needed"
-    );
+    assert_eq!(error, "a run of 0 s is impossible: greater than 0 is needed");
 }
 
 #[test]
@@ -275,29 +199,11 @@ fn study_files_have_all_forms() {
         "step:size=10deg,at=0.1 + constant:value=5deg + constant:value=0.5"
     );
     let error = read("a = { size = '10deg' }").unwrap_err().to_string();
-    assert!(
-        error.contains("line 1") && error.contains("a signal needs 'kind'"),
-        "{error}"
-    );
-    let error = read("b = 1\na = { kind = 'step', sise = 1 }")
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("line 2") && error.contains("no parameter 'sise'"),
-        "{error}"
-    );
-    assert!(
-        read("a = true")
-            .unwrap_err()
-            .to_string()
-            .contains("a signal: a text, a number")
-    );
-    assert!(
-        read("a = []")
-            .unwrap_err()
-            .to_string()
-            .contains("a signal is missing")
-    );
+    assert!(error.contains("line 1") && error.contains("a signal needs 'kind'"), "{error}");
+    let error = read("b = 1\na = { kind = 'step', sise = 1 }").unwrap_err().to_string();
+    assert!(error.contains("line 2") && error.contains("no parameter 'sise'"), "{error}");
+    assert!(read("a = true").unwrap_err().to_string().contains("a signal: a text, a number"));
+    assert!(read("a = []").unwrap_err().to_string().contains("a signal is missing"));
 }
 
 #[test]
@@ -308,46 +214,19 @@ fn recorded_signals_come_from_files() {
     let write = |text: &str| std::fs::write(&file, text).unwrap();
     let build = |rest: &str, unit| {
         let text = format!("table:file={},{rest}", file.display());
-        text.parse::<Signal>()
-            .unwrap()
-            .build(unit, 1.0)
-            .map_err(|e| e.to_string())
+        text.parse::<Signal>().unwrap().build(unit, 1.0).map_err(|e| e.to_string())
     };
     write("time_s,command_rad,angle_deg,plain\n0,0,0,1\n1,2,90,3\n");
-    assert_eq!(
-        build("column=command_rad", Unit::Radian)
-            .unwrap()
-            .value(0.5),
-        1.0
-    );
-    assert_eq!(
-        build("column=command_rad,between=hold", Unit::Radian)
-            .unwrap()
-            .value(0.5),
-        0.0
-    );
-    assert_eq!(
-        build("column=angle_deg", Unit::Radian).unwrap().value(1.0),
-        90.0 * DEGREE
-    );
+    assert_eq!(build("column=command_rad", Unit::Radian).unwrap().value(0.5), 1.0);
+    assert_eq!(build("column=command_rad,between=hold", Unit::Radian).unwrap().value(0.5), 0.0);
+    assert_eq!(build("column=angle_deg", Unit::Radian).unwrap().value(1.0), 90.0 * DEGREE);
     assert_eq!(build("column=plain", Unit::None).unwrap().value(1.0), 3.0);
     let error = build("column=command_rad", Unit::Pascal).unwrap_err();
     assert_eq!(error, "column 'command_rad' is in rad, the input is in Pa");
-    assert!(
-        build("column=comand_rad", Unit::Radian)
-            .unwrap_err()
-            .contains("command_rad")
-    );
+    assert!(build("column=comand_rad", Unit::Radian).unwrap_err().contains("command_rad"));
     write("time_s,x\n0,1\n1,2\n1,3\n");
     let error = build("column=x", Unit::None).unwrap_err();
-    assert!(
-        error.ends_with("time 1 s of point 2 is not after 1 s before it"),
-        "{error}"
-    );
+    assert!(error.ends_with("time 1 s of point 2 is not after 1 s before it"), "{error}");
     std::fs::remove_dir_all(&folder).unwrap();
-    assert!(
-        build("column=x", Unit::None)
-            .unwrap_err()
-            .contains("no such file")
-    );
+    assert!(build("column=x", Unit::None).unwrap_err().contains("no such file"));
 }

@@ -11,12 +11,8 @@ impl FromStr for Signal {
     type Err = SignalError;
 
     fn from_str(text: &str) -> Result<Self, SignalError> {
-        let terms = split_terms(text)
-            .into_iter()
-            .map(|term| term_of(term.trim()));
-        Ok(Self {
-            terms: terms.collect::<Result<_, _>>()?,
-        })
+        let terms = split_terms(text).into_iter().map(|term| term_of(term.trim()));
+        Ok(Self { terms: terms.collect::<Result<_, _>>()? })
     }
 }
 
@@ -33,11 +29,7 @@ impl fmt::Display for Term {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "{}", self.kind.spec().kind)?;
         for (index, (name, argument)) in self.arguments().enumerate() {
-            write!(
-                out,
-                "{}{name}={argument}",
-                if index == 0 { ":" } else { "," }
-            )?;
+            write!(out, "{}{name}={argument}", if index == 0 { ":" } else { "," })?;
         }
         Ok(())
     }
@@ -84,10 +76,7 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
     for argument in arguments.filter(|_| !rest.trim().is_empty()) {
         let Some((name, value)) = argument.split_once('=') else {
             let kind = builder.kind.spec().kind;
-            return Err(SignalError::NoEqualSign {
-                kind,
-                given: argument.into(),
-            });
+            return Err(SignalError::NoEqualSign { kind, given: argument.into() });
         };
         builder.set(name.trim(), value.trim())?;
     }
@@ -125,11 +114,7 @@ impl fmt::Display for QuantityError {
                 write!(out, "{}", all_units(Sort::Value).join(", "))
             }
             QuantityError::WrongUnit { given, allowed } => {
-                write!(
-                    out,
-                    "'{given}' has a wrong unit; allowed: {}",
-                    allowed.join(", ")
-                )
+                write!(out, "'{given}' has a wrong unit; allowed: {}", allowed.join(", "))
             }
         }
     }
@@ -155,16 +140,8 @@ impl FromStr for Quantity {
         let number = number.parse().ok().filter(|n: &f64| n.is_finite());
         let number = number.ok_or_else(not_a_number)?;
         match units::find(unit.trim()) {
-            _ if unit.trim().is_empty() => Ok(Quantity {
-                number,
-                unit: None,
-                per_second: false,
-            }),
-            Some((unit, per_second)) => Ok(Quantity {
-                number,
-                unit: Some(unit),
-                per_second,
-            }),
+            _ if unit.trim().is_empty() => Ok(Quantity { number, unit: None, per_second: false }),
+            Some((unit, per_second)) => Ok(Quantity { number, unit: Some(unit), per_second }),
             None => Err(QuantityError::UnknownUnit { given: text.into() }),
         }
     }
@@ -178,15 +155,12 @@ impl Quantity {
     pub fn in_unit(text: &str, unit: Unit) -> Result<f64, QuantityError> {
         let quantity: Quantity = text.parse()?;
         let measure = Measure::of(unit);
-        let found = quantity.unit.map(|u| Measure {
-            unit: u.unit,
-            per_second: quantity.per_second,
-        });
+        let found =
+            quantity.unit.map(|u| Measure { unit: u.unit, per_second: quantity.per_second });
         match found {
-            Some(found) if found != measure => Err(QuantityError::WrongUnit {
-                given: text.into(),
-                allowed: measure.allowed(),
-            }),
+            Some(found) if found != measure => {
+                Err(QuantityError::WrongUnit { given: text.into(), allowed: measure.allowed() })
+            }
             _ => Ok(quantity.si()),
         }
     }
@@ -201,10 +175,7 @@ pub(super) struct Builder {
 impl Builder {
     pub fn new(kind: &str) -> Result<Self, SignalError> {
         let found = find(kind).ok_or_else(|| SignalError::UnknownKind { given: kind.into() })?;
-        Ok(Self {
-            kind: found,
-            arguments: vec![None; found.spec().parameters.len()],
-        })
+        Ok(Self { kind: found, arguments: vec![None; found.spec().parameters.len()] })
     }
 
     /// An argument as text.
@@ -223,13 +194,11 @@ impl Builder {
 
     fn free_place(&self, name: &str) -> Result<usize, SignalError> {
         let spec = self.kind.spec();
-        let place = spec
-            .parameter(name)
-            .ok_or_else(|| SignalError::UnknownParameter {
-                kind: spec.kind,
-                given: name.into(),
-                known: spec.parameters.iter().map(|p| p.name).collect(),
-            })?;
+        let place = spec.parameter(name).ok_or_else(|| SignalError::UnknownParameter {
+            kind: spec.kind,
+            given: name.into(),
+            known: spec.parameters.iter().map(|p| p.name).collect(),
+        })?;
         match self.arguments[place] {
             None => Ok(place),
             Some(_) => Err(SignalError::Repeated {
@@ -250,10 +219,7 @@ impl Builder {
                 });
             }
         }
-        Ok(Term {
-            kind: self.kind,
-            arguments: self.arguments,
-        })
+        Ok(Term { kind: self.kind, arguments: self.arguments })
     }
 }
 
@@ -267,12 +233,7 @@ fn word(
         return Ok(Argument::Word(text.into()));
     }
     let (kind, parameter) = (spec.kind, parameter.name);
-    Err(SignalError::UnknownWord {
-        kind,
-        parameter,
-        given: text.into(),
-        known,
-    })
+    Err(SignalError::UnknownWord { kind, parameter, given: text.into(), known })
 }
 
 /// A quantity whose range is kept, and its unit where that is known without
@@ -286,22 +247,15 @@ fn checked_quantity(
     let measure = parameter.measure(Unit::None);
     let (kind, name) = (spec.kind, parameter.name);
     let quantity: Quantity = text.parse().map_err(|error| match error {
-        QuantityError::NotANumber { given } => SignalError::NotANumber {
-            kind,
-            parameter: name,
-            given,
-        },
+        QuantityError::NotANumber { given } => {
+            SignalError::NotANumber { kind, parameter: name, given }
+        }
         QuantityError::UnknownUnit { given } | QuantityError::WrongUnit { given, .. } => {
             let allowed = match measure {
                 Some(measure) if !by_input => measure.allowed(),
                 _ => all_units(parameter.sort),
             };
-            SignalError::WrongUnit {
-                kind,
-                parameter: name,
-                given,
-                allowed,
-            }
+            SignalError::WrongUnit { kind, parameter: name, given, allowed }
         }
     })?;
     if let Some(measure) = measure.filter(|_| !by_input) {
@@ -313,8 +267,5 @@ fn checked_quantity(
 
 fn all_units(sort: Sort) -> Vec<String> {
     let end = if sort == Sort::Rate { "/s" } else { "" };
-    units::UNITS
-        .iter()
-        .map(|unit| format!("{}{end}", unit.symbol))
-        .collect()
+    units::UNITS.iter().map(|unit| format!("{}{end}", unit.symbol)).collect()
 }

@@ -47,18 +47,9 @@ impl Measure {
     /// A unit itself; speeds are lengths or angles per second.
     pub fn of(unit: Unit) -> Self {
         match unit {
-            Unit::MetrePerSecond => Self {
-                unit: Unit::Metre,
-                per_second: true,
-            },
-            Unit::RadianPerSecond => Self {
-                unit: Unit::Radian,
-                per_second: true,
-            },
-            _ => Self {
-                unit,
-                per_second: false,
-            },
+            Unit::MetrePerSecond => Self { unit: Unit::Metre, per_second: true },
+            Unit::RadianPerSecond => Self { unit: Unit::Radian, per_second: true },
+            _ => Self { unit, per_second: false },
         }
     }
 
@@ -77,8 +68,5 @@ pub(super) fn find(text: &str) -> Option<(&'static TextUnit, bool)> {
         Some(symbol) => (symbol, true),
         None => (text, false),
     };
-    UNITS
-        .iter()
-        .find(|unit| unit.symbol == symbol)
-        .map(|unit| (unit, per_second))
+    UNITS.iter().find(|unit| unit.symbol == symbol).map(|unit| (unit, per_second))
 }

@@ -541,8 +541,7 @@ impl Collector<'_> {
         let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
         let healthy = || "healthy".to_string();
         let variants = rows.keys().map(|&v| v as u32).collect();
-        let intensity =
-            rows.keys().map(|v| fault(v).map_or(0.0, |f| f.at.intensity)).collect();
+        let intensity = rows.keys().map(|v| fault(v).map_or(0.0, |f| f.at.intensity)).collect();
         let actuator = |v: &usize| fault(v).map_or_else(healthy, |f| study.units[f.unit].clone());
         vec![
             Column::new("variant", "", Values::Unsigned(variants)),
@@ -552,8 +551,16 @@ impl Collector<'_> {
             Column::new("kind", "", text(&|v| fault(v).map_or_else(healthy, |f| f.kind.clone()))),
             Column::new("intensity", "", Values::Float(intensity)),
             Column::new("actuator", "", text(&actuator)),
-            Column::new("command", "", text(&|v| class(v).map_or_else(healthy, |c| c.command.clone()))),
-            Column::new("detail", "", text(&|v| class(v).map_or_else(healthy, |c| c.detail.clone()))),
+            Column::new(
+                "command",
+                "",
+                text(&|v| class(v).map_or_else(healthy, |c| c.command.clone())),
+            ),
+            Column::new(
+                "detail",
+                "",
+                text(&|v| class(v).map_or_else(healthy, |c| c.detail.clone())),
+            ),
         ]
     }
 }

@@ -34,40 +34,22 @@ pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
 fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     let only = (reader.fluids.len() == 1).then_some(0);
     let mut told = Vec::new();
-    for part in reader
-        .scope
-        .parts
-        .iter_mut()
-        .filter(|part| part.spec().reference)
-    {
+    for part in reader.scope.parts.iter_mut().filter(|part| part.spec().reference) {
         part.fluid = part.fluid.or(only);
         match part.fluid {
             Some(index) => reader.fluids[index].used = true,
             None if reader.fluids.len() > 1 && part.sound && once(&mut told, &part.at, 0) => {
-                let known = reader
-                    .fluids
-                    .iter()
-                    .map(|fluid| fluid.name.clone())
-                    .collect();
+                let known = reader.fluids.iter().map(|fluid| fluid.name.clone()).collect();
                 let id = part.id.clone();
-                reader
-                    .mistakes
-                    .note(&part.at, Mistake::WhichFluid { id, known });
+                reader.mistakes.note(&part.at, Mistake::WhichFluid { id, known });
             }
             None => {}
         }
     }
     let fluids: Vec<Option<Fluid>> = reader.fluids.iter().map(|fluid| fluid.value).collect();
     let mut told = Vec::new();
-    for part in reader
-        .scope
-        .parts
-        .iter()
-        .filter(|part| part.spec().reference && part.sound)
-    {
-        let fluid = part
-            .fluid
-            .map_or(Some(Fluid::default()), |index| fluids[index]);
+    for part in reader.scope.parts.iter().filter(|part| part.spec().reference && part.sound) {
+        let fluid = part.fluid.map_or(Some(Fluid::default()), |index| fluids[index]);
         let (Some(fluid), Some(kelvin)) = (fluid, temperature_k(part)) else {
             continue;
         };
@@ -75,12 +57,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         if !(min..=max).contains(&kelvin) && once(&mut told, &part.at, 0) {
             let (id, liquid) = (part.id.clone(), fluid.kind.name());
             let range_k = (min, max);
-            let mistake = Mistake::FluidTemperature {
-                id,
-                kelvin,
-                liquid,
-                range_k,
-            };
+            let mistake = Mistake::FluidTemperature { id, kelvin, liquid, range_k };
             reader.mistakes.note(&part.at, mistake);
         }
     }
@@ -88,9 +65,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
 }
 
 fn temperature_k(part: &Part) -> Option<f64> {
-    part.spec()
-        .parameter("temperature_k")
-        .map(|index| part.parameters[index])
+    part.spec().parameter("temperature_k").map(|index| part.parameters[index])
 }
 
 /// Whether this was not told before: instances of an assembly share its places.
@@ -127,12 +102,7 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
     let mut fed: Vec<(PortOf, usize)> = Vec::new();
     for (index, input) in scope.inputs.iter().enumerate() {
         if input.targets.is_empty() && scope.complete {
-            mistakes.note(
-                &input.at,
-                Mistake::InputUnused {
-                    id: input.id.clone(),
-                },
-            );
+            mistakes.note(&input.at, Mistake::InputUnused { id: input.id.clone() });
         }
         for target in &input.targets {
             for port in scope.joined(target.port) {
@@ -152,50 +122,27 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
 }
 
 fn unused(reader: &mut Reader) {
-    let assemblies = reader
-        .assemblies
-        .iter()
-        .filter(|a| !a.used)
-        .map(|a| ("assembly", &a.name, &a.at));
-    let fluids = reader
-        .fluids
-        .iter()
-        .filter(|f| !f.used)
-        .map(|f| ("fluid", &f.name, &f.at));
+    let assemblies =
+        reader.assemblies.iter().filter(|a| !a.used).map(|a| ("assembly", &a.name, &a.at));
+    let fluids = reader.fluids.iter().filter(|f| !f.used).map(|f| ("fluid", &f.name, &f.at));
     for (what, name, at) in assemblies.chain(fluids) {
-        reader.mistakes.note(
-            at,
-            Mistake::Unused {
-                what,
-                name: name.clone(),
-            },
-        );
+        reader.mistakes.note(at, Mistake::Unused { what, name: name.clone() });
     }
 }
 
 /// Tells the mistakes of a network where the file makes them.
 fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
-    let Reader {
-        scope, mistakes, ..
-    } = reader;
+    let Reader { scope, mistakes, .. } = reader;
     let mut open: Vec<(Span, PortOf, Vec<String>)> = Vec::new();
     for mistake in found {
         if let network::Mistake::OpenPort(port) = mistake {
             // One that is joined to a port of another kind is told as that.
-            if scope
-                .connections
-                .iter()
-                .flatten()
-                .any(|end| end.port == *port)
-            {
+            if scope.connections.iter().flatten().any(|end| end.port == *port) {
                 continue;
             }
             let at = scope.parts[port.component].at.clone();
             // The same port of another instance of the assembly.
-            match open
-                .iter_mut()
-                .find(|(of, p, _)| *of == at && p.port == port.port)
-            {
+            match open.iter_mut().find(|(of, p, _)| *of == at && p.port == port.port) {
                 Some((_, _, also)) => also.push(scope.port_id(*port)),
                 None => open.push((at, *port, Vec::new())),
             }
@@ -206,15 +153,7 @@ fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     for (at, port, also) in open {
         let declared = scope.port(port);
         let (end, family) = (scope.port_id(port), declared.kind.family());
-        mistakes.note(
-            &at,
-            Mistake::OpenPort {
-                end,
-                family,
-                summary: declared.summary,
-                also,
-            },
-        );
+        mistakes.note(&at, Mistake::OpenPort { end, family, summary: declared.summary, also });
     }
 }
 
@@ -229,44 +168,19 @@ fn explained(
     let family = |port: PortOf| scope.port(port).kind.family();
     Some(match *mistake {
         network::Mistake::OpenPort(_) => return None,
-        network::Mistake::MixedKinds {
-            connection,
-            first,
-            second,
-        } => {
-            let end = scope.connections[connection]
-                .iter()
-                .find(|end| end.port == second)?;
+        network::Mistake::MixedKinds { connection, first, second } => {
+            let end = scope.connections[connection].iter().find(|end| end.port == second)?;
             let told = |port: PortOf| (port_id(port), family(port));
-            (
-                end.at.clone(),
-                Mistake::MixedKinds {
-                    first: told(first),
-                    second: told(second),
-                },
-            )
+            (end.at.clone(), Mistake::MixedKinds { first: told(first), second: told(second) })
         }
         network::Mistake::MixedUnits { from, to } => mixed_units(scope, from, to)?,
         network::Mistake::TwoSources { first, second } => {
             let (at, family) = (scope.mention(second), family(second));
-            (
-                at,
-                Mistake::TwoSources {
-                    first: port_id(first),
-                    second: port_id(second),
-                    family,
-                },
-            )
+            (at, Mistake::TwoSources { first: port_id(first), second: port_id(second), family })
         }
         network::Mistake::NoSource(port) => {
             let ends = scope.joined(port).into_iter().map(port_id).collect();
-            (
-                scope.mention(port),
-                Mistake::NoSource {
-                    ends,
-                    family: family(port),
-                },
-            )
+            (scope.mention(port), Mistake::NoSource { ends, family: family(port) })
         }
         network::Mistake::NoReference { component } => {
             (place(component), Mistake::NoReference { id: id(component) })
@@ -287,13 +201,7 @@ fn explained(
             if !scope.parts[component].sound {
                 return None;
             }
-            (
-                place(component),
-                Mistake::Impossible {
-                    id: id(component),
-                    reason,
-                },
-            )
+            (place(component), Mistake::Impossible { id: id(component), reason })
         }
         network::Mistake::Empty => (0..0, Mistake::Empty),
         network::Mistake::TooLarge => (0..0, Mistake::TooLarge),
@@ -311,25 +219,15 @@ fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(Span,
         return Some((scope.mention(to), Mistake::MixedUnits { from, to: read }));
     }
     let node = scope.joined(to);
-    let feeds = |input: &&Input| {
-        input
-            .targets
-            .iter()
-            .any(|target| node.contains(&target.port))
-    };
+    let feeds = |input: &&Input| input.targets.iter().any(|target| node.contains(&target.port));
     let input = scope.inputs.iter().find(feeds)?;
     let from = (input.id.clone(), input.unit);
-    Some((
-        input.unit_at.clone(),
-        Mistake::MixedUnits { from, to: read },
-    ))
+    Some((input.unit_at.clone(), Mistake::MixedUnits { from, to: read }))
 }
 
 /// A source with its liquid and temperature.
 fn told_fluid(part: &Part, fluids: &[Fluid]) -> String {
-    let fluid = part
-        .fluid
-        .map_or_else(Fluid::default, |index| fluids[index]);
+    let fluid = part.fluid.map_or_else(Fluid::default, |index| fluids[index]);
     let kind = fluid.kind;
     match temperature_k(part) {
         Some(kelvin) => format!("'{}' ({} at {kelvin} K)", part.id, kind.name()),

@@ -266,33 +266,22 @@ impl fmt::Display for Mistake {
             Mistake::UnknownWord { what, word, .. } => write!(out, "unknown {what} '{word}'"),
             Mistake::Unused { what, name } => write!(out, "the {what} '{name}' is never used"),
             Mistake::KindOrAssembly { id } => {
-                write!(
-                    out,
-                    "component '{id}' needs either a 'kind' or an 'assembly'"
-                )
+                write!(out, "component '{id}' needs either a 'kind' or an 'assembly'")
             }
-            Mistake::WrongSuffix {
-                key, right, unit, ..
-            } if *unit == Unit::None => {
+            Mistake::WrongSuffix { key, right, unit, .. } if *unit == Unit::None => {
                 write!(out, "'{key}' has a unit, but {right} is a pure number")
             }
-            Mistake::WrongSuffix {
-                key, right, unit, ..
-            } if right.strip_suffix(unit.suffix()) == Some(key) => {
+            Mistake::WrongSuffix { key, right, unit, .. }
+                if right.strip_suffix(unit.suffix()) == Some(key) =>
+            {
                 write!(
                     out,
                     "'{key}' lacks its unit: the parameter is {right}, in {}",
                     unit.symbol()
                 )
             }
-            Mistake::WrongSuffix {
-                key, right, unit, ..
-            } => {
-                write!(
-                    out,
-                    "'{key}' is not in SI: the parameter is {right}, in {}",
-                    unit.symbol()
-                )
+            Mistake::WrongSuffix { key, right, unit, .. } => {
+                write!(out, "'{key}' is not in SI: the parameter is {right}, in {}", unit.symbol())
             }
             Mistake::FaultAmongParameters { key } => {
                 write!(out, "'{key}' is a fault, no parameter")
@@ -309,12 +298,7 @@ impl fmt::Display for Mistake {
             Mistake::WhichFluid { id, .. } => {
                 write!(out, "several fluids are declared, but '{id}' names none")
             }
-            Mistake::FluidTemperature {
-                id,
-                kelvin,
-                liquid,
-                range_k: (min, max),
-            } => write!(
+            Mistake::FluidTemperature { id, kelvin, liquid, range_k: (min, max) } => write!(
                 out,
                 "'{id}' is at {kelvin} K, but {liquid} is only known for {min} … {max} K"
             ),
@@ -325,10 +309,7 @@ impl fmt::Display for Mistake {
             Mistake::TooFewEnds => write!(out, "a connection joins at least two ports"),
             Mistake::RepeatedEnd { end } => write!(out, "'{end}' stands twice in this connection"),
             Mistake::TwoInputs { first, second } => {
-                write!(
-                    out,
-                    "the inputs '{first}' and '{second}' feed the same signal"
-                )
+                write!(out, "the inputs '{first}' and '{second}' feed the same signal")
             }
             Mistake::InputAndOutput { input, output } => {
                 write!(out, "the input '{input}' meets the output '{output}'")
@@ -344,11 +325,9 @@ impl fmt::Display for Mistake {
             Mistake::OpenPort { end, family, .. } => {
                 write!(out, "the {family} port '{end}' is connected to nothing")
             }
-            Mistake::MixedKinds { first, second } => write!(
-                out,
-                "'{}' is {}, but '{}' is {}",
-                first.0, first.1, second.0, second.1
-            ),
+            Mistake::MixedKinds { first, second } => {
+                write!(out, "'{}' is {}, but '{}' is {}", first.0, first.1, second.0, second.1)
+            }
             Mistake::MixedUnits { from, to } => write!(
                 out,
                 "'{}' is in {}, but '{}' reads {}",
@@ -357,36 +336,20 @@ impl fmt::Display for Mistake {
                 to.0,
                 quoted(to.1)
             ),
-            Mistake::TwoSources {
-                first,
-                second,
-                family,
-            } => {
+            Mistake::TwoSources { first, second, family } => {
                 write!(out, "both '{first}' and '{second}' {}", both(sets(family)))
             }
             Mistake::NoSource { ends, family } => {
-                write!(
-                    out,
-                    "nothing {} where {} meet",
-                    sets(family),
-                    quote_all(ends)
-                )
+                write!(out, "nothing {} where {} meet", sets(family), quote_all(ends))
             }
             Mistake::NoReference { id } => {
-                write!(
-                    out,
-                    "the hydraulic circuit of '{id}' has neither a source nor a tank"
-                )
+                write!(out, "the hydraulic circuit of '{id}' has neither a source nor a tank")
             }
             Mistake::TwoFluids { first, second } => {
                 write!(out, "{second} is in one circuit with {first}")
             }
             Mistake::AlgebraicLoop { ids } => {
-                write!(
-                    out,
-                    "the signals of {} depend on each other at once",
-                    quote_all(ids)
-                )
+                write!(out, "the signals of {} depend on each other at once", quote_all(ids))
             }
             Mistake::Impossible { id, reason } => write!(out, "'{id}' is impossible: {reason}"),
             Mistake::Empty => write!(out, "the system has nothing that moves: no state variable"),
@@ -401,11 +364,7 @@ fn both(verb: &str) -> String {
 }
 
 fn quoted(unit: Unit) -> &'static str {
-    if unit == Unit::None {
-        "pure numbers"
-    } else {
-        unit.symbol()
-    }
+    if unit == Unit::None { "pure numbers" } else { unit.symbol() }
 }
 
 fn quote_all(names: &[String]) -> String {
@@ -430,11 +389,7 @@ impl Explained for Mistake {
             Mistake::KindOrAssembly { .. } => {
                 "for example: kind = \"volume\"; or assembly = \"actuator\"".into()
             }
-            Mistake::WrongSuffix {
-                right,
-                si: Some(si),
-                ..
-            } => {
+            Mistake::WrongSuffix { right, si: Some(si), .. } => {
                 format!("write: {right} = {}", Quantity(*si, ""))
             }
             Mistake::WrongSuffix { right, .. } => format!("write: {right} = …"),
@@ -461,9 +416,7 @@ impl Explained for Mistake {
             Mistake::InputUnused { .. } => {
                 "list what it feeds, for example: to = [\"supply.pressure\"]".into()
             }
-            Mistake::UnknownUnit {
-                meant: Some(unit), ..
-            } => {
+            Mistake::UnknownUnit { meant: Some(unit), .. } => {
                 format!("files are in SI: \"{}\"", word(*unit))
             }
             Mistake::UnknownUnit { .. } => {
@@ -478,27 +431,22 @@ impl Explained for Mistake {
                 format!("the port is: {summary}")
             }
             Mistake::OpenPort { summary, also, .. } => {
-                format!(
-                    "the port is: {summary}; the same holds for {}",
-                    also.join(", ")
-                )
+                format!("the port is: {summary}; the same holds for {}", also.join(", "))
             }
             Mistake::MixedKinds { .. } => "a connection joins ports of one kind".into(),
-            Mistake::TwoSources {
-                family: "hydraulic",
-                ..
-            } => "put a valve, an orifice or a line between them".into(),
-            Mistake::TwoSources {
-                family: "signal", ..
-            } => "a signal has one source: keep one of them".into(),
+            Mistake::TwoSources { family: "hydraulic", .. } => {
+                "put a valve, an orifice or a line between them".into()
+            }
+            Mistake::TwoSources { family: "signal", .. } => {
+                "a signal has one source: keep one of them".into()
+            }
             Mistake::TwoSources { .. } => "put an attachment or a spring between them".into(),
-            Mistake::NoSource {
-                family: "hydraulic",
-                ..
-            } => "join them with a volume, a cylinder chamber, a source or a tank".into(),
-            Mistake::NoSource {
-                family: "signal", ..
-            } => "join them with an output of a component or an input of the system".into(),
+            Mistake::NoSource { family: "hydraulic", .. } => {
+                "join them with a volume, a cylinder chamber, a source or a tank".into()
+            }
+            Mistake::NoSource { family: "signal", .. } => {
+                "join them with an output of a component or an input of the system".into()
+            }
             Mistake::NoSource { .. } => {
                 "join them with a mass, a cylinder rod or an inertia".into()
             }

@@ -105,11 +105,7 @@ impl fmt::Display for SystemError {
                     writeln!(out)?;
                 }
                 let count = mistakes.len();
-                write!(
-                    out,
-                    "{path}: {count} mistake{}",
-                    if count == 1 { "" } else { "s" }
-                )
+                write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })
             }
         }
     }
@@ -134,11 +130,7 @@ impl System {
         reader.read(text);
         // Of a file that could not be read at all, nothing more is said.
         let readable = !reader.scope.parts.is_empty() || reader.mistakes.is_empty();
-        let program = if readable {
-            check::compile(&mut reader)
-        } else {
-            None
-        };
+        let program = if readable { check::compile(&mut reader) } else { None };
         match program {
             Some(program) => Ok(Self {
                 name: reader.name,
@@ -149,10 +141,7 @@ impl System {
             }),
             None => {
                 let mistakes = reader.mistakes.locate(text);
-                Err(SystemError::Mistakes {
-                    path: path.into(),
-                    mistakes,
-                })
+                Err(SystemError::Mistakes { path: path.into(), mistakes })
             }
         }
     }

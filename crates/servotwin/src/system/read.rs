@@ -17,27 +17,9 @@ const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 
 /// The numbers of a fluid, in the order of [`set_fluid`].
 static FLUID: [Parameter; 3] = [
-    parameter(
-        "air_fraction",
-        Unit::None,
-        0.005,
-        (0.0, 0.2),
-        "free gas per volume of liquid",
-    ),
-    parameter(
-        "polytropic_exponent",
-        Unit::None,
-        1.4,
-        (1.0, 1.67),
-        "of the gas",
-    ),
-    parameter(
-        "wall_modulus_pa",
-        Unit::Pascal,
-        10e9,
-        (1e8, 1e13),
-        "stiffness of the walls",
-    ),
+    parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
+    parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
+    parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
 ];
 
 fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
@@ -82,22 +64,12 @@ fn names<'a>(all: impl IntoIterator<Item = &'a str>) -> Vec<String> {
 /// A word that is none of those known.
 fn unknown_word(what: &'static str, word: &str, known: Vec<String>) -> Mistake {
     let nearest = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
-    Mistake::UnknownWord {
-        what,
-        word: word.into(),
-        nearest,
-        known,
-    }
+    Mistake::UnknownWord { what, word: word.into(), nearest, known }
 }
 
 fn unknown_key(entry: &Entry, place: impl Into<String>, known: Vec<String>) -> document::Mistake {
     let nearest = nearest(entry.key, known.iter().map(String::as_str)).map(str::to_owned);
-    document::Mistake::UnknownKey {
-        key: entry.key.into(),
-        place: place.into(),
-        nearest,
-        known,
-    }
+    document::Mistake::UnknownKey { key: entry.key.into(), place: place.into(), nearest, known }
 }
 
 fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
@@ -124,8 +96,7 @@ impl Reader {
         for error in &errors {
             let message = error.message().trim().replace('\n', ", ");
             let span = error.span().unwrap_or(0..0);
-            self.mistakes
-                .note(&span, document::Mistake::Syntax { message });
+            self.mistakes.note(&span, document::Mistake::Syntax { message });
         }
         // After a slip in the syntax, nothing can be said about the rest.
         if !errors.is_empty() {
@@ -146,10 +117,7 @@ impl Reader {
         match entry.number() {
             Ok(found) if found == f64::from(FORMAT) => true,
             Ok(found) => {
-                let mistake = document::Mistake::Format {
-                    found,
-                    supported: FORMAT,
-                };
+                let mistake = document::Mistake::Format { found, supported: FORMAT };
                 self.mistakes.note(&entry.value_at(), mistake);
                 false
             }
@@ -218,26 +186,17 @@ impl Reader {
 
     fn text<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a str> {
         let at = entry.value_at();
-        entry
-            .text()
-            .map_err(|mistake| self.mistakes.note(&at, mistake))
-            .ok()
+        entry.text().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
     }
 
     fn table<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a DeTable<'a>> {
         // A section's value is its whole text: the key is the better place.
-        entry
-            .table()
-            .map_err(|mistake| self.mistakes.note(&entry.at, mistake))
-            .ok()
+        entry.table().map_err(|mistake| self.mistakes.note(&entry.at, mistake)).ok()
     }
 
     fn number(&mut self, entry: &Entry) -> Option<f64> {
         let at = entry.value_at();
-        entry
-            .number()
-            .map_err(|mistake| self.mistakes.note(&at, mistake))
-            .ok()
+        entry.number().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
     }
 
     /// A number within a range.
@@ -253,14 +212,7 @@ impl Reader {
             return Some(value);
         }
         let (key, unit) = (entry.key.into(), unit.symbol());
-        let mistake = document::Mistake::OutOfRange {
-            key,
-            value,
-            min,
-            max,
-            unit,
-            summary,
-        };
+        let mistake = document::Mistake::OutOfRange { key, value, min, max, unit, summary };
         self.mistakes.note(&entry.value_at(), mistake);
         None
     }
@@ -273,26 +225,22 @@ impl Reader {
 
     fn missing(&mut self, at: &Span, place: impl Into<String>, key: &'static str, write: String) {
         let place = place.into();
-        self.mistakes
-            .note(at, document::Mistake::Missing { place, key, write });
+        self.mistakes.note(at, document::Mistake::Missing { place, key, write });
     }
 
     fn only(&mut self, all: &[Entry], place: &str, known: &[&str]) {
         for entry in all.iter().filter(|entry| !known.contains(&entry.key)) {
             let known = names(known.iter().copied());
-            self.mistakes
-                .note(&entry.at, unknown_key(entry, place, known));
+            self.mistakes.note(&entry.at, unknown_key(entry, place, known));
         }
     }
 
     fn good_name(&mut self, name: &str, at: &Span) {
         let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if RESERVED.contains(&name) {
-            self.mistakes
-                .note(at, Mistake::ReservedName { name: name.into() });
+            self.mistakes.note(at, Mistake::ReservedName { name: name.into() });
         } else if name.is_empty() || !name.chars().all(good) {
-            self.mistakes
-                .note(at, Mistake::BadName { name: name.into() });
+            self.mistakes.note(at, Mistake::BadName { name: name.into() });
         }
     }
 
@@ -300,16 +248,9 @@ impl Reader {
 
     fn fluid(&mut self, entry: &Entry) {
         self.good_name(entry.key, &entry.at);
-        let value = self
-            .table(entry)
-            .and_then(|table| self.fluid_values(entry, &entries(table)));
+        let value = self.table(entry).and_then(|table| self.fluid_values(entry, &entries(table)));
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
-        self.fluids.push(Named {
-            name,
-            at,
-            used: false,
-            value,
-        });
+        self.fluids.push(Named { name, at, used: false, value });
     }
 
     fn fluid_values(&mut self, fluid: &Entry, all: &[Entry]) -> Option<Fluid> {
@@ -341,13 +282,9 @@ impl Reader {
             return None;
         };
         let word = self.text(entry)?;
-        let found = FluidKind::ALL
-            .iter()
-            .copied()
-            .find(|kind| kind.name() == word);
+        let found = FluidKind::ALL.iter().copied().find(|kind| kind.name() == word);
         if found.is_none() {
-            self.mistakes
-                .note(&entry.value_at(), unknown_word("liquid", word, known()));
+            self.mistakes.note(&entry.value_at(), unknown_word("liquid", word, known()));
         }
         found
     }
@@ -360,8 +297,7 @@ impl Reader {
             Some(index) => self.fluids[index].used = true,
             None => {
                 let known = names(self.fluids.iter().map(|fluid| fluid.name.as_str()));
-                self.mistakes
-                    .note(&entry.value_at(), unknown_word("fluid", word, known));
+                self.mistakes.note(&entry.value_at(), unknown_word("fluid", word, known));
             }
         }
         found
@@ -385,12 +321,7 @@ impl Reader {
             self.connections(&mut scope, &all);
         }
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
-        self.assemblies.push(Named {
-            name,
-            at,
-            used: false,
-            value: scope,
-        });
+        self.assemblies.push(Named { name, at, used: false, value: scope });
     }
 
     /// A component of the system, or an instance of an assembly.
@@ -405,12 +336,7 @@ impl Reader {
                 }
             }
             (Some(_), Some(_)) => {
-                self.mistakes.note(
-                    &entry.at,
-                    Mistake::KindOrAssembly {
-                        id: entry.key.into(),
-                    },
-                );
+                self.mistakes.note(&entry.at, Mistake::KindOrAssembly { id: entry.key.into() });
                 scope.broken.push(entry.key.into());
                 scope.complete = false;
             }
@@ -428,8 +354,7 @@ impl Reader {
         let word = self.text(assembly)?;
         let Some(index) = self.assemblies.iter().position(|a| a.name == word) else {
             let known = names(self.assemblies.iter().map(|a| a.name.as_str()));
-            self.mistakes
-                .note(&assembly.value_at(), unknown_word("assembly", word, known));
+            self.mistakes.note(&assembly.value_at(), unknown_word("assembly", word, known));
             return None;
         };
         self.assemblies[index].used = true;
@@ -445,10 +370,7 @@ impl Reader {
     fn overrides(&mut self, content: &mut Scope, assembly: &str, entry: &Entry) {
         if entry.key == "fluid" {
             if let Some(fluid) = self.fluid_named(entry) {
-                let sources = content
-                    .parts
-                    .iter_mut()
-                    .filter(|part| part.spec().reference);
+                let sources = content.parts.iter_mut().filter(|part| part.spec().reference);
                 sources.for_each(|part| part.fluid = Some(fluid));
             }
             return;
@@ -457,8 +379,7 @@ impl Reader {
             if !content.is_broken(entry.key) {
                 let known = names(content.parts.iter().map(|part| part.id.as_str()));
                 let place = format!("assembly '{assembly}'");
-                self.mistakes
-                    .note(&entry.at, unknown_key(entry, place, known));
+                self.mistakes.note(&entry.at, unknown_key(entry, place, known));
             }
             return;
         };
@@ -467,12 +388,7 @@ impl Reader {
         };
         let all = entries(table);
         if let Some(kind) = get(&all, "kind") {
-            self.mistakes.note(
-                &kind.at,
-                Mistake::KindOverridden {
-                    id: entry.key.into(),
-                },
-            );
+            self.mistakes.note(&kind.at, Mistake::KindOverridden { id: entry.key.into() });
         }
         self.settings(&mut content.parts[index], &all);
     }
@@ -492,12 +408,7 @@ impl Reader {
     fn built(&mut self, entry: &Entry) -> Option<Part> {
         let all = entries(self.table(entry)?);
         let Some(kind) = get(&all, "kind") else {
-            self.mistakes.note(
-                &entry.at,
-                Mistake::KindOrAssembly {
-                    id: entry.key.into(),
-                },
-            );
+            self.mistakes.note(&entry.at, Mistake::KindOrAssembly { id: entry.key.into() });
             return None;
         };
         let word = self.text(kind)?;
@@ -525,8 +436,7 @@ impl Reader {
                 },
                 ("fluid", None) => {
                     let (id, kind) = (part.id.clone(), spec.kind);
-                    self.mistakes
-                        .note(&entry.at, Mistake::FluidNotHere { id, kind });
+                    self.mistakes.note(&entry.at, Mistake::FluidNotHere { id, kind });
                 }
                 _ => self.unknown_parameter(part, entry),
             }
@@ -551,15 +461,12 @@ impl Reader {
             let Some(index) = spec.fault(fault.key) else {
                 let known = names(spec.faults.iter().map(|fault| fault.name));
                 let place = format!("the faults of '{}' ({})", part.id, spec.kind);
-                self.mistakes
-                    .note(&fault.at, unknown_key(&fault, place, known));
+                self.mistakes.note(&fault.at, unknown_key(&fault, place, known));
                 continue;
             };
             let declared = &spec.faults[index];
             let unit = match declared.law {
-                Law::Add => spec
-                    .parameter(declared.parameter)
-                    .map(|p| spec.parameters[p].unit),
+                Law::Add => spec.parameter(declared.parameter).map(|p| spec.parameters[p].unit),
                 Law::Scale | Law::Geometric => None,
             };
             let range = (declared.full_min, declared.full_max);
@@ -574,18 +481,12 @@ impl Reader {
         let spec: &'static Spec = part.spec();
         if spec.fault(entry.key).is_some() {
             let key = entry.key.into();
-            self.mistakes
-                .note(&entry.at, Mistake::FaultAmongParameters { key });
+            self.mistakes.note(&entry.at, Mistake::FaultAmongParameters { key });
         } else if spec.port(entry.key).is_some() {
             let (key, id) = (entry.key.into(), part.id.clone());
-            self.mistakes
-                .note(&entry.at, Mistake::PortAmongParameters { key, id });
+            self.mistakes.note(&entry.at, Mistake::PortAmongParameters { key, id });
         } else {
-            let extra: &[&str] = if spec.reference {
-                &["fluid", "faults"]
-            } else {
-                &["faults"]
-            };
+            let extra: &[&str] = if spec.reference { &["fluid", "faults"] } else { &["faults"] };
             let place = format!("'{}' ({})", part.id, spec.kind);
             let meant = self.unknown_number(entry, &place, spec.parameters, extra);
             match meant.and_then(|name| spec.parameter(&name)) {
@@ -605,19 +506,11 @@ impl Reader {
     ) -> Option<String> {
         if let Some(slip) = units::slip(entry.key, entry.number().ok(), parameters) {
             let (right, unit) = (slip.parameter.name, slip.parameter.unit);
-            let mistake = Mistake::WrongSuffix {
-                key: entry.key.into(),
-                right,
-                unit,
-                si: slip.si,
-            };
+            let mistake = Mistake::WrongSuffix { key: entry.key.into(), right, unit, si: slip.si };
             self.mistakes.note(&entry.at, mistake);
             return Some(right.into());
         }
-        let known = parameters
-            .iter()
-            .map(|p| p.name)
-            .chain(extra.iter().copied());
+        let known = parameters.iter().map(|p| p.name).chain(extra.iter().copied());
         let mistake = unknown_key(entry, place, names(known));
         let meant = match &mistake {
             document::Mistake::UnknownKey { nearest, .. } => nearest.clone(),
@@ -658,10 +551,7 @@ impl Reader {
             [first] => first,
             [first, second, ..] => {
                 let id = |input: usize| scope.inputs[input].id.clone();
-                let mistake = Mistake::TwoInputs {
-                    first: id(first),
-                    second: id(second),
-                };
+                let mistake = Mistake::TwoInputs { first: id(first), second: id(second) };
                 self.mistakes.note(&entry.value_at(), mistake);
                 scope.complete = false;
                 return;
@@ -693,13 +583,9 @@ impl Reader {
                 Some(Resolved::Input(input)) => inputs.push(input),
                 Some(Resolved::Port(port)) if ends.iter().any(|end| end.port == port) => {
                     let end = scope.port_id(port);
-                    self.mistakes
-                        .note(&element.value_at(), Mistake::RepeatedEnd { end });
+                    self.mistakes.note(&element.value_at(), Mistake::RepeatedEnd { end });
                 }
-                Some(Resolved::Port(port)) => ends.push(End {
-                    port,
-                    at: element.value_at(),
-                }),
+                Some(Resolved::Port(port)) => ends.push(End { port, at: element.value_at() }),
                 None => scope.complete = false,
             }
         }
@@ -719,25 +605,15 @@ impl Reader {
         let ports =
             |index: usize| names(scope.parts[index].spec().ports.iter().map(|port| port.name));
         if let Some(index) = scope.part(word) {
-            let mistake = Mistake::NoPort {
-                id: word.into(),
-                known: ports(index),
-            };
+            let mistake = Mistake::NoPort { id: word.into(), known: ports(index) };
             self.mistakes.note(&at, mistake);
             return None;
         }
         let (id, port) = word.rsplit_once('.').unwrap_or((word, ""));
         let Some(component) = scope.part(id) else {
             let inputs = scope.inputs.iter().map(|input| input.id.as_str());
-            let known = names(
-                scope
-                    .parts
-                    .iter()
-                    .map(|part| part.id.as_str())
-                    .chain(inputs),
-            );
-            self.mistakes
-                .note(&at, unknown_word("component", id, known));
+            let known = names(scope.parts.iter().map(|part| part.id.as_str()).chain(inputs));
+            self.mistakes.note(&at, unknown_word("component", id, known));
             return None;
         };
         let spec = scope.parts[component].spec();
@@ -766,14 +642,10 @@ impl Reader {
                 scope.inputs[input].targets.push(end);
                 return;
             }
-            PortKind::SignalOut { .. } => Mistake::InputAndOutput {
-                input: scope.inputs[input].id.clone(),
-                output: id(),
-            },
-            kind => Mistake::NoSignalInput {
-                end: id(),
-                family: kind.family(),
-            },
+            PortKind::SignalOut { .. } => {
+                Mistake::InputAndOutput { input: scope.inputs[input].id.clone(), output: id() }
+            }
+            kind => Mistake::NoSignalInput { end: id(), family: kind.family() },
         };
         self.mistakes.note(&end.at, mistake);
         scope.complete = false;
@@ -782,12 +654,7 @@ impl Reader {
     fn input(&mut self, scope: &mut Scope, entry: &Entry) {
         self.good_name(entry.key, &entry.at);
         if scope.has(entry.key) {
-            self.mistakes.note(
-                &entry.at,
-                Mistake::DuplicateId {
-                    id: entry.key.into(),
-                },
-            );
+            self.mistakes.note(&entry.at, Mistake::DuplicateId { id: entry.key.into() });
         }
         let Some(table) = self.table(entry) else {
             scope.broken.push(entry.key.into());
@@ -831,10 +698,7 @@ impl Reader {
         let word = self.text(entry)?;
         let unit = units::find(word);
         if unit.is_none() {
-            let mistake = Mistake::UnknownUnit {
-                word: word.into(),
-                meant: units::meant(word),
-            };
+            let mistake = Mistake::UnknownUnit { word: word.into(), meant: units::meant(word) };
             self.mistakes.note(&entry.value_at(), mistake);
         }
         unit.map(|unit| (unit, entry.value_at()))
@@ -853,21 +717,11 @@ impl Reader {
             let element = Entry::element("to", element);
             match self.resolve(scope, &element) {
                 Some(Resolved::Port(port)) => {
-                    self.feed(
-                        scope,
-                        input,
-                        End {
-                            port,
-                            at: element.value_at(),
-                        },
-                    );
+                    self.feed(scope, input, End { port, at: element.value_at() });
                 }
                 Some(Resolved::Input(other)) => {
                     let id = |input: usize| scope.inputs[input].id.clone();
-                    let mistake = Mistake::TwoInputs {
-                        first: id(input),
-                        second: id(other),
-                    };
+                    let mistake = Mistake::TwoInputs { first: id(input), second: id(other) };
                     self.mistakes.note(&element.value_at(), mistake);
                     scope.complete = false;
                 }
@@ -895,12 +749,9 @@ impl Reader {
         };
         let unit = port.map_or(Unit::None, |(_, unit)| unit);
         let scale = match get(&all, "scale") {
-            Some(scale) => self.within(
-                scale,
-                (1e-9, 1e12),
-                unit,
-                "the size that residuals are divided by",
-            ),
+            Some(scale) => {
+                self.within(scale, (1e-9, 1e12), unit, "the size that residuals are divided by")
+            }
             None => {
                 self.missing(&entry.at, &place, "scale", "scale = 20.684e6".to_owned());
                 None
@@ -930,12 +781,9 @@ impl Reader {
             .flat_map(|(component, part)| {
                 let ports = part.spec().ports.iter().enumerate();
                 ports.filter_map(move |(port, declared)| match declared.kind {
-                    PortKind::SignalOut { unit } => Some((
-                        format!("{}.{}", part.id, declared.name),
-                        component,
-                        port,
-                        unit,
-                    )),
+                    PortKind::SignalOut { unit } => {
+                        Some((format!("{}.{}", part.id, declared.name), component, port, unit))
+                    }
                     _ => None,
                 })
             })
@@ -955,13 +803,7 @@ impl Reader {
                 (false, None) => names(own),
                 (true, None) => Vec::new(),
             };
-            self.mistakes.note(
-                &entry.value_at(),
-                Mistake::NoOutput {
-                    signal: word.into(),
-                    known,
-                },
-            );
+            self.mistakes.note(&entry.value_at(), Mistake::NoOutput { signal: word.into(), known });
         }
         found.map(|&(_, port, unit)| (port, unit))
     }

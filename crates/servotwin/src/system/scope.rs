@@ -25,20 +25,8 @@ pub(super) struct Part {
 
 impl Part {
     pub fn new(id: String, at: Span, component: &'static dyn Component) -> Self {
-        let Instance {
-            parameters,
-            fault_full,
-            ..
-        } = Instance::new("", component);
-        Self {
-            id,
-            at,
-            component,
-            parameters,
-            faults: fault_full,
-            fluid: None,
-            sound: true,
-        }
+        let Instance { parameters, fault_full, .. } = Instance::new("", component);
+        Self { id, at, component, parameters, faults: fault_full, fluid: None, sound: true }
     }
 
     pub fn spec(&self) -> &'static Spec {
@@ -80,10 +68,7 @@ pub(super) struct Scope {
 
 impl Scope {
     pub fn new() -> Self {
-        Self {
-            complete: true,
-            ..Self::default()
-        }
+        Self { complete: true, ..Self::default() }
     }
 
     pub fn part(&self, id: &str) -> Option<usize> {
@@ -113,30 +98,18 @@ impl Scope {
         let prefixed = |id: &str| format!("{instance}.{id}");
         let shifted = |end: End| {
             let PortOf { component, port } = end.port;
-            End {
-                port: PortOf {
-                    component: first + component,
-                    port,
-                },
-                at: end.at,
-            }
+            End { port: PortOf { component: first + component, port }, at: end.at }
         };
         let parts = assembly.parts.into_iter();
-        self.parts.extend(parts.map(|part| Part {
-            id: prefixed(&part.id),
-            ..part
+        self.parts.extend(parts.map(|part| Part { id: prefixed(&part.id), ..part }));
+        self.inputs.extend(assembly.inputs.into_iter().map(|input| Input {
+            id: prefixed(&input.id),
+            targets: input.targets.into_iter().map(shifted).collect(),
+            ..input
         }));
-        self.inputs
-            .extend(assembly.inputs.into_iter().map(|input| Input {
-                id: prefixed(&input.id),
-                targets: input.targets.into_iter().map(shifted).collect(),
-                ..input
-            }));
         let connections = assembly.connections.into_iter();
-        self.connections
-            .extend(connections.map(|c| c.into_iter().map(shifted).collect()));
-        self.broken
-            .extend(assembly.broken.iter().map(|id| prefixed(id)));
+        self.connections.extend(connections.map(|c| c.into_iter().map(shifted).collect()));
+        self.broken.extend(assembly.broken.iter().map(|id| prefixed(id)));
         self.complete &= assembly.complete;
     }
 
@@ -154,10 +127,8 @@ impl Scope {
         let mut node = vec![port];
         let mut next = 0;
         while next < node.len() {
-            let of_this = self
-                .connections
-                .iter()
-                .filter(|c| c.iter().any(|e| e.port == node[next]));
+            let of_this =
+                self.connections.iter().filter(|c| c.iter().any(|e| e.port == node[next]));
             let found: Vec<PortOf> = of_this.flatten().map(|end| end.port).collect();
             for port in found {
                 if !node.contains(&port) {
@@ -173,18 +144,13 @@ impl Scope {
     pub fn mention(&self, port: PortOf) -> Span {
         let fed = self.inputs.iter().flat_map(|input| &input.targets);
         let mut ends = self.connections.iter().flatten().chain(fed);
-        ends.find(|end| end.port == port).map_or_else(
-            || self.parts[port.component].at.clone(),
-            |end| end.at.clone(),
-        )
+        ends.find(|end| end.port == port)
+            .map_or_else(|| self.parts[port.component].at.clone(), |end| end.at.clone())
     }
 
     /// The network, with the fluid of each component.
     pub fn network(&self, fluids: &[Fluid]) -> Network {
-        let fluid = |part: &Part| {
-            part.fluid
-                .map_or_else(Fluid::default, |index| fluids[index])
-        };
+        let fluid = |part: &Part| part.fluid.map_or_else(Fluid::default, |index| fluids[index]);
         let components = self.parts.iter().map(|part| Instance {
             id: part.id.clone(),
             component: part.component,

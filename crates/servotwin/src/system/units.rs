@@ -5,25 +5,18 @@ use servotwin_model::spec::{Parameter, Unit};
 
 /// The word for a unit in a system file: its symbol, `1` for a pure number.
 pub fn word(unit: Unit) -> &'static str {
-    if unit == Unit::None {
-        "1"
-    } else {
-        unit.symbol()
-    }
+    if unit == Unit::None { "1" } else { unit.symbol() }
 }
 
 /// The unit of a word; `m2` is as good as `m²`.
 pub fn find(text: &str) -> Option<Unit> {
-    Unit::ALL
-        .into_iter()
-        .find(|&unit| word(unit) == text || plain(word(unit)) == text)
+    Unit::ALL.into_iter().find(|&unit| word(unit) == text || plain(word(unit)) == text)
 }
 
 /// The unit that a word of another system of units is meant for.
 pub fn meant(text: &str) -> Option<Unit> {
-    let shown = Unit::ALL
-        .into_iter()
-        .find(|unit| unit.shown() == text || plain(unit.shown()) == text);
+    let shown =
+        Unit::ALL.into_iter().find(|unit| unit.shown() == text || plain(unit.shown()) == text);
     let suffix = plain(&text.to_lowercase()).replace([' ', '/'], "_");
     shown.or_else(|| FOREIGN.iter().find(|f| f.suffix == suffix).map(|f| f.unit))
 }
@@ -42,12 +35,7 @@ struct Foreign {
 }
 
 const fn foreign(suffix: &'static str, unit: Unit, si_per_unit: f64) -> Foreign {
-    Foreign {
-        suffix,
-        unit,
-        si_per_unit,
-        offset: 0.0,
-    }
+    Foreign { suffix, unit, si_per_unit, offset: 0.0 }
 }
 
 const RADIAN_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -59,24 +47,9 @@ static FOREIGN: &[Foreign] = &[
     foreign("mpa", Unit::Pascal, 1e6),
     foreign("gpa", Unit::Pascal, 1e9),
     foreign("psi", Unit::Pascal, 6894.757293168),
-    Foreign {
-        suffix: "c",
-        unit: Unit::Kelvin,
-        si_per_unit: 1.0,
-        offset: 273.15,
-    },
-    Foreign {
-        suffix: "celsius",
-        unit: Unit::Kelvin,
-        si_per_unit: 1.0,
-        offset: 273.15,
-    },
-    Foreign {
-        suffix: "deg_c",
-        unit: Unit::Kelvin,
-        si_per_unit: 1.0,
-        offset: 273.15,
-    },
+    Foreign { suffix: "c", unit: Unit::Kelvin, si_per_unit: 1.0, offset: 273.15 },
+    Foreign { suffix: "celsius", unit: Unit::Kelvin, si_per_unit: 1.0, offset: 273.15 },
+    Foreign { suffix: "deg_c", unit: Unit::Kelvin, si_per_unit: 1.0, offset: 273.15 },
     foreign("um", Unit::Metre, 1e-6),
     foreign("mm", Unit::Metre, 1e-3),
     foreign("cm", Unit::Metre, 1e-2),
@@ -130,13 +103,9 @@ pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> 
             return Some((parameter, value));
         }
         let suffix = rest.strip_prefix('_')?;
-        let known = FOREIGN
-            .iter()
-            .find(|f| f.suffix == suffix && f.unit == parameter.unit);
+        let known = FOREIGN.iter().find(|f| f.suffix == suffix && f.unit == parameter.unit);
         let si = known.zip(value).map(|(f, v)| v * f.si_per_unit + f.offset);
-        let another = Unit::ALL
-            .iter()
-            .any(|unit| unit.suffix().strip_prefix('_') == Some(suffix));
+        let another = Unit::ALL.iter().any(|unit| unit.suffix().strip_prefix('_') == Some(suffix));
         let foreign = FOREIGN.iter().any(|f| f.suffix == suffix);
         (another || foreign).then_some((parameter, si))
     });

@@ -15,20 +15,12 @@ use super::{Column, ContentError, Format, Kind, Table, TableError, Values};
 use crate::files::{read_text, write_atomically};
 
 /// The format's entry in [`ALL`](super::ALL).
-pub const FORMAT: Format = Format {
-    name: "CSV",
-    extension: "csv",
-    read,
-    write,
-};
+pub const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write };
 
 /// Reads a CSV file.
 pub fn read(path: &Path) -> Result<Table, TableError> {
     let text = read_text(path)?;
-    parse(&text).map_err(|problem| TableError::Content {
-        path: path.to_path_buf(),
-        problem,
-    })
+    parse(&text).map_err(|problem| TableError::Content { path: path.to_path_buf(), problem })
 }
 
 /// Writes a CSV file atomically.
@@ -40,14 +32,8 @@ pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
 pub fn write_to(out: &mut dyn Write, table: &Table) -> io::Result<()> {
     for (place, name) in table.names().enumerate() {
         out.write_all(if place == 0 { b"" } else { b"," })?;
-        let plain = name
-            .chars()
-            .all(|letter| !matches!(letter, ',' | '"' | '\n' | '\r'));
-        if plain && name.trim() == name {
-            write!(out, "{name}")?
-        } else {
-            write_quoted(out, name)?
-        }
+        let plain = name.chars().all(|letter| !matches!(letter, ',' | '"' | '\n' | '\r'));
+        if plain && name.trim() == name { write!(out, "{name}")? } else { write_quoted(out, name)? }
     }
     out.write_all(b"\n")?;
     for row in 0..table.row_count() {
@@ -77,21 +63,14 @@ fn write_quoted(out: &mut dyn Write, text: &str) -> io::Result<()> {
 
 /// Reads CSV text.
 pub fn parse(text: &str) -> Result<Table, ContentError> {
-    let mut rows = Rows {
-        rest: text,
-        line: 1,
-    };
+    let mut rows = Rows { rest: text, line: 1 };
     let header = rows.next_row()?.ok_or(ContentError::Empty)?;
     let names = column_names(&header)?;
     let mut cells: Vec<Vec<Cell>> = vec![Vec::new(); names.len()];
     while let Some(row) = rows.next_row()? {
         if row.cells.len() != names.len() {
             let (line, found) = (row.line, row.cells.len());
-            return Err(ContentError::RaggedRow {
-                line,
-                found,
-                expected: names.len(),
-            });
+            return Err(ContentError::RaggedRow { line, found, expected: names.len() });
         }
         for (column, mut cell) in cells.iter_mut().zip(row.cells) {
             cell.line = row.line;
@@ -102,21 +81,14 @@ pub fn parse(text: &str) -> Result<Table, ContentError> {
     for (name, cells) in names.into_iter().zip(cells) {
         let values = infer(&name, cells)?;
         // Names were compared and lengths are equal, so nothing can be refused here.
-        let _ = table.push(Column {
-            name,
-            unit: String::new(),
-            values,
-        });
+        let _ = table.push(Column { name, unit: String::new(), values });
     }
     Ok(table)
 }
 
 fn column_names(header: &Row) -> Result<Vec<String>, ContentError> {
     if let [only] = header.cells.as_slice()
-        && let Some(found) = only
-            .text
-            .chars()
-            .find(|letter| matches!(letter, ';' | '\t'))
+        && let Some(found) = only.text.chars().find(|letter| matches!(letter, ';' | '\t'))
         && !only.quoted
     {
         return Err(ContentError::Separator { found });
@@ -126,18 +98,12 @@ fn column_names(header: &Row) -> Result<Vec<String>, ContentError> {
     }
     let mut names: Vec<String> = Vec::with_capacity(header.cells.len());
     for (place, cell) in header.cells.iter().enumerate() {
-        let name = if cell.quoted {
-            &cell.text
-        } else {
-            cell.text.trim()
-        };
+        let name = if cell.quoted { &cell.text } else { cell.text.trim() };
         if name.is_empty() {
             return Err(ContentError::UnnamedColumn { place: place + 1 });
         }
         if names.iter().any(|known| known == name) {
-            return Err(ContentError::DuplicateColumn {
-                column: name.to_owned(),
-            });
+            return Err(ContentError::DuplicateColumn { column: name.to_owned() });
         }
         names.push(name.to_owned());
     }
@@ -146,32 +112,19 @@ fn column_names(header: &Row) -> Result<Vec<String>, ContentError> {
 
 fn infer(name: &str, cells: Vec<Cell>) -> Result<Values, ContentError> {
     let quoted = cells.iter().any(|cell| cell.quoted);
-    let first = cells
-        .iter()
-        .map(|cell| cell.text.trim())
-        .find(|text| !text.is_empty());
+    let first = cells.iter().map(|cell| cell.text.trim()).find(|text| !text.is_empty());
     let bad = |cell: &Cell, expected| ContentError::BadCell {
         line: cell.line,
         column: name.to_owned(),
         text: cell.text.clone(),
         expected,
     };
-    let kind = if quoted {
-        Kind::Text
-    } else {
-        first.map_or(Kind::Float, kind_of)
-    };
+    let kind = if quoted { Kind::Text } else { first.map_or(Kind::Float, kind_of) };
     match kind {
-        Kind::Text => Ok(Values::Text(
-            cells.into_iter().map(|cell| cell.text).collect(),
-        )),
+        Kind::Text => Ok(Values::Text(cells.into_iter().map(|cell| cell.text).collect())),
         Kind::Flag => {
             let flag = |cell: &Cell| flag(&cell.text).ok_or_else(|| bad(cell, Kind::Flag));
-            cells
-                .iter()
-                .map(flag)
-                .collect::<Result<_, _>>()
-                .map(Values::Flag)
+            cells.iter().map(flag).collect::<Result<_, _>>().map(Values::Flag)
         }
         _ => {
             let whole = |cell: &Cell| cell.text.trim().parse::<i64>().ok();
@@ -181,11 +134,7 @@ fn infer(name: &str, cells: Vec<Cell>) -> Result<Values, ContentError> {
                 return Ok(Values::Integer(values));
             }
             let real = |cell: &Cell| real(&cell.text).ok_or_else(|| bad(cell, Kind::Float));
-            cells
-                .iter()
-                .map(real)
-                .collect::<Result<_, _>>()
-                .map(Values::Float)
+            cells.iter().map(real).collect::<Result<_, _>>().map(Values::Float)
         }
     }
 }
@@ -241,10 +190,7 @@ impl Rows<'_> {
         if self.rest.is_empty() {
             return Ok(None);
         }
-        let mut row = Row {
-            cells: Vec::new(),
-            line: self.line,
-        };
+        let mut row = Row { cells: Vec::new(), line: self.line };
         loop {
             row.cells.push(self.next_cell()?);
             if !self.skip(",") {
@@ -265,16 +211,9 @@ impl Rows<'_> {
         let end = self.rest.find([',', '\n']).unwrap_or(self.rest.len());
         let (text, rest) = self.rest.split_at(end);
         // Of a Windows line end only the line feed ended the cell.
-        let text = if rest.starts_with(',') {
-            text
-        } else {
-            text.trim_end_matches('\r')
-        };
+        let text = if rest.starts_with(',') { text } else { text.trim_end_matches('\r') };
         self.rest = rest;
-        Ok(Cell {
-            text: text.to_owned(),
-            ..Cell::default()
-        })
+        Ok(Cell { text: text.to_owned(), ..Cell::default() })
     }
 
     /// The cell after its opening quote; a doubled quote inside stands for one.
@@ -282,10 +221,7 @@ impl Rows<'_> {
         let start = self.line;
         let mut text = String::new();
         loop {
-            let end = self
-                .rest
-                .find('"')
-                .ok_or(ContentError::OpenQuote { line: start })?;
+            let end = self.rest.find('"').ok_or(ContentError::OpenQuote { line: start })?;
             text.push_str(&self.rest[..end]);
             self.line += self.rest[..end].matches('\n').count();
             self.rest = &self.rest[end + 1..];
@@ -298,11 +234,7 @@ impl Rows<'_> {
         if !self.rest.is_empty() && ![",", "\n", "\r\n"].iter().any(ends) {
             return Err(ContentError::TextAfterQuote { line: self.line });
         }
-        Ok(Cell {
-            text,
-            quoted: true,
-            line: start,
-        })
+        Ok(Cell { text, quoted: true, line: start })
     }
 
     fn skip(&mut self, start: &str) -> bool {

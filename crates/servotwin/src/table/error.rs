@@ -191,42 +191,22 @@ impl fmt::Display for TableError {
             TableError::UnknownFormat { path } => {
                 let known = ALL.map(|format| format!(".{} ({})", format.extension, format.name));
                 let path = path.display();
-                write!(
-                    out,
-                    "{path}: no known table format; known are {}",
-                    known.join(", ")
-                )
+                write!(out, "{path}: no known table format; known are {}", known.join(", "))
             }
             TableError::Content { path, problem } => write!(out, "{}: {problem}", path.display()),
             TableError::UnknownColumn { column, nearest } => {
                 write!(out, "there is no column '{column}'")?;
-                nearest
-                    .as_ref()
-                    .map_or(Ok(()), |name| write!(out, "; did you mean '{name}'?"))
+                nearest.as_ref().map_or(Ok(()), |name| write!(out, "; did you mean '{name}'?"))
             }
-            TableError::WrongKind {
-                column,
-                expected,
-                found,
-            } => {
+            TableError::WrongKind { column, expected, found } => {
                 let (expected, found) = (expected.name(), found.name());
-                write!(
-                    out,
-                    "column '{column}' holds {found}, needed are {expected}"
-                )
+                write!(out, "column '{column}' holds {found}, needed are {expected}")
             }
             TableError::DuplicateColumn { column } => {
                 write!(out, "there is already a column '{column}'")
             }
-            TableError::UnequalLength {
-                column,
-                found,
-                expected,
-            } => {
-                write!(
-                    out,
-                    "column '{column}' has {found} rows, the others have {expected}"
-                )
+            TableError::UnequalLength { column, found, expected } => {
+                write!(out, "column '{column}' has {found} rows, the others have {expected}")
             }
             TableError::ColumnCount { found, expected } => {
                 write!(out, "{found} columns cannot be appended to {expected}")
@@ -235,19 +215,11 @@ impl fmt::Display for TableError {
                 write!(out, "column '{found}' stands where '{expected}' is needed")
             }
             TableError::NotFinite { column, row, value } => {
-                write!(
-                    out,
-                    "column '{column}', row {}: {value} is no finite number",
-                    row + 1
-                )
+                write!(out, "column '{column}', row {}: {value} is no finite number", row + 1)
             }
             TableError::OutOfRange { column, row, value } => {
                 let row = row + 1;
-                write!(
-                    out,
-                    "column '{column}', row {row}: {value} is not in 0 … {}",
-                    u32::MAX
-                )
+                write!(out, "column '{column}', row {row}: {value} is not in 0 … {}", u32::MAX)
             }
         }
     }
@@ -257,37 +229,18 @@ impl fmt::Display for ContentError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             ContentError::Empty => write!(out, "the file is empty"),
-            ContentError::RaggedRow {
-                line,
-                found,
-                expected,
-            } => {
-                write!(
-                    out,
-                    "line {line} has {found} cells, the header has {expected}"
-                )
+            ContentError::RaggedRow { line, found, expected } => {
+                write!(out, "line {line} has {found} cells, the header has {expected}")
             }
-            ContentError::BadCell {
-                line,
-                column,
-                text,
-                expected,
-            } => {
-                write!(
-                    out,
-                    "line {line}, column '{column}': '{text}' among {}",
-                    expected.name()
-                )?;
+            ContentError::BadCell { line, column, text, expected } => {
+                write!(out, "line {line}, column '{column}': '{text}' among {}", expected.name())?;
                 write!(out, " (text must be quoted in every row)")
             }
             ContentError::OpenQuote { line } => {
                 write!(out, "line {line}: a quote is opened and never closed")
             }
             ContentError::TextAfterQuote { line } => {
-                write!(
-                    out,
-                    "line {line}: a comma is needed after the closing quote"
-                )
+                write!(out, "line {line}: a comma is needed after the closing quote")
             }
             ContentError::UnnamedColumn { place } => {
                 write!(out, "line 1: column {place} has no name")
@@ -296,20 +249,14 @@ impl fmt::Display for ContentError {
                 write!(out, "two columns are named '{column}'")
             }
             ContentError::Separator { found } => {
-                write!(
-                    out,
-                    "line 1: cells are separated by {found:?}, a comma is needed"
-                )
+                write!(out, "line 1: cells are separated by {found:?}, a comma is needed")
             }
             ContentError::NotParquet => {
                 write!(out, "this is no Parquet file, or its end is missing")
             }
             ContentError::UnsupportedType { column, found } => {
                 write!(out, "column '{column}' has the type {found}; known are ")?;
-                write!(
-                    out,
-                    "whole and real numbers, booleans, text, and dictionaries of these"
-                )
+                write!(out, "whole and real numbers, booleans, text, and dictionaries of these")
             }
             ContentError::UnknownCodec { column, codec } => {
                 write!(out, "column '{column}' is compressed with {codec}; ")?;
@@ -322,10 +269,7 @@ impl fmt::Display for ContentError {
                 write!(out, "column '{column}', row {row}: no value (null)")
             }
             ContentError::TooLarge { column, row, value } => {
-                write!(
-                    out,
-                    "column '{column}', row {row}: {value} does not fit in 63 bits"
-                )
+                write!(out, "column '{column}', row {row}: {value} does not fit in 63 bits")
             }
             ContentError::Damaged { source } => write!(out, "damaged or unreadable: {source}"),
             ContentError::Unreadable => write!(out, "damaged beyond reading"),

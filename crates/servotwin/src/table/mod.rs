@@ -49,12 +49,8 @@ pub fn write(path: impl AsRef<Path>, table: &Table) -> Result<(), TableError> {
 pub fn format_of(path: &Path) -> Result<&'static Format, TableError> {
     let extension = path.extension().and_then(|text| text.to_str());
     let extension = extension.map(str::to_ascii_lowercase);
-    let found = ALL
-        .into_iter()
-        .find(|format| Some(format.extension) == extension.as_deref());
-    found.ok_or_else(|| TableError::UnknownFormat {
-        path: path.to_path_buf(),
-    })
+    let found = ALL.into_iter().find(|format| Some(format.extension) == extension.as_deref());
+    found.ok_or_else(|| TableError::UnknownFormat { path: path.to_path_buf() })
 }
 
 /// What a column's values are.
@@ -182,11 +178,7 @@ impl Column {
         unit: impl Into<String>,
         values: impl Into<Values>,
     ) -> Self {
-        Self {
-            name: name.into(),
-            unit: unit.into(),
-            values: values.into(),
-        }
+        Self { name: name.into(), unit: unit.into(), values: values.into() }
     }
 }
 
@@ -207,23 +199,16 @@ impl Table {
     /// A table from columns with different names and equal lengths.
     pub fn from_columns(columns: Vec<Column>) -> Result<Self, TableError> {
         let mut table = Table::new();
-        columns
-            .into_iter()
-            .try_for_each(|column| table.push(column))?;
+        columns.into_iter().try_for_each(|column| table.push(column))?;
         Ok(table)
     }
 
     /// Adds a column at the right.
     pub fn push(&mut self, column: Column) -> Result<(), TableError> {
         if self.position(&column.name).is_some() {
-            return Err(TableError::DuplicateColumn {
-                column: column.name,
-            });
+            return Err(TableError::DuplicateColumn { column: column.name });
         }
-        let expected = self
-            .columns
-            .first()
-            .map_or(column.values.len(), |first| first.values.len());
+        let expected = self.columns.first().map_or(column.values.len(), |first| first.values.len());
         if column.values.len() != expected {
             return Err(TableError::UnequalLength {
                 found: column.values.len(),
@@ -262,10 +247,7 @@ impl Table {
             values: Values::empty(column.values.kind()),
             ..Column::new(&column.name, &column.unit, Vec::<f64>::new())
         };
-        Table {
-            columns: self.columns.iter().map(empty).collect(),
-            metadata: self.metadata.clone(),
-        }
+        Table { columns: self.columns.iter().map(empty).collect(), metadata: self.metadata.clone() }
     }
 
     /// Adds the rows of a table with the same column names and kinds in the same order.
@@ -288,10 +270,7 @@ impl Table {
         for (own, given) in self.columns.iter().zip(&other.columns) {
             if own.name != given.name {
                 let expected = own.name.clone();
-                return Err(TableError::OtherColumn {
-                    found: given.name.clone(),
-                    expected,
-                });
+                return Err(TableError::OtherColumn { found: given.name.clone(), expected });
             }
             require_kind(given, own.values.kind())?;
         }
@@ -324,11 +303,9 @@ impl Table {
     pub fn finite_f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
         let values = self.f64(name)?;
         match values.iter().position(|value| !value.is_finite()) {
-            Some(row) => Err(TableError::NotFinite {
-                column: name.to_owned(),
-                row,
-                value: values[row],
-            }),
+            Some(row) => {
+                Err(TableError::NotFinite { column: name.to_owned(), row, value: values[row] })
+            }
             None => Ok(values),
         }
     }
@@ -355,13 +332,9 @@ impl Table {
         };
         Ok(match &column.values {
             Values::Unsigned(values) => Cow::Borrowed(values),
-            Values::Integer(values) => Cow::Owned(
-                values
-                    .iter()
-                    .enumerate()
-                    .map(convert)
-                    .collect::<Result<_, _>>()?,
-            ),
+            Values::Integer(values) => {
+                Cow::Owned(values.iter().enumerate().map(convert).collect::<Result<_, _>>()?)
+            }
             _ => return Err(wrong_kind(column, Kind::Unsigned)),
         })
     }
@@ -369,10 +342,7 @@ impl Table {
     /// The flags of a column.
     pub fn bool(&self, name: &str) -> Result<&[bool], TableError> {
         match self.column(name)? {
-            Column {
-                values: Values::Flag(values),
-                ..
-            } => Ok(values),
+            Column { values: Values::Flag(values), .. } => Ok(values),
             column => Err(wrong_kind(column, Kind::Flag)),
         }
     }
@@ -380,10 +350,7 @@ impl Table {
     /// The texts of a column.
     pub fn text(&self, name: &str) -> Result<&[String], TableError> {
         match self.column(name)? {
-            Column {
-                values: Values::Text(values),
-                ..
-            } => Ok(values),
+            Column { values: Values::Text(values), .. } => Ok(values),
             column => Err(wrong_kind(column, Kind::Text)),
         }
     }
@@ -399,10 +366,7 @@ pub(crate) fn unknown_column<'a>(
     known: impl IntoIterator<Item = &'a str>,
 ) -> TableError {
     let nearest = nearest(name, known).map(str::to_owned);
-    TableError::UnknownColumn {
-        column: name.to_owned(),
-        nearest,
-    }
+    TableError::UnknownColumn { column: name.to_owned(), nearest }
 }
 
 fn require_kind(column: &Column, expected: Kind) -> Result<(), TableError> {
@@ -414,9 +378,5 @@ fn require_kind(column: &Column, expected: Kind) -> Result<(), TableError> {
 
 fn wrong_kind(column: &Column, expected: Kind) -> TableError {
     let found = column.values.kind();
-    TableError::WrongKind {
-        column: column.name.clone(),
-        expected,
-        found,
-    }
+    TableError::WrongKind { column: column.name.clone(), expected, found }
 }

@@ -37,12 +37,7 @@ use super::{Column, ContentError, Format, Kind, Table, TableError, Values, unkno
 use crate::files::{AtomicFile, FileError};
 
 /// The format's entry in [`ALL`](super::ALL).
-pub const FORMAT: Format = Format {
-    name: "Parquet",
-    extension: "parquet",
-    read,
-    write,
-};
+pub const FORMAT: Format = Format { name: "Parquet", extension: "parquet", read, write };
 
 /// Rows in a row group: large enough to compress well, small enough to hold in memory.
 const GROUP_ROWS: usize = 1 << 17;
@@ -93,9 +88,8 @@ impl ParquetWriter {
     pub fn create(path: impl AsRef<Path>, schema: &Table) -> Result<Self, TableError> {
         let path = path.as_ref().to_path_buf();
         let file = AtomicFile::create(&path)?;
-        let arrow_schema = Arc::new(Schema::new(
-            schema.columns().iter().map(field_of).collect::<Vec<_>>(),
-        ));
+        let arrow_schema =
+            Arc::new(Schema::new(schema.columns().iter().map(field_of).collect::<Vec<_>>()));
         let entry = |(key, value): (&String, &String)| KeyValue::new(key.clone(), value.clone());
         let properties = WriterProperties::builder()
             .set_created_by("servotwin".to_owned())
@@ -106,12 +100,7 @@ impl ParquetWriter {
             .build();
         let writer = ArrowWriter::try_new(file, arrow_schema.clone(), Some(properties))
             .map_err(|error| parquet_error(&path, error))?;
-        Ok(Self {
-            schema: schema.without_rows(),
-            arrow_schema,
-            path,
-            writer,
-        })
+        Ok(Self { schema: schema.without_rows(), arrow_schema, path, writer })
     }
 
     /// Appends the rows of a table with the same columns. A row group is closed when full.
@@ -120,11 +109,7 @@ impl ParquetWriter {
         if table.row_count() == 0 {
             return Ok(());
         }
-        let arrays = table
-            .columns()
-            .iter()
-            .map(|column| array_of(&column.values))
-            .collect();
+        let arrays = table.columns().iter().map(|column| array_of(&column.values)).collect();
         RecordBatch::try_new(self.arrow_schema.clone(), arrays)
             .map_err(ParquetError::from)
             .and_then(|batch| self.writer.write(&batch))
@@ -133,17 +118,12 @@ impl ParquetWriter {
 
     /// Closes the row group begun: what was appended so far leaves the memory.
     pub fn end_group(&mut self) -> Result<(), TableError> {
-        self.writer
-            .flush()
-            .map_err(|error| parquet_error(&self.path, error))
+        self.writer.flush().map_err(|error| parquet_error(&self.path, error))
     }
 
     /// Writes the file's end and puts it in its place.
     pub fn finish(self) -> Result<(), TableError> {
-        let file = self
-            .writer
-            .into_inner()
-            .map_err(|error| parquet_error(&self.path, error))?;
+        let file = self.writer.into_inner().map_err(|error| parquet_error(&self.path, error))?;
         Ok(file.commit()?)
     }
 }
@@ -169,10 +149,7 @@ impl ParquetReader {
     }
 
     fn open_selected(path: &Path, names: Option<&[&str]>) -> Result<Self, TableError> {
-        let content = |problem| TableError::Content {
-            path: path.to_path_buf(),
-            problem,
-        };
+        let content = |problem| TableError::Content { path: path.to_path_buf(), problem };
         let file = open_marked(path)?;
         let builder = guarded(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
         let fields = builder.schema().fields().clone();
@@ -197,13 +174,7 @@ impl ParquetReader {
         let mask = ProjectionMask::roots(builder.parquet_schema(), places);
         let builder = builder.with_projection(mask).with_batch_size(BATCH_ROWS);
         let batches = guarded(path, || builder.build())?;
-        Ok(Self {
-            path: path.to_path_buf(),
-            schema,
-            row_count,
-            rows_read: 0,
-            batches,
-        })
+        Ok(Self { path: path.to_path_buf(), schema, row_count, rows_read: 0, batches })
     }
 
     /// The columns, without rows, and the metadata.
@@ -217,32 +188,20 @@ impl ParquetReader {
     }
 
     fn table_of(&self, batch: &RecordBatch) -> Result<Table, TableError> {
-        let mut table = Table {
-            metadata: self.schema.metadata.clone(),
-            ..Table::new()
-        };
+        let mut table = Table { metadata: self.schema.metadata.clone(), ..Table::new() };
         for column in self.schema.columns() {
             let Some(array) = batch.column_by_name(&column.name) else {
                 return Err(unknown_column(&column.name, []));
             };
-            let place = Place {
-                column: &column.name,
-                first_row: self.rows_read,
-            };
+            let place = Place { column: &column.name, first_row: self.rows_read };
             let values = values_of(array, place).map_err(|problem| self.content(problem))?;
-            table.push(Column {
-                values,
-                ..column.clone()
-            })?;
+            table.push(Column { values, ..column.clone() })?;
         }
         Ok(table)
     }
 
     fn content(&self, problem: ContentError) -> TableError {
-        TableError::Content {
-            path: self.path.clone(),
-            problem,
-        }
+        TableError::Content { path: self.path.clone(), problem }
     }
 }
 
@@ -267,19 +226,12 @@ fn open_marked(path: &Path) -> Result<File, TableError> {
     let system = |cause| TableError::File(FileError::from_io(path, cause));
     let mut file = File::open(path).map_err(system)?;
     let length = file.metadata().map_err(system)?.len();
-    let problem = if length == 0 {
-        ContentError::Empty
-    } else {
-        ContentError::NotParquet
-    };
+    let problem = if length == 0 { ContentError::Empty } else { ContentError::NotParquet };
     let marked = length >= 12 && has_marks(&mut file).map_err(system)?;
     if marked {
         return Ok(file);
     }
-    Err(TableError::Content {
-        path: path.to_path_buf(),
-        problem,
-    })
+    Err(TableError::Content { path: path.to_path_buf(), problem })
 }
 
 fn has_marks(file: &mut File) -> io::Result<bool> {
@@ -294,27 +246,18 @@ fn has_marks(file: &mut File) -> io::Result<bool> {
 fn require_different_names(fields: &arrow_schema::Fields) -> Result<(), ContentError> {
     let mut known = BTreeSet::new();
     match fields.iter().find(|field| !known.insert(field.name())) {
-        Some(twice) => Err(ContentError::DuplicateColumn {
-            column: twice.name().clone(),
-        }),
+        Some(twice) => Err(ContentError::DuplicateColumn { column: twice.name().clone() }),
         None => Ok(()),
     }
 }
 
 fn require_known_codecs(file: &ParquetMetaData) -> Result<(), ContentError> {
     let columns = file.row_groups().iter().flat_map(|group| group.columns());
-    let unknown = columns
-        .map(|column| (column, column.compression()))
-        .find(|(_, codec)| {
-            use Compression as Codec;
-            let known = [
-                Codec::UNCOMPRESSED,
-                Codec::SNAPPY,
-                Codec::LZ4,
-                Codec::LZ4_RAW,
-            ];
-            !known.contains(codec) && !matches!(codec, Codec::GZIP(_))
-        });
+    let unknown = columns.map(|column| (column, column.compression())).find(|(_, codec)| {
+        use Compression as Codec;
+        let known = [Codec::UNCOMPRESSED, Codec::SNAPPY, Codec::LZ4, Codec::LZ4_RAW];
+        !known.contains(codec) && !matches!(codec, Codec::GZIP(_))
+    });
     match unknown {
         Some((column, codec)) => Err(ContentError::UnknownCodec {
             column: column.column_path().string(),
@@ -327,9 +270,7 @@ fn require_known_codecs(file: &ParquetMetaData) -> Result<(), ContentError> {
 fn places_of(fields: &arrow_schema::Fields, names: &[&str]) -> Result<Vec<usize>, TableError> {
     let known = || fields.iter().map(|field| field.name().as_str());
     let place = |name: &&str| {
-        known()
-            .position(|field| field == *name)
-            .ok_or_else(|| unknown_column(name, known()))
+        known().position(|field| field == *name).ok_or_else(|| unknown_column(name, known()))
     };
     names.iter().map(place).collect()
 }
@@ -411,10 +352,7 @@ fn values_of(array: &dyn Array, place: Place) -> Result<Values, ContentError> {
     use DataType as Type;
     if let Some(index) = first_null(array) {
         let column = place.column.to_owned();
-        return Err(ContentError::Null {
-            column,
-            row: place.row(index),
-        });
+        return Err(ContentError::Null { column, row: place.row(index) });
     }
     Ok(match array.data_type() {
         Type::Float16 => Values::Float(numbers!(array, Float16Type, f64)),
@@ -446,9 +384,7 @@ fn first_null(array: &dyn Array) -> Option<usize> {
 }
 
 fn texts<'a>(values: impl Iterator<Item = Option<&'a str>>) -> Vec<String> {
-    values
-        .map(|value| value.unwrap_or_default().to_owned())
-        .collect()
+    values.map(|value| value.unwrap_or_default().to_owned()).collect()
 }
 
 fn large_values(array: &dyn Array, place: Place) -> Result<Values, ContentError> {
@@ -460,12 +396,7 @@ fn large_values(array: &dyn Array, place: Place) -> Result<Values, ContentError>
         })
     };
     let values = array.as_primitive::<UInt64Type>().values();
-    values
-        .iter()
-        .enumerate()
-        .map(convert)
-        .collect::<Result<_, _>>()
-        .map(Values::Integer)
+    values.iter().enumerate().map(convert).collect::<Result<_, _>>().map(Values::Integer)
 }
 
 /// The values of a dictionary, looked up. Its own entries may hold nulls that nobody uses.
@@ -496,20 +427,18 @@ fn guarded<T>(
 ) -> Result<T, TableError> {
     match catch_unwind(AssertUnwindSafe(call)) {
         Ok(result) => result.map_err(|error| parquet_error(path, error)),
-        Err(_) => Err(TableError::Content {
-            path: path.to_path_buf(),
-            problem: ContentError::Unreadable,
-        }),
+        Err(_) => {
+            Err(TableError::Content { path: path.to_path_buf(), problem: ContentError::Unreadable })
+        }
     }
 }
 
 /// The operating system's error inside a Parquet error, if that is what it is.
 fn system_error(error: ParquetError) -> Result<io::Error, ParquetError> {
     match error {
-        ParquetError::External(inner) => inner
-            .downcast::<io::Error>()
-            .map(|cause| *cause)
-            .map_err(ParquetError::External),
+        ParquetError::External(inner) => {
+            inner.downcast::<io::Error>().map(|cause| *cause).map_err(ParquetError::External)
+        }
         other => Err(other),
     }
 }
@@ -518,9 +447,6 @@ fn parquet_error(path: &Path, error: ParquetError) -> TableError {
     let path = path.to_path_buf();
     match system_error(error) {
         Ok(cause) => TableError::File(FileError::from_io(&path, cause)),
-        Err(source) => TableError::Content {
-            path,
-            problem: ContentError::Damaged { source },
-        },
+        Err(source) => TableError::Content { path, problem: ContentError::Damaged { source } },
     }
 }

@@ -17,10 +17,7 @@ pub fn program() -> &'static Program {
 /// A component by id.
 pub fn component(id: &str) -> usize {
     let components = &program().network().components;
-    components
-        .iter()
-        .position(|c| c.id == id)
-        .unwrap_or_else(|| panic!("{id}"))
+    components.iter().position(|c| c.id == id).unwrap_or_else(|| panic!("{id}"))
 }
 
 /// A parameter as `component.parameter`: the component and the parameter.
@@ -28,37 +25,23 @@ pub fn parameter(id: &str) -> (usize, usize) {
     let (owner, name) = id.rsplit_once('.').expect("component.parameter");
     let owner = component(owner);
     let spec = program().network().components[owner].component.spec();
-    (
-        owner,
-        spec.parameter(name).unwrap_or_else(|| panic!("{id}")),
-    )
+    (owner, spec.parameter(name).unwrap_or_else(|| panic!("{id}")))
 }
 
 /// A fault by id at an intensity.
 pub fn fault(id: &str, intensity: f64) -> FaultAt {
     let (component, fault) = program().find_fault(id).unwrap_or_else(|| panic!("{id}"));
-    FaultAt {
-        component,
-        fault,
-        intensity,
-    }
+    FaultAt { component, fault, intensity }
 }
 
 /// A state by id.
 pub fn state(id: &str) -> usize {
-    program()
-        .states()
-        .iter()
-        .position(|s| s.name == id)
-        .unwrap_or_else(|| panic!("{id}"))
+    program().states().iter().position(|s| s.name == id).unwrap_or_else(|| panic!("{id}"))
 }
 
 /// The place of something observable.
 pub fn slot(id: &str) -> Slot {
-    program()
-        .observable(id)
-        .unwrap_or_else(|| panic!("{id}"))
-        .slot
+    program().observable(id).unwrap_or_else(|| panic!("{id}")).slot
 }
 
 pub fn constant(value: f64) -> Piecewise {
@@ -89,9 +72,7 @@ pub struct Samples {
 
 impl Samples {
     pub fn of(&self, id: &str) -> &[f64] {
-        self.columns
-            .get(id)
-            .unwrap_or_else(|| panic!("{id} was not recorded"))
+        self.columns.get(id).unwrap_or_else(|| panic!("{id} was not recorded"))
     }
 
     /// The integral over time of what `f` makes of each sample, by Simpson's
@@ -112,12 +93,7 @@ impl Samples {
 
 /// At rest with command zero and the full air load.
 pub fn test() -> Test {
-    let inputs = program()
-        .network()
-        .inputs
-        .iter()
-        .map(|i| constant(i.default))
-        .collect();
+    let inputs = program().network().inputs.iter().map(|i| constant(i.default)).collect();
     Test {
         inputs,
         faults: Vec::new(),
@@ -131,10 +107,7 @@ pub fn test() -> Test {
 impl Test {
     pub fn input(mut self, id: &str, signal: Piecewise) -> Self {
         let inputs = &program().network().inputs;
-        let place = inputs
-            .iter()
-            .position(|i| i.id == id)
-            .unwrap_or_else(|| panic!("{id}"));
+        let place = inputs.iter().position(|i| i.id == id).unwrap_or_else(|| panic!("{id}"));
         self.inputs[place] = signal;
         self
     }
@@ -165,8 +138,7 @@ impl Test {
 
     /// The same parameter of both actuators.
     pub fn with_both(self, id: &str, value: f64) -> Self {
-        self.with(&format!("actuator_1.{id}"), value)
-            .with(&format!("actuator_2.{id}"), value)
+        self.with(&format!("actuator_1.{id}"), value).with(&format!("actuator_2.{id}"), value)
     }
 
     pub fn settings(mut self, settings: Settings) -> Self {
@@ -205,31 +177,18 @@ impl Test {
     pub fn try_run(&self, record: &[&str]) -> Result<Samples, Failure> {
         let ensemble = self.ensemble(record);
         let (columns, statistics) = ensemble.run_one(&self.variant())?;
-        let columns = record
-            .iter()
-            .map(|id| id.to_string())
-            .zip(columns)
-            .collect();
-        let time_s = (0..ensemble.samples())
-            .map(|k| k as f64 * self.period_s)
-            .collect();
-        Ok(Samples {
-            time_s,
-            columns,
-            statistics,
-        })
+        let columns = record.iter().map(|id| id.to_string()).zip(columns).collect();
+        let time_s = (0..ensemble.samples()).map(|k| k as f64 * self.period_s).collect();
+        Ok(Samples { time_s, columns, statistics })
     }
 
     pub fn run(&self, record: &[&str]) -> Samples {
-        self.try_run(record)
-            .unwrap_or_else(|failure| panic!("{failure:?}"))
+        self.try_run(record).unwrap_or_else(|failure| panic!("{failure:?}"))
     }
 
     /// The states at rest.
     pub fn settled(&self) -> Vec<f64> {
-        self.ensemble(&[])
-            .settle(&self.variant())
-            .unwrap_or_else(|failure| panic!("{failure:?}"))
+        self.ensemble(&[]).settle(&self.variant()).unwrap_or_else(|failure| panic!("{failure:?}"))
     }
 
     /// All variables of the system at rest: states, inputs, sums.
@@ -242,10 +201,7 @@ impl Test {
         variables.resize(program.slots() + 1, 0.0);
         let constants = program.block_constants(&parameters);
         program.evaluate(&constants, &mut variables);
-        Rest {
-            variables,
-            constants,
-        }
+        Rest { variables, constants }
     }
 }
 

@@ -25,54 +25,31 @@ fn time_series(y: &[f64]) -> Figure {
         .with(Series::new(NAME, &time, y))
         .with(Series::new("twin", &time, y))
         .with_band(Band::constant("±3 %", -0.03, 0.03));
-    TimeSeries::new(NAME, "time (s)")
-        .with(panel.clone())
-        .with(panel)
-        .draw()
+    TimeSeries::new(NAME, "time (s)").with(panel.clone()).with(panel).draw()
 }
 
 fn histogram(values: &[f64]) -> Figure {
     let mut grid = HistogramGrid::new(NAME, "residual", &["healthy", "faulty"]);
     grid.band = Some(0.03);
-    grid.panels.push(HistogramPanel::new(
-        NAME,
-        vec![values.into(), values.into()],
-    ));
-    grid.panels
-        .push(HistogramPanel::new("empty", vec![[].as_slice().into()]));
+    grid.panels.push(HistogramPanel::new(NAME, vec![values.into(), values.into()]));
+    grid.panels.push(HistogramPanel::new("empty", vec![[].as_slice().into()]));
     grid.draw()
 }
 
 fn bars(value: f64) -> Figure {
     Bars::new(NAME, "accuracy", &["one", "two"])
-        .with(
-            NAME,
-            vec![
-                Some(Bar::with_interval(value, value - 0.1, value + 0.1)),
-                None,
-            ],
-        )
+        .with(NAME, vec![Some(Bar::with_interval(value, value - 0.1, value + 0.1)), None])
         .with("second", vec![Some(Bar::new(-value)), Some(Bar::new(0.0))])
         .draw()
 }
 
 fn heatmap(count: u64) -> Figure {
     let classes = ["healthy", NAME, "jam"].map(str::to_owned).to_vec();
-    ConfusionMatrix::new(
-        NAME,
-        classes,
-        vec![vec![count, 1, 0], vec![0, 0, 0], vec![5]],
-    )
-    .draw()
+    ConfusionMatrix::new(NAME, classes, vec![vec![count, 1, 0], vec![0, 0, 0], vec![5]]).draw()
 }
 
 fn lines(value: f64, log: bool) -> Figure {
-    let points = vec![
-        (1.0, value),
-        (10.0, value * 2.0),
-        (f64::NAN, 1.0),
-        (100.0, -value),
-    ];
+    let points = vec![(1.0, value), (10.0, value * 2.0), (f64::NAN, 1.0), (100.0, -value)];
     let intervals = vec![(0.0, value); 4];
     let mut figure = Lines::new(NAME, "x", "y")
         .with(Curve::new(NAME, points.clone()).with_intervals(intervals))
@@ -90,36 +67,18 @@ fn tree(depth: usize) -> Figure {
         }
     }
     let classes = vec!["healthy".to_owned(), NAME.to_owned(), "jam".to_owned()];
-    Tree {
-        title: NAME.to_owned(),
-        classes,
-        root: grow(depth),
-    }
-    .draw()
+    Tree { title: NAME.to_owned(), classes, root: grow(depth) }.draw()
 }
 
 fn diagram(count: usize) -> Figure {
-    let mut diagram = Diagram {
-        title: NAME.to_owned(),
-        ..Diagram::default()
-    };
+    let mut diagram = Diagram { title: NAME.to_owned(), ..Diagram::default() };
     for number in 0..count {
         let id = format!("block_{number}");
         let group = format!("Group {}", number % 3);
-        diagram
-            .blocks
-            .push(Block::new(&id, "title\nsecond line", NAME, &group));
+        diagram.blocks.push(Block::new(&id, "title\nsecond line", NAME, &group));
         let wire = Wire::new(&format!("block_{}", number / 2), &id, "oil");
-        diagram.wires.push(Wire {
-            label: "p".to_owned(),
-            arrow: true,
-            ..wire
-        });
-        diagram.wires.push(Wire::new(
-            &id,
-            &format!("block_{}", number * 7 % count),
-            NAME,
-        ));
+        diagram.wires.push(Wire { label: "p".to_owned(), arrow: true, ..wire });
+        diagram.wires.push(Wire::new(&id, &format!("block_{}", number * 7 % count), NAME));
     }
     diagram.wires.push(Wire::new("block_0", "nowhere", "oil"));
     if let Some(last) = diagram.blocks.last_mut() {
@@ -129,9 +88,7 @@ fn diagram(count: usize) -> Figure {
 }
 
 fn gallery() -> Vec<(&'static str, Figure)> {
-    let wave: Vec<f64> = (0..9000)
-        .map(|step| (TAU * f64::from(step) * 1e-3).sin())
-        .collect();
+    let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
     vec![
         ("time series", time_series(&wave)),
         ("histogram", histogram(&wave)),
@@ -147,15 +104,8 @@ fn gallery() -> Vec<(&'static str, Figure)> {
 fn assert_well_formed(name: &str, figure: &Figure) {
     let document = Document::parse(&figure.svg).unwrap_or_else(|error| panic!("{name}: {error}"));
     let view = document.root_element().attribute("viewBox").unwrap();
-    assert_eq!(
-        view,
-        format!("0 0 {} {}", figure.width, figure.height),
-        "{name}"
-    );
-    assert!(
-        !figure.svg.contains("NaN") && !figure.svg.contains("inf"),
-        "{name}"
-    );
+    assert_eq!(view, format!("0 0 {} {}", figure.width, figure.height), "{name}");
+    assert!(!figure.svg.contains("NaN") && !figure.svg.contains("inf"), "{name}");
 }
 
 #[test]
@@ -164,10 +114,7 @@ fn every_kind_is_well_formed_and_deterministic() {
         assert_well_formed(name, &figure);
         assert_eq!(figure, again, "{name}");
         let document = Document::parse(&figure.svg).unwrap();
-        let title = document
-            .descendants()
-            .find(|node| node.has_tag_name("title"))
-            .unwrap();
+        let title = document.descendants().find(|node| node.has_tag_name("title")).unwrap();
         assert_eq!(title.text(), Some("a <b> & \"c\"  "), "{name}");
     }
 }
@@ -176,20 +123,11 @@ fn every_kind_is_well_formed_and_deterministic() {
 fn every_text_lies_inside_its_figure() {
     for (name, figure) in gallery() {
         let document = Document::parse(&figure.svg).unwrap();
-        for text in document
-            .descendants()
-            .filter(|node| node.has_tag_name("text"))
-        {
+        for text in document.descendants().filter(|node| node.has_tag_name("text")) {
             let place = |key| text.attribute(key).unwrap().parse::<f64>().unwrap();
             let inside = (0.0..=figure.width).contains(&place("x"))
                 && (0.0..=figure.height).contains(&place("y"));
-            assert!(
-                inside,
-                "{name}: {:?} at {} {}",
-                text.text(),
-                place("x"),
-                place("y")
-            );
+            assert!(inside, "{name}: {:?} at {} {}", text.text(), place("x"), place("y"));
         }
     }
 }
@@ -228,10 +166,7 @@ fn figures_are_saved_by_extension() {
     let figure = bars(0.5);
     figure.save(folder.file("a.svg")).unwrap();
     figure.save(folder.file("a.PNG")).unwrap();
-    assert_eq!(
-        std::fs::read_to_string(folder.file("a.svg")).unwrap(),
-        figure.svg
-    );
+    assert_eq!(std::fs::read_to_string(folder.file("a.svg")).unwrap(), figure.svg);
     let png = std::fs::read(folder.file("a.PNG")).unwrap();
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     // Width and height stand at fixed places of a PNG's header.
@@ -242,40 +177,24 @@ fn figures_are_saved_by_extension() {
     );
     assert_eq!(png, figure.png(2.0).unwrap());
     let error = figure.save(folder.file("a.pdf")).unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .ends_with("a.pdf: a figure is saved as .svg or .png"),
-        "{error}"
-    );
-    assert!(matches!(
-        figure.save(folder.file("no/a.svg")),
-        Err(FigureError::File(_))
-    ));
+    assert!(error.to_string().ends_with("a.pdf: a figure is saved as .svg or .png"), "{error}");
+    assert!(matches!(figure.save(folder.file("no/a.svg")), Err(FigureError::File(_))));
 }
 
 /// Text is drawn from the embedded font: without it, the picture would stay white.
 #[test]
 fn text_appears_in_the_picture() {
     let titled = Lines::new("MMMMMMMM", "", "").draw();
-    let bare = Figure {
-        svg: titled.svg.replace(">MMMMMMMM</text>", "></text>"),
-        ..titled.clone()
-    };
+    let bare = Figure { svg: titled.svg.replace(">MMMMMMMM</text>", "></text>"), ..titled.clone() };
     assert_ne!(titled.svg, bare.svg);
     assert_ne!(titled.png(1.0).unwrap(), bare.png(1.0).unwrap());
 }
 
 #[test]
 fn a_long_signal_makes_a_small_figure() {
-    let wave: Vec<f64> = (0..9000)
-        .map(|step| (TAU * f64::from(step) * 1e-3).sin())
-        .collect();
+    let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
     let size = time_series(&wave).svg.len();
-    assert!(
-        size < 100_000,
-        "two panels of two signals take {size} bytes"
-    );
+    assert!(size < 100_000, "two panels of two signals take {size} bytes");
 }
 
 proptest! {

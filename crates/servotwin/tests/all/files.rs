@@ -93,16 +93,10 @@ fn a_folder_is_no_file_and_a_file_no_folder() {
     fs::write(folder.file("a"), "").unwrap();
     let error = AtomicFile::create(folder.file("a/b")).unwrap_err();
     assert!(matches!(error, FileError::NotFolder { .. }), "{error}");
-    assert!(matches!(
-        create_folder(folder.file("a")),
-        Err(FileError::NotFolder { .. })
-    ));
+    assert!(matches!(create_folder(folder.file("a")), Err(FileError::NotFolder { .. })));
     create_folder(folder.file("b/c")).unwrap();
     create_folder(folder.file("b/c")).unwrap();
-    assert!(matches!(
-        read_bytes(folder.file("z")),
-        Err(FileError::Missing { .. })
-    ));
+    assert!(matches!(read_bytes(folder.file("z")), Err(FileError::Missing { .. })));
 }
 
 #[test]
@@ -114,12 +108,7 @@ fn a_read_only_file_is_respected() {
     permissions.set_readonly(true);
     fs::set_permissions(&path, permissions).unwrap();
     let error = write_atomically(&path, |out| out.write_all(b"new")).unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .ends_with("read-only, it cannot be written"),
-        "{error}"
-    );
+    assert!(error.to_string().ends_with("read-only, it cannot be written"), "{error}");
     assert_eq!(read_text(&path).unwrap(), "old");
 }
 
@@ -146,12 +135,7 @@ fn a_read_only_folder_is_denied_or_written_by_root() {
 fn devices_are_written_directly_and_a_full_disk_is_named() {
     use std::os::unix::fs::FileTypeExt;
     write_atomically("/dev/null", |out| out.write_all(b"x")).unwrap();
-    assert!(
-        fs::metadata("/dev/null")
-            .unwrap()
-            .file_type()
-            .is_char_device()
-    );
+    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
     let error = write_atomically("/dev/full", |out| out.write_all(&[0; 100_000])).unwrap_err();
     assert_eq!(error.to_string(), "/dev/full: the disk is full");
 }
@@ -166,15 +150,8 @@ fn behind_a_link_the_file_is_replaced_and_permissions_stay() {
     symlink(folder.file("real"), folder.file("link")).unwrap();
     write_atomically(folder.file("link"), |out| out.write_all(b"new")).unwrap();
     assert_eq!(read_text(folder.file("real")).unwrap(), "new");
-    assert!(
-        fs::symlink_metadata(folder.file("link"))
-            .unwrap()
-            .is_symlink()
-    );
-    let mode = fs::metadata(folder.file("real"))
-        .unwrap()
-        .permissions()
-        .mode();
+    assert!(fs::symlink_metadata(folder.file("link")).unwrap().is_symlink());
+    let mode = fs::metadata(folder.file("real")).unwrap().permissions().mode();
     assert_eq!(mode & 0o777, 0o640);
 }
 

@@ -27,17 +27,12 @@ fn data(folder: &str) -> Option<PathBuf> {
 
 fn classifier(kind: Kind) -> Settings {
     let list = comparison::default_classifiers();
-    list.into_iter()
-        .find(|settings| settings.kind() == kind)
-        .unwrap()
+    list.into_iter().find(|settings| settings.kind() == kind).unwrap()
 }
 
 fn accuracy(table: &Table, label: &str, group: Option<&str>, kind: Kind, how: HoldOut) -> f64 {
-    let selection = Selection {
-        label: label.into(),
-        group: group.map(str::to_owned),
-        features: vec![],
-    };
+    let selection =
+        Selection { label: label.into(), group: group.map(str::to_owned), features: vec![] };
     let score = validate_table(table, &selection, &classifier(kind), how, 2).unwrap();
     score.accuracy.share.unwrap()
 }
@@ -98,31 +93,18 @@ fn zema(folder: &std::path::Path) -> Table {
             let window = |cycle: &Vec<f64>| {
                 let mut window = Window::new(1);
                 let values = &cycle[segment * 10..segment * 10 + 10];
-                values
-                    .iter()
-                    .for_each(|value| window.add(&[*value], &[0.0], &[1.0]));
+                values.iter().for_each(|value| window.add(&[*value], &[0.0], &[1.0]));
                 window
             };
             let windows: Vec<Window> = cycles.iter().map(window).collect();
             let means: Vec<f64> = windows.iter().map(|w| w.mean(0)).collect();
             let variances: Vec<f64> = windows.iter().map(|w| w.covariance(0, 0)).collect();
-            table
-                .push(Column::new(format!("mean_{sensor}_{segment}"), "", means))
-                .unwrap();
-            table
-                .push(Column::new(
-                    format!("var_{sensor}_{segment}"),
-                    "",
-                    variances,
-                ))
-                .unwrap();
+            table.push(Column::new(format!("mean_{sensor}_{segment}"), "", means)).unwrap();
+            table.push(Column::new(format!("var_{sensor}_{segment}"), "", variances)).unwrap();
         }
     }
     let profile = std::fs::read_to_string(folder.join("profile.txt")).unwrap();
-    let rows: Vec<Vec<&str>> = profile
-        .lines()
-        .map(|l| l.split_whitespace().collect())
-        .collect();
+    let rows: Vec<Vec<&str>> = profile.lines().map(|l| l.split_whitespace().collect()).collect();
     for (place, name) in CONDITIONS.iter().enumerate() {
         let texts: Vec<String> = rows.iter().map(|row| row[place].to_owned()).collect();
         table.push(Column::new(*name, "", texts)).unwrap();
@@ -165,11 +147,7 @@ fn small() -> Table {
 }
 
 fn selection(label: &str) -> Selection {
-    Selection {
-        label: label.into(),
-        group: Some("batch".into()),
-        features: vec![],
-    }
+    Selection { label: label.into(), group: Some("batch".into()), features: vec![] }
 }
 
 #[test]
@@ -196,33 +174,21 @@ fn every_classifier_learns_a_small_table_with_a_constant_feature() {
 fn unfit_tables_are_refused_in_words() {
     let cart = classifier(Kind::Cart);
     let error = |table: &Table, selection: &Selection| {
-        train_table(table, selection, &cart)
-            .unwrap_err()
-            .to_string()
+        train_table(table, selection, &cart).unwrap_err().to_string()
     };
     assert!(error(&small(), &selection("clas")).contains("did you mean 'class'"));
     let mut one = small();
-    one.push(Column::new("same", "", vec!["a".to_owned(); 40]))
-        .unwrap();
+    one.push(Column::new("same", "", vec!["a".to_owned(); 40])).unwrap();
     assert!(error(&one, &selection("same")).contains("at least two classes"));
     let mut broken = small();
-    broken
-        .push(Column::new("y", "", vec![f64::NAN; 40]))
-        .unwrap();
+    broken.push(Column::new("y", "", vec![f64::NAN; 40])).unwrap();
     assert!(error(&broken, &selection("class")).contains("'y'"));
-    let text_only = Selection {
-        features: vec!["class".into()],
-        ..selection("class")
-    };
+    let text_only = Selection { features: vec!["class".into()], ..selection("class") };
     assert!(error(&small(), &text_only).contains("needed are numbers"));
     let many = HoldOut::Folds { folds: 9, seed: 1 };
     assert!(matches!(
         validate_table(&small(), &selection("class"), &cart, many, 1),
-        Err(EvaluationError::TooFewGroups {
-            found: 4,
-            needed: 9,
-            ..
-        })
+        Err(EvaluationError::TooFewGroups { found: 4, needed: 9, .. })
     ));
 }
 
@@ -230,15 +196,9 @@ fn unfit_tables_are_refused_in_words() {
 fn traces_become_windows_of_features() {
     let study = "format = 1\nwindow_rows = 5\nkeep = [\"class\"]\nfamilies = [\"moments\"]\n\
         [[sensors]]\nname = \"s\"\nmeasured = \"x\"\nnominal = \"always\"\nscale = 2.0\n";
-    let features = TraceStudy::parse(study)
-        .unwrap()
-        .features(&small())
-        .unwrap();
+    let features = TraceStudy::parse(study).unwrap().features(&small()).unwrap();
     assert_eq!(features.row_count(), 8);
-    assert_eq!(
-        features.names().collect::<Vec<_>>(),
-        ["class", "mean_s", "var_s", "no_dev_s"]
-    );
+    assert_eq!(features.names().collect::<Vec<_>>(), ["class", "mean_s", "var_s", "no_dev_s"]);
     // (0 + 1 + 2 + 3 + 4)/5 = 2; less 3; over 2.
     assert!((features.f64("mean_s").unwrap()[0] + 0.5).abs() < 1e-12);
     let refused = |text: &str| TraceStudy::parse(text).unwrap_err().to_string();
@@ -246,8 +206,5 @@ fn traces_become_windows_of_features() {
     assert!(refused(&study.replace("2.0", "0.0")).contains("above 0"));
     assert!(refused("format = 1\nwindow_rows = 5").contains("nothing to measure"));
     let long = TraceStudy::parse(&study.replace("= 5", "= 21")).unwrap();
-    assert!(matches!(
-        long.features(&small()),
-        Err(TraceError::NoWindow { longest: 20, .. })
-    ));
+    assert!(matches!(long.features(&small()), Err(TraceError::NoWindow { longest: 20, .. })));
 }

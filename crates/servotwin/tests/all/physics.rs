@@ -33,19 +33,13 @@ const ANGLE: &str = "aileron.angle_rad";
 fn near(what: &str, value: f64, expected: f64, relative: f64) {
     println!("{what}: {value:.6e}, expected {expected:.6e}");
     let error = (value / expected - 1.0).abs();
-    assert!(
-        error <= relative,
-        "{what}: {value} instead of {expected} (off by {error:.2e})"
-    );
+    assert!(error <= relative, "{what}: {value} instead of {expected} (off by {error:.2e})");
 }
 
 /// The mean rate of a signal while it crosses ± `limit`.
 fn crossing_rate(time_s: &[f64], x: &[f64], limit: f64) -> f64 {
     let at = |level: f64| {
-        let k = x
-            .windows(2)
-            .position(|w| w[0] < level && w[1] >= level)
-            .expect("it crosses");
+        let k = x.windows(2).position(|w| w[0] < level && w[1] >= level).expect("it crosses");
         time_s[k] + (level - x[k]) / (x[k + 1] - x[k]) * (time_s[k + 1] - time_s[k])
     };
     2.0 * limit / (at(limit) - at(-limit))
@@ -74,11 +68,7 @@ fn blocked() -> crate::aileron::Test {
 #[test]
 fn the_unloaded_ram_moves_at_the_rate_of_the_full_spool() {
     // C3: 91.60 mm/s is 100 °/s at the horn and 12.5 L/min.
-    let moved = test()
-        .load(0.0)
-        .command(step(0.1, -0.42, 0.42))
-        .lasting(0.8, 1e-3)
-        .run(&[X_P_1]);
+    let moved = test().load(0.0).command(step(0.1, -0.42, 0.42)).lasting(0.8, 1e-3).run(&[X_P_1]);
     let rate = crossing_rate(&moved.time_s, moved.of(X_P_1), 8e-3);
     near("rate m/s", rate, 91.60e-3, 2e-3);
 }
@@ -86,12 +76,8 @@ fn the_unloaded_ram_moves_at_the_rate_of_the_full_spool() {
 #[test]
 fn the_ram_slows_down_under_load_as_the_square_root_of_what_is_left() {
     // C3c: the steady solution of the valve's and the lines' equations.
-    for (force_n, rate_m_s) in [
-        (10e3, 80.3e-3),
-        (20e3, 67.2e-3),
-        (30e3, 51.1e-3),
-        (40e3, 28.0e-3),
-    ] {
+    for (force_n, rate_m_s) in [(10e3, 80.3e-3), (20e3, 67.2e-3), (30e3, 51.1e-3), (40e3, 28.0e-3)]
+    {
         let moved = constant_moment(test(), -2.0 * ARM_M * force_n)
             .command(step(0.1, -0.3, 0.42))
             .lasting(1.2, 1e-3)
@@ -109,12 +95,7 @@ fn a_blocked_ram_pushes_with_the_stall_force() {
     let force = rest.of("actuator_1.cylinder.position_m") * STIFFNESS_N_M;
     near("force N", force, 45_561.0, 1e-3);
     assert!(force < 45_637.0);
-    near(
-        "spring m",
-        rest.of("actuator_1.cylinder.position_m"),
-        2.28e-3,
-        2e-3,
-    );
+    near("spring m", rest.of("actuator_1.cylinder.position_m"), 2.28e-3, 2e-3);
 }
 
 #[test]
@@ -130,10 +111,8 @@ fn without_load_both_chambers_stand_half_way_and_the_valve_leaks_at_null() {
     let flow =
         |rest: &crate::aileron::Rest| rest.of("actuator_1.tank.port.flow_m3_s") / LITRE_PER_MINUTE;
     near("null leakage L/min", flow(&rest), 0.441, 5e-3);
-    let without_pilot = test()
-        .load(0.0)
-        .with("actuator_1.servo_valve.pilot_area_m2", 0.0)
-        .at_rest();
+    let without_pilot =
+        test().load(0.0).with("actuator_1.servo_valve.pilot_area_m2", 0.0).at_rest();
     near("of the four edges", flow(&without_pilot), 0.129, 0.01);
 }
 
@@ -145,18 +124,8 @@ fn one_percent_of_spool_gives_most_of_the_pressure() {
         .with_both("controller.pressure_gain", 0.0)
         .with_both("servo_valve.null_bias", 0.01)
         .at_rest();
-    near(
-        "spool",
-        rest.of("actuator_1.servo_valve.spool_position_m"),
-        10e-6,
-        1e-6,
-    );
-    near(
-        "pressure gain",
-        rest.of(P_A_1) - rest.of(P_B_1),
-        151.8 * BAR,
-        3e-3,
-    );
+    near("spool", rest.of("actuator_1.servo_valve.spool_position_m"), 10e-6, 1e-6);
+    near("pressure gain", rest.of(P_A_1) - rest.of(P_B_1), 151.8 * BAR, 3e-3);
 }
 
 // --------------------------------------------------------------- eigenvalues
@@ -165,9 +134,8 @@ fn one_percent_of_spool_gives_most_of_the_pressure() {
 fn eigenvalues(jacobian: &[Vec<f64>], states: &[usize]) -> Vec<Complex<f64>> {
     let scale = |k: usize| program().states()[states[k]].scale;
     let n = states.len();
-    let matrix = DMatrix::from_fn(n, n, |i, j| {
-        jacobian[states[i]][states[j]] * scale(j) / scale(i)
-    });
+    let matrix =
+        DMatrix::from_fn(n, n, |i, j| jacobian[states[i]][states[j]] * scale(j) / scale(i));
     matrix.complex_eigenvalues().iter().copied().collect()
 }
 
@@ -175,21 +143,14 @@ fn eigenvalues(jacobian: &[Vec<f64>], states: &[usize]) -> Vec<Complex<f64>> {
 fn mode(eigenvalues: &[Complex<f64>], near_hz: f64) -> (f64, f64) {
     let swinging = eigenvalues.iter().filter(|e| e.im > 0.0);
     let off = |e: &&Complex<f64>| (e.norm() / TAU / near_hz).ln().abs();
-    let found = swinging
-        .min_by(|a, b| off(a).total_cmp(&off(b)))
-        .expect("a mode");
+    let found = swinging.min_by(|a, b| off(a).total_cmp(&off(b))).expect("a mode");
     (found.norm() / TAU, -found.re / found.norm())
 }
 
 fn ram_states(actuator: &str) -> Vec<usize> {
-    [
-        "pressure_a_pa",
-        "pressure_b_pa",
-        "position_m",
-        "velocity_m_s",
-    ]
-    .map(|s| state(&format!("{actuator}.cylinder.{s}")))
-    .to_vec()
+    ["pressure_a_pa", "pressure_b_pa", "position_m", "velocity_m_s"]
+        .map(|s| state(&format!("{actuator}.cylinder.{s}")))
+        .to_vec()
 }
 
 /// No friction anywhere, at null, without load.
@@ -214,10 +175,7 @@ fn the_piston_swings_on_its_oil() {
     let oil_n_m = 2.0 * bulk_pa * AREA_M2 * AREA_M2 / 65e-6;
     near("oil stiffness N/m", oil_n_m, 2.14e8, 2e-3);
     let formula_hz = ((oil_n_m + STIFFNESS_N_M) / 2.0).sqrt() / TAU;
-    let (frequency_hz, _) = mode(
-        &eigenvalues(&frictionless(), &ram_states("actuator_1")),
-        1700.0,
-    );
+    let (frequency_hz, _) = mode(&eigenvalues(&frictionless(), &ram_states("actuator_1")), 1700.0);
     near("piston on oil Hz", frequency_hz, 1721.6, 1e-3);
     near("piston on oil Hz", frequency_hz, formula_hz, 1e-3);
 }
@@ -247,10 +205,7 @@ fn at_every_hold_all_motions_die_out() {
             .jacobian();
         let all: Vec<usize> = (0..program().states().len()).collect();
         let eigenvalues = eigenvalues(&jacobian, &all);
-        assert!(
-            eigenvalues.iter().all(|e| e.re < 0.0),
-            "{angle_deg}: {eigenvalues:?}"
-        );
+        assert!(eigenvalues.iter().all(|e| e.re < 0.0), "{angle_deg}: {eigenvalues:?}");
         let fastest = eigenvalues.iter().map(|e| e.re).fold(0.0, f64::min);
         near("fastest 1/s", fastest, -7.7e4, 0.02);
         let (frequency_hz, damping) = mode(&eigenvalues, 32.0);
@@ -285,9 +240,7 @@ fn the_loop_follows_steps_at_its_velocity_gain() {
             let fraction = (level - angle[k - 1]) / (angle[k] - angle[k - 1]);
             (run.time_s[k - 1] + 1e-3 * fraction - 0.1) * 1e3
         };
-        let outside = angle
-            .iter()
-            .rposition(|a| (a - last).abs() > 0.02 * (last - first).abs());
+        let outside = angle.iter().rposition(|a| (a - last).abs() > 0.02 * (last - first).abs());
         let settled_ms = (run.time_s[outside.unwrap()] - 0.1) * 1e3;
         println!("load {load} step {step_deg}: t63 {:.1}", time_to(0.632));
         near("final angle", last.to_degrees(), final_deg, 5e-3);
@@ -306,25 +259,10 @@ fn the_air_load_bends_the_attachments() {
     let angle = rest.of(ANGLE);
     near("angle deg", angle.to_degrees(), 9.171, 2e-4);
     let drop = |a: &str, b: &str| rest.of(a) - rest.of(b);
-    near(
-        "pressure difference 1",
-        drop(P_A_1, P_B_1),
-        65.1 * BAR,
-        2e-3,
-    );
-    near(
-        "pressure difference 2",
-        drop(P_A_2, P_B_2),
-        65.1 * BAR,
-        2e-3,
-    );
+    near("pressure difference 1", drop(P_A_1, P_B_1), 65.1 * BAR, 2e-3);
+    near("pressure difference 2", drop(P_A_2, P_B_2), 65.1 * BAR, 2e-3);
     let force = AREA_M2 * (drop(P_A_1, P_B_1) + drop(P_A_2, P_B_2));
-    near(
-        "hinge moment N m",
-        ARM_M * angle.cos() * force,
-        1532.95,
-        5e-4,
-    );
+    near("hinge moment N m", ARM_M * angle.cos() * force, 1532.95, 5e-4);
     // C11b: most of the droop is the attachments' compliance, the rest the
     // spool's offset against the leakage.
     let droop_deg = 10.0 - angle.to_degrees();
@@ -343,10 +281,7 @@ fn actuators_rigged_apart_fight_and_the_equaliser_makes_peace() {
             .with("actuator_1.controller.rig_offset_m", 1e-4)
             .with("equaliser.gain_m_pa", gain)
             .at_rest();
-        [
-            rest.of(P_A_1) - rest.of(P_B_1),
-            rest.of(P_A_2) - rest.of(P_B_2),
-        ]
+        [rest.of(P_A_1) - rest.of(P_B_1), rest.of(P_A_2) - rest.of(P_B_2)]
     };
     let formula = |gain: f64| 0.5 * STIFFNESS_N_M * 1e-4 / (AREA_M2 + STIFFNESS_N_M * gain);
     for (gain, prototype) in [(0.0, 4.351 * BAR), (2.5e-10, 1.370 * BAR)] {
@@ -372,12 +307,7 @@ fn one_active_actuator_drags_the_damped_one_at_seventy_millimetres_per_second() 
     let rate = crossing_rate(&run.time_s, run.of(X_P_1), 5e-3);
     near("rate m/s", rate, 70.1e-3, 0.01);
     let middle = run.of(X_P_1).iter().position(|x| *x > 0.0).unwrap();
-    near(
-        "damper Pa",
-        run.of(P_B_2)[middle] - run.of(P_A_2)[middle],
-        73.9 * BAR,
-        0.02,
-    );
+    near("damper Pa", run.of(P_B_2)[middle] - run.of(P_A_2)[middle], 73.9 * BAR, 0.02);
 }
 
 #[test]
@@ -387,12 +317,7 @@ fn with_both_damped_the_aileron_floats_where_the_air_wants_it() {
         .input("actuator_1.mode", constant(0.0))
         .input("actuator_2.mode", constant(0.0))
         .at_rest();
-    near(
-        "float angle deg",
-        rest.of(ANGLE).to_degrees(),
-        -2.2049,
-        1e-3,
-    );
+    near("float angle deg", rest.of(ANGLE).to_degrees(), -2.2049, 1e-3);
     for id in [P_A_1, P_B_1, P_A_2, P_B_2] {
         near(id, rest.of(id), 15.0 * BAR, 0.01);
     }
@@ -509,9 +434,8 @@ fn the_work_of_the_oil_goes_into_friction_springs_motion_and_air() {
         kept += stored(&|k| 0.5 * 2.0 * v(k).powi(2) + 0.5 * STIFFNESS_N_M * stretch(k).powi(2));
     }
     // What the air does: all the moment that the levers do not make.
-    let levers = |k: usize| {
-        -ARM_M * at(ANGLE, k).cos() * (at(rod_force[0], k) + at(rod_force[1], k))
-    };
+    let levers =
+        |k: usize| -ARM_M * at(ANGLE, k).cos() * (at(rod_force[0], k) + at(rod_force[1], k));
     let air = run.integral(|k| (at(moment, k) - levers(k)) * at(rate, k));
     lost += run.integral(|k| (5.0 * at(rate, k) + 5.0 * (at(rate, k) / 0.05).tanh()) * at(rate, k));
     kept += stored(&|k| 0.5 * 2.8 * at(rate, k).powi(2));
@@ -798,9 +722,14 @@ fn twelve(threads: usize, level: Level, spoiled: &[usize]) -> Vec<Result<Vec<Vec
         ..base.variant()
     };
     let mut runs: Vec<_> = (0..12).map(|_| None).collect();
-    ensemble.run(12, variant, |_| Vec::<Vec<f64>>::new(), |job, samples, outcome| {
-        runs[job] = Some(outcome.map(|_| samples));
-    });
+    ensemble.run(
+        12,
+        variant,
+        |_| Vec::<Vec<f64>>::new(),
+        |job, samples, outcome| {
+            runs[job] = Some(outcome.map(|_| samples));
+        },
+    );
     runs.into_iter().map(|run| run.expect("every variant ends")).collect()
 }
 

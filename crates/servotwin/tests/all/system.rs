@@ -68,11 +68,7 @@ fn broken_systems_are_told_what_is_wrong() {
     let update = std::env::var_os("UPDATE").is_some();
     let mut wrong = Vec::new();
     for path in files {
-        let name = path
-            .file_name()
-            .expect("a name")
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
         let text = read_text(&path).expect("readable");
         let found = match System::parse(&text, &name) {
             Ok(_) => "no mistake was found".to_owned(),
@@ -84,9 +80,7 @@ fn broken_systems_are_told_what_is_wrong() {
         }
         let expected = read_text(&golden).unwrap_or_default();
         if found != expected {
-            wrong.push(format!(
-                "--- {name}: expected\n{expected}\n--- found\n{found}\n"
-            ));
+            wrong.push(format!("--- {name}: expected\n{expected}\n--- found\n{found}\n"));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -98,36 +92,13 @@ fn the_aileron_has_the_agreed_parts() {
     assert_eq!(system.name, "aileron_dual");
     assert_eq!(system.network().components.len(), 2 * 23 + 5);
     assert_eq!(system.program.states().len(), 43);
-    let ids: Vec<&str> = system
-        .network()
-        .components
-        .iter()
-        .map(|c| c.id.as_str())
-        .collect();
-    let first = [
-        "supply",
-        "tank",
-        "supply_valve",
-        "tank_valve",
-        "manifold_supply",
-    ];
+    let ids: Vec<&str> = system.network().components.iter().map(|c| c.id.as_str()).collect();
+    let first = ["supply", "tank", "supply_valve", "tank_valve", "manifold_supply"];
     for (id, name) in ids.iter().zip(first) {
-        assert_eq!(
-            *id,
-            format!("actuator_1.{name}"),
-            "components keep the file's order"
-        );
+        assert_eq!(*id, format!("actuator_1.{name}"), "components keep the file's order");
     }
-    assert_eq!(
-        ids[46..],
-        ["equaliser", "aileron", "lever", "air", "sensor_aileron"]
-    );
-    let inputs: Vec<&str> = system
-        .network()
-        .inputs
-        .iter()
-        .map(|i| i.id.as_str())
-        .collect();
+    assert_eq!(ids[46..], ["equaliser", "aileron", "lever", "air", "sensor_aileron"]);
+    let inputs: Vec<&str> = system.network().inputs.iter().map(|i| i.id.as_str()).collect();
     assert_eq!(
         inputs,
         [
@@ -153,42 +124,25 @@ fn the_aileron_has_the_papers_twelve_residuals_first() {
     let system = System::default();
     let ids: Vec<&str> = system.sensors.iter().map(|s| s.id.as_str()).collect();
     let order = ["p_a", "p_b", "x_p", "x_v", "p_s", "p_t"];
-    let expected: Vec<String> = ["1", "2"]
-        .iter()
-        .flat_map(|k| order.map(|name| format!("{name}_{k}")))
-        .collect();
+    let expected: Vec<String> =
+        ["1", "2"].iter().flat_map(|k| order.map(|name| format!("{name}_{k}"))).collect();
     assert_eq!(ids[..12], expected);
     assert_eq!(ids[12..], ["x_p_3"]);
     for sensor in &system.sensors {
-        let observable = system
-            .program
-            .observable(&sensor.signal)
-            .expect("observable");
+        let observable = system.program.observable(&sensor.signal).expect("observable");
         assert_eq!(observable.unit, sensor.unit);
     }
     assert_eq!(system.sensor("x_p_2").map(|s| s.scale), Some(22.2e-3));
-    assert_eq!(
-        system.sensor("p_t_1").map(|s| (s.scale, s.unit)),
-        Some((25e5, Unit::Pascal))
-    );
+    assert_eq!(system.sensor("p_t_1").map(|s| (s.scale, s.unit)), Some((25e5, Unit::Pascal)));
 }
 
 #[test]
 fn the_aileron_overrides_faults_and_keeps_the_others() {
     let system = System::default();
     for k in [1, 2] {
-        assert_eq!(
-            fault(&system, &format!("actuator_{k}.leakage_a"), "leakage"),
-            2.0e-7
-        );
-        assert_eq!(
-            fault(&system, &format!("actuator_{k}.leakage_supply"), "leakage"),
-            2.5e-6
-        );
-        assert_eq!(
-            fault(&system, &format!("actuator_{k}.leakage_tank"), "leakage"),
-            5.0e-6
-        );
+        assert_eq!(fault(&system, &format!("actuator_{k}.leakage_a"), "leakage"), 2.0e-7);
+        assert_eq!(fault(&system, &format!("actuator_{k}.leakage_supply"), "leakage"), 2.5e-6);
+        assert_eq!(fault(&system, &format!("actuator_{k}.leakage_tank"), "leakage"), 5.0e-6);
     }
 }
 
@@ -250,10 +204,7 @@ leak.faults.clogging = 0.2
 "#,
     );
     let system = System::parse(&text, "small.toml").unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(
-        system.program.states()[0].name,
-        "second.chamber.pressure_pa"
-    );
+    assert_eq!(system.program.states()[0].name, "second.chamber.pressure_pa");
     assert_eq!(parameter(&system, "first.leak", "area_m2"), 2e-7);
     assert_eq!(parameter(&system, "second.leak", "area_m2"), 1e-7);
     assert_eq!(parameter(&system, "first.chamber", "volume_m3"), 1.0);
@@ -266,9 +217,7 @@ leak.faults.clogging = 0.2
 
 #[test]
 fn the_order_of_states_is_the_order_of_the_file() {
-    let reversed = FILLING
-        .replace("chamber", "z_chamber")
-        .replace("leak", "y_leak");
+    let reversed = FILLING.replace("chamber", "z_chamber").replace("leak", "y_leak");
     let more = r#"
 [components.a_chamber]
 kind = "volume"
@@ -282,24 +231,14 @@ area_m2 = 1e-7
         "connections = [[\"a_leak.a\", \"supply.port\"], [\"a_leak.b\", \"a_chamber.port\"], ",
     );
     let system = System::parse(&text, "small.toml").unwrap_or_else(|error| panic!("{error}"));
-    let names: Vec<&str> = system
-        .program
-        .states()
-        .iter()
-        .map(|s| s.name.as_str())
-        .collect();
+    let names: Vec<&str> = system.program.states().iter().map(|s| s.name.as_str()).collect();
     assert_eq!(names, ["a_chamber.pressure_pa", "z_chamber.pressure_pa"]);
     let swapped = small(&format!("{reversed}{more}")).replace(
         "connections = [",
         "connections = [[\"a_leak.a\", \"supply.port\"], [\"a_leak.b\", \"a_chamber.port\"], ",
     );
     let system = System::parse(&swapped, "small.toml").unwrap_or_else(|error| panic!("{error}"));
-    let names: Vec<&str> = system
-        .program
-        .states()
-        .iter()
-        .map(|s| s.name.as_str())
-        .collect();
+    let names: Vec<&str> = system.program.states().iter().map(|s| s.name.as_str()).collect();
     assert_eq!(names, ["z_chamber.pressure_pa", "a_chamber.pressure_pa"]);
 }
 
@@ -311,18 +250,12 @@ fn several_mistakes_are_told_in_the_order_of_the_file() {
     };
     let lines: Vec<usize> = mistakes.iter().map(|m| m.line).collect();
     assert_eq!(lines, [8, 11]);
-    assert!(
-        mistakes
-            .iter()
-            .all(|m| matches!(m.mistake, Mistake::Document(_)))
-    );
+    assert!(mistakes.iter().all(|m| matches!(m.mistake, Mistake::Document(_))));
 }
 
 #[test]
 fn a_file_that_is_not_there_is_told() {
-    let error = System::read("no/such/system.toml")
-        .err()
-        .expect("no system");
+    let error = System::read("no/such/system.toml").err().expect("no system");
     assert_eq!(error.to_string(), "no/such/system.toml: no such file");
 }
 
@@ -330,25 +263,15 @@ fn a_file_that_is_not_there_is_told() {
 #[test]
 fn damaged_files_are_no_reason_to_panic() {
     let whole = System::default().text;
-    for cut in (0..whole.len())
-        .step_by(97)
-        .filter(|&at| whole.is_char_boundary(at))
-    {
+    for cut in (0..whole.len()).step_by(97).filter(|&at| whole.is_char_boundary(at)) {
         // Without the loads and the sensors, it still is a system.
         let complete = whole[..cut].contains("[inputs.command]");
-        assert!(
-            complete || System::parse(&whole[..cut], "cut.toml").is_err(),
-            "cut at {cut}"
-        );
+        assert!(complete || System::parse(&whole[..cut], "cut.toml").is_err(), "cut at {cut}");
     }
     let lines: Vec<&str> = whole.lines().collect();
     for skipped in 0..lines.len() {
-        let rest: Vec<&str> = lines
-            .iter()
-            .enumerate()
-            .filter(|&(i, _)| i != skipped)
-            .map(|(_, l)| *l)
-            .collect();
+        let rest: Vec<&str> =
+            lines.iter().enumerate().filter(|&(i, _)| i != skipped).map(|(_, l)| *l).collect();
         if let Err(error) = System::parse(&rest.join("\n"), "skipped.toml") {
             assert!(!error.to_string().is_empty());
         }

@@ -12,26 +12,17 @@ use crate::files::Folder;
 fn sample() -> Table {
     let columns = vec![
         Column::new("time_s", "s", vec![0.0, 0.1, -0.0, f64::INFINITY]),
-        Column::new(
-            "pressure_a_pa",
-            "Pa",
-            vec![2.1e7, 1.0e-300, f64::MIN_POSITIVE, 1.0 / 3.0],
-        ),
+        Column::new("pressure_a_pa", "Pa", vec![2.1e7, 1.0e-300, f64::MIN_POSITIVE, 1.0 / 3.0]),
         Column::new("offset", "", vec![i64::MIN, -1, 0, i64::MAX]),
         Column::new("variant", "", vec![0_u32, 7, 8, u32::MAX]),
         Column::new("healthy", "", vec![true, false, true, true]),
         Column::new(
             "fault",
             "",
-            ["none", "12", "say \"hi\", all\r\nof you", ""]
-                .map(str::to_owned)
-                .to_vec(),
+            ["none", "12", "say \"hi\", all\r\nof you", ""].map(str::to_owned).to_vec(),
         ),
     ];
-    Table::from_columns(columns)
-        .unwrap()
-        .with_metadata("seed", "42")
-        .with_metadata("a", "ü")
+    Table::from_columns(columns).unwrap().with_metadata("seed", "42").with_metadata("a", "ü")
 }
 
 /// What CSV keeps of a table: no units, no metadata, and `u32` becomes `i64`.
@@ -41,11 +32,7 @@ fn as_csv_keeps(table: &Table) -> Table {
             let values: Vec<i64> = values.iter().map(|value| i64::from(*value)).collect();
             Column::new(&column.name, "", values)
         }
-        values => Column {
-            unit: String::new(),
-            values: values.clone(),
-            name: column.name.clone(),
-        },
+        values => Column { unit: String::new(), values: values.clone(), name: column.name.clone() },
     };
     Table::from_columns(table.columns().iter().map(keep).collect()).unwrap()
 }
@@ -53,19 +40,15 @@ fn as_csv_keeps(table: &Table) -> Table {
 fn bits(values: &Values) -> Vec<u64> {
     match values {
         // Every NaN reads back as a NaN; its payload is not kept by text.
-        Values::Float(values) => values
-            .iter()
-            .map(|value| if value.is_nan() { 1 } else { value.to_bits() })
-            .collect(),
+        Values::Float(values) => {
+            values.iter().map(|value| if value.is_nan() { 1 } else { value.to_bits() }).collect()
+        }
         _ => Vec::new(),
     }
 }
 
 fn assert_same(found: &Table, expected: &Table) {
-    assert_eq!(
-        found.names().collect::<Vec<_>>(),
-        expected.names().collect::<Vec<_>>()
-    );
+    assert_eq!(found.names().collect::<Vec<_>>(), expected.names().collect::<Vec<_>>());
     for (one, other) in found.columns().iter().zip(expected.columns()) {
         assert_eq!(bits(&one.values), bits(&other.values), "{}", one.name);
         if one.values.kind() != Kind::Float {
@@ -84,27 +67,15 @@ fn every_format_keeps_its_promise() {
         let path = folder.file(&format!("a.{}", format.extension));
         table::write(&path, &sample()).unwrap();
         let first = fs::read(&path).unwrap();
-        let expected = if format.extension == "csv" {
-            as_csv_keeps(&sample())
-        } else {
-            sample()
-        };
+        let expected = if format.extension == "csv" { as_csv_keeps(&sample()) } else { sample() };
         assert_same(&table::read(&path).unwrap(), &expected);
         table::write(&path, &sample()).unwrap();
-        assert_eq!(
-            first,
-            fs::read(&path).unwrap(),
-            "{} is not deterministic",
-            format.name
-        );
+        assert_eq!(first, fs::read(&path).unwrap(), "{} is not deterministic", format.name);
         table::write(&path, &sample().without_rows()).unwrap();
         let empty = table::read(&path).unwrap();
         assert_eq!((empty.row_count(), empty.columns().len()), (0, 6));
         assert!(matches!(
-            table::write(
-                folder.file("none").join(path.file_name().unwrap()),
-                &sample()
-            ),
+            table::write(folder.file("none").join(path.file_name().unwrap()), &sample()),
             Err(TableError::File(_))
         ));
     }
@@ -172,26 +143,14 @@ fn broken_csv_is_refused_with_its_place() {
         ("a,b\n1,2,3\n", "line 2 has 3 cells, the header has 2"),
         ("a,b\n1,2\n\n3,x\n", "line 4, column 'b': 'x' among numbers"),
         ("a\n1.5\n1,5\n", "line 3 has 2 cells, the header has 1"),
-        (
-            "a\n1.5\n1.5.2\n",
-            "line 3, column 'a': '1.5.2' among numbers",
-        ),
-        (
-            "a\ntrue\nyes\n",
-            "line 3, column 'a': 'yes' among true or false",
-        ),
+        ("a\n1.5\n1.5.2\n", "line 3, column 'a': '1.5.2' among numbers"),
+        ("a\ntrue\nyes\n", "line 3, column 'a': 'yes' among true or false"),
         ("a,b,a\n1,2,3\n", "two columns are named 'a'"),
         ("a,,c\n1,2,3\n", "line 1: column 2 has no name"),
-        (
-            "a;b\n1;2\n",
-            "line 1: cells are separated by ';', a comma is needed",
-        ),
+        ("a;b\n1;2\n", "line 1: cells are separated by ';', a comma is needed"),
         ("a\tb\n1\t2\n", "line 1: cells are separated by '\\t'"),
         ("a\n\"x\ny\n", "line 2: a quote is opened and never closed"),
-        (
-            "a,b\n1,\"x\ny\"z\n",
-            "line 3: a comma is needed after the closing quote",
-        ),
+        ("a,b\n1,\"x\ny\"z\n", "line 3: a comma is needed after the closing quote"),
     ];
     let folder = Folder::new("broken-csv");
     for (text, expected) in cases {
@@ -202,9 +161,7 @@ fn broken_csv_is_refused_with_its_place() {
         assert!(message.contains(expected), "{text:?}: {message}");
     }
     fs::write(folder.file("latin.csv"), b"a\n\"\xe9\"\n").unwrap();
-    let message = table::read(folder.file("latin.csv"))
-        .unwrap_err()
-        .to_string();
+    let message = table::read(folder.file("latin.csv")).unwrap_err().to_string();
     assert!(message.ends_with("line 2 is not UTF-8 text"), "{message}");
 }
 
@@ -229,23 +186,14 @@ fn getters_convert_what_they_can_and_explain_what_not() {
     let table = sample();
     assert_eq!(table.f64("variant").unwrap()[1], 7.0);
     assert_eq!(table.i64("variant").unwrap()[3], i64::from(u32::MAX));
-    assert_eq!(
-        table.columns_by_name(&["fault", "time_s"]).unwrap()[0].name,
-        "fault"
-    );
+    assert_eq!(table.columns_by_name(&["fault", "time_s"]).unwrap()[0].name, "fault");
     let messages = [
         (
             table.f64("presure_a_pa").unwrap_err(),
             "there is no column 'presure_a_pa'; did you mean 'pressure_a_pa'?",
         ),
-        (
-            table.f64("xyzzy_kg").unwrap_err(),
-            "there is no column 'xyzzy_kg'",
-        ),
-        (
-            table.f64("fault").unwrap_err(),
-            "column 'fault' holds text, needed are numbers",
-        ),
+        (table.f64("xyzzy_kg").unwrap_err(), "there is no column 'xyzzy_kg'"),
+        (table.f64("fault").unwrap_err(), "column 'fault' holds text, needed are numbers"),
         (
             table.text("healthy").unwrap_err(),
             "column 'healthy' holds true or false, needed are text",
@@ -263,20 +211,12 @@ fn getters_convert_what_they_can_and_explain_what_not() {
 #[test]
 fn a_table_refuses_columns_that_do_not_fit() {
     let mut table = sample();
-    let twice = table
-        .push(Column::new("time_s", "s", vec![0.0; 4]))
-        .unwrap_err();
+    let twice = table.push(Column::new("time_s", "s", vec![0.0; 4])).unwrap_err();
     assert_eq!(twice.to_string(), "there is already a column 'time_s'");
     let short = table.push(Column::new("x", "", vec![0.0])).unwrap_err();
-    assert_eq!(
-        short.to_string(),
-        "column 'x' has 1 rows, the others have 4"
-    );
+    assert_eq!(short.to_string(), "column 'x' has 1 rows, the others have 4");
     let other = Table::from_columns(vec![Column::new("x", "", vec![1.0])]).unwrap();
-    assert!(matches!(
-        table.append(other),
-        Err(TableError::ColumnCount { .. })
-    ));
+    assert!(matches!(table.append(other), Err(TableError::ColumnCount { .. })));
 }
 
 #[test]
@@ -294,10 +234,7 @@ fn parquet_streams_without_changing_the_table() {
     writer.finish().unwrap();
     let reader = ParquetReader::open_columns(&path, &["variant", "time_s"]).unwrap();
     assert_eq!(reader.row_count(), 200_000);
-    assert_eq!(
-        reader.schema().names().collect::<Vec<_>>(),
-        ["variant", "time_s"]
-    );
+    assert_eq!(reader.schema().names().collect::<Vec<_>>(), ["variant", "time_s"]);
     let mut rows = 0;
     for part in reader {
         let part = part.unwrap();
@@ -331,10 +268,7 @@ fn damaged_parquet_is_refused_and_never_panics() {
     assert!(refused(b"").ends_with("a.parquet: the file is empty"));
     for length in [3, 11, 12, whole.len() / 2, whole.len() - 1] {
         let message = refused(&whole[..length]);
-        assert!(
-            message.ends_with("this is no Parquet file, or its end is missing"),
-            "{message}"
-        );
+        assert!(message.ends_with("this is no Parquet file, or its end is missing"), "{message}");
     }
     assert!(refused(b"a,b\n1,2\nand so on\n").contains("this is no Parquet file"));
     let marks_only = [&b"PAR1"[..], &[0; 40], b"PAR1"].concat();
@@ -348,9 +282,7 @@ fn damaged_parquet_is_refused_and_never_panics() {
 }
 
 fn foreign(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/foreign")
-        .join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign").join(name)
 }
 
 #[test]
@@ -372,31 +304,15 @@ fn val_pyarrow_parquet_of_pandas_and_polars_is_read() {
 #[test]
 fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
     let cases = [
-        (
-            "null.parquet",
-            "null.parquet: column 'a', row 2: no value (null)",
-        ),
-        (
-            "when.parquet",
-            "column 'when' has the type Timestamp(ms); known are",
-        ),
-        (
-            "large.parquet",
-            "column 'a', row 2: 9223372036854775808 does not fit in 63 bits",
-        ),
-        (
-            "polars_zstd.parquet",
-            "column 'x_m' is compressed with ZSTD",
-        ),
+        ("null.parquet", "null.parquet: column 'a', row 2: no value (null)"),
+        ("when.parquet", "column 'when' has the type Timestamp(ms); known are"),
+        ("large.parquet", "column 'a', row 2: 9223372036854775808 does not fit in 63 bits"),
+        ("polars_zstd.parquet", "column 'x_m' is compressed with ZSTD"),
     ];
     for (name, expected) in cases {
         let message = table::read(foreign(name)).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
     let table = read_columns(&foreign("when.parquet"), &["a"]).unwrap();
-    assert_eq!(
-        table.row_count(),
-        2,
-        "a column not asked for is no obstacle"
-    );
+    assert_eq!(table.row_count(), 2, "a column not asked for is no obstacle");
 }

@@ -73,7 +73,8 @@ fn against_cvode(settings: Settings, period_s: f64, allowed: f64) {
     assert_eq!(names.len(), program().states().len());
     let mut too_large = Vec::new();
     for (case, fault) in CASES {
-        let test: Test = test().command(cvode_command()).settings(settings).lasting(DURATION_S, period_s);
+        let test: Test =
+            test().command(cvode_command()).settings(settings).lasting(DURATION_S, period_s);
         let test = match fault {
             Some((id, intensity)) => test.fault(id, intensity),
             None => test,
