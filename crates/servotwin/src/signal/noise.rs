@@ -13,8 +13,9 @@
 //! (SN4)  ds/dt_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2}) f_s/12
 //!
 //! with cubics through the samples and slopes. (Straight lines would have a
-//! corner at every sample; each corner excites the valve and costs the solver a
-//! third more steps, for frequencies that are not in the signal.) The factor c
+//! corner at every sample; each corner excites the valve and costs the solver
+//! steps, twice as many in 90 s of the aileron, for frequencies that are not in
+//! the signal.) The factor c
 //! makes the rms of s over the first `window` seconds, after the limit and the
 //! fade-in, the one that was asked for. The values do not depend on the duration
 //! of the run.
