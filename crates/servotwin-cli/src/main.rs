@@ -18,7 +18,7 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, faults, features, simulate, train,
+    campaign, check, completions, describe, evaluate, faults, features, report, simulate, train,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -56,6 +56,7 @@ enum Command {
     Features(features::Options),
     Train(train::Options),
     Evaluate(evaluate::Options),
+    Report(report::Options),
     Describe(describe::Options),
     Check(check::Options),
     Completions(completions::Options),
@@ -71,6 +72,7 @@ impl Command {
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),
+            Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
             Command::Completions(options) => Ok(completions::run(options)),

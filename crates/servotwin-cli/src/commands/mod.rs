@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod faults;
 pub mod features;
 mod progress;
+pub mod report;
 pub mod simulate;
 mod summary;
 pub mod train;

@@ -6,9 +6,11 @@
 //! | `dataset-<setting>.parquet`, `shards/` | campaign |
 //! | `hierarchy-<subject>.json` | train |
 //! | `evaluation.json` | evaluate |
+//! | `report.html`, `figures/` | report |
+//! | `manifest.json` | every stage |
 
 use super::{JobError, Subject};
-use crate::files::{self, create_folder, write_atomically};
+use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::study::{Setting, Study};
 use std::path::{Path, PathBuf};
 
@@ -50,6 +52,64 @@ impl Folder {
     /// What was measured of all subjects.
     pub fn results(&self) -> PathBuf {
         self.0.join("evaluation.json")
+    }
+
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.0.join("report.html")
+    }
+
+    /// The folder of the report's figures.
+    pub fn figures(&self) -> PathBuf {
+        self.0.join("figures")
+    }
+
+    /// Where everything comes from.
+    pub fn manifest(&self) -> PathBuf {
+        self.0.join("manifest.json")
+    }
+
+    /// Every result file that is there, the same order on every system.
+    ///
+    /// # Errors
+    /// The folder of the figures cannot be read.
+    pub fn results_there(&self) -> Result<Vec<PathBuf>, JobError> {
+        let mut files: Vec<PathBuf> = Setting::ALL.into_iter().map(|s| self.data_set(s)).collect();
+        files.extend(Subject::ALL.into_iter().map(|subject| self.hierarchy(subject)));
+        files.extend([self.results(), self.report()]);
+        files.retain(|file| file.exists());
+        files.extend(self.figure_files()?);
+        Ok(files)
+    }
+
+    fn figure_files(&self) -> Result<Vec<PathBuf>, JobError> {
+        let folder = self.figures();
+        if !folder.exists() {
+            return Ok(vec![]);
+        }
+        let wrong = |cause| FileError::from_io(&folder, cause);
+        let mut files = vec![];
+        for entry in std::fs::read_dir(&folder).map_err(wrong)? {
+            let path = entry.map_err(wrong)?.path();
+            if path.extension().is_some_and(|ending| ending == "svg") {
+                files.push(path);
+            }
+        }
+        files.sort();
+        Ok(files)
+    }
+
+    /// Removes the report and its figures.
+    ///
+    /// # Errors
+    /// They cannot be removed.
+    pub fn remove_report(&self) -> Result<(), JobError> {
+        let mut files = self.figure_files()?;
+        files.extend(Some(self.report()).filter(|report| report.exists()));
+        for file in files {
+            std::fs::remove_file(&file).map_err(|cause| FileError::from_io(&file, cause))?;
+        }
+        Ok(())
     }
 
     /// Makes the folder and writes the texts of the study and its system into it.

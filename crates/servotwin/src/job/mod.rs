@@ -1,4 +1,4 @@
-//! The main job, stage by stage: campaign, training, evaluation.
+//! The main job, stage by stage: campaign, training, evaluation, report.
 //!
 //! Every stage reads what the former has left in the output folder ([`folder`]), so that a user can
 //! change one thing and repeat the rest. What is diagnosed is a [`Subject`]: a data set, with or
@@ -6,6 +6,8 @@
 
 mod error;
 pub mod folder;
+pub mod manifest;
+pub mod report;
 pub mod results;
 mod subject;
 
