@@ -115,7 +115,16 @@ impl Page {
         self.figures.push((name.to_owned(), figure));
     }
 
-    /// A table with one sentence of what it shows.
+    /// Figures side by side, as many as fit.
+    pub fn beside(&mut self, write: impl FnOnce(&mut Page)) {
+        let mut inner = Page::default();
+        write(&mut inner);
+        self.html += "<div class=\"beside\">\n";
+        self.append(inner);
+        self.html += "</div>\n";
+    }
+
+    /// A table with one sentence of what it shows; a line feed in a cell begins a new line.
     pub fn table(&mut self, grid: &Grid, caption: &str) {
         let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
         self.html += "<div class=\"sheet\"><table>\n";
@@ -128,7 +137,8 @@ impl Page {
         for (row, strong) in &grid.rows {
             self.html += if *strong { "<tr class=\"strong\">" } else { "<tr>" };
             for (cell, (_, side)) in row.iter().zip(&grid.heads) {
-                let _ = write!(self.html, "<td{}>{}</td>", class(*side), escaped(cell));
+                let lines = escaped(cell).replace('\n', "<br>");
+                let _ = write!(self.html, "<td{}>{lines}</td>", class(*side));
             }
             self.html += "</tr>\n";
         }

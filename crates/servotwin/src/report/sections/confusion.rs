@@ -27,14 +27,15 @@ impl Section for Confusion {
             // Stages over all actuators; those of one class cannot be wrong.
             let shown =
                 |stage: &&StageScore| stage.actuator.is_none() && stage.score.classes.len() > 1;
-            for stage in grouped.stages.iter().filter(shown) {
-                let classes = stage.score.classes.iter().map(|class| spoken(class)).collect();
-                let counts = stage.score.confusion.clone();
-                let within = match &stage.command {
-                    Some(command) => format!(", failures that call for “{}”", spoken(command)),
-                    None => String::new(),
-                };
-                page.figure(
+            page.beside(|page| {
+                for stage in grouped.stages.iter().filter(shown) {
+                    let classes = stage.score.classes.iter().map(|class| spoken(class)).collect();
+                    let counts = stage.score.confusion.clone();
+                    let within = match &stage.command {
+                        Some(command) => format!(", failures that call for “{}”", spoken(command)),
+                        None => String::new(),
+                    };
+                    page.figure(
                     &format!("confusion_{}_{}", result.subject.name(), stage.id),
                     ConfusionMatrix::new("", classes, counts).draw(),
                     &format!(
@@ -43,7 +44,8 @@ impl Section for Confusion {
                         stage.id, grouped.splits
                     ),
                 );
-            }
+                }
+            });
         }
     }
 }

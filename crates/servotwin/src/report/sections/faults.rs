@@ -90,7 +90,7 @@ fn physical(study: &Study) -> Grid {
         grid.push(vec![
             spoken(&format!("{name}.{}", declared.name)),
             declared.summary.into(),
-            spoken(declared.parameter),
+            spoken(declared.parameter.trim_end_matches(unit.suffix())),
             value(&[]),
             value(&[FaultAt { intensity: 1.0, ..at }]),
             unit.shown().into(),

@@ -1,6 +1,6 @@
 //! The protocols: how variants were held out, and what came out under each.
 
-use crate::evaluation::protocol::{Protocol, ProtocolResult};
+use crate::evaluation::protocol::ProtocolResult;
 use crate::report::lines::ACCURACY;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{percent, rate};
@@ -49,20 +49,22 @@ impl Section for Protocols {
     }
 }
 
+/// Stages in rows, protocols in columns.
 fn grid(results: &[ProtocolResult]) -> Grid {
-    let heads = ACCURACY.iter().map(|line| line.title.split("  ").next().unwrap_or(line.title));
-    let mut all = vec![("held out".to_owned(), Side::Left), ("splits".to_owned(), Side::Right)];
-    all.extend(heads.map(|head| (head.to_owned(), Side::Right)));
-    all.push(("isolated".to_owned(), Side::Right));
-    let mut grid = Grid::new(all);
-    for result in results {
-        let mut row = vec![result.title.clone(), result.splits.to_string()];
-        row.extend(ACCURACY.iter().map(|line| rate((line.rate)(result)).replace(" (", "\u{a0}(")));
-        row.push(percent(result.isolated_of_all));
-        match result.protocol {
-            Protocol::Grouped => grid.push_strong(row),
-            _ => grid.push(row),
-        }
+    let mut heads = vec![("held out", Side::Left)];
+    heads.extend(results.iter().map(|result| (result.title.as_str(), Side::Right)));
+    let mut grid = Grid::new(heads);
+    let mut splits = vec!["splits".to_owned()];
+    splits.extend(results.iter().map(|result| result.splits.to_string()));
+    grid.push(splits);
+    for line in &ACCURACY {
+        let mut row = vec![line.title.to_owned()];
+        // The interval on a line of its own.
+        row.extend(results.iter().map(|r| rate((line.rate)(r)).replace(" (", "\n(")));
+        grid.push(row);
     }
+    let mut isolated = vec!["isolated".to_owned()];
+    isolated.extend(results.iter().map(|result| percent(result.isolated_of_all)));
+    grid.push(isolated);
     grid
 }
