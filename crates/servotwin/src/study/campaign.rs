@@ -11,7 +11,7 @@ use super::realism::Imperfection;
 use super::{Setting, Study};
 use crate::ensemble::{Ensemble, Sink, Variant};
 use crate::files::{FileError, create_folder};
-use crate::signal::random::Random;
+use crate::signal::random::Normals;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
@@ -405,7 +405,7 @@ struct Watch<'w> {
     observer: &'w Observer<'w>,
     window: Window,
     twin: &'w Twin,
-    noise: Option<Random>,
+    noise: Option<Normals>,
     measured: Vec<f64>,
     trace: Option<Vec<Vec<f64>>>,
 }
@@ -413,10 +413,10 @@ struct Watch<'w> {
 impl Sink for Watch<'_> {
     fn sample(&mut self, index: usize, values: &[f64]) {
         self.measured.copy_from_slice(values);
-        if let Some(random) = &mut self.noise {
+        if let Some(noise) = &mut self.noise {
             for (value, imperfection) in self.measured.iter_mut().zip(&self.observer.imperfections)
             {
-                *value = imperfection.apply(*value, random);
+                *value = imperfection.apply(*value, noise);
             }
         }
         if let Some(trace) = &mut self.trace {
