@@ -3,6 +3,7 @@
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
+use servotwin::job::JobError;
 use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
@@ -89,6 +90,8 @@ pub enum Failure {
     Figure(FigureError),
     /// A table does not serve for training or testing, or a model cannot be used.
     Evaluation(EvaluationError),
+    /// A stage of the main job stopped.
+    Job(JobError),
     /// A study file for traces has mistakes, or the traces are not as it says.
     Trace {
         /// The study file.
@@ -118,6 +121,8 @@ impl Failure {
             | Failure::Signal { .. } => 2,
             Failure::Table(TableError::UnknownFormat { .. }) => 2,
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
+            Failure::Job(JobError::File(_)) => 1,
+            Failure::Job(_) => 3,
             Failure::Campaign(_)
             | Failure::Run { .. }
             | Failure::Eigenvalues
@@ -161,6 +166,7 @@ impl fmt::Display for Failure {
             Failure::Table(error) => write!(out, "error: {error}"),
             Failure::Figure(error) => write!(out, "error: {error}"),
             Failure::Evaluation(error) => write!(out, "error: {error}"),
+            Failure::Job(error) => write!(out, "error: {error}"),
             Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
@@ -205,7 +211,19 @@ impl From<TableError> for Failure {
 
 impl From<EvaluationError> for Failure {
     fn from(error: EvaluationError) -> Self {
-        Failure::Evaluation(error)
+        match error {
+            EvaluationError::Cancelled => Failure::Stopped,
+            error => Failure::Evaluation(error),
+        }
+    }
+}
+
+impl From<JobError> for Failure {
+    fn from(error: JobError) -> Self {
+        match error {
+            JobError::Evaluation(EvaluationError::Cancelled) => Failure::Stopped,
+            error => Failure::Job(error),
+        }
     }
 }
 

@@ -29,6 +29,39 @@ pub(crate) fn add_scaled(target: &mut [f64], factor: f64, direction: &[f64]) {
     }
 }
 
+/// How many directions [`add_many`] adds at a time.
+const ABREAST: usize = 8;
+
+/// `target += factors[0] * directions[0] + …`, added one after the other as by [`add_scaled`], but
+/// with the target read and written once for several directions. `directions` holds one after the
+/// other, each as long as the target.
+pub(crate) fn add_many(target: &mut [f64], factors: &[f64], directions: &[f64]) {
+    let length = target.len();
+    let (blocks, rest) = factors.as_chunks::<ABREAST>();
+    let mut directions = directions;
+    for factors in blocks {
+        let (own, others) = directions.split_at(ABREAST * length);
+        directions = others;
+        add_block(target, factors, own);
+    }
+    for (&factor, direction) in rest.iter().zip(directions.chunks_exact(length.max(1))) {
+        add_scaled(target, factor, direction);
+    }
+}
+
+fn add_block(target: &mut [f64], factors: &[f64; ABREAST], directions: &[f64]) {
+    let length = target.len();
+    let rows: [&[f64]; ABREAST] =
+        core::array::from_fn(|place| &directions[place * length..(place + 1) * length]);
+    for (place, slot) in target.iter_mut().enumerate() {
+        let mut sum = *slot;
+        for (factor, row) in factors.iter().zip(&rows) {
+            sum += factor * row[place];
+        }
+        *slot = sum;
+    }
+}
+
 /// Place of the largest value; of equal ones the first.
 pub(crate) fn arg_max(values: impl IntoIterator<Item = f64>) -> usize {
     let mut best = (0, f64::NEG_INFINITY);

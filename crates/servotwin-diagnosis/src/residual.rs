@@ -210,6 +210,32 @@ impl Window {
         result
     }
 
+    /// The statistics as a flat list, to be stored: number of samples, first excursion (−1 for
+    /// none), largest sizes, means, co-moments.
+    pub fn to_values(&self) -> Vec<f64> {
+        let first = self.first_excursion.map_or(-1.0, |sample| sample as f64);
+        let head = [self.count as f64, first];
+        let lists = [&head[..], &self.largest, &self.mean, &self.moments];
+        lists.concat()
+    }
+
+    /// The window of a stored list; `None` if its length does not fit so many sensors.
+    pub fn from_values(sensors: usize, watched: usize, values: &[f64]) -> Option<Self> {
+        let mut window = Self::watching(sensors, watched);
+        let [count, first, rest @ ..] = values else { return None };
+        let (largest, rest) = rest.split_at_checked(sensors)?;
+        let (mean, moments) = rest.split_at_checked(2 * sensors)?;
+        if moments.len() != window.moments.len() {
+            return None;
+        }
+        window.count = *count as u64;
+        window.first_excursion = (*first >= 0.0).then_some(*first as u64);
+        window.largest = largest.to_vec();
+        window.mean = mean.to_vec();
+        window.moments = moments.to_vec();
+        Some(window)
+    }
+
     /// Forgets all samples.
     pub fn clear(&mut self) {
         *self = Self::watching(self.sensors, self.watched);
@@ -265,6 +291,9 @@ mod tests {
             let k = k as f64;
             window.add(&[k, -2.0 * k, k * k], &[1.0, k, 3.0], &[1.0, 2.0, 3.0]);
         }
+        let stored = Window::from_values(3, 3, &window.to_values()).unwrap();
+        assert_eq!(stored.reordered(&[0, 1, 2]), window.reordered(&[0, 1, 2]));
+        assert_eq!(Window::from_values(2, 2, &window.to_values()), None);
         let exchanged = window.reordered(&[1, 0, 2]);
         assert_eq!(exchanged.mean(0), window.mean(1));
         assert_eq!(exchanged.cross_covariance(0, 2), window.cross_covariance(1, 2));

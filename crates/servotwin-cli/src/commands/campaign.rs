@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
+use servotwin::job::Folder;
 use servotwin::study::campaign::{Campaign, Outcome};
 use servotwin::study::{Setting, Study};
 use servotwin_model::solver::Settings;
@@ -49,6 +50,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         named
             && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
     };
+    Folder::new(&options.out).keep_study(&study)?;
     let mut text = String::new();
     let mut results = Vec::new();
     for setting in Setting::ALL.into_iter().filter(wanted) {

@@ -1,29 +1,67 @@
-//! `servotwin evaluate`: a trained classifier judged with another table.
+//! `servotwin evaluate`: the hierarchies of a campaign under every protocol, or a trained
+//! classifier judged with another table.
 
+use super::progress::Stages;
+use super::summary;
 use super::train::people;
-use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
+use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::foreign::evaluate_table;
 use servotwin::evaluation::model_file;
+use servotwin::evaluation::parallel::Workers;
+use servotwin::job::{self, Folder};
 use servotwin::table;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Judge a classifier of `servotwin train` with a table it has not seen.
+/// Say how good the diagnosis of a campaign is, or judge a classifier with a table.
+///
+/// With the output folder of a campaign for which `servotwin train` has run, writes
+/// `evaluation.json` there. With a table, judges the `--model` on it.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The table (.csv or .parquet), with the features and the class that the model knows.
-    table: PathBuf,
-    /// The model, a file that `servotwin train --out` has written.
+    /// The output folder of a campaign; or a table (.csv or .parquet) with the features and the
+    /// class that the model knows.
+    input: PathBuf,
+    /// The model for a table, a file that `servotwin train --out` has written.
     #[arg(long)]
-    model: PathBuf,
+    model: Option<PathBuf>,
+    /// Number of threads [default: all processors; the results do not depend on it].
+    #[arg(long)]
+    threads: Option<usize>,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let model = model_file::read_table_model(&options.model)?;
-    let score = evaluate_table(&table::read(&options.table)?, &model)?;
+    match (options.input.is_dir(), &options.model) {
+        (true, None) => folder(options, global),
+        (true, Some(_)) => Err(Failure::Options("--model is for tables, not for folders")),
+        (false, Some(model)) => of_table(&options.input, model, global),
+        (false, None) => Err(Failure::Options("a table needs --model, the classifier to judge")),
+    }
+}
+
+fn folder(options: &Options, global: Global) -> Result<String, Failure> {
+    stop::listen();
+    let folder = Folder::new(&options.input);
+    let study = folder.read_study()?;
+    let workers = options.threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag());
+    let stages = Stages::new(global);
+    let results = job::evaluate_all(&folder, &study, workers, &|subject, what| {
+        stages.show(&format!("{}: {what}", subject.name()));
+    })?;
+    stages.end();
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(results)),
+        Global { quiet: true, .. } => String::new(),
+        _ => summary::text(&results),
+    })
+}
+
+fn of_table(table: &Path, model: &Path, global: Global) -> Result<String, Failure> {
+    let model = model_file::read_table_model(model)?;
+    let score = evaluate_table(&table::read(table)?, &model)?;
     Ok(match global.json {
         true => json(&json!({ "classifier": model.model.kind().id(), "score": score })),
         false => format!("{}:\n{}", model.model.kind().title(), people(&score)),

@@ -1,39 +1,87 @@
-//! `servotwin features`: features of windows of any measured and nominal signals.
+//! `servotwin features`: the features of a campaign computed anew, or those of windows of any
+//! measured and nominal signals.
 
 use crate::Global;
 use crate::failure::Failure;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceStudy;
+use servotwin::job::Folder;
+use servotwin::study::Setting;
+use servotwin::study::campaign::Campaign;
 use servotwin::{files, table};
-use std::path::PathBuf;
+use servotwin_model::solver::Settings;
+use std::path::{Path, PathBuf};
 
-/// Compute features from traces: measured and nominal signals as columns of a table.
+/// Compute the features of a campaign anew, or those of traces.
+///
+/// With the output folder of a campaign, makes its data sets again from the stored windows, without
+/// simulating anything: for a program whose features have changed. With traces (measured and
+/// nominal signals as columns of a table), writes a table of the features of their windows.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The traces (.csv or .parquet).
-    traces: PathBuf,
-    /// The study file that says which columns are what (see studies/liu_engine.toml).
+    /// The output folder of a campaign, or traces (.csv or .parquet).
+    input: PathBuf,
+    /// The study file that says which columns of the traces are what (see studies/liu_engine.toml).
     #[arg(long)]
-    study: PathBuf,
+    study: Option<PathBuf>,
     /// The table of features to write (.csv or .parquet).
     #[arg(long)]
-    out: PathBuf,
+    out: Option<PathBuf>,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let text = files::read_text(&options.study).map_err(EvaluationError::File)?;
-    let in_study = |error| Failure::Trace { path: options.study.clone(), error };
-    let study = TraceStudy::parse(&text).map_err(in_study)?;
-    let features = study.features(&table::read(&options.traces)?).map_err(in_study)?;
-    table::write(&options.out, &features)?;
+    match (options.input.is_dir(), &options.study, &options.out) {
+        (true, None, None) => folder(&Folder::new(&options.input), global),
+        (true, _, _) => Err(Failure::Options("--study and --out are for traces, not for folders")),
+        (false, Some(study), Some(out)) => of_traces(&options.input, study, out, global),
+        (false, _, _) => Err(Failure::Options("traces need --study and --out")),
+    }
+}
+
+fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
+    let study = folder.read_study()?;
+    let mut list = vec![];
+    for setting in Setting::ALL.into_iter().filter(|&setting| folder.data_set(setting).exists()) {
+        let campaign = Campaign {
+            study: &study,
+            setting,
+            settings: Settings::campaign(),
+            threads: 1,
+            folder: folder.path().into(),
+            keep_traces: false,
+            cancel: None,
+        };
+        let (table, _) = campaign.features()?;
+        list.push((folder.data_set(setting), table.row_count(), table.columns().len()));
+    }
+    let line = |(path, rows, columns): &(PathBuf, usize, usize)| {
+        format!("{}: {rows} variants, {columns} columns\n", path.display())
+    };
+    let entry = |(path, rows, columns): &(PathBuf, usize, usize)| json!({ "file": path.display().to_string(), "variants": rows, "columns": columns });
+    Ok(match (global.json, global.quiet) {
+        (true, _) => crate::render::json(&list.iter().map(entry).collect()),
+        (false, true) => String::new(),
+        (false, false) => list.iter().map(line).collect(),
+    })
+}
+
+fn of_traces(
+    traces: &Path,
+    study: &PathBuf,
+    out: &Path,
+    global: Global,
+) -> Result<String, Failure> {
+    let text = files::read_text(study).map_err(EvaluationError::File)?;
+    let in_study = |error| Failure::Trace { path: study.clone(), error };
+    let parsed = TraceStudy::parse(&text).map_err(in_study)?;
+    let features = parsed.features(&table::read(traces)?).map_err(in_study)?;
+    table::write(out, &features)?;
     let (windows, columns) = (features.row_count(), features.columns().len());
     Ok(match (global.json, global.quiet) {
         (true, _) => crate::render::json(&json!({ "windows": windows, "columns": columns })),
         (false, true) => String::new(),
-        (false, false) => {
-            format!("{}: {windows} windows, {columns} columns\n", options.out.display())
-        }
+        (false, false) => format!("{}: {windows} windows, {columns} columns\n", out.display()),
     })
 }

@@ -7,7 +7,9 @@ pub mod describe;
 pub mod evaluate;
 pub mod faults;
 pub mod features;
+mod progress;
 pub mod simulate;
+mod summary;
 pub mod train;
 
 use crate::failure::Failure;

@@ -1,4 +1,4 @@
-//! `servotwin train`: a classifier from any table of features.
+//! `servotwin train`: the hierarchies of a campaign, or a classifier from any table of features.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -8,20 +8,25 @@ use serde_json::json;
 use servotwin::evaluation::comparison::default_classifiers;
 use servotwin::evaluation::foreign::{HoldOut, Selection, train_table, validate_table};
 use servotwin::evaluation::model_file;
+use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::score::Score;
+use servotwin::job::{self, Folder};
 use servotwin::table;
 use servotwin_diagnosis::classifiers::{ALL, Kind, Settings};
 use std::path::PathBuf;
-use std::thread::available_parallelism;
 
-/// Train a classifier from a table of features and say how good it is on rows held out.
+/// Train the hierarchies of a campaign, or a classifier from a table.
+///
+/// With the output folder of a campaign, writes a hierarchy for each data set there. With a table
+/// of features, says how good a classifier is on rows held out.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The table (.csv or .parquet): a row is an example, columns are features.
-    table: PathBuf,
-    /// The column with the class.
+    /// The output folder of a campaign; or a table (.csv or .parquet): a row is an example, columns
+    /// are features.
+    input: PathBuf,
+    /// The column with the class (tables only, as all options that follow).
     #[arg(long)]
-    label: String,
+    label: Option<String>,
     /// The column with the group; rows of one group are held out together.
     #[arg(long)]
     group: Option<String>,
@@ -87,17 +92,42 @@ impl Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let table = table::read(&options.table)?;
+    match (options.input.is_dir(), &options.label) {
+        (true, None) => folder(&Folder::new(&options.input), global),
+        (true, Some(_)) => Err(Failure::Options("--label is for tables, not for folders")),
+        (false, Some(label)) => of_table(options, label, global),
+        (false, None) => Err(Failure::Options("a table needs --label, the column with the class")),
+    }
+}
+
+fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
+    let study = folder.read_study()?;
+    let (mut text, mut results) = (String::new(), vec![]);
+    for subject in job::subjects(folder, &study)? {
+        let hierarchy = job::train(folder, &study, subject)?;
+        let path = folder.hierarchy(subject);
+        let stages: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
+        text += &format!("{}: {} trees: {}\n", path.display(), stages.len(), stages.join(" "));
+        results.push(json!({ "subject": subject, "stages": stages }));
+    }
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(results)),
+        Global { quiet: true, .. } => String::new(),
+        _ => text,
+    })
+}
+
+fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Failure> {
+    let table = table::read(&options.input)?;
     let selection = Selection {
-        label: options.label.clone(),
+        label: label.into(),
         group: options.group.clone(),
         features: options.features.clone(),
     };
     let settings = options.settings();
     let folds = HoldOut::Folds { folds: options.folds, seed: options.seed };
     let hold_out = options.last.map_or(folds, |share| HoldOut::Last { share });
-    let threads = available_parallelism().map_or(1, |threads| threads.get());
-    let score = validate_table(&table, &selection, &settings, hold_out, threads)?;
+    let score = validate_table(&table, &selection, &settings, hold_out, Workers::all())?;
     if let Some(path) = &options.out {
         model_file::write(path, &train_table(&table, &selection, &settings)?)?;
     }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::{Classifier, Fit};
 use crate::data::{PresentClasses, Samples};
 use crate::error::{Error, require, same_length};
-use crate::numeric::{Standardiser, add_scaled, dot, softmax};
+use crate::numeric::{Standardiser, add_many, add_scaled, dot, softmax};
 use crate::random::Random;
 
 /// Adam's decay of the mean gradient, of the mean squared gradient, and its guard against zero.
@@ -153,8 +153,11 @@ struct Training<'a> {
     /// Powers of Adam's decays after the steps so far.
     decays: (f64, f64),
     hidden: Vec<f64>,
-    hidden_errors: Vec<f64>,
     errors: Vec<f64>,
+    /// The hidden errors of each row of the batch.
+    hidden_errors: Vec<f64>,
+    /// One feature of each row of the batch.
+    feature: Vec<f64>,
 }
 
 impl<'a> Training<'a> {
@@ -186,8 +189,9 @@ impl<'a> Training<'a> {
             mean_square: vec![0.0; size],
             decays: (1.0, 1.0),
             hidden: vec![0.0; shape.hidden],
-            hidden_errors: vec![0.0; shape.hidden],
             errors: vec![0.0; shape.classes],
+            hidden_errors: vec![],
+            feature: vec![],
         }
     }
 
@@ -208,10 +212,13 @@ impl<'a> Training<'a> {
     fn batch(&mut self, batch: &[u32]) -> f64 {
         self.gradient.fill(0.0);
         let mut loss = 0.0;
-        for &row in batch {
+        self.hidden_errors.clear();
+        self.hidden_errors.resize(batch.len() * self.shape.hidden, 0.0);
+        for (place, &row) in batch.iter().enumerate() {
             loss += self.forward(row as usize);
-            self.backward(row as usize);
+            self.output_backward(place);
         }
+        self.hidden_backward(batch);
         let squares = self.add_penalty();
         let rows = batch.len() as f64;
         self.gradient.iter_mut().for_each(|slope| *slope /= rows);
@@ -226,12 +233,7 @@ impl<'a> Training<'a> {
         let (weights, intercepts) = first.split_at(features * hidden);
         self.hidden.copy_from_slice(intercepts);
         let values = &self.table[row * features..(row + 1) * features];
-        for (&value, weights) in values.iter().zip(weights.chunks_exact(hidden)) {
-            // Constant features, and zeros of sparse ones, cost nothing.
-            if value != 0.0 {
-                add_scaled(&mut self.hidden, value, weights);
-            }
-        }
+        add_many(&mut self.hidden, values, weights);
         let (weights, intercepts) = output.split_at(hidden * classes);
         self.errors.copy_from_slice(intercepts);
         for (unit, weights) in self.hidden.iter_mut().zip(weights.chunks_exact(classes)) {
@@ -249,30 +251,38 @@ impl<'a> Training<'a> {
         loss
     }
 
-    /// Adds the gradient of the row that went forward.
-    fn backward(&mut self, row: usize) {
-        let Shape { features, hidden, classes } = self.shape;
-        let (first, output) = self.gradient.split_at_mut(self.shape.output());
+    /// Adds the output layer's gradient of the row that went forward, and fills the hidden errors
+    /// of its place in the batch.
+    fn output_backward(&mut self, place: usize) {
+        let Shape { hidden, classes, .. } = self.shape;
+        let output = &mut self.gradient[self.shape.output()..];
         let (slopes, intercepts) = output.split_at_mut(hidden * classes);
         add_scaled(intercepts, 1.0, &self.errors);
         let weights = self.parameters[self.shape.output()..].chunks_exact(classes);
-        let units = self.hidden.iter().zip(&mut self.hidden_errors);
+        let hidden_errors = &mut self.hidden_errors[place * hidden..(place + 1) * hidden];
+        let units = self.hidden.iter().zip(hidden_errors);
         for (((&unit, error), slopes), weights) in
             units.zip(slopes.chunks_exact_mut(classes)).zip(weights)
         {
-            *error = 0.0;
             if unit > 0.0 {
                 add_scaled(slopes, unit, &self.errors);
                 *error = dot(weights, &self.errors);
             }
         }
-        let (slopes, intercepts) = first.split_at_mut(features * hidden);
-        add_scaled(intercepts, 1.0, &self.hidden_errors);
-        let values = &self.table[row * features..(row + 1) * features];
-        for (&value, slopes) in values.iter().zip(slopes.chunks_exact_mut(hidden)) {
-            if value != 0.0 {
-                add_scaled(slopes, value, &self.hidden_errors);
-            }
+    }
+
+    /// Adds the hidden layer's gradient of a whole batch, feature by feature.
+    fn hidden_backward(&mut self, batch: &[u32]) {
+        let Shape { features, hidden, .. } = self.shape;
+        let (slopes, intercepts) = self.gradient.split_at_mut(features * hidden);
+        for errors in self.hidden_errors.chunks_exact(hidden) {
+            add_scaled(&mut intercepts[..hidden], 1.0, errors);
+        }
+        for (feature, slopes) in slopes.chunks_exact_mut(hidden).enumerate() {
+            self.feature.clear();
+            let values = batch.iter().map(|&row| self.table[row as usize * features + feature]);
+            self.feature.extend(values);
+            add_many(slopes, &self.feature, &self.hidden_errors);
         }
     }
 

@@ -57,6 +57,14 @@ pub(crate) struct NodeRows<'a> {
     pub weights: &'a [f64],
 }
 
+impl NodeRows<'_> {
+    /// Whether no other row shares the value of the one at a place in the order.
+    fn is_single(&self, place: usize) -> bool {
+        let value = |place: usize| self.sorted.get(place).map(|&row| self.column[row as usize]);
+        value(place + 1) != value(place)
+    }
+}
+
 /// The number that separates two neighbouring values: their middle, or the lower one where the
 /// middle is rounded up to the upper one.
 fn separate(lower: f64, upper: f64) -> f64 {
@@ -64,7 +72,9 @@ fn separate(lower: f64, upper: f64) -> f64 {
     if lower <= middle && middle < upper { middle } else { lower }
 }
 
-/// Tries every threshold of a feature. `scan` must have been started with the node's weights.
+/// Tries every threshold of a feature that can be the best. Between two values whose rows all have
+/// one class it cannot: impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992).
+/// `scan` must have been started with the node's weights.
 pub(crate) fn best_of_feature<S: Scan>(
     rows: &NodeRows,
     feature: usize,
@@ -73,18 +83,28 @@ pub(crate) fn best_of_feature<S: Scan>(
     scan: &mut S,
 ) -> Offer {
     let mut offer = Offer::default();
+    let may_skip = min_rows <= 1 && limits == Limits::default();
     let (mut best, mut best_forbidden) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
     let mut value = rows.column[rows.sorted[0] as usize];
     // Past this many rows on the left, too few are on the right.
     let last = rows.sorted.len() + 1 - min_rows.min(rows.sorted.len()).max(1);
+    // Whether all rows of the current value have one class.
+    let mut is_pure = true;
     for (left, pair) in (1..last).zip(rows.sorted.windows(2)) {
-        let row = pair[0] as usize;
+        let (row, next_row) = (pair[0] as usize, pair[1] as usize);
         scan.move_left(rows.labels[row] as usize, rows.weights[row]);
-        let next = rows.column[pair[1] as usize];
-        if next > value && left >= min_rows {
+        let next = rows.column[next_row];
+        let same_class = rows.labels[row] == rows.labels[next_row];
+        if next > value {
+            let skipped = may_skip && is_pure && same_class && rows.is_single(left);
+            let lower = core::mem::replace(&mut value, next);
+            is_pure = true;
+            if skipped || left < min_rows {
+                continue;
+            }
             let score = scan.score();
             if score > best {
-                let (threshold, gap) = (separate(value, next), next - value);
+                let (threshold, gap) = (separate(lower, next), next - lower);
                 let candidate = Candidate { feature, threshold, gap, score };
                 if limits.allow(threshold, gap) {
                     best = score;
@@ -94,8 +114,9 @@ pub(crate) fn best_of_feature<S: Scan>(
                     offer.forbidden = Some(candidate);
                 }
             }
+        } else {
+            is_pure &= same_class;
         }
-        value = next;
     }
     offer
 }

@@ -2,10 +2,11 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
+use super::parallel::Workers;
 use super::protocol::{Holding, Protocol, summary};
 use super::run::{Scope, run};
 use super::score::Rate;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::Settings;
@@ -14,7 +15,7 @@ use servotwin_diagnosis::hierarchy::Settings;
 const DEPTHS: std::ops::RangeInclusive<usize> = 3..=9;
 
 /// The result with a part taken away.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ablation {
     /// What was done.
     pub title: String,
@@ -46,14 +47,14 @@ pub fn evaluate(
     data: &DataSet,
     settings: &Settings,
     holding: Holding,
-    threads: usize,
+    workers: Workers,
 ) -> Result<Vec<Ablation>, EvaluationError> {
     let splits = Protocol::Grouped.splits(data, Holding { deals: 1, ..holding })?;
     if splits.is_empty() {
         return Ok(vec![]);
     }
     let list = variations(&data.families(), settings);
-    list.iter().map(|variation| one(data, variation, &splits, threads)).collect()
+    list.iter().map(|variation| one(data, variation, &splits, workers)).collect()
 }
 
 fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
@@ -106,10 +107,10 @@ fn one(
     data: &DataSet,
     variation: &Variation,
     splits: &[Split],
-    threads: usize,
+    workers: Workers,
 ) -> Result<Ablation, EvaluationError> {
     let data = data.with_features(|info| variation.families.contains(&info.family))?;
-    let outcomes = run(&data, &variation.settings, splits, Scope::All, threads)?;
+    let outcomes = run(&data, &variation.settings, splits, Scope::All, workers)?;
     let result = summary(Protocol::Grouped, &data, &outcomes, "");
     let share = |rate: &Rate| rate.share.unwrap_or(0.0);
     let worst = result.components.iter().max_by(|a, b| {

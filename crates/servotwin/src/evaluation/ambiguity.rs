@@ -2,12 +2,12 @@
 
 use super::data_set::DataSet;
 use super::run::{Outcome, first_error};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Question;
 use std::collections::BTreeMap;
 
 /// A kind of fault taken for another.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Confused {
     /// What it was, without the actuator.
     pub kind: String,
@@ -22,7 +22,7 @@ pub struct Confused {
 }
 
 /// Kinds of fault that are taken for each other.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ambiguity {
     /// Pairs, the most frequent first.
     pub pairs: Vec<Confused>,

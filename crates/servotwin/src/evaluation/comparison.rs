@@ -2,11 +2,11 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel;
+use super::parallel::{self, Workers};
 use super::protocol::{Holding, Protocol};
 use super::run::settled;
 use super::score::{Prediction, Score};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Kind};
 use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
@@ -15,12 +15,12 @@ use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
 const DEPTH: usize = 7;
 
 /// A classifier's result in one question under one protocol.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
     /// Its id.
-    pub classifier: &'static str,
+    pub classifier: String,
     /// Its name.
-    pub title: &'static str,
+    pub title: String,
     /// The stage: `A` or `B`.
     pub stage: String,
     /// The protocol.
@@ -59,7 +59,7 @@ pub fn evaluate(
     hierarchy: &Settings,
     list: &[classifiers::Settings],
     holding: Holding,
-    threads: usize,
+    workers: Workers,
 ) -> Result<Vec<Compared>, EvaluationError> {
     let hierarchy = settled(data, hierarchy);
     let asks = |place: &Place| place.question != Question::Detail;
@@ -77,7 +77,7 @@ pub fn evaluate(
                 jobs.extend(splits.iter().map(job));
             }
         }
-        let results = parallel::map(&jobs, threads, |job| test(data, &hierarchy, job));
+        let results = parallel::map(&jobs, workers, |job| test(data, &hierarchy, job))?;
         let results: Result<Vec<Vec<Prediction>>, _> = results.into_iter().collect();
         for (jobs, predictions) in jobs.chunks(splits.len()).zip(results?.chunks(splits.len())) {
             compared.push(of_splits(data, protocol, &jobs[0], predictions));
@@ -97,8 +97,8 @@ fn of_splits(
     let classes = classes.iter().map(|&c| names.class_name(job.place.question, c).to_owned());
     let kind = job.settings.kind();
     Compared {
-        classifier: kind.id(),
-        title: kind.title(),
+        classifier: kind.id().into(),
+        title: kind.title().into(),
         stage: job.place.id(),
         protocol,
         score: Score::of(classes.collect(), predictions),

@@ -9,7 +9,7 @@ use super::error::EvaluationError;
 use crate::study::Study;
 use crate::study::campaign::data_features;
 use crate::table::Table;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Examples, Label, Names};
 
 /// The word for rows without a fault.
@@ -19,7 +19,7 @@ pub const HEALTHY: &str = "healthy";
 const URGENCY: [&str; 3] = ["shut_down", "change_mode", "warning"];
 
 /// What an evaluation must know of a feature.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FeatureInfo {
     /// Its name.
     pub name: String,

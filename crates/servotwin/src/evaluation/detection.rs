@@ -2,10 +2,10 @@
 
 use super::data_set::DataSet;
 use super::score::Rate;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Detection over a data set.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
     /// Faults that leave the band.
     pub detected: Rate,
@@ -22,7 +22,7 @@ pub struct Detection {
 }
 
 /// Detection of a kind of fault against intensity.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// The fault, without the actuator.
     pub kind: String,
@@ -33,7 +33,7 @@ pub struct Curve {
 }
 
 /// The intensity from which on a fault is detected in a case.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Least {
     /// The fault, with the actuator.
     pub fault: String,

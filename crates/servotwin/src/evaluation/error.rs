@@ -15,6 +15,8 @@ pub enum EvaluationError {
     File(FileError),
     /// Training or prediction refused the data.
     Diagnosis(servotwin_diagnosis::Error),
+    /// It was stopped from elsewhere.
+    Cancelled,
     /// The data set has no row with a fault.
     NoFaults,
     /// No fault ever leaves the band of healthy residuals.
@@ -71,6 +73,7 @@ impl fmt::Display for EvaluationError {
             EvaluationError::Table(error) => write!(out, "{error}"),
             EvaluationError::File(error) => write!(out, "{error}"),
             EvaluationError::Diagnosis(error) => write!(out, "{error}"),
+            EvaluationError::Cancelled => write!(out, "stopped"),
             EvaluationError::NoFaults => {
                 write!(out, "the data set has no faults: there is nothing to learn")
             }
@@ -121,6 +124,12 @@ impl std::error::Error for EvaluationError {
 impl From<TableError> for EvaluationError {
     fn from(error: TableError) -> Self {
         EvaluationError::Table(error)
+    }
+}
+
+impl From<super::parallel::Cancelled> for EvaluationError {
+    fn from(_: super::parallel::Cancelled) -> Self {
+        EvaluationError::Cancelled
     }
 }
 

@@ -4,7 +4,7 @@
 //! other columns with numbers are features unless the features are named.
 
 use super::error::EvaluationError;
-use super::parallel;
+use super::parallel::{self, Workers};
 use super::score::{Prediction, Score};
 use crate::table::{Table, Values};
 use serde::{Deserialize, Serialize};
@@ -155,7 +155,7 @@ pub fn validate_table(
     selection: &Selection,
     classifier: &classifiers::Settings,
     hold_out: HoldOut,
-    threads: usize,
+    workers: Workers,
 ) -> Result<Score, EvaluationError> {
     let (samples, groups) = samples(table, selection)?;
     let splits = splits(&samples, groups.as_deref(), selection, hold_out)?;
@@ -165,7 +165,7 @@ pub fn validate_table(
         let predicted = model.predict(&test)?;
         Ok(predictions(test.labels(), &predicted, |place| split.test[place]))
     };
-    let results = parallel::map(&splits, threads, one);
+    let results = parallel::map(&splits, workers, one)?;
     let results: Result<Vec<Vec<Prediction>>, _> = results.into_iter().collect();
     Ok(Score::of(samples.class_names().to_vec(), &results?))
 }

@@ -2,14 +2,14 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Settings, Stage};
 use servotwin_diagnosis::tree::Tree;
 use std::collections::BTreeMap;
 
 /// A leaf that does not hold one class only.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorstLeaf {
     /// The stage.
     pub stage: String,
@@ -28,7 +28,7 @@ pub struct WorstLeaf {
 }
 
 /// A question on the way to a leaf, and its answer.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Condition {
     /// The feature.
     pub feature: String,
@@ -39,7 +39,7 @@ pub struct Condition {
 }
 
 /// Rows of one kind in a leaf.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Content {
     /// The kind of fault.
     pub kind: String,
@@ -50,7 +50,7 @@ pub struct Content {
 }
 
 /// A split that would have been better, but that no sensor could resolve.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ImplausibleSplit {
     /// The stage.
     pub stage: String,

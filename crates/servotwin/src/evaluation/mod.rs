@@ -2,8 +2,8 @@
 //!
 //! [`evaluate`] takes a campaign's data set and gives an [`Evaluation`]: what is detected at all,
 //! the hierarchy of trees under every protocol, the seed paper's own trees beside it, the eight
-//! classifiers, which features carry the result, which faults are taken for each other; and the
-//! [`Hierarchy`] trained with all detectable rows. The same data set, settings and seeds give the
+//! classifiers, which features carry the result, which faults are taken for each other; and it looks
+//! into the [`Hierarchy`] that [`train`] makes of all detectable rows. The same data set, settings and seeds give the
 //! same bytes, on any number of threads.
 
 pub mod ablation;
@@ -24,14 +24,15 @@ pub mod traces;
 pub use data_set::{DataSet, FeatureInfo};
 pub use error::EvaluationError;
 
+use parallel::Workers;
 use protocol::{Holding, Protocol, ProtocolResult};
 use score::Rate;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Settings as Training};
 
 /// What is evaluated, and how.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// How the hierarchy is trained.
     pub training: Training,
@@ -47,8 +48,6 @@ pub struct Settings {
     pub classifiers: Vec<classifiers::Settings>,
     /// Whether to take parts away.
     pub ablation: bool,
-    /// Number of threads.
-    pub threads: usize,
 }
 
 impl Default for Settings {
@@ -61,13 +60,12 @@ impl Default for Settings {
             baseline_family: "moments".into(),
             classifiers: comparison::default_classifiers(),
             ablation: true,
-            threads: std::thread::available_parallelism().map_or(1, |threads| threads.get()),
         }
     }
 }
 
 /// What the splits that no sensor could resolve would have bought.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Implausible {
     /// The splits.
     pub splits: Vec<leaves::ImplausibleSplit>,
@@ -78,7 +76,7 @@ pub struct Implausible {
 }
 
 /// The trees' size: what has to be flown.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageSize {
     /// The stage.
     pub stage: String,
@@ -91,7 +89,7 @@ pub struct StageSize {
 }
 
 /// False alarms: what the hierarchy would do with fault-free specimens that left the band.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FalseAlarms {
     /// Specimens that left the band.
     pub alarms: Rate,
@@ -100,7 +98,7 @@ pub struct FalseAlarms {
 }
 
 /// Everything measured on a data set.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// What is detected at all.
     pub detection: detection::Detection,
@@ -138,27 +136,35 @@ impl Evaluation {
 /// The worst leaves shown of each tree.
 const WORST_LEAVES: usize = 3;
 
-/// Evaluates a data set and trains the hierarchy with all its detectable rows. `progress` is told
+/// Trains the hierarchy with all detectable rows.
+///
+/// # Errors
+/// [`EvaluationError::NothingDetectable`] and what training says.
+pub fn train(data: &DataSet, training: &Training) -> Result<Hierarchy, EvaluationError> {
+    Ok(run::settled(data, training).fit(&data.examples, &data.detectable()?)?)
+}
+
+/// Evaluates a data set, and the hierarchy trained with all its detectable rows. `progress` is told
 /// what is being done.
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`] and what training says.
 pub fn evaluate(
     data: &DataSet,
+    hierarchy: &Hierarchy,
     settings: &Settings,
+    workers: Workers,
     progress: &dyn Fn(&str),
-) -> Result<(Evaluation, Hierarchy), EvaluationError> {
-    let Settings { holding, short_holding, threads, .. } = *settings;
+) -> Result<Evaluation, EvaluationError> {
+    let Settings { holding, short_holding, .. } = *settings;
     let rows = data.detectable()?;
     let training = run::settled(data, &settings.training);
-    progress("training the hierarchy");
-    let hierarchy = training.fit(&data.examples, &rows)?;
     let mut protocols = vec![];
     let mut ambiguity = ambiguity::evaluate(data, &[]);
     for protocol in protocol::ALL {
         progress(protocol.title());
         let found =
-            protocol::evaluate(protocol, data, &training, holding, &settings.shutdown, threads)?;
+            protocol::evaluate(protocol, data, &training, holding, &settings.shutdown, workers)?;
         let Some((result, outcomes)) = found else {
             continue;
         };
@@ -168,13 +174,13 @@ pub fn evaluate(
         }
     }
     progress("the paper's trees");
-    let baseline = baseline(data, settings)?;
+    let baseline = baseline(data, settings, workers)?;
     progress("comparing classifiers");
     let list = &settings.classifiers;
-    let classifiers = comparison::evaluate(data, &training, list, short_holding, threads)?;
+    let classifiers = comparison::evaluate(data, &training, list, short_holding, workers)?;
     progress("taking parts away");
     let ablation = match settings.ablation {
-        true => ablation::evaluate(data, &training, short_holding, threads)?,
+        true => ablation::evaluate(data, &training, short_holding, workers)?,
         false => vec![],
     };
     progress("implausible splits");
@@ -182,32 +188,36 @@ pub fn evaluate(
         detection: detection::evaluate(data),
         features: data.features.len(),
         constant_features: data.constant.clone(),
-        worst_leaves: leaves::worst(data, &training, &hierarchy, &rows, WORST_LEAVES)?,
-        implausible: implausible(data, settings, &hierarchy)?,
-        stages: hierarchy.stages.iter().map(|stage| size(&hierarchy, stage)).collect(),
-        false_alarms: false_alarms(data, &hierarchy, &settings.shutdown)?,
+        worst_leaves: leaves::worst(data, &training, hierarchy, &rows, WORST_LEAVES)?,
+        implausible: implausible(data, settings, hierarchy, workers)?,
+        stages: hierarchy.stages.iter().map(|stage| size(hierarchy, stage)).collect(),
+        false_alarms: false_alarms(data, hierarchy, &settings.shutdown)?,
         protocols,
         baseline,
         classifiers,
         ablation,
         ambiguity,
     };
-    Ok((evaluation, hierarchy))
+    Ok(evaluation)
 }
 
 /// The paper's trees: its family of features, each actuator for itself, no mirror images.
-fn baseline(data: &DataSet, settings: &Settings) -> Result<Vec<ProtocolResult>, EvaluationError> {
+fn baseline(
+    data: &DataSet,
+    settings: &Settings,
+    workers: Workers,
+) -> Result<Vec<ProtocolResult>, EvaluationError> {
     let family = |info: &FeatureInfo| info.family == settings.baseline_family;
     if !data.features.iter().any(family) {
         return Ok(vec![]);
     }
     let data = data.with_features(family)?;
     let training = Training { mirror: false, pool: false, ..Training::default() };
-    let Settings { holding, threads, .. } = *settings;
+    let holding = settings.holding;
     let mut results = vec![];
     for protocol in [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut] {
         let shutdown = &settings.shutdown;
-        let found = protocol::evaluate(protocol, &data, &training, holding, shutdown, threads)?;
+        let found = protocol::evaluate(protocol, &data, &training, holding, shutdown, workers)?;
         results.extend(found.map(|(result, _)| result));
     }
     Ok(results)
@@ -217,6 +227,7 @@ fn implausible(
     data: &DataSet,
     settings: &Settings,
     hierarchy: &Hierarchy,
+    workers: Workers,
 ) -> Result<Implausible, EvaluationError> {
     let splits = leaves::implausible(hierarchy);
     let mut compared = Implausible { splits, actuator: None, command: None };
@@ -224,9 +235,9 @@ fn implausible(
         return Ok(compared);
     }
     let result = |training: &Training| {
-        let Settings { short_holding, threads, .. } = *settings;
+        let short_holding = settings.short_holding;
         let shutdown = &settings.shutdown;
-        protocol::evaluate(Protocol::Grouped, data, training, short_holding, shutdown, threads)
+        protocol::evaluate(Protocol::Grouped, data, training, short_holding, shutdown, workers)
     };
     let allowed = Training { resolutions: vec![], ..settings.training.clone() };
     let (forbidden, allowed) = (result(&settings.training)?, result(&allowed)?);

@@ -1,45 +1,93 @@
 //! The same work on many items, on several threads, with the results in the order of the items.
 
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Who works, and who may stop it.
+#[derive(Debug, Clone, Copy)]
+pub struct Workers<'c> {
+    threads: usize,
+    cancel: Option<&'c AtomicBool>,
+}
+
+/// The work was stopped from elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cancelled;
+
+impl<'c> Workers<'c> {
+    /// So many threads.
+    pub fn new(threads: usize) -> Self {
+        Workers { threads, cancel: None }
+    }
+
+    /// A thread for each processor.
+    pub fn all() -> Self {
+        Workers::new(std::thread::available_parallelism().map_or(1, |threads| threads.get()))
+    }
+
+    /// The same threads, which stop before the next item once a flag is set.
+    pub fn stopped_by(self, cancel: &'c AtomicBool) -> Self {
+        Workers { cancel: Some(cancel), ..self }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+}
 
 /// Applies a function to every item. Which thread takes which item is left to chance; the results
 /// are not, as long as the function depends on its item only.
+///
+/// # Errors
+/// [`Cancelled`].
 pub fn map<T: Sync, R: Send>(
     items: &[T],
-    threads: usize,
+    workers: Workers,
     function: impl Fn(&T) -> R + Sync,
-) -> Vec<R> {
+) -> Result<Vec<R>, Cancelled> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(items.len()));
     let work = || {
-        while let Some((index, item)) = {
+        while !workers.is_cancelled() {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            items.get(index).map(|item| (index, item))
-        } {
+            let Some(item) = items.get(index) else {
+                return;
+            };
             let result = function(item);
             let mut done = done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             done.push((index, result));
         }
     };
     std::thread::scope(|scope| {
-        for _ in 1..threads.clamp(1, items.len().max(1)) {
+        for _ in 1..workers.threads.clamp(1, items.len().max(1)) {
             scope.spawn(work);
         }
         work();
     });
     let mut results = done.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+    if results.len() < items.len() {
+        return Err(Cancelled);
+    }
     results.sort_by_key(|(index, _)| *index);
-    results.into_iter().map(|(_, result)| result).collect()
+    Ok(results.into_iter().map(|(_, result)| result).collect())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
     #[test]
     fn results_stand_in_the_order_of_the_items() {
         let items: Vec<u64> = (0..100).collect();
-        let squares = super::map(&items, 3, |item| item * item);
+        let squares = map(&items, Workers::new(3), |item| item * item).unwrap();
         assert!(squares.iter().zip(&items).all(|(square, item)| *square == item * item));
-        assert!(super::map(&[] as &[u8], 2, |item| *item).is_empty());
+        assert!(map(&[] as &[u8], Workers::new(2), |item| *item).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_set_flag_stops_the_work() {
+        let cancel = AtomicBool::new(true);
+        let workers = Workers::new(2).stopped_by(&cancel);
+        assert_eq!(map(&[1, 2, 3], workers, |item| item + 1), Err(Cancelled));
     }
 }

@@ -13,16 +13,17 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
+use super::parallel::Workers;
 use super::run::{Outcome, Scope, first_error, run};
 use super::score::{Prediction, Rate, Score};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::evaluation::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
 };
 use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
 
 /// A way to hold rows out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
     /// A third of the rows at random, repeated.
@@ -47,7 +48,7 @@ pub const ALL: [Protocol; 5] = [
 ];
 
 /// How often and how finely rows are held out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holding {
     /// Number of random thirds.
     pub repeats: usize,
@@ -167,7 +168,7 @@ fn count_groups(groups: &[u32]) -> usize {
 }
 
 /// One stage of the hierarchy, asked about the rows that are truly its own.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageScore {
     /// The paper's letter, with the actuator's number where only its rows are counted.
     pub id: String,
@@ -182,7 +183,7 @@ pub struct StageScore {
 }
 
 /// What errors would do to the aircraft. Every rate is of detected faults.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Safety {
     /// The fault is given to the wrong actuator.
     pub wrong_actuator: Rate,
@@ -195,7 +196,7 @@ pub struct Safety {
 }
 
 /// Errors by the component that is broken.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentScore {
     /// The component, without the actuator.
     pub component: String,
@@ -208,12 +209,12 @@ pub struct ComponentScore {
 }
 
 /// What a protocol says about a hierarchy.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProtocolResult {
     /// Which protocol.
     pub protocol: Protocol,
     /// What it is called.
-    pub title: &'static str,
+    pub title: String,
     /// Number of splits.
     pub splits: usize,
     /// Each stage by itself: first over both actuators, then for each.
@@ -252,7 +253,7 @@ pub fn evaluate(
     settings: &Settings,
     holding: Holding,
     shutdown: &str,
-    threads: usize,
+    workers: Workers,
 ) -> Result<Option<Judged>, EvaluationError> {
     let single = data.examples.names().actuators.len() == 1;
     if single && protocol.scope() == Scope::Actuator {
@@ -262,7 +263,7 @@ pub fn evaluate(
     if splits.is_empty() {
         return Ok(None);
     }
-    let outcomes = run(data, settings, &splits, protocol.scope(), threads)?;
+    let outcomes = run(data, settings, &splits, protocol.scope(), workers)?;
     let result = summary(protocol, data, &outcomes, shutdown);
     Ok(Some((result, outcomes)))
 }
@@ -282,7 +283,7 @@ pub fn summary(
     let detected = Rate::of(&data.rows, |row| row.detectable).share;
     ProtocolResult {
         protocol,
-        title: protocol.title(),
+        title: protocol.title().into(),
         splits: outcomes.len(),
         stages: stage_scores(data, outcomes, full),
         end_to_end: full.then_some(right),

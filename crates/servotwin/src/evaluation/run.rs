@@ -5,7 +5,7 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel;
+use super::parallel::{self, Workers};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::{
@@ -48,11 +48,11 @@ pub fn run(
     settings: &Settings,
     splits: &[Split],
     scope: Scope,
-    threads: usize,
+    workers: Workers,
 ) -> Result<Vec<Vec<Outcome>>, EvaluationError> {
     let settings = &settled(data, settings);
     let one = |split: &Split| run_split(data, settings, split, scope);
-    parallel::map(splits, threads, one).into_iter().collect()
+    parallel::map(splits, workers, one)?.into_iter().collect()
 }
 
 /// The settings without what the data set cannot give: views.

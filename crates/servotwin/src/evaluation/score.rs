@@ -3,14 +3,14 @@
 //! Wilson's interval supposes independent trials. Where a row was tested several times (repeated
 //! splits), the trials are taken to be as many as there are different rows.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::evaluation::wilson_interval;
 
 /// Standard deviations of a 95 % interval.
 const Z_95: f64 = 1.959_963_984_540_054;
 
 /// A share of cases with its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rate {
     /// How many.
     pub count: u64,
@@ -47,7 +47,7 @@ impl Rate {
 }
 
 /// How good predictions of one question were.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Share of right predictions.
     pub accuracy: Rate,

@@ -6,6 +6,9 @@
 //! that exist: because every variant is the same bits whenever it runs, the
 //! result is the same bytes. Memory holds one window per lane and the rows of
 //! unfinished shards; it does not grow with the length of runs.
+//!
+//! A shard holds windows, not features: the data set is made from the shards,
+//! so that features can be changed without simulating anything again.
 
 use super::realism::Imperfection;
 use super::{Setting, Study};
@@ -24,6 +27,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Variants in one shard.
 const SHARD: usize = 205;
+
+/// What is in a shard; shards of another format are made anew.
+const SHARD_FORMAT: &str = "windows 1";
 
 /// What a campaign needs besides the study.
 pub struct Campaign<'s> {
@@ -78,6 +84,11 @@ pub enum CampaignError {
     NoVariants,
     /// The study does not say what the realistic setting is.
     NoRealism,
+    /// Features were asked for of a campaign that has not ended.
+    Unfinished {
+        /// Variants that are missing.
+        missing: usize,
+    },
     /// The healthy system could not be simulated.
     Twin {
         /// The operating case.
@@ -98,6 +109,10 @@ impl fmt::Display for CampaignError {
             CampaignError::NoRealism => {
                 write!(out, "the study has no [realistic] section for the realistic setting")
             }
+            CampaignError::Unfinished { missing } => write!(
+                out,
+                "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
+            ),
             CampaignError::Twin { case, reason } => {
                 write!(out, "the healthy system cannot be simulated in case {case}: {reason}")
             }
@@ -188,12 +203,37 @@ impl Campaign<'_> {
             outcome.cancelled = true;
             return Ok((None, outcome));
         }
-        let table = self.collect(&plan, &shards)?;
-        let failures = self.failures(&table)?;
-        outcome.failed = failures;
+        Ok((Some(self.write_data_set(&plan, &shards, &mut outcome)?), outcome))
+    }
+
+    /// Makes the data set anew from the shards of a campaign that has ended.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read or written.
+    pub fn features(&self) -> Result<(Table, Outcome), CampaignError> {
+        let plan = self.plan();
+        let shards = self.folder.join("shards");
+        let mut outcome = Outcome { variants: plan.len(), ..Outcome::default() };
+        let missing = self.pending(&plan, &shards, &mut outcome)?.len();
+        if missing > 0 || plan.is_empty() {
+            return Err(CampaignError::Unfinished { missing });
+        }
+        Ok((self.write_data_set(&plan, &shards, &mut outcome)?, outcome))
+    }
+
+    fn write_data_set(
+        &self,
+        plan: &[Planned],
+        shards: &Path,
+        outcome: &mut Outcome,
+    ) -> Result<Table, CampaignError> {
+        let rows = self.collect(plan, shards)?;
+        let failed = rows.iter().enumerate().filter(|(_, row)| !row.failure.is_empty());
+        outcome.failed = failed.map(|(index, row)| (index, row.failure.clone())).collect();
+        let table = self.table(plan, &rows);
         let path = self.folder.join(format!("dataset-{}.parquet", self.setting.name()));
         table::write(&path, &table)?;
-        Ok((Some(table), outcome))
+        Ok(table)
     }
 
     fn shard_path(&self, shards: &Path, shard: usize) -> PathBuf {
@@ -202,7 +242,7 @@ impl Campaign<'_> {
 
     /// What a shard must have been made from to be taken over.
     fn fingerprint(&self) -> String {
-        let mut text = format!("{:?} {:?} ", self.setting, self.settings);
+        let mut text = format!("{SHARD_FORMAT} {:?} {:?} ", self.setting, self.settings);
         text.push_str(&self.study.text);
         text.push_str(&self.study.system.text);
         text.push_str(env!("CARGO_PKG_VERSION"));
@@ -320,7 +360,14 @@ impl Campaign<'_> {
                     *statistics += *work;
                 }
                 done += 1;
-                let row = Row::new(self, watch, result);
+                let row = Row::new(self, &watch, result);
+                let written = match watch.trace {
+                    Some(trace) => self.write_trace(pending[job], trace),
+                    None => Ok(()),
+                };
+                if let Err(failed) = written {
+                    error.get_or_insert(failed);
+                }
                 if let Err(failed) = collector.add(pending[job], row) {
                     error.get_or_insert(failed);
                 }
@@ -333,23 +380,119 @@ impl Campaign<'_> {
         }
     }
 
-    fn collect(&self, plan: &[Planned], shards: &Path) -> Result<Table, CampaignError> {
-        let mut whole: Option<Table> = None;
+    /// The rows of all shards.
+    fn collect(&self, plan: &[Planned], shards: &Path) -> Result<Vec<Row>, CampaignError> {
+        let mut rows = Vec::with_capacity(plan.len());
         for shard in 0..plan.len().div_ceil(SHARD) {
-            let part = table::read(self.shard_path(shards, shard))?;
-            match &mut whole {
-                None => whole = Some(part),
-                Some(table) => table.append(part)?,
-            }
+            let path = self.shard_path(shards, shard);
+            rows.extend(Row::from_table(self.study, &table::read(&path)?)?);
         }
-        Ok(whole.expect("at least one shard"))
+        Ok(rows)
     }
 
-    fn failures(&self, table: &Table) -> Result<Vec<(usize, String)>, CampaignError> {
-        let reasons = table.text("failure")?;
-        let failed = reasons.iter().enumerate().filter(|(_, reason)| !reason.is_empty());
-        Ok(failed.map(|(index, reason)| (index, reason.clone())).collect())
+    fn write_trace(&self, variant: usize, trace: Vec<Vec<f64>>) -> Result<(), CampaignError> {
+        let study = self.study;
+        let folder = self.folder.join("traces");
+        create_folder(&folder).map_err(CampaignError::File)?;
+        let count = trace.first().map_or(0, Vec::len);
+        let time = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
+        let mut columns = vec![Column::new("time_s", "s", Values::Float(time))];
+        for (&sensor, values) in study.measured.iter().zip(trace) {
+            let sensor = &study.system.sensors[sensor];
+            let name = format!("{}{}", sensor.id, sensor.unit.suffix());
+            columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
+        }
+        let path = folder.join(format!("{}-{variant:05}.parquet", self.setting.name()));
+        Ok(table::write(&path, &Table::from_columns(columns)?)?)
     }
+
+    /// The data set: labels, detection, features.
+    fn table(&self, plan: &[Planned], rows: &[Row]) -> Table {
+        let mut columns = self.label_columns(plan);
+        let float = |f: &dyn Fn(&Window) -> f64| {
+            Values::Float(rows.iter().map(|row| f(&row.window)).collect())
+        };
+        let flag = |f: &dyn Fn(&Window) -> bool| {
+            Values::Flag(rows.iter().map(|row| f(&row.window)).collect())
+        };
+        let period = self.study.sample_period_s;
+        let first = |w: &Window| w.first_excursion().map_or(-1.0, |sample| sample as f64 * period);
+        columns.push(Column::new("detectable", "", flag(&|w| w.first_excursion().is_some())));
+        columns.push(Column::new("deviates", "", flag(&Window::deviates)));
+        columns.push(Column::new("largest_residual", "", float(&Window::largest_of_all)));
+        columns.push(Column::new("first_excursion_s", "s", float(&first)));
+        let failures = rows.iter().map(|row| row.failure.clone()).collect();
+        columns.push(Column::new("failure", "", Values::Text(failures)));
+        columns.extend(self.feature_columns(rows));
+        let table = Table::from_columns(columns).expect("columns of one length, named apart");
+        table
+            .with_metadata("fingerprint", self.fingerprint())
+            .with_metadata("study", self.study.name.clone())
+            .with_metadata("setting", self.setting.name())
+    }
+
+    /// Each feature, and where the units correspond also its mirror image.
+    fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
+        let sensors = &self.study.sensors;
+        let own: Vec<Vec<f64>> = rows.iter().map(|row| computed(sensors, &row.window)).collect();
+        let mirrored: Option<Vec<Vec<f64>>> = sensors.exchanged(0, 1).map(|order| {
+            rows.iter().map(|row| computed(sensors, &row.window.reordered(&order))).collect()
+        });
+        let mut columns = Vec::new();
+        for (index, feature) in data_features(self.study).iter().enumerate() {
+            let mut push = |view: &str, rows: &[Vec<f64>]| {
+                let values = rows.iter().map(|row| row[index]).collect();
+                let name = format!("{view}:{}", feature.feature.name);
+                columns.push(Column::new(name, "", Values::Float(values)));
+            };
+            push("f", &own);
+            if let Some(mirrored) = &mirrored {
+                push("m", mirrored);
+            }
+        }
+        columns
+    }
+
+    fn label_columns(&self, plan: &[Planned]) -> Vec<Column> {
+        let study = self.study;
+        let fault = |planned: &Planned| planned.fault.map(|f| &study.faults[f]);
+        let class = |planned: &Planned| fault(planned).map(|f| &study.classes[f.class]);
+        let healthy = "healthy";
+        let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
+        let variants = (0..plan.len() as u32).collect();
+        let intensity = plan.iter().map(|p| fault(p).map_or(0.0, |f| f.at.intensity)).collect();
+        let case = texts(plan, |p| &study.cases[p.case].name);
+        let id = texts(plan, |p| fault(p).map_or(healthy, |f| &f.id));
+        let kind = texts(plan, |p| fault(p).map_or(healthy, |f| &f.kind));
+        let actuator = texts(plan, |p| fault(p).map_or(healthy, |f| &study.units[f.unit]));
+        let command = texts(plan, |p| class(p).map_or(healthy, |c| &c.command));
+        let detail = texts(plan, |p| class(p).map_or(healthy, |c| &c.detail));
+        vec![
+            Column::new("variant", "", Values::Unsigned(variants)),
+            Column::new("case", "", case),
+            Column::new("seed", "", Values::Unsigned(vec![seed; plan.len()])),
+            Column::new("fault", "", id),
+            Column::new("kind", "", kind),
+            Column::new("intensity", "", Values::Float(intensity)),
+            Column::new("actuator", "", actuator),
+            Column::new("command", "", command),
+            Column::new("detail", "", detail),
+        ]
+    }
+}
+
+/// One text for each variant.
+fn texts<'s>(plan: &[Planned], text: impl Fn(&Planned) -> &'s str) -> Values {
+    Values::Text(plan.iter().map(|planned| text(planned).to_owned()).collect())
+}
+
+/// The features of a window, in the order of [`data_features`].
+fn computed(sensors: &features::Sensors, window: &Window) -> Vec<f64> {
+    let mut values = Vec::new();
+    for family in features::ALL {
+        family.compute(sensors, window, &mut values);
+    }
+    values
 }
 
 /// FNV-1a, for fingerprints of files: not for secrets.
@@ -428,43 +571,52 @@ impl Sink for Watch<'_> {
     }
 }
 
-/// What the data set holds of one variant.
+/// What a shard holds of one variant.
 struct Row {
     failure: String,
-    features: Vec<f64>,
-    mirrored: Vec<f64>,
-    largest: f64,
-    detectable: bool,
-    deviates: bool,
-    first_excursion_s: f64,
-    trace: Option<Vec<Vec<f64>>>,
+    window: Window,
 }
 
 impl Row {
-    fn new(campaign: &Campaign, watch: Watch, result: Result<Statistics, Failure>) -> Self {
-        let sensors = &campaign.study.sensors;
-        let compute = |window: &Window| {
-            let mut values = Vec::new();
-            for family in features::ALL {
-                family.compute(sensors, window, &mut values);
-            }
-            values
-        };
-        let window = &watch.window;
-        let mirrored = sensors.exchanged(0, 1).map(|order| compute(&window.reordered(&order)));
-        let first = window.first_excursion();
-        let period = campaign.study.sample_period_s;
-        Self {
-            failure: result.err().map(|f| campaign.describe(&f)).unwrap_or_default(),
-            features: compute(window),
-            mirrored: mirrored.unwrap_or_default(),
-            largest: window.largest_of_all(),
-            detectable: first.is_some(),
-            deviates: window.deviates(),
-            first_excursion_s: first.map_or(-1.0, |sample| sample as f64 * period),
-            trace: watch.trace,
-        }
+    fn new(campaign: &Campaign, watch: &Watch, result: Result<Statistics, Failure>) -> Self {
+        let failure = result.err().map(|f| campaign.describe(&f)).unwrap_or_default();
+        Self { failure, window: watch.window.clone() }
     }
+
+    /// The rows of a shard.
+    fn from_table(study: &Study, table: &Table) -> Result<Vec<Self>, TableError> {
+        let (sensors, watched) = (study.measured.len(), study.base_sensors());
+        let count = Window::watching(sensors, watched).to_values().len();
+        let columns = (0..count).map(|place| table.f64(&window_column(place)));
+        let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let failures = table.text("failure")?;
+        let row = |(row, failure): (usize, &String)| {
+            let values: Vec<f64> = columns.iter().map(|column| column[row]).collect();
+            let window = Window::from_values(sensors, watched, &values);
+            Row { failure: failure.clone(), window: window.expect("as many values as counted") }
+        };
+        Ok(failures.iter().enumerate().map(row).collect())
+    }
+
+    /// The shard of some rows.
+    fn to_table(rows: &BTreeMap<usize, Row>) -> Result<Table, TableError> {
+        let failures = rows.values().map(|row| row.failure.clone()).collect();
+        let mut columns = vec![
+            Column::new("variant", "", Values::Unsigned(rows.keys().map(|&v| v as u32).collect())),
+            Column::new("failure", "", Values::Text(failures)),
+        ];
+        let values: Vec<Vec<f64>> = rows.values().map(|row| row.window.to_values()).collect();
+        for place in 0..values.first().map_or(0, Vec::len) {
+            let column = values.iter().map(|row| row[place]).collect();
+            columns.push(Column::new(window_column(place), "", Values::Float(column)));
+        }
+        Table::from_columns(columns)
+    }
+}
+
+/// The column of one of the window's values.
+fn window_column(place: usize) -> String {
+    format!("w:{place:03}")
 }
 
 /// Gathers rows until a shard is complete.
@@ -476,91 +628,17 @@ struct Collector<'c> {
 }
 
 impl Collector<'_> {
-    fn add(&mut self, variant: usize, mut row: Row) -> Result<(), CampaignError> {
-        if let Some(trace) = row.trace.take() {
-            self.write_trace(variant, trace)?;
-        }
+    fn add(&mut self, variant: usize, row: Row) -> Result<(), CampaignError> {
         let shard = variant / SHARD;
         let rows = self.open.entry(shard).or_default();
         rows.insert(variant, row);
         let first = shard * SHARD;
         if rows.len() == SHARD.min(self.plan.len() - first) {
             let rows = self.open.remove(&shard).expect("just filled");
-            let table = self.table(&rows);
+            let fingerprint = self.campaign.fingerprint();
+            let table = Row::to_table(&rows)?.with_metadata("fingerprint", fingerprint);
             table::write(self.campaign.shard_path(self.shards, shard), &table)?;
         }
         Ok(())
-    }
-
-    fn write_trace(&self, variant: usize, trace: Vec<Vec<f64>>) -> Result<(), CampaignError> {
-        let study = self.campaign.study;
-        let folder = self.campaign.folder.join("traces");
-        create_folder(&folder).map_err(CampaignError::File)?;
-        let count = trace.first().map_or(0, Vec::len);
-        let time = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
-        let mut columns = vec![Column::new("time_s", "s", Values::Float(time))];
-        for (&sensor, values) in study.measured.iter().zip(trace) {
-            let sensor = &study.system.sensors[sensor];
-            let name = format!("{}{}", sensor.id, sensor.unit.suffix());
-            columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
-        }
-        let path = folder.join(format!("{}-{variant:05}.parquet", self.campaign.setting.name()));
-        Ok(table::write(&path, &Table::from_columns(columns)?)?)
-    }
-
-    fn table(&self, rows: &BTreeMap<usize, Row>) -> Table {
-        let mut columns = self.label_columns(rows);
-        let float = |f: &dyn Fn(&Row) -> f64| Values::Float(rows.values().map(f).collect());
-        let flag = |f: &dyn Fn(&Row) -> bool| Values::Flag(rows.values().map(f).collect());
-        columns.push(Column::new("detectable", "", flag(&|r| r.detectable)));
-        columns.push(Column::new("deviates", "", flag(&|r| r.deviates)));
-        columns.push(Column::new("largest_residual", "", float(&|r| r.largest)));
-        columns.push(Column::new("first_excursion_s", "s", float(&|r| r.first_excursion_s)));
-        let failures = rows.values().map(|r| r.failure.clone()).collect();
-        columns.push(Column::new("failure", "", Values::Text(failures)));
-        for (index, feature) in data_features(self.campaign.study).iter().enumerate() {
-            let name = &feature.feature.name;
-            columns.push(Column::new(format!("f:{name}"), "", float(&|r| r.features[index])));
-            if rows.values().all(|r| !r.mirrored.is_empty()) {
-                columns.push(Column::new(format!("m:{name}"), "", float(&|r| r.mirrored[index])));
-            }
-        }
-        let mut table = Table::from_columns(columns).expect("columns of one length, named apart");
-        table.metadata.insert("fingerprint".into(), self.campaign.fingerprint());
-        table.metadata.insert("study".into(), self.campaign.study.name.clone());
-        table.metadata.insert("setting".into(), self.campaign.setting.name().into());
-        table
-    }
-
-    fn label_columns(&self, rows: &BTreeMap<usize, Row>) -> Vec<Column> {
-        let study = self.campaign.study;
-        let fault = |variant: &usize| self.plan[*variant].fault.map(|f| &study.faults[f]);
-        let text = |f: &dyn Fn(&usize) -> String| Values::Text(rows.keys().map(f).collect());
-        let class = |v: &usize| fault(v).map(|f| &study.classes[f.class]);
-        let case = |v: &usize| study.cases[self.plan[*v].case].name.clone();
-        let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
-        let healthy = || "healthy".to_string();
-        let variants = rows.keys().map(|&v| v as u32).collect();
-        let intensity = rows.keys().map(|v| fault(v).map_or(0.0, |f| f.at.intensity)).collect();
-        let actuator = |v: &usize| fault(v).map_or_else(healthy, |f| study.units[f.unit].clone());
-        vec![
-            Column::new("variant", "", Values::Unsigned(variants)),
-            Column::new("case", "", text(&case)),
-            Column::new("seed", "", Values::Unsigned(vec![seed; rows.len()])),
-            Column::new("fault", "", text(&|v| fault(v).map_or_else(healthy, |f| f.id.clone()))),
-            Column::new("kind", "", text(&|v| fault(v).map_or_else(healthy, |f| f.kind.clone()))),
-            Column::new("intensity", "", Values::Float(intensity)),
-            Column::new("actuator", "", text(&actuator)),
-            Column::new(
-                "command",
-                "",
-                text(&|v| class(v).map_or_else(healthy, |c| c.command.clone())),
-            ),
-            Column::new(
-                "detail",
-                "",
-                text(&|v| class(v).map_or_else(healthy, |c| c.detail.clone())),
-            ),
-        ]
     }
 }

@@ -229,9 +229,22 @@ impl Study {
     /// # Errors
     /// The first mistake that was found.
     pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
-        let parsed: Text = toml::from_str(text)
-            .map_err(|error| StudyError::Syntax { path: path.into(), error: Box::new(error) })?;
+        let parsed = parse_text(text, path)?;
         let system = find_system(&parsed.system, path)?;
+        Self::build(text, parsed, path, system)
+    }
+
+    /// Reads a study from a text, with the system in a file of its own: as results are stored.
+    ///
+    /// # Errors
+    /// The first mistake that was found.
+    pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
+        let path = path.display().to_string();
+        let system = System::read(system).map_err(StudyError::System)?;
+        Self::build(text, parse_text(text, &path)?, &path, system)
+    }
+
+    fn build(text: &str, parsed: Text, path: &str, system: System) -> Result<Self, StudyError> {
         let reader = Reader { path, text: parsed, system };
         reader.check_numbers()?;
         let (measured, sensors) = reader.sensors()?;
@@ -287,6 +300,11 @@ impl Default for Study {
     fn default() -> Self {
         Self::parse(DEFAULT, "studies/paper.toml").unwrap_or_else(|error| panic!("{error}"))
     }
+}
+
+fn parse_text(text: &str, path: &str) -> Result<Text, StudyError> {
+    toml::from_str(text)
+        .map_err(|error| StudyError::Syntax { path: path.into(), error: Box::new(error) })
 }
 
 fn find_system(name: &str, study: &str) -> Result<System, StudyError> {

@@ -1,8 +1,9 @@
 //! The evaluation on a made-up campaign whose answers are known.
 
+use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{DataSet, Evaluation, EvaluationError, FeatureInfo, Settings};
-use servotwin::evaluation::{evaluate, model_file};
+use servotwin::evaluation::{evaluate, model_file, train};
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::Kind;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -89,20 +90,21 @@ fn campaign(noise: f64) -> Table {
     Table::from_columns(columns).unwrap()
 }
 
-fn settings(threads: usize) -> Settings {
+fn settings() -> Settings {
     let few = Holding { repeats: 2, folds: 3, deals: 1, seed: 3 };
     Settings {
         holding: few,
         short_holding: few,
         classifiers: [Kind::Cart, Kind::NaiveBayes].map(Kind::default_settings).into(),
-        threads,
         ..Settings::default()
     }
 }
 
 fn evaluated(noise: f64, threads: usize) -> (Evaluation, Hierarchy, DataSet) {
     let data = DataSet::new(&campaign(noise), infos(), &[]).unwrap();
-    let (evaluation, hierarchy) = evaluate(&data, &settings(threads), &|_| ()).unwrap();
+    let hierarchy = train(&data, &settings().training).unwrap();
+    let workers = Workers::new(threads);
+    let evaluation = evaluate(&data, &hierarchy, &settings(), workers, &|_| ()).unwrap();
     (evaluation, hierarchy, data)
 }
 

@@ -1,0 +1,77 @@
+//! Why a stage of the main job stops.
+
+use crate::evaluation::EvaluationError;
+use crate::files::FileError;
+use crate::study::StudyError;
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why a stage of the main job stops.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum JobError {
+    /// A file cannot be read or written.
+    File(FileError),
+    /// The study beside the results has mistakes.
+    Study(Box<StudyError>),
+    /// There is no data set in the folder.
+    NoDataSet {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// What an earlier stage should have written is not there.
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The command that writes it.
+        stage: &'static str,
+    },
+    /// A data set is not as the study says.
+    DataSet {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: EvaluationError,
+    },
+    /// Training or evaluation refused the data.
+    Evaluation(EvaluationError),
+}
+
+impl fmt::Display for JobError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            JobError::File(error) => write!(out, "{error}"),
+            JobError::Study(error) => write!(out, "{error}"),
+            JobError::NoDataSet { folder } => write!(
+                out,
+                "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
+                folder.display()
+            ),
+            JobError::Missing { path, stage } => {
+                write!(out, "{}: no such file; 'servotwin {stage}' writes it", path.display())
+            }
+            JobError::DataSet { path, error } => write!(out, "{}: {error}", path.display()),
+            JobError::Evaluation(error) => write!(out, "{error}"),
+        }
+    }
+}
+
+impl std::error::Error for JobError {}
+
+impl From<FileError> for JobError {
+    fn from(error: FileError) -> Self {
+        JobError::File(error)
+    }
+}
+
+impl From<StudyError> for JobError {
+    fn from(error: StudyError) -> Self {
+        JobError::Study(Box::new(error))
+    }
+}
+
+impl From<EvaluationError> for JobError {
+    fn from(error: EvaluationError) -> Self {
+        JobError::Evaluation(error)
+    }
+}

@@ -1,0 +1,52 @@
+//! What was measured of all subjects: `evaluation.json`.
+
+use super::Subject;
+use crate::evaluation::{Evaluation, Settings};
+use crate::study::Study;
+use serde::{Deserialize, Serialize};
+
+/// The word that a stored evaluation begins with.
+pub const FORMAT: &str = "servotwin evaluation 1";
+
+/// What was measured of all subjects.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The name of the study.
+    pub study: String,
+    /// One entry for each subject.
+    pub subjects: Vec<SubjectResult>,
+}
+
+/// What was measured of one subject.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SubjectResult {
+    /// Which.
+    pub subject: Subject,
+    /// What it is, for people.
+    pub title: String,
+    /// How it was evaluated.
+    pub settings: Settings,
+    /// The result.
+    pub evaluation: Evaluation,
+}
+
+impl Results {
+    /// The results of a study.
+    pub fn new(study: &Study, subjects: Vec<SubjectResult>) -> Self {
+        Results { format: FORMAT.into(), study: study.name.clone(), subjects }
+    }
+
+    /// The result of a subject.
+    pub fn of(&self, subject: Subject) -> Option<&SubjectResult> {
+        self.subjects.iter().find(|result| result.subject == subject)
+    }
+}
+
+impl SubjectResult {
+    /// The result of a subject of a study.
+    pub fn new(subject: Subject, study: &Study, settings: Settings, result: Evaluation) -> Self {
+        SubjectResult { subject, title: subject.title(study), settings, evaluation: result }
+    }
+}
