@@ -105,15 +105,12 @@ impl Window {
         self.count += 1;
         let count = self.count as f64;
         let weight = (count - 1.0) / count;
-        let columns = self.deviation.as_chunks::<GROUP>().0;
-        let mut rows = self.moments.as_chunks_mut::<GROUP>().0;
+        let mut rows = self.moments.as_mut_slice();
         for (i, &d) in self.deviation[..self.mean.len()].iter().enumerate() {
             let scaled = d * weight;
-            let (row, later) = rows.split_at_mut(i / GROUP + 1);
-            for (moments, others) in row.iter_mut().zip(columns) {
-                for (moment, other) in moments.iter_mut().zip(others) {
-                    *moment += scaled * other;
-                }
+            let (row, later) = rows.split_at_mut((i / GROUP + 1) * GROUP);
+            for (moment, other) in row.iter_mut().zip(&self.deviation) {
+                *moment += scaled * other;
             }
             rows = later;
         }

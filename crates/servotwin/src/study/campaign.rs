@@ -153,8 +153,8 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
-/// The virtual twin's signals in every operating case, sample by sample.
-type Twin = Vec<Vec<f64>>;
+/// The virtual twin's signals in an operating case, sample after sample.
+type Twin = Vec<f64>;
 
 impl Campaign<'_> {
     /// The variants, in the order of the data set.
@@ -198,8 +198,7 @@ impl Campaign<'_> {
             let twins = self.twins()?;
             self.run_pending(&plan, &pending, &twins, &shards, &mut outcome, progress)?;
         }
-        let cancelled = self.cancel.is_some_and(|c| c.load(Ordering::Relaxed));
-        if cancelled {
+        if self.is_cancelled() {
             outcome.cancelled = true;
             return Ok((None, outcome));
         }
@@ -246,7 +245,7 @@ impl Campaign<'_> {
         text.push_str(&self.study.text);
         text.push_str(&self.study.system.text);
         text.push_str(env!("CARGO_PKG_VERSION"));
-        format!("{:016x}", crate::study::campaign::hash(text.as_bytes()))
+        format!("{:016x}", hash(text.as_bytes()))
     }
 
     /// Variants that no usable shard holds.
@@ -302,7 +301,7 @@ impl Campaign<'_> {
         ensemble.run(
             cases.len(),
             |case| Variant { inputs: cases[case].inputs.iter().collect(), ..Variant::default() },
-            |_| Rows(Twin::with_capacity(ensemble.samples())),
+            |_| Rows(Twin::with_capacity(ensemble.samples() * ensemble.record.len())),
             |case, rows, result| match result {
                 Ok(_) => twins[case] = rows.0,
                 Err(error) => failure = Some((case, self.describe(&error))),
@@ -344,7 +343,9 @@ impl Campaign<'_> {
         outcome: &mut Outcome,
         progress: impl Fn(usize, usize) + Sync,
     ) -> Result<(), CampaignError> {
-        let ensemble = self.ensemble();
+        let stop = AtomicBool::new(false);
+        let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
+        let pending = self.hardest_first(plan, pending);
         let observer = Observer::new(self);
         let mut collector = Collector { campaign: self, plan, shards, open: BTreeMap::new() };
         let mut error = None;
@@ -371,6 +372,9 @@ impl Campaign<'_> {
                 if let Err(failed) = collector.add(pending[job], row) {
                     error.get_or_insert(failed);
                 }
+                if error.is_some() || self.is_cancelled() {
+                    stop.store(true, Ordering::Relaxed);
+                }
                 progress(done, plan.len());
             },
         );
@@ -378,6 +382,21 @@ impl Campaign<'_> {
             Some(error) => Err(error),
             None => Ok(()),
         }
+    }
+
+    /// The same variants, those of full intensity first: a few of them take a
+    /// hundred times as long as the others and would keep one lane busy at the end.
+    fn hardest_first(&self, plan: &[Planned], pending: &[usize]) -> Vec<usize> {
+        let is_full = |&variant: &usize| {
+            plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
+        };
+        let (mut order, rest): (Vec<usize>, Vec<usize>) = pending.iter().partition(|v| is_full(v));
+        order.extend(rest);
+        order
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
     }
 
     /// The rows of all shards.
@@ -507,7 +526,7 @@ struct Rows(Twin);
 
 impl Sink for Rows {
     fn sample(&mut self, _index: usize, values: &[f64]) {
-        self.0.push(values.to_vec());
+        self.0.extend_from_slice(values);
     }
 }
 
@@ -567,7 +586,9 @@ impl Sink for Watch<'_> {
                 column.push(value);
             }
         }
-        self.window.add(&self.measured, &self.twin[index], &self.observer.scales);
+        let count = values.len();
+        let twin = &self.twin[index * count..][..count];
+        self.window.add(&self.measured, twin, &self.observer.scales);
     }
 }
 
