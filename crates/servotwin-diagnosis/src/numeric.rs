@@ -29,36 +29,25 @@ pub(crate) fn add_scaled(target: &mut [f64], factor: f64, direction: &[f64]) {
     }
 }
 
-/// How many directions [`add_many`] adds at a time.
-const ABREAST: usize = 8;
-
 /// `target += factors[0] * directions[0] + …`, added one after the other as by [`add_scaled`], but
-/// with the target read and written once for several directions. `directions` holds one after the
+/// with the target read and written once for four directions. `directions` holds one after the
 /// other, each as long as the target.
 pub(crate) fn add_many(target: &mut [f64], factors: &[f64], directions: &[f64]) {
     let length = target.len();
-    let (blocks, rest) = factors.as_chunks::<ABREAST>();
+    let (blocks, rest) = factors.as_chunks::<4>();
     let mut directions = directions;
-    for factors in blocks {
-        let (own, others) = directions.split_at(ABREAST * length);
+    for [f, g, h, i] in blocks {
+        let (a, others) = directions.split_at(length);
+        let (b, others) = others.split_at(length);
+        let (c, others) = others.split_at(length);
+        let (d, others) = others.split_at(length);
         directions = others;
-        add_block(target, factors, own);
+        for ((((slot, a), b), c), d) in target.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            *slot = *slot + f * a + g * b + h * c + i * d;
+        }
     }
     for (&factor, direction) in rest.iter().zip(directions.chunks_exact(length.max(1))) {
         add_scaled(target, factor, direction);
-    }
-}
-
-fn add_block(target: &mut [f64], factors: &[f64; ABREAST], directions: &[f64]) {
-    let length = target.len();
-    let rows: [&[f64]; ABREAST] =
-        core::array::from_fn(|place| &directions[place * length..(place + 1) * length]);
-    for (place, slot) in target.iter_mut().enumerate() {
-        let mut sum = *slot;
-        for (factor, row) in factors.iter().zip(&rows) {
-            sum += factor * row[place];
-        }
-        *slot = sum;
     }
 }
 

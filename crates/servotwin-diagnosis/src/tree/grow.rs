@@ -7,7 +7,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::criterion::{Criterion, EntropyScan, GiniScan, Scan};
+use super::criterion::{CountScan, Criterion, EntropyScan, GiniScan, Scan};
 use super::presorted::Presorted;
 use super::split::{Candidate, Limits, NodeRows, best_of_feature};
 use super::{Costs, RejectedSplit, Tree};
@@ -51,7 +51,9 @@ pub(crate) struct Growth<'a> {
 
 /// Grows a tree. `random` is used only when features are drawn.
 pub(crate) fn grow(growth: &Growth, random: &mut Random) -> Tree {
+    let counted = growth.impurity_weights.iter().all(|&weight| weight == 1.0);
     match growth.rules.criterion {
+        Criterion::Gini if counted => Grower::<CountScan>::new(growth).run(random),
         Criterion::Gini => Grower::<GiniScan>::new(growth).run(random),
         Criterion::Entropy => Grower::<EntropyScan>::new(growth).run(random),
     }

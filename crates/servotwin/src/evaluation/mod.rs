@@ -38,8 +38,10 @@ pub struct Settings {
     pub training: Training,
     /// How rows are held out.
     pub holding: Holding,
-    /// How rows are held out where many classifiers or variations are compared.
+    /// How rows are held out where many variations are compared.
     pub short_holding: Holding,
+    /// How rows are held out where classifiers are compared.
+    pub comparison_holding: Holding,
     /// The command that shuts an actuator down.
     pub shutdown: String,
     /// The family of features that the seed paper has.
@@ -55,7 +57,9 @@ impl Default for Settings {
         Settings {
             training: Training::default(),
             holding: Holding::default(),
-            short_holding: Holding { repeats: 3, deals: 1, ..Holding::default() },
+            short_holding: Holding { deals: 1, ..Holding::default() },
+            // Folds of a third: as much to learn from as in the random thirds.
+            comparison_holding: Holding { repeats: 2, folds: 3, deals: 1, ..Holding::default() },
             shutdown: "shut_down".into(),
             baseline_family: "moments".into(),
             classifiers: comparison::default_classifiers(),
@@ -177,7 +181,8 @@ pub fn evaluate(
     let baseline = baseline(data, settings, workers)?;
     progress("comparing classifiers");
     let list = &settings.classifiers;
-    let classifiers = comparison::evaluate(data, &training, list, short_holding, workers)?;
+    let compared = settings.comparison_holding;
+    let classifiers = comparison::evaluate(data, &training, list, compared, workers)?;
     progress("taking parts away");
     let ablation = match settings.ablation {
         true => ablation::evaluate(data, &training, short_holding, workers)?,

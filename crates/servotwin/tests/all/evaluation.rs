@@ -95,6 +95,7 @@ fn settings() -> Settings {
     Settings {
         holding: few,
         short_holding: few,
+        comparison_holding: few,
         classifiers: [Kind::Cart, Kind::NaiveBayes].map(Kind::default_settings).into(),
         ..Settings::default()
     }
