@@ -32,12 +32,30 @@ pub struct Window {
     watched: usize,
     count: u64,
     mean: Vec<f64>,
-    /// Lower triangle of the co-moments, row by row.
+    /// Lower triangle of the co-moments, row by row; every row is filled up to
+    /// whole groups of [`GROUP`] columns, which the compiler updates at once.
     moments: Vec<f64>,
     largest: Vec<f64>,
     first_excursion: Option<u64>,
-    /// The sample being added, as deviations from the mean before it.
+    /// The sample being added, as deviations from the mean before it; filled up
+    /// with zeros like a row of the co-moments.
     deviation: Vec<f64>,
+}
+
+/// Columns of co-moments that are updated at once.
+const GROUP: usize = 4;
+
+/// Where a row of co-moments begins: rows come in bunches of equal length.
+const fn row_start(row: usize) -> usize {
+    let bunch = row / GROUP;
+    let before = GROUP * GROUP * bunch * (bunch + 1) / 2;
+    before + (row % GROUP) * GROUP * (bunch + 1)
+}
+
+/// Where the co-moment of two channels is kept.
+fn place(a: usize, b: usize) -> usize {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    row_start(high) + low
 }
 
 impl Window {
@@ -55,10 +73,10 @@ impl Window {
             watched,
             count: 0,
             mean: vec![0.0; channels],
-            moments: vec![0.0; channels * (channels + 1) / 2],
+            moments: vec![0.0; row_start(channels)],
             largest: vec![0.0; sensors],
             first_excursion: None,
-            deviation: vec![0.0; channels],
+            deviation: vec![0.0; channels.next_multiple_of(GROUP)],
         }
     }
 
@@ -67,16 +85,17 @@ impl Window {
     pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
         let n = self.sensors;
         assert!(measured.len() == n && twin.len() == n && scales.len() == n);
-        let mut outside = false;
+        let (residuals, signals) = self.deviation.split_at_mut(n);
+        let (residual_means, signal_means) = self.mean.split_at(n);
         for i in 0..n {
             let residual = (measured[i] - twin[i]) / scales[i];
+            residuals[i] = residual - residual_means[i];
+            signals[i] = twin[i] / scales[i] - signal_means[i];
             let size = residual.abs();
-            self.largest[i] = self.largest[i].max(size);
-            outside |= size > BAND && i < self.watched;
-            self.deviation[i] = residual - self.mean[i];
-            self.deviation[n + i] = twin[i] / scales[i] - self.mean[n + i];
+            // Not `f64::max`: its care for NaN costs more than all the rest.
+            self.largest[i] = if size > self.largest[i] { size } else { self.largest[i] };
         }
-        if outside && self.first_excursion.is_none() {
+        if self.first_excursion.is_none() && self.largest_of_all() > BAND {
             self.first_excursion = Some(self.count);
         }
         self.update();
@@ -86,14 +105,14 @@ impl Window {
         self.count += 1;
         let count = self.count as f64;
         let weight = (count - 1.0) / count;
-        let mut start = 0;
-        for (i, &d) in self.deviation.iter().enumerate() {
+        let mut rows = self.moments.as_mut_slice();
+        for (i, &d) in self.deviation[..self.mean.len()].iter().enumerate() {
             let scaled = d * weight;
-            let row = &mut self.moments[start..=start + i];
+            let (row, later) = rows.split_at_mut((i / GROUP + 1) * GROUP);
             for (moment, other) in row.iter_mut().zip(&self.deviation) {
                 *moment += scaled * other;
             }
-            start += i + 1;
+            rows = later;
         }
         for (mean, d) in self.mean.iter_mut().zip(&self.deviation) {
             *mean += d / count;
@@ -121,12 +140,7 @@ impl Window {
     }
 
     fn covariance_of(&self, a: usize, b: usize) -> f64 {
-        let (low, high) = if a < b { (a, b) } else { (b, a) };
-        if self.count == 0 {
-            0.0
-        } else {
-            self.moments[high * (high + 1) / 2 + low] / self.count as f64
-        }
+        if self.count == 0 { 0.0 } else { self.moments[place(a, b)] / self.count as f64 }
     }
 
     /// Covariance of two residuals; the variance of equation (6) for twice the
@@ -184,9 +198,7 @@ impl Window {
         for i in 0..2 * n {
             result.mean[i] = self.mean[channel(i)];
             for j in 0..=i {
-                let (a, b) = (channel(i), channel(j));
-                let (low, high) = if a < b { (a, b) } else { (b, a) };
-                result.moments[i * (i + 1) / 2 + j] = self.moments[high * (high + 1) / 2 + low];
+                result.moments[place(i, j)] = self.moments[place(channel(i), channel(j))];
             }
         }
         for (largest, &sensor) in result.largest.iter_mut().zip(order) {

@@ -226,8 +226,7 @@ fn stand_ins(program: &Program) -> core::ops::Range<usize> {
 
 /// All variables of the program after an evaluation.
 fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> Vec<Symbol<'g>> {
-    // One more for outputs that go nowhere.
-    let mut variables = vec![Symbol::constant(0.0); program.slots() + 1];
+    let mut variables = vec![Symbol::constant(0.0); program.memory()];
     let places = [
         ("states", 0..program.states().len()),
         ("inputs", program.externals()),

@@ -8,7 +8,7 @@
 //! sources are complete.
 
 use crate::lu::Plan;
-use crate::program::Sequence;
+use crate::program::{Sequence, Target};
 use crate::scalar::Lanes;
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
@@ -46,7 +46,8 @@ pub struct Rows {
     entries: Vec<Entry>,
     /// (row, column, slot) of the Jacobian's entries.
     jacobian: Vec<(u16, u16, u16)>,
-    /// For each entry its place in the factors.
+    /// For each place in the factors the gradient that stands there in the
+    /// Jacobian.
     in_plan: Vec<u16>,
     /// (row, slot) of the time derivatives.
     time: Vec<(u16, u16)>,
@@ -55,6 +56,9 @@ pub struct Rows {
 /// The slot that always holds one: the derivative of a state with respect to
 /// itself.
 const ONE: u16 = 0;
+/// The slot that is always zero: where the factors have an entry and the
+/// Jacobian has none.
+const ZERO: u16 = 1;
 
 impl Rows {
     pub(crate) fn new(
@@ -65,8 +69,9 @@ impl Rows {
     ) -> Self {
         let needed = needed(sequence, states, &sums);
         let patterns = patterns(sequence, states, externals, &sums, &needed);
-        // Slot 0 is the one, then the slopes of the inputs, then the rows.
-        let mut next = 1 + externals;
+        // The one and the zero, then the slopes of the inputs, then the rows.
+        let first_slope = 2;
+        let mut next = first_slope + externals;
         let mut places: BTreeMap<(usize, usize), u16> = BTreeMap::new();
         for (row, pattern) in &patterns {
             for &column in pattern {
@@ -78,7 +83,7 @@ impl Rows {
         let mut rows = Self {
             states,
             slots: next,
-            first_slope: 1,
+            first_slope,
             first_partial: next,
             terms: Vec::new(),
             entries: Vec::new(),
@@ -114,7 +119,7 @@ impl Rows {
             let outputs = &sequence.outputs[output_at..][..block.outputs.len()];
             input_at += inputs.len();
             output_at += outputs.len();
-            for &(to, from) in outputs {
+            for &Target { add: to, subtract: from, .. } in outputs {
                 for &input in inputs {
                     let partial = u16::try_from(self.slots).expect("at most 65,535 partials");
                     self.slots += 1;
@@ -166,7 +171,10 @@ impl Rows {
     }
 
     pub(crate) fn with_plan(mut self, plan: &Plan) -> Self {
-        self.in_plan = self.jacobian.iter().map(|&(i, j, _)| plan.slot(i, j)).collect();
+        self.in_plan = vec![ZERO; plan.slots()];
+        for &(i, j, gradient) in &self.jacobian {
+            self.in_plan[plan.slot(i, j) as usize] = gradient;
+        }
         self
     }
 
@@ -243,14 +251,13 @@ impl Rows {
     /// Writes `diagonal · I − J` into the factors' place.
     #[inline(always)]
     pub fn shifted<V: Lanes>(&self, plan: &Plan, diagonal: V, gradients: &[V], values: &mut [V]) {
-        for v in values.iter_mut() {
-            *v = V::constant(0.0);
+        let zero = V::constant(0.0);
+        for (value, &gradient) in values.iter_mut().zip(&self.in_plan) {
+            *value = zero - gradients[gradient as usize];
         }
         for i in 0..self.states {
-            values[plan.diagonal(i)] = diagonal;
-        }
-        for (&(_, _, slot), &place) in self.jacobian.iter().zip(&self.in_plan) {
-            values[place as usize] = values[place as usize] - gradients[slot as usize];
+            let place = plan.diagonal(i);
+            values[place] = diagonal - gradients[self.in_plan[place] as usize];
         }
     }
 
@@ -275,7 +282,7 @@ fn needed(sequence: &Sequence, states: usize, sums: &Range<usize>) -> BTreeSet<u
         output_end -= outputs.len();
         let matters = outputs
             .iter()
-            .any(|o| needed.contains(&(o.0 as usize)) || needed.contains(&(o.1 as usize)));
+            .any(|o| needed.contains(&(o.add as usize)) || needed.contains(&(o.subtract as usize)));
         if matters {
             needed.extend(inputs.iter().map(|&i| i as usize).filter(|i| sums.contains(i)));
         }
@@ -311,7 +318,7 @@ fn patterns(
                 _ => {}
             }
         }
-        for &(add, subtract) in outputs {
+        for &Target { add, subtract, .. } in outputs {
             for target in [add, subtract] {
                 if let Some(pattern) = patterns.get_mut(&(target as usize)) {
                     pattern.extend(columns.iter().copied());

@@ -40,15 +40,29 @@ pub(crate) struct Group {
     pub constants: usize,
 }
 
+/// Where an output of a block goes; what is not used is the bin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    /// The sum that it is added to, and where the sum so far stands: in the same
+    /// slot, or in the one that is always zero for the sum's first block. So
+    /// sums need not be cleared.
+    pub add: Slot,
+    pub add_so_far: Slot,
+    /// The sum that it is subtracted from, likewise.
+    pub subtract: Slot,
+    pub subtract_so_far: Slot,
+}
+
 /// Blocks in the order of their evaluation.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Sequence {
     pub groups: Vec<Group>,
     pub inputs: Vec<Slot>,
-    /// (slot to add to, slot to subtract from); an unused one is the bin.
-    pub outputs: Vec<(Slot, Slot)>,
+    pub outputs: Vec<Target>,
     /// The blocks themselves, in order: for constants and for the Jacobian.
     pub blocks: Vec<Block>,
+    /// Length of the variable array.
+    memory: usize,
 }
 
 /// Something a run can record.
@@ -97,7 +111,11 @@ pub struct Program {
     stand_ins: Vec<Role>,
     slots: usize,
     sums: Range<usize>,
-    continuous: Sequence,
+    /// What the derivatives depend on.
+    motion: Sequence,
+    /// What only readers from outside want: measured values, flows through
+    /// ports that set a pressure.
+    readings: Sequence,
     clocks: Vec<Ticking>,
     constants: usize,
     rows: Rows,
@@ -125,13 +143,18 @@ impl Program {
     pub fn slots(&self) -> usize {
         self.slots
     }
+    /// Length of the variable array: one more for outputs that go nowhere, and
+    /// one that is always zero. To be filled with zeros at first.
+    pub fn memory(&self) -> usize {
+        memory(self.slots)
+    }
     /// Number of constants.
     pub fn constants(&self) -> usize {
         self.constants
     }
     /// Number of equation blocks that run continuously.
     pub fn blocks(&self) -> usize {
-        self.continuous.blocks.len()
+        self.motion.blocks.len() + self.readings.blocks.len()
     }
     /// Where the external inputs stand.
     pub fn externals(&self) -> Range<usize> {
@@ -158,25 +181,17 @@ impl Program {
         &self.clocks
     }
     /// Evaluates all continuous equations: fills the sums and the derivatives
-    /// from the states, inputs and stand-ins in `variables`.
+    /// from the states, inputs and stand-ins in `variables`, which are
+    /// [`Program::memory`] long.
     #[inline(always)]
     pub fn evaluate<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
-        self.clear(variables);
-        self.continuous.run(constants, variables);
+        self.motion.run(constants, variables);
+        self.readings.run(constants, variables);
     }
 
-    /// The continuous equations; [`Program::clear`] comes first.
-    pub(crate) fn continuous(&self) -> &Sequence {
-        &self.continuous
-    }
-
-    /// Clears all sums.
-    #[inline(always)]
-    pub(crate) fn clear<V: Scalar<Base = V>>(&self, variables: &mut [V]) {
-        assert!(variables.len() > self.slots);
-        for v in &mut variables[self.sums.clone()] {
-            *v = V::constant(0.0);
-        }
+    /// The equations that the derivatives depend on.
+    pub(crate) fn motion(&self) -> &Sequence {
+        &self.motion
     }
 
     /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
@@ -189,18 +204,19 @@ impl Program {
         variables: &mut [V],
         gradients: &mut [V],
     ) {
-        self.clear(variables);
+        assert!(variables.len() >= self.memory());
         let mut partials = &mut *self.rows.partials(gradients);
-        for group in &self.continuous.groups {
+        for group in &self.motion.groups {
             group.kind.visit(Differentiate {
                 group,
-                sequence: &self.continuous,
+                sequence: &self.motion,
                 constants,
                 variables: &mut *variables,
                 partials: &mut partials,
             });
         }
         self.rows.chain(gradients);
+        self.readings.run(constants, variables);
     }
 
     /// The effective parameters of a variant, component by component: the
@@ -243,13 +259,13 @@ impl Program {
         ruled.collect()
     }
 
-    /// The constants of all blocks (continuous first, then the clocks') for
-    /// effective parameters.
+    /// The constants of all blocks, those of clocks last, for effective
+    /// parameters.
     pub fn block_constants<S: Scalar<Base = S>>(&self, parameters: &[Vec<S>]) -> Vec<S> {
         let fluids = self.fluids(parameters);
         let mut constants = Vec::with_capacity(self.constants);
-        let sequences = self.clocks.iter().map(|c| &c.sequence);
-        for sequence in core::iter::once(&self.continuous).chain(sequences) {
+        let sampled = self.clocks.iter().map(|c| &c.sequence);
+        for sequence in [&self.motion, &self.readings].into_iter().chain(sampled) {
             for block in &sequence.blocks {
                 let given = Given {
                     parameters: &parameters[block.component],
@@ -309,16 +325,51 @@ pub struct FaultAt {
     pub intensity: f64,
 }
 
+/// Length of the variable array for so many variables.
+const fn memory(slots: usize) -> usize {
+    slots + 2
+}
+
 impl Sequence {
-    /// Runs all blocks once; sums must have been cleared.
+    /// Lists blocks that run in this order over `slots` variables; `slot_of`
+    /// places the blocks' variables, `written` knows the sums that earlier
+    /// sequences have begun, `constants` counts.
+    fn new(
+        blocks: Vec<Block>,
+        slots: usize,
+        slot_of: &[Slot],
+        written: &mut [bool],
+        constants: &mut usize,
+    ) -> Self {
+        let mut sequence = Self {
+            groups: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            blocks: Vec::new(),
+            memory: memory(slots),
+        };
+        for block in blocks {
+            sequence.push(block, slot_of, written, constants);
+        }
+        sequence
+    }
+
+    /// Runs all blocks once.
     #[inline(always)]
     pub fn run<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
+        assert!(variables.len() >= self.memory);
         for group in &self.groups {
             group.kind.visit(Evaluate { group, sequence: self, constants, variables });
         }
     }
 
-    fn push(&mut self, block: Block, slots: &[Slot], bin: Slot, constants: &mut usize) {
+    fn push(
+        &mut self,
+        block: Block,
+        slot_of: &[Slot],
+        written: &mut [bool],
+        constants: &mut usize,
+    ) {
         let subtracts = block.subtracts();
         let joins = |g: &Group| (g.kind, g.subtracts) == (block.kind, subtracts);
         let new_group = !self.groups.last().is_some_and(joins);
@@ -334,9 +385,19 @@ impl Sequence {
         }
         self.groups.last_mut().expect("just pushed").count += 1;
         *constants += block.kind.visit(Dimensions).2;
-        self.inputs.extend(block.inputs.iter().map(|v| slots[v.0 as usize]));
-        let slot = |sum: Option<crate::wiring::Sum>| sum.map_or(bin, |s| slots[s.0 as usize]);
-        self.outputs.extend(block.outputs.iter().map(|o| (slot(o.add), slot(o.subtract))));
+        self.inputs.extend(block.inputs.iter().map(|v| slot_of[v.0 as usize]));
+        let (bin, zero) = ((self.memory - 2) as Slot, (self.memory - 1) as Slot);
+        let mut place = |sum: Option<crate::wiring::Sum>| {
+            let Some(sum) = sum else { return (bin, zero) };
+            let slot = slot_of[sum.0 as usize];
+            let begun = core::mem::replace(&mut written[slot as usize], true);
+            (slot, if begun { slot } else { zero })
+        };
+        for output in &block.outputs {
+            let (add, add_so_far) = place(output.add);
+            let (subtract, subtract_so_far) = place(output.subtract);
+            self.outputs.push(Target { add, add_so_far, subtract, subtract_so_far });
+        }
         self.blocks.push(block);
     }
 }
@@ -368,7 +429,7 @@ fn parts<'a, V, const I: usize, const O: usize, const C: usize>(
     sequence: &'a Sequence,
     constants: &'a [V],
     index: usize,
-) -> (&'a [Slot; I], &'a [(Slot, Slot); O], &'a [V; C]) {
+) -> (&'a [Slot; I], &'a [Target; O], &'a [V; C]) {
     let inputs = &sequence.inputs[group.inputs + index * I..][..I];
     let outputs = &sequence.outputs[group.outputs + index * O..][..O];
     let constants = &constants[group.constants + index * C..][..C];
@@ -392,8 +453,8 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
                 parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
             let mut values = [V::constant(0.0); I];
             for (value, &input) in values.iter_mut().zip(inputs) {
-                // SAFETY: all slots of a sequence are below the length that
-                // `Program::clear` asserts.
+                // SAFETY: all slots of a sequence are below the length that its
+                // caller asserts.
                 *value = unsafe { *v.get_unchecked(input as usize) };
             }
             let results = E::evaluate::<V>(constants, values);
@@ -410,18 +471,18 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
 #[inline(always)]
 unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
     subtracts: bool,
-    outputs: &[(Slot, Slot); O],
+    outputs: &[Target; O],
     results: &[V; O],
     variables: &mut [V],
 ) {
-    for (&(add, subtract), &result) in outputs.iter().zip(results) {
+    for (target, &result) in outputs.iter().zip(results) {
         // SAFETY: promised by the caller.
         unsafe {
-            let sum = variables.get_unchecked_mut(add as usize);
-            *sum = *sum + result;
+            let so_far = *variables.get_unchecked(target.add_so_far as usize);
+            *variables.get_unchecked_mut(target.add as usize) = so_far + result;
             if subtracts {
-                let sum = variables.get_unchecked_mut(subtract as usize);
-                *sum = *sum - result;
+                let so_far = *variables.get_unchecked(target.subtract_so_far as usize);
+                *variables.get_unchecked_mut(target.subtract as usize) = so_far - result;
             }
         }
     }
@@ -485,29 +546,30 @@ pub(crate) fn schedule(
     let (sampled, continuous): (Vec<Block>, Vec<Block>) =
         blocks.into_iter().partition(|b| b.clock.is_some());
     let continuous = in_order(continuous, &collected)?;
-    let bin = layout.slots as Slot;
+    let (motion, readings) = parted(continuous, &layout);
     let mut constants = 0;
-    let mut sequence = Sequence::default();
-    for block in continuous {
-        sequence.push(block, &layout.slot_of, bin, &mut constants);
-    }
-    let mut clocks: Vec<Ticking> = (collected.clocks.iter())
-        .map(|c| Ticking {
-            period_s: c.period_s,
-            sequence: Sequence::default(),
+    let mut written = vec![false; layout.slots];
+    let mut sequence = |blocks, written: &mut [bool]| {
+        Sequence::new(blocks, layout.slots, &layout.slot_of, written, &mut constants)
+    };
+    let motion = sequence(motion, &mut written);
+    let readings = sequence(readings, &mut written);
+    let mut clocks = Vec::with_capacity(collected.clocks.len());
+    for (clock, declared) in collected.clocks.iter().enumerate() {
+        let own = |block: &&Block| block.clock == Some(clock);
+        let blocks = sampled.iter().filter(own).cloned().collect();
+        clocks.push(Ticking {
+            period_s: declared.period_s,
+            sequence: sequence(blocks, &mut vec![false; layout.slots]),
             exchanges: Vec::new(),
-        })
-        .collect();
-    for block in sampled {
-        let clock = &mut clocks[block.clock.expect("a sampled block")];
-        clock.sequence.push(block, &layout.slot_of, bin, &mut constants);
+        });
     }
     for &(clock, from, to) in &collected.exchanges {
         let slot = |v: Variable| layout.slot_of[v.0 as usize];
         clocks[clock].exchanges.push((slot(from), slot(to)));
     }
     let sums = layout.sums.clone();
-    let rows = Rows::new(&sequence, layout.states, network.inputs.len(), sums.clone());
+    let rows = Rows::new(&motion, layout.states, network.inputs.len(), sums.clone());
     let plan = Plan::new(layout.states, &rows.entries());
     Ok(Program {
         states: layout.list_states(network, &collected),
@@ -515,7 +577,8 @@ pub(crate) fn schedule(
         stand_ins: layout.stand_ins,
         slots: layout.slots,
         sums,
-        continuous: sequence,
+        motion,
+        readings,
         clocks,
         constants,
         rows: rows.with_plan(&plan),
@@ -523,6 +586,23 @@ pub(crate) fn schedule(
         circuits,
         network: network.clone(),
     })
+}
+
+/// Parts ordered blocks into those that the derivatives depend on and the rest.
+fn parted(blocks: Vec<Block>, layout: &Layout) -> (Vec<Block>, Vec<Block>) {
+    let mut needed = vec![false; layout.slots];
+    needed[layout.sums.end - layout.states..].fill(true);
+    let slot = |variable: u32| layout.slot_of[variable as usize] as usize;
+    let mut is_motion = vec![false; blocks.len()];
+    for (block, is_motion) in blocks.iter().zip(&mut is_motion).rev() {
+        let mut ends = block.outputs.iter().flat_map(|o| [o.add, o.subtract]).flatten();
+        *is_motion = ends.any(|sum| needed[slot(sum.0)]);
+        if *is_motion {
+            block.inputs.iter().for_each(|input| needed[slot(input.0)] = true);
+        }
+    }
+    let mut is_motion = is_motion.into_iter();
+    blocks.into_iter().partition(|_| is_motion.next().expect("one for each"))
 }
 
 /// Replaces aliases in all blocks.

@@ -36,6 +36,10 @@ pub struct Options {
     /// Write the time series of every variant, too (gigabytes).
     #[arg(long)]
     keep_traces: bool,
+    /// Simulate also the variants that are mirror images of others (ideal
+    /// setting, two units alike), whose rows are otherwise reflected.
+    #[arg(long)]
+    all: bool,
 }
 
 /// The text for standard output.
@@ -81,6 +85,7 @@ fn run_setting(
         threads: options.threads.unwrap_or(processors).max(1),
         folder: options.out.clone(),
         keep_traces: options.keep_traces,
+        simulate_images: options.all,
         cancel: Some(stop::flag()),
     };
     let bar = bar(setting, global);
@@ -112,6 +117,12 @@ fn describe(study: &Study, setting: Setting, outcome: &Outcome, seconds: f64) ->
         study.duration_s,
         outcome.failed.len()
     );
+    if outcome.images > 0 {
+        text.push_str(&format!(
+            "  {} of them are mirror images of simulated ones (--all simulates them)\n",
+            outcome.images
+        ));
+    }
     for (variant, reason) in &outcome.failed {
         text.push_str(&format!("  variant {variant}: {reason}\n"));
     }
@@ -124,6 +135,7 @@ fn to_json(setting: Setting, outcome: &Outcome) -> serde_json::Value {
         "setting": setting.name(),
         "variants": outcome.variants,
         "resumed": outcome.resumed,
+        "images": outcome.images,
         "steps": outcome.statistics.steps,
         "rejected": outcome.statistics.rejected,
         "jacobians": outcome.statistics.jacobians,

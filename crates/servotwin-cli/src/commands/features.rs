@@ -51,6 +51,7 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
             threads: 1,
             folder: folder.path().into(),
             keep_traces: false,
+            simulate_images: false,
             cancel: None,
         };
         let (table, _) = campaign.features()?;

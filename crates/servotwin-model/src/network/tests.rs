@@ -61,7 +61,7 @@ impl Running {
         let program = draft.0.compile().unwrap_or_else(|m| panic!("{m:?}"));
         let parameters = program.parameters(&[]);
         let constants = program.block_constants(&parameters);
-        let mut variables = vec![0.0; program.slots() + 1];
+        let mut variables = vec![0.0; program.memory()];
         let guess = program.first_guess(&parameters);
         variables[..guess.len()].copy_from_slice(&guess);
         let stand_ins = program.stand_in_values(&parameters);

@@ -11,7 +11,7 @@ pub struct Batch<'p, V> {
     program: &'p Program,
     /// Constants of all blocks.
     constants: Vec<V>,
-    /// The variable array of the program; the last entry is the bin.
+    /// The variable array of the program.
     variables: Vec<V>,
     gradients: Vec<V>,
     factors: Vec<V>,
@@ -41,7 +41,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         Self {
             program,
             constants: zeros(program.constants()),
-            variables: zeros(program.slots() + 1),
+            variables: zeros(program.memory()),
             gradients: zeros(program.rows().slots()),
             factors: zeros(program.plan().slots()),
             y: zeros(n),
@@ -162,7 +162,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
             if stage > 0 {
                 self.stage_states(method, stage);
                 self.load_inputs(h * V::constant(method.alpha[stage]));
-                evaluate(self.program, &self.constants, &mut self.variables);
+                run_blocks(self.program.motion(), &self.constants, &mut self.variables);
             }
             self.stage_right(method, stage, h, reciprocal);
             solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
@@ -241,7 +241,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
                     self.variables[k] = self.y[k] + self.stages[(stage - 1) * n + k] * offset;
                 }
                 self.load_inputs(offset);
-                evaluate(self.program, &self.constants, &mut self.variables);
+                run_blocks(self.program.motion(), &self.constants, &mut self.variables);
             }
             let derivatives = &self.variables[self.program.derivatives()];
             self.stages[stage * n..][..n].copy_from_slice(derivatives);
@@ -356,8 +356,7 @@ macro_rules! outlined {
 outlined! {
     /// [`Program::evaluate`].
     fn evaluate<'a, V>(program: &'a Program, constants: &'a [V], variables: &'a mut [V]) {
-        program.clear(variables);
-        run_blocks(program.continuous(), constants, variables);
+        program.evaluate(constants, variables);
     }
 
     /// Runs the blocks of a sequence.

@@ -80,8 +80,8 @@ struct Lane<'a> {
     /// The step being taken, and where it ends.
     step_s: f64,
     end_s: f64,
-    /// For each external input, the piece that holds.
-    pieces: Vec<usize>,
+    /// The external inputs that move, each with the piece that holds.
+    moving: Vec<(usize, usize)>,
     next_sample: usize,
     /// For each clock, the number of its next tick.
     next_tick: Vec<usize>,
@@ -109,6 +109,8 @@ struct Ensemble<'p, 'f, 'a, V> {
     feed: &'f mut dyn Feed<'a>,
     batch: Batch<'p, V>,
     lanes: Vec<Lane<'a>>,
+    /// The external inputs that move in any lane.
+    moving: Vec<usize>,
     values: Vec<f64>,
     periods_s: Vec<f64>,
 }
@@ -140,6 +142,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             feed,
             batch: Batch::new(program),
             lanes: Vec::with_capacity(V::WIDTH),
+            moving: Vec::new(),
             values: vec![0.0; record.len()],
             periods_s: program.clock_periods_s().collect(),
         }
@@ -207,6 +210,10 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         for (external, input) in case.inputs.iter().enumerate() {
             self.batch.set_variable(lane, first + external, input.pieces()[0][0]);
         }
+        let moving = self.lanes.iter().flat_map(|lane| lane.moving.iter().map(|m| m.0));
+        self.moving = moving.collect();
+        self.moving.sort_unstable();
+        self.moving.dedup();
     }
 
     /// Ticks clocks that are due, chooses every lane's step and evaluates.
@@ -236,14 +243,8 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     fn set_inputs(&mut self) {
         self.batch.clear_inputs();
         let lanes = &self.lanes;
-        for external in 0..self.program.externals().len() {
-            let moves = |lane: &Lane| {
-                let pieces = &lane.case.inputs[external].pieces();
-                pieces.len() > 1 || pieces[0][1..] != [0.0; 3]
-            };
-            if lanes.iter().any(moves) {
-                self.batch.set_input(external, |lane| lanes[lane].cubic(external));
-            }
+        for &external in &self.moving {
+            self.batch.set_input(external, |lane| lanes[lane].cubic(external));
         }
     }
 
@@ -431,8 +432,12 @@ const FIRST_STEP_S: f64 = 1e-4;
 impl<'a> Lane<'a> {
     fn new(case: Case<'a>, clocks: usize) -> Self {
         let phase = if case.settle { Phase::Settling } else { Phase::Running };
+        let moves = |external: &usize| {
+            let pieces = case.inputs[*external].pieces();
+            pieces.len() > 1 || pieces[0][1..] != [0.0; 3]
+        };
         Self {
-            pieces: vec![0; case.inputs.len()],
+            moving: (0..case.inputs.len()).filter(moves).map(|external| (external, 0)).collect(),
             phase,
             time_s: 0.0,
             wanted_s: FIRST_STEP_S,
@@ -470,8 +475,9 @@ impl<'a> Lane<'a> {
     #[inline(always)]
     fn find_pieces(&mut self) {
         let time = self.input_time_s() + SAME_TIME_S;
-        for (piece, input) in self.pieces.iter_mut().zip(&self.case.inputs) {
-            while *piece + 1 < input.breaks_s().len() && input.breaks_s()[*piece + 1] <= time {
+        for (external, piece) in &mut self.moving {
+            let breaks = self.case.inputs[*external].breaks_s();
+            while breaks.get(*piece + 1).is_some_and(|&next| next <= time) {
                 *piece += 1;
             }
         }
@@ -481,7 +487,8 @@ impl<'a> Lane<'a> {
     #[inline(always)]
     fn cubic(&self, external: usize) -> [f64; 4] {
         let input = self.case.inputs[external];
-        let piece = self.pieces[external];
+        let held = self.moving.iter().find(|(moving, _)| *moving == external);
+        let piece = held.map_or(0, |&(_, piece)| piece);
         let [a, b, c, d] = input.pieces()[piece];
         let t = self.input_time_s() - input.breaks_s()[piece];
         // Before the first break and while settling the first value holds.
@@ -507,11 +514,12 @@ impl<'a> Lane<'a> {
         for (tick, period) in self.next_tick.iter().zip(periods_s) {
             consider(*tick as f64 * period);
         }
-        for (&piece, input) in self.pieces.iter().zip(&self.case.inputs) {
-            if let Some(&time) = input.breaks_s().get(piece + 1) {
+        for &(external, piece) in &self.moving {
+            let breaks = self.case.inputs[external].breaks_s();
+            if let Some(&time) = breaks.get(piece + 1) {
                 consider(time);
             }
-            consider(input.breaks_s()[piece]);
+            consider(breaks[piece]);
         }
         event
     }

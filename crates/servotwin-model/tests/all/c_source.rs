@@ -53,7 +53,7 @@ fn expected(program: &Program, parameters: &[Vec<f64>], points: &[Point]) -> Vec
     numbers.extend(program.stand_in_values(parameters));
     for point in points {
         let mut variables = [&point.states[..], &point.inputs, &point.held].concat();
-        variables.resize(program.slots() + 1, 0.0);
+        variables.resize(program.memory(), 0.0);
         program.evaluate(&constants, &mut variables);
         numbers.extend(&variables[program.derivatives()]);
         numbers.extend(program.observables().iter().map(|o| variables[o.slot as usize]));

@@ -4,7 +4,9 @@
 //! generators", ACM TOMS 47, 2021), its state filled by splitmix64, and normal
 //! deviates by Box and Muller (1958) with the toolkit's own `ln` and `sin_cos`.
 
+use servotwin_model::lanes::{Kernel, Level, dispatch};
 use servotwin_model::math::{ln, sin_cos};
+use servotwin_model::scalar::Lanes;
 use std::f64::consts::PI;
 
 /// A generator of random numbers.
@@ -41,11 +43,74 @@ impl Random {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        let radius = (-2.0_f64 * ln(self.uniform())).sqrt();
-        let (sin, cos) = sin_cos(PI * (2.0 * self.uniform() - 1.0));
-        self.spare = Some(radius * sin);
-        radius * cos
+        let (first, second) = (self.uniform(), self.uniform());
+        let (cos, sin) = deviates(first, second);
+        self.spare = Some(sin);
+        cos
     }
+}
+
+/// A source of many normal deviates: those of [`Random::normal`], in the same
+/// order, made in lanes.
+pub struct Normals {
+    random: Random,
+    level: Level,
+    ready: [f64; READY],
+    next: usize,
+}
+
+/// Deviates made at once.
+const READY: usize = 128;
+
+impl Normals {
+    /// The deviates of a generator.
+    pub fn new(random: Random) -> Self {
+        Self { random, level: Level::best(), ready: [0.0; READY], next: READY }
+    }
+
+    /// The next deviate.
+    pub fn draw(&mut self) -> f64 {
+        if self.next == READY {
+            dispatch(self.level, Refill { random: &mut self.random, ready: &mut self.ready });
+            self.next = 0;
+        }
+        let value = self.ready[self.next];
+        self.next += 1;
+        value
+    }
+}
+
+struct Refill<'a> {
+    random: &'a mut Random,
+    ready: &'a mut [f64; READY],
+}
+
+impl Kernel for Refill<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for pairs in self.ready.chunks_exact_mut(2 * V::WIDTH) {
+            let mut uniform = [[0.0; 2]; READY];
+            for pair in &mut uniform[..V::WIDTH] {
+                *pair = [self.random.uniform(), self.random.uniform()];
+            }
+            let [first, second] = [0, 1].map(|i| V::from_fn(|lane| uniform[lane][i]));
+            let (cos, sin) = deviates(first, second);
+            for (lane, pair) in pairs.chunks_exact_mut(2).enumerate() {
+                pair[0] = cos.lane(lane);
+                pair[1] = sin.lane(lane);
+            }
+        }
+    }
+}
+
+/// Two normal deviates from two uniform ones: Box and Muller.
+#[inline(always)]
+fn deviates<V: Lanes>(first: V, second: V) -> (V, V) {
+    let radius = (ln(first) * V::constant(-2.0)).sqrt();
+    let turn = second * V::constant(2.0) - V::constant(1.0);
+    let (sin, cos) = sin_cos(turn * V::constant(PI));
+    (radius * cos, radius * sin)
 }
 
 fn splitmix(counter: &mut u64) -> u64 {
@@ -76,6 +141,19 @@ mod tests {
         let mut random = Random { state: [1, 2, 3, 4], spare: None };
         let values: [u64; 4] = std::array::from_fn(|_| random.bits());
         assert_eq!(values, [41_943_041, 58_720_359, 3_588_806_011_781_223, 3_591_011_842_654_386]);
+    }
+
+    #[test]
+    fn deviates_made_in_lanes_are_the_same() {
+        let mut one_by_one = Random::new(5);
+        for level in servotwin_model::lanes::ALL.into_iter().filter(|level| level.available()) {
+            let mut normals = Normals { level, ..Normals::new(Random::new(5)) };
+            let mut one_by_one = Random::new(5);
+            for _ in 0..3 * READY {
+                assert_eq!(normals.draw(), one_by_one.normal(), "{}", level.name());
+            }
+        }
+        assert_ne!(one_by_one.normal(), Normals::new(Random::new(6)).draw());
     }
 
     #[test]

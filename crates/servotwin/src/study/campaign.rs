@@ -10,17 +10,18 @@
 //! A shard holds windows, not features: the data set is made from the shards,
 //! so that features can be changed without simulating anything again.
 
+use super::images::Images;
 use super::realism::Imperfection;
 use super::{Setting, Study};
 use crate::ensemble::{Ensemble, Sink, Variant};
 use crate::files::{FileError, create_folder};
-use crate::signal::random::Random;
+use crate::signal::random::Normals;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Settings, Statistics};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -45,6 +46,8 @@ pub struct Campaign<'s> {
     pub folder: PathBuf,
     /// Whether to keep the time series too.
     pub keep_traces: bool,
+    /// Whether to simulate variants that are mirror images of others, too.
+    pub simulate_images: bool,
     /// Set from elsewhere to stop.
     pub cancel: Option<&'s AtomicBool>,
 }
@@ -65,6 +68,8 @@ pub struct Outcome {
     pub variants: usize,
     /// Variants that were found done.
     pub resumed: usize,
+    /// Variants that are mirror images of simulated ones.
+    pub images: usize,
     /// Work of those that ran now.
     pub statistics: Statistics,
     /// Variants that could not be finished, with the reason.
@@ -168,8 +173,8 @@ pub fn ensemble(study: &Study) -> Ensemble<'_> {
     }
 }
 
-/// The virtual twin's signals in every operating case, sample by sample.
-type Twin = Vec<Vec<f64>>;
+/// The virtual twin's signals in an operating case, sample after sample.
+type Twin = Vec<f64>;
 
 impl Campaign<'_> {
     /// The variants, in the order of the data set.
@@ -208,17 +213,50 @@ impl Campaign<'_> {
         let shards = self.folder.join("shards");
         create_folder(&shards).map_err(CampaignError::File)?;
         let mut outcome = Outcome { variants: plan.len(), ..Outcome::default() };
-        let pending = self.pending(&plan, &shards, &mut outcome)?;
+        let mut images = self.images(&plan);
+        loop {
+            let rows = self.rows(&plan, images.as_ref(), &shards, &mut outcome, &progress)?;
+            let Some(rows) = rows else { return Ok((None, outcome)) };
+            if images.as_ref().is_some_and(|i| !i.hold(|variant| &rows[variant].window)) {
+                images = None;
+                continue;
+            }
+            return Ok((
+                Some(self.write_data_set(&plan, &rows, images.as_ref(), &mut outcome)?),
+                outcome,
+            ));
+        }
+    }
+
+    /// The variants that need not be simulated; `None` if all are.
+    fn images(&self, plan: &[Planned]) -> Option<Images> {
+        let wanted = self.setting == Setting::Ideal && !self.keep_traces && !self.simulate_images;
+        Images::of(self.study, plan).filter(|_| wanted)
+    }
+
+    /// The rows of all variants, simulated where no shard holds them; `None` if
+    /// cancelled.
+    fn rows(
+        &self,
+        plan: &[Planned],
+        images: Option<&Images>,
+        shards: &Path,
+        outcome: &mut Outcome,
+        progress: &(impl Fn(usize, usize) + Sync),
+    ) -> Result<Option<Vec<Row>>, CampaignError> {
+        let fingerprint = self.fingerprint(images.is_some());
+        outcome.resumed = 0;
+        let pending = self.pending(plan, shards, &fingerprint, outcome);
         if !pending.is_empty() {
             let twins = self.twins()?;
-            self.run_pending(&plan, &pending, &twins, &shards, &mut outcome, progress)?;
+            let collector = Collector::new(shards, self.setting, fingerprint, &pending);
+            self.run_pending(plan, images, &pending, &twins, collector, outcome, progress)?;
         }
-        let cancelled = self.cancel.is_some_and(|c| c.load(Ordering::Relaxed));
-        if cancelled {
+        if self.is_cancelled() {
             outcome.cancelled = true;
-            return Ok((None, outcome));
+            return Ok(None);
         }
-        Ok((Some(self.write_data_set(&plan, &shards, &mut outcome)?), outcome))
+        Ok(Some(self.collect(plan, shards)?))
     }
 
     /// Makes the data set anew from the shards of a campaign that has ended.
@@ -229,39 +267,44 @@ impl Campaign<'_> {
         let plan = self.plan();
         let shards = self.folder.join("shards");
         let mut outcome = Outcome { variants: plan.len(), ..Outcome::default() };
-        let missing = self.pending(&plan, &shards, &mut outcome)?.len();
-        if missing > 0 || plan.is_empty() {
-            return Err(CampaignError::Unfinished { missing });
+        let images = self.images(&plan);
+        let mut missing = plan.len();
+        for with_images in [true, false] {
+            let images = images.as_ref().filter(|_| with_images);
+            let fingerprint = self.fingerprint(images.is_some());
+            outcome.resumed = 0;
+            missing = missing.min(self.pending(&plan, &shards, &fingerprint, &mut outcome).len());
+            if missing == 0 && !plan.is_empty() {
+                let rows = self.collect(&plan, &shards)?;
+                return Ok((self.write_data_set(&plan, &rows, images, &mut outcome)?, outcome));
+            }
         }
-        Ok((self.write_data_set(&plan, &shards, &mut outcome)?, outcome))
+        Err(CampaignError::Unfinished { missing })
     }
 
     fn write_data_set(
         &self,
         plan: &[Planned],
-        shards: &Path,
+        rows: &[Row],
+        images: Option<&Images>,
         outcome: &mut Outcome,
     ) -> Result<Table, CampaignError> {
-        let rows = self.collect(plan, shards)?;
         let failed = rows.iter().enumerate().filter(|(_, row)| !row.failure.is_empty());
         outcome.failed = failed.map(|(index, row)| (index, row.failure.clone())).collect();
-        let table = self.table(plan, &rows);
+        outcome.images = images.map_or(0, Images::count);
+        let table = self.table(plan, rows, images);
         let path = self.folder.join(format!("dataset-{}.parquet", self.setting.name()));
         table::write(&path, &table)?;
         Ok(table)
     }
 
-    fn shard_path(&self, shards: &Path, shard: usize) -> PathBuf {
-        shards.join(format!("{}-{shard:04}.parquet", self.setting.name()))
-    }
-
     /// What a shard must have been made from to be taken over.
-    fn fingerprint(&self) -> String {
-        let mut text = format!("{SHARD_FORMAT} {:?} {:?} ", self.setting, self.settings);
+    fn fingerprint(&self, images: bool) -> String {
+        let mut text = format!("{SHARD_FORMAT} {images} {:?} {:?} ", self.setting, self.settings);
         text.push_str(&self.study.text);
         text.push_str(&self.study.system.text);
         text.push_str(env!("CARGO_PKG_VERSION"));
-        format!("{:016x}", crate::study::campaign::hash(text.as_bytes()))
+        format!("{:016x}", hash(text.as_bytes()))
     }
 
     /// Variants that no usable shard holds.
@@ -269,17 +312,17 @@ impl Campaign<'_> {
         &self,
         plan: &[Planned],
         shards: &Path,
+        fingerprint: &String,
         outcome: &mut Outcome,
-    ) -> Result<Vec<usize>, CampaignError> {
-        let fingerprint = self.fingerprint();
+    ) -> Vec<usize> {
         let mut pending = Vec::new();
         for (shard, first) in (0..plan.len()).step_by(SHARD).enumerate() {
             let variants = first..(first + SHARD).min(plan.len());
-            let path = self.shard_path(shards, shard);
+            let path = shard_path(shards, self.setting, shard);
             // A shard of another study, or one that cannot be read, is made anew.
             let done = path.exists()
                 && table::read(&path).is_ok_and(|t| {
-                    t.metadata.get("fingerprint") == Some(&fingerprint)
+                    t.metadata.get("fingerprint") == Some(fingerprint)
                         && t.row_count() == variants.len()
                 });
             if done {
@@ -288,7 +331,7 @@ impl Campaign<'_> {
                 pending.extend(variants);
             }
         }
-        Ok(pending)
+        pending
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
@@ -309,7 +352,7 @@ impl Campaign<'_> {
         ensemble.run(
             cases.len(),
             |case| Variant { inputs: cases[case].inputs.iter().collect(), ..Variant::default() },
-            |_| Rows(Twin::with_capacity(ensemble.samples())),
+            |_| Rows(Twin::with_capacity(ensemble.samples() * ensemble.record.len())),
             |case, rows, result| match result {
                 Ok(_) => twins[case] = rows.0,
                 Err(error) => failure = Some((case, self.describe(&error))),
@@ -345,38 +388,51 @@ impl Campaign<'_> {
     fn run_pending(
         &self,
         plan: &[Planned],
+        images: Option<&Images>,
         pending: &[usize],
         twins: &[Twin],
-        shards: &Path,
+        mut collector: Collector,
         outcome: &mut Outcome,
-        progress: impl Fn(usize, usize) + Sync,
+        progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
-        let ensemble = self.ensemble();
+        let stop = AtomicBool::new(false);
+        let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
+        let jobs = self.hardest_first(plan, images, pending);
         let observer = Observer::new(self);
-        let mut collector = Collector { campaign: self, plan, shards, open: BTreeMap::new() };
         let mut error = None;
         let mut done = outcome.resumed;
         progress(done, plan.len());
         let statistics = &mut outcome.statistics;
         ensemble.run(
-            pending.len(),
-            |job| self.variant(pending[job], plan[pending[job]]),
-            |job| observer.watch(pending[job], &twins[plan[pending[job]].case]),
+            jobs.len(),
+            |job| self.variant(jobs[job], plan[jobs[job]]),
+            |job| observer.watch(jobs[job], &twins[plan[jobs[job]].case]),
             |job, watch, result| {
                 if let Ok(work) = &result {
                     *statistics += *work;
                 }
-                done += 1;
+                let variant = jobs[job];
                 let row = Row::new(self, &watch, result);
                 let written = match watch.trace {
-                    Some(trace) => self.write_trace(pending[job], trace),
+                    Some(trace) => self.write_trace(variant, trace),
                     None => Ok(()),
                 };
                 if let Err(failed) = written {
                     error.get_or_insert(failed);
                 }
-                if let Err(failed) = collector.add(pending[job], row) {
-                    error.get_or_insert(failed);
+                let image = images.and_then(|images| images.image_of(variant));
+                let reflected = images.zip(image).map(|(images, image)| {
+                    let window = images.reflected(&row.window);
+                    (image, Row { failure: row.failure.clone(), window })
+                });
+                for (variant, row) in reflected.into_iter().chain([(variant, row)]) {
+                    match collector.add(variant, row) {
+                        Ok(wanted) => done += usize::from(wanted),
+                        Err(failed) => drop(error.get_or_insert(failed)),
+                    }
+                }
+                if error.is_some() || self.is_cancelled() {
+                    stop.store(true, Ordering::Relaxed);
                 }
                 progress(done, plan.len());
             },
@@ -387,11 +443,34 @@ impl Campaign<'_> {
         }
     }
 
+    /// The variants to simulate, those of full intensity first: a few of them take
+    /// a hundred times as long as the others and would keep one lane busy at the
+    /// end.
+    fn hardest_first(
+        &self,
+        plan: &[Planned],
+        images: Option<&Images>,
+        pending: &[usize],
+    ) -> Vec<usize> {
+        let simulated = |&v: &usize| images.map_or(v, |images| images.simulated(v));
+        let jobs: BTreeSet<usize> = pending.iter().map(simulated).collect();
+        let is_full = |&variant: &usize| {
+            plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
+        };
+        let (mut order, rest): (Vec<usize>, Vec<usize>) = jobs.into_iter().partition(is_full);
+        order.extend(rest);
+        order
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+
     /// The rows of all shards.
     fn collect(&self, plan: &[Planned], shards: &Path) -> Result<Vec<Row>, CampaignError> {
         let mut rows = Vec::with_capacity(plan.len());
         for shard in 0..plan.len().div_ceil(SHARD) {
-            let path = self.shard_path(shards, shard);
+            let path = shard_path(shards, self.setting, shard);
             rows.extend(Row::from_table(self.study, &table::read(&path)?)?);
         }
         Ok(rows)
@@ -414,8 +493,11 @@ impl Campaign<'_> {
     }
 
     /// The data set: labels, detection, features.
-    fn table(&self, plan: &[Planned], rows: &[Row]) -> Table {
+    fn table(&self, plan: &[Planned], rows: &[Row], images: Option<&Images>) -> Table {
         let mut columns = self.label_columns(plan);
+        let reflected = |variant| images.is_some_and(|i| i.simulated(variant) != variant);
+        let reflected = Values::Flag((0..plan.len()).map(reflected).collect());
+        columns.push(Column::new("reflected", "", reflected));
         let float = |f: &dyn Fn(&Window) -> f64| {
             Values::Float(rows.iter().map(|row| f(&row.window)).collect())
         };
@@ -433,7 +515,7 @@ impl Campaign<'_> {
         columns.extend(self.feature_columns(rows));
         let table = Table::from_columns(columns).expect("columns of one length, named apart");
         table
-            .with_metadata("fingerprint", self.fingerprint())
+            .with_metadata("fingerprint", self.fingerprint(images.is_some()))
             .with_metadata("study", self.study.name.clone())
             .with_metadata("setting", self.setting.name())
     }
@@ -514,7 +596,7 @@ struct Rows(Twin);
 
 impl Sink for Rows {
     fn sample(&mut self, _index: usize, values: &[f64]) {
-        self.0.push(values.to_vec());
+        self.0.extend_from_slice(values);
     }
 }
 
@@ -555,7 +637,7 @@ struct Watch<'w> {
     observer: &'w Observer<'w>,
     window: Window,
     twin: &'w Twin,
-    noise: Option<Random>,
+    noise: Option<Normals>,
     measured: Vec<f64>,
     trace: Option<Vec<Vec<f64>>>,
 }
@@ -563,10 +645,10 @@ struct Watch<'w> {
 impl Sink for Watch<'_> {
     fn sample(&mut self, index: usize, values: &[f64]) {
         self.measured.copy_from_slice(values);
-        if let Some(random) = &mut self.noise {
+        if let Some(noise) = &mut self.noise {
             for (value, imperfection) in self.measured.iter_mut().zip(&self.observer.imperfections)
             {
-                *value = imperfection.apply(*value, random);
+                *value = imperfection.apply(*value, noise);
             }
         }
         if let Some(trace) = &mut self.trace {
@@ -574,7 +656,9 @@ impl Sink for Watch<'_> {
                 column.push(value);
             }
         }
-        self.window.add(&self.measured, &self.twin[index], &self.observer.scales);
+        let count = values.len();
+        let twin = &self.twin[index * count..][..count];
+        self.window.add(&self.measured, twin, &self.observer.scales);
     }
 }
 
@@ -626,26 +710,43 @@ fn window_column(place: usize) -> String {
     format!("w:{place:03}")
 }
 
+fn shard_path(shards: &Path, setting: Setting, shard: usize) -> PathBuf {
+    shards.join(format!("{}-{shard:04}.parquet", setting.name()))
+}
+
 /// Gathers rows until a shard is complete.
 struct Collector<'c> {
-    campaign: &'c Campaign<'c>,
-    plan: &'c [Planned],
     shards: &'c Path,
+    setting: Setting,
+    fingerprint: String,
+    /// Rows that shards still wait for.
+    missing: BTreeMap<usize, usize>,
     open: BTreeMap<usize, BTreeMap<usize, Row>>,
 }
 
-impl Collector<'_> {
-    fn add(&mut self, variant: usize, row: Row) -> Result<(), CampaignError> {
-        let shard = variant / SHARD;
-        let rows = self.open.entry(shard).or_default();
-        rows.insert(variant, row);
-        let first = shard * SHARD;
-        if rows.len() == SHARD.min(self.plan.len() - first) {
-            let rows = self.open.remove(&shard).expect("just filled");
-            let fingerprint = self.campaign.fingerprint();
-            let table = Row::to_table(&rows)?.with_metadata("fingerprint", fingerprint);
-            table::write(self.campaign.shard_path(self.shards, shard), &table)?;
+impl<'c> Collector<'c> {
+    fn new(shards: &'c Path, setting: Setting, fingerprint: String, pending: &[usize]) -> Self {
+        let mut missing = BTreeMap::new();
+        for variant in pending {
+            *missing.entry(variant / SHARD).or_default() += 1;
         }
-        Ok(())
+        Self { shards, setting, fingerprint, missing, open: BTreeMap::new() }
+    }
+
+    /// Takes a row; `false` if its shard is there already.
+    fn add(&mut self, variant: usize, row: Row) -> Result<bool, CampaignError> {
+        let shard = variant / SHARD;
+        let Some(missing) = self.missing.get_mut(&shard) else { return Ok(false) };
+        *missing -= 1;
+        let complete = *missing == 0;
+        self.open.entry(shard).or_default().insert(variant, row);
+        if complete {
+            self.missing.remove(&shard);
+            let rows = self.open.remove(&shard).expect("just filled");
+            let table =
+                Row::to_table(&rows)?.with_metadata("fingerprint", self.fingerprint.clone());
+            table::write(shard_path(self.shards, self.setting, shard), &table)?;
+        }
+        Ok(true)
     }
 }

@@ -7,6 +7,7 @@
 
 pub mod campaign;
 pub mod faults;
+mod images;
 mod realism;
 
 pub use faults::{Class, FaultCase};

@@ -198,7 +198,7 @@ impl Test {
         let mut variables = self.settled();
         variables.extend(self.inputs.iter().map(|input| input.value(0.0)));
         variables.extend(program.stand_in_values(&parameters));
-        variables.resize(program.slots() + 1, 0.0);
+        variables.resize(program.memory(), 0.0);
         let constants = program.block_constants(&parameters);
         program.evaluate(&constants, &mut variables);
         Rest { variables, constants }
