@@ -18,7 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, faults, features, report, simulate, train,
+    campaign, check, completions, describe, evaluate, faults, features, report, simulate, study,
+    train,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -50,6 +51,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
 
 #[derive(Subcommand)]
 enum Command {
+    Study(study::Options),
     Simulate(Box<simulate::Options>),
     Faults(faults::Options),
     Campaign(campaign::Options),
@@ -68,6 +70,7 @@ impl Command {
         match self {
             Command::Simulate(options) => simulate::run(options, global),
             Command::Faults(options) => faults::run(options, global),
+            Command::Study(options) => study::run(options, global),
             Command::Campaign(options) => campaign::run(options, global),
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),

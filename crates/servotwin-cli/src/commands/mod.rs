@@ -10,6 +10,7 @@ pub mod features;
 mod progress;
 pub mod report;
 pub mod simulate;
+pub mod study;
 mod summary;
 pub mod train;
 

@@ -11,6 +11,7 @@
 
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
+use crate::study::campaign::CampaignError;
 use crate::study::{Setting, Study};
 use std::path::{Path, PathBuf};
 
@@ -106,20 +107,33 @@ impl Folder {
     pub fn remove_report(&self) -> Result<(), JobError> {
         let mut files = self.figure_files()?;
         files.extend(Some(self.report()).filter(|report| report.exists()));
-        for file in files {
-            std::fs::remove_file(&file).map_err(|cause| FileError::from_io(&file, cause))?;
-        }
-        Ok(())
+        files.iter().try_for_each(|file| remove(file))
     }
 
-    /// Makes the folder and writes the texts of the study and its system into it.
+    /// Makes the folder and writes the texts of the study and its system into it. Results of
+    /// another study are removed: they would be taken for this one's.
     ///
     /// # Errors
-    /// The folder or a file cannot be written.
+    /// The study has no faults; the folder or a file cannot be written.
     pub fn keep_study(&self, study: &Study) -> Result<(), JobError> {
+        if study.faults.is_empty() {
+            return Err(CampaignError::NoVariants.into());
+        }
         create_folder(&self.0)?;
+        if !self.holds(study) {
+            self.remove_report()?;
+            for file in self.results_there()? {
+                remove(&file)?;
+            }
+        }
         write_text(&self.study(), &study.text)?;
         write_text(&self.system(), &study.system.text)
+    }
+
+    /// Whether the texts in the folder are those of a study.
+    fn holds(&self, study: &Study) -> bool {
+        let same = |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|own| own == text);
+        same(self.study(), &study.text) && same(self.system(), &study.system.text)
     }
 
     /// Reads the study back.
@@ -133,6 +147,10 @@ impl Folder {
         let text = files::read_text(self.study())?;
         Ok(Study::parse_with_system(&text, &self.study(), &self.system())?)
     }
+}
+
+fn remove(file: &Path) -> Result<(), JobError> {
+    Ok(std::fs::remove_file(file).map_err(|cause| FileError::from_io(file, cause))?)
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
