@@ -18,8 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, faults, features, report, simulate, study,
-    train,
+    campaign, check, completions, describe, evaluate, explain, faults, features, report, simulate,
+    study, train,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -59,6 +59,7 @@ enum Command {
     Train(train::Options),
     Evaluate(evaluate::Options),
     Report(report::Options),
+    Explain(explain::Options),
     Describe(describe::Options),
     Check(check::Options),
     Completions(completions::Options),
@@ -75,6 +76,7 @@ impl Command {
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),
+            Command::Explain(options) => explain::run(options, global),
             Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

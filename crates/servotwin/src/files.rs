@@ -273,6 +273,24 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     })
 }
 
+/// Removes what writers that were killed have left in a folder; one that does not exist is no
+/// error. Not while another program writes into the same folder.
+pub fn remove_leftovers(folder: impl AsRef<Path>) -> Result<(), FileError> {
+    let folder = folder.as_ref();
+    let wrong = |cause| FileError::from_io(folder, cause);
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    for entry in fs::read_dir(folder).map_err(wrong)? {
+        let entry = entry.map_err(wrong)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with(".servotwin-") && name.ends_with(".tmp") {
+            fs::remove_file(entry.path()).map_err(wrong)?;
+        }
+    }
+    Ok(())
+}
+
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

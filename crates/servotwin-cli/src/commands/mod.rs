@@ -5,6 +5,7 @@ pub mod check;
 pub mod completions;
 pub mod describe;
 pub mod evaluate;
+pub mod explain;
 pub mod faults;
 pub mod features;
 mod progress;

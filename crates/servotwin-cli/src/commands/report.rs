@@ -1,28 +1,96 @@
-//! `servotwin report`: what the other stages have found, as one HTML file.
+//! `servotwin report`: what the other stages have found, or what a table holds, as one HTML file.
 
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
+use servotwin::evaluation::EvaluationError;
+use servotwin::evaluation::comparison::default_classifiers;
+use servotwin::evaluation::foreign::{HoldOut, Selection, train_table, validate_table};
+use servotwin::evaluation::parallel::Workers;
+use servotwin::files::write_atomically;
 use servotwin::job::{Folder, report};
-use std::path::PathBuf;
+use servotwin::report::foreign::{TableMaterial, render};
+use servotwin::table;
+use servotwin_diagnosis::classifiers::{Kind, Settings};
+use std::path::{Path, PathBuf};
 
-/// Write the report of an evaluated campaign: report.html, and its figures as SVG.
+/// Write a report: one HTML file that needs no network.
+///
+/// With the output folder of an evaluated campaign, writes report.html there, and its figures as
+/// SVG. With a table, compares all classifiers on rows held out and draws the tree.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The output folder of a campaign for which `servotwin evaluate` has run.
+    /// The output folder of a campaign for which `servotwin evaluate` has run, or a table (.csv or
+    /// .parquet).
     input: PathBuf,
+    /// The column with the class (tables only, as all options that follow).
+    #[arg(long)]
+    label: Option<String>,
+    /// The column with the group; rows of one group are held out together.
+    #[arg(long)]
+    group: Option<String>,
+    /// The columns to learn from; without, all other columns with numbers.
+    #[arg(long, value_delimiter = ',')]
+    features: Vec<String>,
+    /// Number of folds.
+    #[arg(long, default_value_t = 5)]
+    folds: usize,
+    /// The seed of the folds.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The report to write (.html).
+    #[arg(long)]
+    out: Option<PathBuf>,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let folder = Folder::new(&options.input);
-    let study = folder.read_study()?;
-    report::write(&folder, &study)?;
-    let path = folder.report().display().to_string();
+    let path = match (options.input.is_dir(), &options.label, &options.out) {
+        (true, None, None) => folder(&Folder::new(&options.input))?,
+        (true, _, _) => return Err(Failure::Options("--label and --out are for tables")),
+        (false, Some(label), Some(out)) => of_table(options, label, out)?,
+        (false, _, _) => return Err(Failure::Options("a table needs --label and --out")),
+    };
+    let path = path.display().to_string();
     Ok(match global {
         Global { json: true, .. } => json(&json!({ "report": path })),
         Global { quiet: true, .. } => String::new(),
         _ => format!("{path}\n"),
     })
+}
+
+fn folder(folder: &Folder) -> Result<PathBuf, Failure> {
+    report::write(folder, &folder.read_study()?)?;
+    Ok(folder.report())
+}
+
+fn of_table(options: &Options, label: &str, out: &Path) -> Result<PathBuf, Failure> {
+    let data = table::read(&options.input)?;
+    let selection = Selection {
+        label: label.into(),
+        group: options.group.clone(),
+        features: options.features.clone(),
+    };
+    let hold_out = HoldOut::Folds { folds: options.folds, seed: options.seed };
+    let score = |settings: &Settings| {
+        let score = validate_table(&data, &selection, settings, hold_out, Workers::all())?;
+        Ok((settings.kind(), score))
+    };
+    let list = default_classifiers();
+    let scores = list.iter().map(score).collect::<Result<Vec<_>, EvaluationError>>()?;
+    let cart = list.iter().find(|settings| settings.kind() == Kind::Cart);
+    let cart = cart.cloned().unwrap_or_else(|| Kind::Cart.default_settings());
+    let held_out = match &options.group {
+        Some(group) => format!("{} folds; rows of one {group} stay together", options.folds),
+        None => format!("{} folds with equal shares of the classes", options.folds),
+    };
+    let html = render(&TableMaterial {
+        name: &options.input.file_name().unwrap_or_default().to_string_lossy(),
+        held_out: &held_out,
+        scores: &scores,
+        tree: &train_table(&data, &selection, &cart)?,
+    });
+    write_atomically(out, |file| file.write_all(html.as_bytes())).map_err(EvaluationError::File)?;
+    Ok(out.into())
 }

@@ -1,5 +1,7 @@
 //! The binary is run as its users run it: results, messages, exit codes.
 
+mod study;
+
 use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};

@@ -120,6 +120,9 @@ impl Folder {
             return Err(CampaignError::NoVariants.into());
         }
         create_folder(&self.0)?;
+        for folder in [self.0.clone(), self.0.join("shards"), self.figures()] {
+            files::remove_leftovers(&folder)?;
+        }
         if !self.holds(study) {
             self.remove_report()?;
             for file in self.results_there()? {

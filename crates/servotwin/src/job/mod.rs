@@ -5,6 +5,7 @@
 //! without the sensor that the system could have.
 
 mod error;
+pub mod explain;
 pub mod folder;
 pub mod manifest;
 pub mod report;

@@ -6,6 +6,7 @@
 //! bytes.
 
 pub mod examples;
+pub mod foreign;
 pub mod lines;
 pub mod page;
 pub mod schematic;

@@ -1,0 +1,103 @@
+//! `servotwin explain`: why the trees say what they say about one variant.
+
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json};
+use serde_json::json;
+use servotwin::job::explain::{Answer, Explanation, explain};
+use servotwin::job::{self, Folder, Subject};
+use servotwin::report::words::{of_unit, percent, spoken};
+use servotwin_diagnosis::hierarchy::Question;
+use std::path::PathBuf;
+
+/// Explain what the trees say about one variant: every question with its value and threshold.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The number of the variant in the data set, from 0.
+    variant: u32,
+    /// The output folder of a campaign for which `servotwin train` has run.
+    #[arg(long, value_name = "FOLDER", default_value = "out")]
+    out: PathBuf,
+    /// Which data set, with which sensors.
+    #[arg(long, value_parser = ["ideal", "realistic", "extra_sensor"], default_value = "ideal")]
+    subject: String,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let folder = Folder::new(&options.out);
+    let study = folder.read_study()?;
+    let subjects = job::subjects(&folder, &study)?;
+    let subject = subjects.iter().find(|subject| subject.name() == options.subject);
+    let unknown = |what, given: &str, known: Vec<String>| Failure::UnknownName {
+        what,
+        given: given.into(),
+        known,
+    };
+    let names = || subjects.iter().map(|subject: &Subject| subject.name().into()).collect();
+    let subject = *subject.ok_or_else(|| unknown("data set", &options.subject, names()))?;
+    match explain(&folder, &study, subject, options.variant)? {
+        Some(explanation) => Ok(match global.json {
+            true => json(&json!(explanation)),
+            false => people(&explanation),
+        }),
+        None => Err(unknown("variant", &options.variant.to_string(), vec![])),
+    }
+}
+
+fn people(explanation: &Explanation) -> String {
+    let Explanation { variant, case, fault, intensity, largest_residual, .. } = explanation;
+    let mut text = format!(
+        "variant {variant}: {fault}, intensity {intensity}, case {case}; largest residual {}\n",
+        percent(Some(*largest_residual))
+    );
+    if !explanation.failure.is_empty() {
+        text += &format!("not simulated to the end: {}\n", explanation.failure);
+    }
+    if !explanation.detectable {
+        text += "not detectable: no residual leaves ±3 %, so nothing would be asked\n";
+    }
+    explanation.stages.iter().for_each(|answer| text += &stage(answer));
+    text
+}
+
+fn stage(answer: &Answer) -> String {
+    let asks = match answer.question {
+        Question::Actuator => "which actuator?",
+        Question::Command => "what is to be done?",
+        Question::Detail => "what is broken?",
+    };
+    let verdict = match answer.said == answer.truth {
+        true => "right".to_owned(),
+        false => format!("WRONG, it is {}", spoken(&answer.truth)),
+    };
+    let sure = answer.purity.map(|p| format!(", leaf {} pure", percent(Some(p))));
+    let mut text = format!(
+        "\n{}  {asks}  {} ({verdict}{})\n",
+        answer.stage,
+        spoken(&answer.said),
+        sure.unwrap_or_default()
+    );
+    let mut grid = Grid::new(&[
+        ("", Side::Left),
+        ("feature", Side::Left),
+        ("value", Side::Right),
+        ("", Side::Left),
+        ("threshold", Side::Right),
+        ("meaning", Side::Left),
+    ]);
+    for step in &answer.steps {
+        grid.push(vec![
+            "  ".into(),
+            step.feature.clone(),
+            of_unit(step.value, &step.unit),
+            if step.above { ">" } else { "≤" }.into(),
+            of_unit(step.threshold, &step.unit),
+            step.meaning.clone(),
+        ]);
+    }
+    if !answer.steps.is_empty() {
+        text += &grid.text();
+    }
+    text
+}

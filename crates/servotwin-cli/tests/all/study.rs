@@ -1,0 +1,263 @@
+//! The main job and its stages, run as users run them, on a study small enough for a test.
+
+use super::{Folder, servotwin, stderr, stdout};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+/// The paper's study with few faults, two short runs, and every section of the file in use.
+fn tiny(classes: &str) -> String {
+    format!(
+        r#"
+format = 1
+name = "tiny"
+title = "A study small enough for a test"
+system = "aileron_dual"
+duration_s = 2
+sample_hz = 50
+intensities = [0.4, 0.6, 0.8, 1.0]
+units = ["actuator_1", "actuator_2"]
+[command]
+input = "command"
+signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
+[load]
+input = "load_factor"
+values.100 = 1.0
+[sensors]
+p_a_1 = {{ quantity = "pressure_a", unit = 1 }}
+p_b_1 = {{ quantity = "pressure_b", unit = 1 }}
+x_p_1 = {{ quantity = "ram", unit = 1 }}
+x_v_1 = {{ quantity = "spool", unit = 1 }}
+p_a_2 = {{ quantity = "pressure_a", unit = 2 }}
+p_b_2 = {{ quantity = "pressure_b", unit = 2 }}
+x_p_2 = {{ quantity = "ram", unit = 2 }}
+x_v_2 = {{ quantity = "spool", unit = 2 }}
+[extra_sensor]
+id = "x_p_3"
+title = "third stroke sensor"
+{classes}
+[realistic]
+seed = 3
+healthy = 4
+"#
+    )
+}
+
+const CLASSES: &str = r#"
+[[classes]]
+detail = "external_leakage"
+command = "shut_down"
+faults = ["leakage_a.leakage", "leakage_b.leakage"]
+[[classes]]
+detail = "control_valve"
+command = "shut_down"
+faults = ["servo_valve.clogging_pa", "servo_valve.bias_positive"]
+[[classes]]
+detail = "cylinder_pressure_sensor"
+command = "change_mode"
+faults = ["sensor_pressure_a.bias_positive", "sensor_pressure_b.gain_low"]
+[[classes]]
+detail = "valve_displacement_sensor"
+command = "warning"
+faults = ["sensor_spool.bias_positive", "sensor_spool.bias_negative"]
+"#;
+
+fn write_study(folder: &Folder, classes: &str) -> String {
+    let path = folder.file("tiny.toml");
+    std::fs::write(&path, tiny(classes)).unwrap();
+    path
+}
+
+fn run(arguments: &[&str]) -> Output {
+    let output = servotwin(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    output
+}
+
+/// Every file of a folder and what is in it.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(&next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let inside = path.strip_prefix(folder).unwrap().to_path_buf();
+                files.insert(inside, std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
+}
+
+fn assert_same(a: &BTreeMap<PathBuf, Vec<u8>>, b: &BTreeMap<PathBuf, Vec<u8>>) {
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (path, bytes) in a {
+        assert!(bytes == &b[path], "{} differs", path.display());
+    }
+}
+
+/// One message, an exit code, no panic.
+fn fails(arguments: &[&str], code: i32, message: &str) {
+    let output = servotwin(arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    assert!(text.contains(message), "{arguments:?}: {text}");
+    assert!(!text.contains("panicked"), "{arguments:?}: {text}");
+    assert_eq!(text.trim_end().lines().count(), 1, "one message: {text}");
+}
+
+#[test]
+fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
+    let folder = Folder::new("study");
+    let study = write_study(&folder, CLASSES);
+    let (whole, staged) = (folder.file("whole"), folder.file("staged"));
+    let output = run(&["study", &study, "--out", &whole, "--threads", "1"]);
+    assert!(stdout(&output).starts_with("Setting: ideal\n"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("wrong actuator shut down"));
+    run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
+    run(&["train", &staged]);
+    run(&["evaluate", &staged, "--threads", "2"]);
+    run(&["report", &staged]);
+    let first = contents(Path::new(&whole));
+    assert_same(&first, &contents(Path::new(&staged)));
+    // Once more over the results of the first time, and with the features computed anew.
+    run(&["features", &whole]);
+    run(&["study", &study, "--out", &whole, "--quiet"]);
+    assert_same(&first, &contents(Path::new(&whole)));
+    report_is_sound(&String::from_utf8(first[Path::new("report.html")].clone()).unwrap());
+    explains(&whole);
+}
+
+/// One file that needs nothing from elsewhere, with every section and a text for every figure.
+fn report_is_sound(html: &str) {
+    for section in servotwin::report::ALL {
+        let anchor = format!("<section id=\"{}\">", section.id());
+        assert!(html.contains(&anchor), "no section {}", section.id());
+    }
+    let figures = html.matches("<figure").count();
+    assert!(figures > 10);
+    assert_eq!(html.matches("<svg role=\"img\" aria-label=\"").count(), figures);
+    for foreign in ["<script", "<link", "<img", "url(", "@import"] {
+        assert!(!html.contains(foreign), "{foreign}");
+    }
+    let addresses = html.matches("http").count();
+    assert_eq!(addresses, html.matches("xmlns=\"http://www.w3.org/2000/svg\"").count());
+}
+
+fn explains(out: &str) {
+    let output = run(&["explain", "3", "--out", out]);
+    let text = stdout(&output);
+    assert!(text.starts_with("variant 3: actuator_1.leakage_a.leakage, intensity 1,"), "{text}");
+    assert!(text.contains("which actuator?") && text.contains("what is broken?"), "{text}");
+    let output = run(&["explain", "70", "--out", out, "--subject", "realistic", "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json["variant"], 70);
+    fails(&["explain", "9999", "--out", out], 2, "no variant '9999'");
+}
+
+#[test]
+fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
+    let folder = Folder::new("killed");
+    let study = write_study(&folder, CLASSES);
+    let (calm, killed) = (folder.file("calm"), folder.file("killed"));
+    let begin = std::time::Instant::now();
+    run(&["study", &study, "--out", &calm]);
+    let whole = begin.elapsed().as_millis() as u64;
+    let mut random = 12_345_u64;
+    for _ in 0..10 {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
+            .args(["study", &study, "--out", &killed])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        std::thread::sleep(Duration::from_millis((random >> 33) % whole.max(1)));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    run(&["study", &study, "--out", &killed]);
+    assert_same(&contents(Path::new(&calm)), &contents(Path::new(&killed)));
+}
+
+#[test]
+fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
+    let folder = Folder::new("refused");
+    let out = folder.file("out");
+    let none = write_study(&folder, "classes = []");
+    fails(&["study", &none, "--out", &out], 3, "classes");
+    let none = write_study(&folder, "");
+    fails(&["study", &none, "--out", &out], 1, "the study has no faults");
+    fails(&["campaign", &none, "--out", &out], 1, "the study has no faults");
+    assert!(!Path::new(&out).exists());
+    let study = write_study(&folder, CLASSES);
+    // A file where a folder is needed, and a folder that nobody can write to.
+    fails(&["study", &study, "--out", &study], 1, "tiny.toml");
+    fails(&["study", &study, "--out", "/proc/servotwin"], 1, "/proc/servotwin");
+    for stage in [&["train", &out][..], &["evaluate", &out], &["report", &out]] {
+        fails(stage, 2, "a table needs");
+    }
+    std::fs::create_dir(&out).unwrap();
+    for stage in ["train", "evaluate", "report", "features"] {
+        fails(&[stage, &out], 3, "there is no data set here");
+    }
+}
+
+#[test]
+fn broken_and_foreign_data_sets_are_named() {
+    let folder = Folder::new("broken");
+    let study = write_study(&folder, CLASSES);
+    let out = folder.file("out");
+    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    fails(
+        &["evaluate", &out],
+        3,
+        "hierarchy-ideal.json: no such file; 'servotwin train' writes it",
+    );
+    fails(&["report", &out], 3, "evaluation.json: no such file; 'servotwin evaluate' writes it");
+    let data_set = Path::new(&out).join("dataset-ideal.parquet");
+    let good = std::fs::read(&data_set).unwrap();
+    for bytes in [&b"not a Parquet file"[..], &good[..good.len() / 2], &[]] {
+        std::fs::write(&data_set, bytes).unwrap();
+        fails(&["train", &out], 3, "dataset-ideal.parquet");
+    }
+    let csv = folder.file("foreign.csv");
+    std::fs::write(&csv, "x,y,label\n1,2,a\n2,NaN,b\n3,1,a\n").unwrap();
+    fails(&["train", &csv, "--label", "label", "--folds", "2"], 3, "y");
+    std::fs::write(&csv, "x,y,label\n1,2,a\n2,2,a\n").unwrap();
+    fails(&["report", &csv, "--label", "label", "--out", &folder.file("r.html")], 3, "only 'a'");
+    assert!(!Path::new(&folder.file("r.html")).exists());
+}
+
+#[test]
+fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
+    let folder = Folder::new("one-class");
+    let class = "[[classes]]\ndetail = \"external_leakage\"\ncommand = \"shut_down\"\n\
+                 faults = [\"leakage_a.leakage\"]\n";
+    let study = write_study(&folder, class);
+    let output = run(&["study", &study, "--out", &folder.file("out")]);
+    assert!(stdout(&output).contains("A  actuator"), "{}", stdout(&output));
+}
+
+#[test]
+fn the_report_of_a_table_compares_all_classifiers() {
+    let folder = Folder::new("table");
+    let csv = folder.file("points.csv");
+    let rows = (0..60).map(|k| {
+        let (class, x) = (k % 3, f64::from(k % 3) + 0.01 * f64::from(k));
+        format!("{x},{},7,{}\n", f64::from(k * 7 % 11), ["low", "middle", "high"][class as usize])
+    });
+    std::fs::write(&csv, "x,noise,constant,label\n".to_owned() + &rows.collect::<String>())
+        .unwrap();
+    let out = folder.file("points.html");
+    run(&["report", &csv, "--label", "label", "--out", &out]);
+    let html = std::fs::read_to_string(&out).unwrap();
+    for kind in servotwin_diagnosis::classifiers::ALL {
+        assert!(html.contains(kind.title()), "{}", kind.title());
+    }
+    assert!(html.contains("x ≤ "));
+}
