@@ -121,7 +121,7 @@ impl Failure {
             | Failure::Signal { .. } => 2,
             Failure::Table(TableError::UnknownFormat { .. }) => 2,
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
-            Failure::Job(JobError::File(_)) => 1,
+            Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
             Failure::Job(_) => 3,
             Failure::Campaign(_)
             | Failure::Run { .. }

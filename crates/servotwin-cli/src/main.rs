@@ -18,7 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, faults, features, simulate, train,
+    campaign, check, completions, describe, evaluate, faults, features, report, simulate, study,
+    train,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -50,12 +51,14 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
 
 #[derive(Subcommand)]
 enum Command {
+    Study(study::Options),
     Simulate(Box<simulate::Options>),
     Faults(faults::Options),
     Campaign(campaign::Options),
     Features(features::Options),
     Train(train::Options),
     Evaluate(evaluate::Options),
+    Report(report::Options),
     Describe(describe::Options),
     Check(check::Options),
     Completions(completions::Options),
@@ -67,10 +70,12 @@ impl Command {
         match self {
             Command::Simulate(options) => simulate::run(options, global),
             Command::Faults(options) => faults::run(options, global),
+            Command::Study(options) => study::run(options, global),
             Command::Campaign(options) => campaign::run(options, global),
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),
+            Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
             Command::Completions(options) => Ok(completions::run(options)),

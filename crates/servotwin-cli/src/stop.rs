@@ -3,6 +3,7 @@
 //! Files are written under another name and renamed when complete, so even the
 //! second leaves no target half-written.
 
+use crate::failure::Failure;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -20,4 +21,9 @@ pub fn listen() {
             std::process::exit(130);
         }
     });
+}
+
+/// Ends a job between two of its steps, if Ctrl-C was pressed.
+pub fn check() -> Result<(), Failure> {
+    if STOP.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) }
 }

@@ -8,6 +8,7 @@ pub mod figure;
 pub mod files;
 pub mod job;
 pub mod nearest;
+pub mod report;
 pub mod signal;
 pub mod study;
 pub mod system;

@@ -1,16 +1,16 @@
 //! `servotwin campaign`: every fault of a study under every operating case,
 //! into a data set.
 
+use super::progress::is_shown;
 use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use servotwin::job::Folder;
+use servotwin::job::{Folder, manifest};
 use servotwin::study::campaign::{Campaign, Outcome};
 use servotwin::study::{Setting, Study};
 use servotwin_model::solver::Settings;
-use std::io::{IsTerminal, stderr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Simulate every fault of a study under every operating case, into a data set.
@@ -44,26 +44,30 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = match &options.study {
-        Some(path) => Study::read(path)?,
-        None => Study::default(),
-    };
+    let study = read_study(options.study.as_deref())?;
     stop::listen();
     let wanted = |setting: &Setting| {
         let named = options.setting.as_deref().is_none_or(|name| name == setting.name());
         named
             && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
     };
-    Folder::new(&options.out).keep_study(&study)?;
+    let folder = Folder::new(&options.out);
+    folder.keep_study(&study)?;
     let mut text = String::new();
     let mut results = Vec::new();
     for setting in Setting::ALL.into_iter().filter(wanted) {
         let begin = Instant::now();
-        let outcome = run_setting(options, &study, setting, global)?;
+        let campaign = Campaign {
+            keep_traces: options.keep_traces,
+            simulate_images: options.all,
+            ..campaign(&study, setting, &folder, options.threads)
+        };
+        let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
         text.push_str(&describe(&study, setting, &outcome, seconds));
         results.push(to_json(setting, &outcome));
     }
+    manifest::write(&folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => crate::render::json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
@@ -71,24 +75,37 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-fn run_setting(
-    options: &Options,
-    study: &Study,
+/// Reads a study file, or takes the paper's study.
+pub fn read_study(path: Option<&Path>) -> Result<Study, Failure> {
+    Ok(match path {
+        Some(path) => Study::read(path)?,
+        None => Study::default(),
+    })
+}
+
+/// A campaign that Ctrl-C stops.
+pub fn campaign<'s>(
+    study: &'s Study,
     setting: Setting,
-    global: Global,
-) -> Result<Outcome, Failure> {
+    folder: &Folder,
+    threads: Option<usize>,
+) -> Campaign<'s> {
     let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let campaign = Campaign {
+    Campaign {
         study,
         setting,
         settings: Settings::campaign(),
-        threads: options.threads.unwrap_or(processors).max(1),
-        folder: options.out.clone(),
-        keep_traces: options.keep_traces,
-        simulate_images: options.all,
+        threads: threads.unwrap_or(processors).max(1),
+        folder: folder.path().into(),
+        keep_traces: false,
+        simulate_images: false,
         cancel: Some(stop::flag()),
-    };
-    let bar = bar(setting, global);
+    }
+}
+
+/// Runs a campaign, with its progress on a terminal.
+pub fn simulate(campaign: &Campaign, global: Global) -> Result<Outcome, Failure> {
+    let bar = bar(campaign.setting, global);
     let (_, outcome) = campaign.run(|done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
@@ -98,16 +115,17 @@ fn run_setting(
 }
 
 fn bar(setting: Setting, global: Global) -> ProgressBar {
-    if global.quiet || !stderr().is_terminal() {
+    if !is_shown(global) {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} variants, {eta} left");
     let bar = ProgressBar::new(0).with_style(style.expect("a correct template"));
-    bar.set_message(setting.name());
+    bar.set_message(format!("simulating, {}:", setting.name()));
     bar
 }
 
-fn describe(study: &Study, setting: Setting, outcome: &Outcome, seconds: f64) -> String {
+/// What a campaign has done, for people.
+pub fn describe(study: &Study, setting: Setting, outcome: &Outcome, seconds: f64) -> String {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
         "{}, {}: {} variants of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",

@@ -7,10 +7,9 @@ use crate::render::{Grid, Side, json, number, shown};
 use serde_json::{Value, json};
 use servotwin::eigenvalues::{self, Complex};
 use servotwin::ensemble::{Ensemble, Variant};
-use servotwin::figure::diagram::{Block, Diagram, Wire};
+use servotwin::report::schematic;
 use servotwin::system::System;
-use servotwin_model::network::{Network, PortOf};
-use servotwin_model::spec::PortKind;
+use servotwin_model::network::Network;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
@@ -36,7 +35,7 @@ struct Rest {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = options.system.read()?;
     if let Some(path) = &options.schematic {
-        schematic(&system).draw().save(path)?;
+        schematic::of(&system).draw().save(path)?;
     }
     let rest = rest(&system)?;
     Ok(if global.json { json(&as_json(&system, &rest)) } else { people(&system, &rest) })
@@ -188,45 +187,4 @@ fn eigenvalue_table(rest: &Rest) -> String {
         ]);
     }
     grid.text()
-}
-
-/// Components as blocks, connections as wires from the port that sets.
-fn schematic(system: &System) -> Diagram {
-    let network = system.network();
-    let mut diagram = Diagram { title: system.title.clone(), ..Diagram::default() };
-    for instance in &network.components {
-        let (group, name) = instance.id.rsplit_once('.').unwrap_or(("", &instance.id));
-        let spec = instance.component.spec();
-        let text = if name == spec.kind { name.into() } else { format!("{name}\n{}", spec.kind) };
-        let family = spec.ports.first().map_or("", |port| port.kind.family());
-        diagram.blocks.push(Block::new(&instance.id, &text, family, group));
-    }
-    for ports in &network.connections {
-        diagram.wires.extend(wires(network, ports));
-    }
-    for input in &network.inputs {
-        let block = format!("input {}", input.id);
-        let group = input.id.rsplit_once('.').map_or("", |(group, _)| group);
-        diagram.blocks.push(Block::new(&block, &format!("{}\ninput", input.id), "input", group));
-        diagram.wires.extend(input.targets.iter().map(|target| Wire {
-            arrow: true,
-            ..Wire::new(&block, &network.components[target.component].id, "signal")
-        }));
-    }
-    diagram
-}
-
-fn wires(network: &Network, ports: &[PortOf]) -> Vec<Wire> {
-    let id = |port: &PortOf| &network.components[port.component].id;
-    let kind =
-        |port: &PortOf| network.components[port.component].component.spec().ports[port.port].kind;
-    let Some(from) = ports.iter().find(|port| kind(port).sets()).or(ports.first()) else {
-        return Vec::new();
-    };
-    let others = ports.iter().filter(|port| *port != from);
-    let wires = others.map(|port| Wire {
-        arrow: matches!(kind(port), PortKind::SignalIn { .. }),
-        ..Wire::new(id(from), id(port), kind(from).family())
-    });
-    wires.collect()
 }

@@ -11,7 +11,8 @@ use serde_json::json;
 use servotwin::evaluation::foreign::evaluate_table;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
-use servotwin::job::{self, Folder};
+use servotwin::job::{self, Folder, Results, manifest};
+use servotwin::study::Study;
 use servotwin::table;
 use std::path::{Path, PathBuf};
 
@@ -46,17 +47,29 @@ fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     stop::listen();
     let folder = Folder::new(&options.input);
     let study = folder.read_study()?;
-    let workers = options.threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag());
-    let stages = Stages::new(global);
-    let results = job::evaluate_all(&folder, &study, workers, &|subject, what| {
-        stages.show(&format!("{}: {what}", subject.name()));
-    })?;
-    stages.end();
+    let results = measure(&folder, &study, options.threads, global)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
         _ => summary::text(&results),
     })
+}
+
+/// Evaluates every data set of a folder, with the progress on a terminal.
+pub fn measure(
+    folder: &Folder,
+    study: &Study,
+    threads: Option<usize>,
+    global: Global,
+) -> Result<Results, Failure> {
+    let workers = threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag());
+    let stages = Stages::new(global);
+    let results = job::evaluate_all(folder, study, workers, &|what, share| {
+        stages.show(what, share);
+    })?;
+    stages.end();
+    manifest::write(folder, study)?;
+    Ok(results)
 }
 
 fn of_table(table: &Path, model: &Path, global: Global) -> Result<String, Failure> {

@@ -1,16 +1,15 @@
 //! `servotwin features`: the features of a campaign computed anew, or those of windows of any
 //! measured and nominal signals.
 
+use super::campaign::campaign;
 use crate::Global;
 use crate::failure::Failure;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceStudy;
-use servotwin::job::Folder;
+use servotwin::job::{Folder, manifest};
 use servotwin::study::Setting;
-use servotwin::study::campaign::Campaign;
 use servotwin::{files, table};
-use servotwin_model::solver::Settings;
 use std::path::{Path, PathBuf};
 
 /// Compute the features of a campaign anew, or those of traces.
@@ -44,19 +43,11 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
     let study = folder.read_study()?;
     let mut list = vec![];
     for setting in Setting::ALL.into_iter().filter(|&setting| folder.data_set(setting).exists()) {
-        let campaign = Campaign {
-            study: &study,
-            setting,
-            settings: Settings::campaign(),
-            threads: 1,
-            folder: folder.path().into(),
-            keep_traces: false,
-            simulate_images: false,
-            cancel: None,
-        };
+        let campaign = campaign(&study, setting, folder, None);
         let (table, _) = campaign.features()?;
         list.push((folder.data_set(setting), table.row_count(), table.columns().len()));
     }
+    manifest::write(folder, &study)?;
     let line = |(path, rows, columns): &(PathBuf, usize, usize)| {
         format!("{}: {rows} variants, {columns} columns\n", path.display())
     };

@@ -8,7 +8,9 @@ pub mod evaluate;
 pub mod faults;
 pub mod features;
 mod progress;
+pub mod report;
 pub mod simulate;
+pub mod study;
 mod summary;
 pub mod train;
 

@@ -10,7 +10,7 @@ use servotwin::evaluation::foreign::{HoldOut, Selection, train_table, validate_t
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::score::Score;
-use servotwin::job::{self, Folder};
+use servotwin::job::{self, Folder, manifest};
 use servotwin::table;
 use servotwin_diagnosis::classifiers::{ALL, Kind, Settings};
 use std::path::PathBuf;
@@ -110,6 +110,7 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
         text += &format!("{}: {} trees: {}\n", path.display(), stages.len(), stages.join(" "));
         results.push(json!({ "subject": subject, "stages": stages }));
     }
+    manifest::write(folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),

@@ -137,6 +137,9 @@ impl Evaluation {
     }
 }
 
+/// The share of the time that each protocol takes, as measured on the paper's study.
+const PROTOCOL_SHARE: f64 = 0.05;
+
 /// The worst leaves shown of each tree.
 const WORST_LEAVES: usize = 3;
 
@@ -149,7 +152,7 @@ pub fn train(data: &DataSet, training: &Training) -> Result<Hierarchy, Evaluatio
 }
 
 /// Evaluates a data set, and the hierarchy trained with all its detectable rows. `progress` is told
-/// what is being done.
+/// what is being done, and roughly how much is done, from 0 to 1.
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`] and what training says.
@@ -158,15 +161,15 @@ pub fn evaluate(
     hierarchy: &Hierarchy,
     settings: &Settings,
     workers: Workers,
-    progress: &dyn Fn(&str),
+    progress: &dyn Fn(&str, f64),
 ) -> Result<Evaluation, EvaluationError> {
     let Settings { holding, short_holding, .. } = *settings;
     let rows = data.detectable()?;
     let training = run::settled(data, &settings.training);
     let mut protocols = vec![];
     let mut ambiguity = ambiguity::evaluate(data, &[]);
-    for protocol in protocol::ALL {
-        progress(protocol.title());
+    for (place, protocol) in protocol::ALL.into_iter().enumerate() {
+        progress(protocol.title(), PROTOCOL_SHARE * place as f64);
         let found =
             protocol::evaluate(protocol, data, &training, holding, &settings.shutdown, workers)?;
         let Some((result, outcomes)) = found else {
@@ -177,18 +180,18 @@ pub fn evaluate(
             ambiguity = ambiguity::evaluate(data, &outcomes);
         }
     }
-    progress("the paper's trees");
+    progress("the paper's trees", 0.25);
     let baseline = baseline(data, settings, workers)?;
-    progress("comparing classifiers");
+    progress("comparing classifiers", 0.3);
     let list = &settings.classifiers;
     let compared = settings.comparison_holding;
     let classifiers = comparison::evaluate(data, &training, list, compared, workers)?;
-    progress("taking parts away");
+    progress("taking parts away", 0.7);
     let ablation = match settings.ablation {
         true => ablation::evaluate(data, &training, short_holding, workers)?,
         false => vec![],
     };
-    progress("implausible splits");
+    progress("implausible splits", 0.95);
     let evaluation = Evaluation {
         detection: detection::evaluate(data),
         features: data.features.len(),

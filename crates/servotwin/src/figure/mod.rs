@@ -24,6 +24,7 @@ mod style;
 mod svg;
 pub mod time_series;
 pub mod tree;
+pub mod value_map;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

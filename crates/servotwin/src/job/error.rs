@@ -3,6 +3,7 @@
 use crate::evaluation::EvaluationError;
 use crate::files::FileError;
 use crate::study::StudyError;
+use crate::study::campaign::CampaignError;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -14,6 +15,8 @@ pub enum JobError {
     File(FileError),
     /// The study beside the results has mistakes.
     Study(Box<StudyError>),
+    /// A campaign, or the examples of a report, could not be simulated.
+    Campaign(CampaignError),
     /// There is no data set in the folder.
     NoDataSet {
         /// The folder.
@@ -42,6 +45,7 @@ impl fmt::Display for JobError {
         match self {
             JobError::File(error) => write!(out, "{error}"),
             JobError::Study(error) => write!(out, "{error}"),
+            JobError::Campaign(error) => write!(out, "{error}"),
             JobError::NoDataSet { folder } => write!(
                 out,
                 "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
@@ -67,6 +71,12 @@ impl From<FileError> for JobError {
 impl From<StudyError> for JobError {
     fn from(error: StudyError) -> Self {
         JobError::Study(Box::new(error))
+    }
+}
+
+impl From<CampaignError> for JobError {
+    fn from(error: CampaignError) -> Self {
+        JobError::Campaign(error)
     }
 }
 

@@ -6,9 +6,12 @@
 //! | `dataset-<setting>.parquet`, `shards/` | campaign |
 //! | `hierarchy-<subject>.json` | train |
 //! | `evaluation.json` | evaluate |
+//! | `report.html`, `figures/` | report |
+//! | `manifest.json` | every stage |
 
 use super::{JobError, Subject};
-use crate::files::{self, create_folder, write_atomically};
+use crate::files::{self, FileError, create_folder, write_atomically};
+use crate::study::campaign::CampaignError;
 use crate::study::{Setting, Study};
 use std::path::{Path, PathBuf};
 
@@ -52,14 +55,85 @@ impl Folder {
         self.0.join("evaluation.json")
     }
 
-    /// Makes the folder and writes the texts of the study and its system into it.
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.0.join("report.html")
+    }
+
+    /// The folder of the report's figures.
+    pub fn figures(&self) -> PathBuf {
+        self.0.join("figures")
+    }
+
+    /// Where everything comes from.
+    pub fn manifest(&self) -> PathBuf {
+        self.0.join("manifest.json")
+    }
+
+    /// Every result file that is there, the same order on every system.
     ///
     /// # Errors
-    /// The folder or a file cannot be written.
+    /// The folder of the figures cannot be read.
+    pub fn results_there(&self) -> Result<Vec<PathBuf>, JobError> {
+        let mut files: Vec<PathBuf> = Setting::ALL.into_iter().map(|s| self.data_set(s)).collect();
+        files.extend(Subject::ALL.into_iter().map(|subject| self.hierarchy(subject)));
+        files.extend([self.results(), self.report()]);
+        files.retain(|file| file.exists());
+        files.extend(self.figure_files()?);
+        Ok(files)
+    }
+
+    fn figure_files(&self) -> Result<Vec<PathBuf>, JobError> {
+        let folder = self.figures();
+        if !folder.exists() {
+            return Ok(vec![]);
+        }
+        let wrong = |cause| FileError::from_io(&folder, cause);
+        let mut files = vec![];
+        for entry in std::fs::read_dir(&folder).map_err(wrong)? {
+            let path = entry.map_err(wrong)?.path();
+            if path.extension().is_some_and(|ending| ending == "svg") {
+                files.push(path);
+            }
+        }
+        files.sort();
+        Ok(files)
+    }
+
+    /// Removes the report and its figures.
+    ///
+    /// # Errors
+    /// They cannot be removed.
+    pub fn remove_report(&self) -> Result<(), JobError> {
+        let mut files = self.figure_files()?;
+        files.extend(Some(self.report()).filter(|report| report.exists()));
+        files.iter().try_for_each(|file| remove(file))
+    }
+
+    /// Makes the folder and writes the texts of the study and its system into it. Results of
+    /// another study are removed: they would be taken for this one's.
+    ///
+    /// # Errors
+    /// The study has no faults; the folder or a file cannot be written.
     pub fn keep_study(&self, study: &Study) -> Result<(), JobError> {
+        if study.faults.is_empty() {
+            return Err(CampaignError::NoVariants.into());
+        }
         create_folder(&self.0)?;
+        if !self.holds(study) {
+            self.remove_report()?;
+            for file in self.results_there()? {
+                remove(&file)?;
+            }
+        }
         write_text(&self.study(), &study.text)?;
         write_text(&self.system(), &study.system.text)
+    }
+
+    /// Whether the texts in the folder are those of a study.
+    fn holds(&self, study: &Study) -> bool {
+        let same = |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|own| own == text);
+        same(self.study(), &study.text) && same(self.system(), &study.system.text)
     }
 
     /// Reads the study back.
@@ -73,6 +147,10 @@ impl Folder {
         let text = files::read_text(self.study())?;
         Ok(Study::parse_with_system(&text, &self.study(), &self.system())?)
     }
+}
+
+fn remove(file: &Path) -> Result<(), JobError> {
+    Ok(std::fs::remove_file(file).map_err(|cause| FileError::from_io(file, cause))?)
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), JobError> {

@@ -1,4 +1,4 @@
-//! The main job, stage by stage: campaign, training, evaluation.
+//! The main job, stage by stage: campaign, training, evaluation, report.
 //!
 //! Every stage reads what the former has left in the output folder ([`folder`]), so that a user can
 //! change one thing and repeat the rest. What is diagnosed is a [`Subject`]: a data set, with or
@@ -6,6 +6,8 @@
 
 mod error;
 pub mod folder;
+pub mod manifest;
+pub mod report;
 pub mod results;
 mod subject;
 
@@ -61,7 +63,7 @@ pub fn train(folder: &Folder, study: &Study, subject: Subject) -> Result<Hierarc
 }
 
 /// Evaluates every subject in a folder with the hierarchies that were trained for them, and writes
-/// the results. `progress` is told the subject and what is being done.
+/// the results. `progress` is told what is being done, and how much of all is done, from 0 to 1.
 ///
 /// # Errors
 /// A file is missing or cannot be read or written; what evaluation says.
@@ -69,14 +71,18 @@ pub fn evaluate_all(
     folder: &Folder,
     study: &Study,
     workers: Workers,
-    progress: &dyn Fn(Subject, &str),
+    progress: &dyn Fn(&str, f64),
 ) -> Result<Results, JobError> {
     let mut list = vec![];
-    for subject in subjects(folder, study)? {
+    let subjects = subjects(folder, study)?;
+    for (place, &subject) in subjects.iter().enumerate() {
         let data = data_set(folder, study, subject)?;
         let hierarchy = hierarchy(folder, subject)?;
         let settings = subject.settings();
-        let told = |what: &str| progress(subject, what);
+        let told = |what: &str, share: f64| {
+            let done = (place as f64 + share) / subjects.len() as f64;
+            progress(&format!("{}: {what}", subject.name()), done);
+        };
         let evaluation = evaluation::evaluate(&data, &hierarchy, &settings, workers, &told)?;
         list.push(SubjectResult::new(subject, study, settings, evaluation));
     }

@@ -158,6 +158,21 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
+/// The study's system, recording what its sensors measure.
+pub fn ensemble(study: &Study) -> Ensemble<'_> {
+    let program = &study.system.program;
+    let slot = |&sensor: &usize| -> Slot {
+        let name = &study.system.sensors[sensor].signal;
+        program.observable(name).expect("a sensor's signal is an output").slot
+    };
+    Ensemble {
+        record: study.measured.iter().map(slot).collect(),
+        duration_s: study.duration_s,
+        sample_period_s: study.sample_period_s,
+        ..Ensemble::new(program)
+    }
+}
+
 /// The virtual twin's signals in an operating case, sample after sample.
 type Twin = Vec<f64>;
 
@@ -320,19 +335,11 @@ impl Campaign<'_> {
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
-        let program = &self.study.system.program;
-        let slot = |&sensor: &usize| -> Slot {
-            let name = &self.study.system.sensors[sensor].signal;
-            program.observable(name).expect("a sensor's signal is an output").slot
-        };
         Ensemble {
             settings: self.settings,
             threads: self.threads,
-            record: self.study.measured.iter().map(slot).collect(),
-            duration_s: self.study.duration_s,
-            sample_period_s: self.study.sample_period_s,
             cancel: self.cancel,
-            ..Ensemble::new(program)
+            ..ensemble(self.study)
         }
     }
 

@@ -125,6 +125,8 @@ pub struct Study {
     pub classes: Vec<Class>,
     /// Commands × loads.
     pub cases: Vec<OperatingCase>,
+    /// The input that the commands drive.
+    pub command_input: usize,
     /// The sensors that residuals are made of, as positions in the system's
     /// list; the extra one, where there is one, is the last.
     pub measured: Vec<usize>,
@@ -252,6 +254,7 @@ impl Study {
         let classes = reader.classes();
         let faults = reader.faults(&classes)?;
         let cases = reader.cases()?;
+        let command_input = reader.input(&reader.text.command.input)?;
         let realism = match &reader.text.realistic {
             Some(text) => Some(Realism::new(text, &reader)?),
             None => None,
@@ -269,6 +272,7 @@ impl Study {
             faults,
             classes,
             cases,
+            command_input,
             measured,
             sensors,
             realism,

@@ -105,7 +105,7 @@ fn evaluated(noise: f64, threads: usize) -> (Evaluation, Hierarchy, DataSet) {
     let data = DataSet::new(&campaign(noise), infos(), &[]).unwrap();
     let hierarchy = train(&data, &settings().training).unwrap();
     let workers = Workers::new(threads);
-    let evaluation = evaluate(&data, &hierarchy, &settings(), workers, &|_| ()).unwrap();
+    let evaluation = evaluate(&data, &hierarchy, &settings(), workers, &|_, _| ()).unwrap();
     (evaluation, hierarchy, data)
 }
 

@@ -1,0 +1,73 @@
+//! `servotwin study`: the main job, from nothing to a report.
+
+use super::campaign::{campaign, describe, read_study, simulate};
+use super::evaluate::measure;
+use super::progress::Notes;
+use super::summary;
+use crate::failure::Failure;
+use crate::render::json;
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::job::{self, Folder, report};
+use servotwin::study::{Setting, Study};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Simulate a study, train and evaluate its diagnosis, and write the report.
+///
+/// Runs, one after the other, what `campaign`, `train`, `evaluate` and `report` do alone. An
+/// interrupted study goes on where it was; run again, it gives the same bytes.
+#[derive(clap::Args)]
+pub struct Options {
+    /// A study file; without it, the paper's study of the aileron.
+    #[arg(value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// The folder for data sets, models, results and the report.
+    #[arg(long, value_name = "FOLDER", default_value = "out")]
+    out: PathBuf,
+    /// Number of threads [default: all processors; the results do not depend on it].
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let begin = Instant::now();
+    let study = read_study(options.study.as_deref())?;
+    stop::listen();
+    let folder = Folder::new(&options.out);
+    folder.keep_study(&study)?;
+    let notes = Notes::new(global);
+    for setting in settings(&study) {
+        let begin = Instant::now();
+        let outcome = simulate(&campaign(&study, setting, &folder, options.threads), global)?;
+        let seconds = begin.elapsed().as_secs_f64();
+        notes.write(describe(&study, setting, &outcome, seconds).trim_end());
+    }
+    for subject in job::subjects(&folder, &study)? {
+        stop::check()?;
+        job::train(&folder, &study, subject)?;
+    }
+    let evaluating = Instant::now();
+    let results = measure(&folder, &study, options.threads, global)?;
+    notes.write(&format!("evaluated in {:.1} s", evaluating.elapsed().as_secs_f64()));
+    stop::check()?;
+    report::write(&folder, &study)?;
+    let path = folder.report().display().to_string();
+    let seconds = begin.elapsed().as_secs_f64();
+    Ok(match global {
+        Global { json: true, .. } => json(&json!({
+            "report": path,
+            "evaluation": folder.results().display().to_string(),
+            "manifest": folder.manifest().display().to_string(),
+        })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}\n{path}, after {seconds:.0} s\n", summary::text(&results)),
+    })
+}
+
+/// The settings that a study has.
+fn settings(study: &Study) -> impl Iterator<Item = Setting> {
+    let realistic = study.realism.is_some();
+    Setting::ALL.into_iter().filter(move |setting| *setting == Setting::Ideal || realistic)
+}

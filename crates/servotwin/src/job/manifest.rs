@@ -1,0 +1,156 @@
+//! Where results come from: `manifest.json`, with versions, seeds, and hashes of what went in and
+//! what came out. It holds no time of day: the same study gives the same bytes.
+
+use super::{Folder, JobError};
+use crate::evaluation::protocol::Holding;
+use crate::evaluation::{EvaluationError, model_file};
+use crate::files;
+use crate::study::{Setting, Study};
+use crate::table::{self, TableError};
+use serde::{Deserialize, Serialize};
+use servotwin_model::solver;
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+
+/// The word that a manifest begins with.
+pub const FORMAT: &str = "servotwin manifest 1";
+
+/// Where the results in a folder come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The version of the program that wrote it.
+    pub version: String,
+    /// The name of the study.
+    pub study: String,
+    /// The texts that everything comes from.
+    pub inputs: Vec<FileHash>,
+    /// The seed of noise and specimens, where the study has a realistic setting.
+    pub specimen_seed: Option<u64>,
+    /// The seed of splits into training and test.
+    pub split_seed: u64,
+    /// The solver's settings.
+    pub solver: String,
+    /// The data sets.
+    pub data_sets: Vec<DataSetEntry>,
+    /// Every result file.
+    pub outputs: Vec<FileHash>,
+}
+
+/// A file and what was in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FileHash {
+    /// The file, seen from the folder.
+    pub file: String,
+    /// SHA-256 of its bytes, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// What is in a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DataSetEntry {
+    /// The setting.
+    pub setting: String,
+    /// Number of variants.
+    pub variants: usize,
+    /// Variants without a fault.
+    pub healthy: usize,
+    /// Faulty variants that never leave the band of healthy residuals.
+    pub undetectable: usize,
+    /// Variants that were not simulated to the end.
+    pub failed: Vec<FailedVariant>,
+}
+
+/// A variant that was not simulated to the end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FailedVariant {
+    /// Its number.
+    pub variant: u32,
+    /// Its fault.
+    pub fault: String,
+    /// Its intensity.
+    pub intensity: f64,
+    /// The operating case.
+    pub case: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// The manifest of what is in a folder now.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
+    let there = |setting: &Setting| folder.data_set(*setting).exists();
+    let data_sets = Setting::ALL.into_iter().filter(there);
+    Ok(Manifest {
+        format: FORMAT.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        study: study.name.clone(),
+        inputs: hashes(folder, &[folder.study(), folder.system()])?,
+        specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
+        split_seed: Holding::default().seed,
+        solver: format!("{:?}", solver::Settings::campaign()),
+        data_sets: data_sets.map(|s| data_set(folder, s)).collect::<Result<_, _>>()?,
+        outputs: hashes(folder, &folder.results_there()?)?,
+    })
+}
+
+/// Writes the manifest of what is in a folder now.
+///
+/// # Errors
+/// A file cannot be read or written.
+pub fn write(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
+    let manifest = of(folder, study)?;
+    model_file::write(folder.manifest(), &manifest)?;
+    Ok(manifest)
+}
+
+fn hashes(folder: &Folder, paths: &[PathBuf]) -> Result<Vec<FileHash>, JobError> {
+    paths.iter().map(|path| hash(folder, path)).collect()
+}
+
+fn hash(folder: &Folder, path: &Path) -> Result<FileHash, JobError> {
+    let digest = Sha256::digest(files::read_bytes(path)?);
+    let inside = path.strip_prefix(folder.path()).unwrap_or(path);
+    let parts = inside.iter().map(|part| part.to_string_lossy());
+    Ok(FileHash {
+        // The same on every system.
+        file: parts.collect::<Vec<_>>().join("/"),
+        sha256: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+    })
+}
+
+fn data_set(folder: &Folder, setting: Setting) -> Result<DataSetEntry, JobError> {
+    let path = folder.data_set(setting);
+    let wrong = |error: TableError| JobError::DataSet {
+        path: path.clone(),
+        error: EvaluationError::Table(error),
+    };
+    entry(&path, setting).map_err(wrong)
+}
+
+fn entry(path: &Path, setting: Setting) -> Result<DataSetEntry, TableError> {
+    let table = table::read(path)?;
+    let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
+    let (faults, cases) = (table.text("fault")?, table.text("case")?);
+    let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
+    let rows = || 0..table.row_count();
+    let failed = |row: usize| FailedVariant {
+        variant: variants[row],
+        fault: faults[row].clone(),
+        intensity: intensities[row],
+        case: cases[row].clone(),
+        reason: reasons[row].clone(),
+    };
+    let is_healthy = |row: &usize| intensities[*row] == 0.0;
+    let is_hidden = |row: &usize| !is_healthy(row) && reasons[*row].is_empty() && !detectable[*row];
+    Ok(DataSetEntry {
+        setting: setting.name().into(),
+        variants: table.row_count(),
+        healthy: rows().filter(is_healthy).count(),
+        undetectable: rows().filter(is_hidden).count(),
+        failed: rows().filter(|&row| !reasons[row].is_empty()).map(failed).collect(),
+    })
+}

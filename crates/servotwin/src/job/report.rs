@@ -1,0 +1,49 @@
+//! The stage that writes the report.
+
+use super::{Folder, JobError, Results, Subject, hierarchy, manifest};
+use crate::evaluation::model_file;
+use crate::files::{create_folder, write_atomically};
+use crate::report::{self, Material, examples};
+use crate::study::Study;
+use servotwin_diagnosis::hierarchy::Hierarchy;
+
+/// Writes the report, its figures and the manifest from what the other stages have left.
+///
+/// # Errors
+/// A file is missing, or cannot be read or written; the healthy system cannot be simulated.
+pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
+    let results = read_results(folder)?;
+    let subjects = results.subjects.iter().map(|result| result.subject);
+    let hierarchies: Vec<(Subject, Hierarchy)> = subjects
+        .map(|subject| Ok((subject, hierarchy(folder, subject)?)))
+        .collect::<Result<_, JobError>>()?;
+    // An older report is no source of the new one.
+    folder.remove_report()?;
+    let manifest = manifest::of(folder, study)?;
+    let (html, figures) = report::render(&Material {
+        study,
+        results: &results,
+        hierarchies: &hierarchies,
+        examples: &examples::simulate(study)?,
+        manifest: &manifest,
+    });
+    create_folder(folder.figures())?;
+    for (name, figure) in figures {
+        let path = folder.figures().join(format!("{name}.svg"));
+        write_atomically(path, |out| out.write_all(figure.svg.as_bytes()))?;
+    }
+    write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
+    manifest::write(folder, study).map(drop)
+}
+
+/// Reads what the stage before has measured.
+///
+/// # Errors
+/// [`JobError::Missing`], or it is no evaluation.
+pub fn read_results(folder: &Folder) -> Result<Results, JobError> {
+    let path = folder.results();
+    match path.exists() {
+        true => Ok(model_file::read(path)?),
+        false => Err(JobError::Missing { path, stage: "evaluate" }),
+    }
+}

@@ -1,0 +1,63 @@
+//! Which faults are taken for which others.
+
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::{percent, spoken};
+use crate::report::{Material, Section};
+use servotwin_diagnosis::hierarchy::Question;
+
+/// See the module.
+pub struct Ambiguity;
+
+/// Pairs that are shown of each subject.
+const SHOWN: usize = 20;
+
+impl Section for Ambiguity {
+    fn id(&self) -> &'static str {
+        "ambiguity"
+    }
+
+    fn title(&self) -> &'static str {
+        "Faults taken for each other"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for result in &material.results.subjects {
+            let ambiguity = &result.evaluation.ambiguity;
+            let mut grid = Grid::new([
+                ("fault", Side::Left),
+                ("taken for", Side::Left),
+                ("wrong was", Side::Left),
+                ("times", Side::Right),
+                ("of its tests", Side::Right),
+            ]);
+            for pair in ambiguity.pairs.iter().take(SHOWN) {
+                let question = match pair.question {
+                    Question::Actuator => "the actuator",
+                    Question::Command => "the command",
+                    Question::Detail => "the detail",
+                };
+                grid.push(vec![
+                    spoken(&pair.kind),
+                    spoken(&pair.taken_for),
+                    question.into(),
+                    pair.count.to_string(),
+                    percent(Some(pair.share)),
+                ]);
+            }
+            if grid.is_empty() {
+                continue;
+            }
+            page.table(&grid, &format!(
+                "Setting: {}, grouped. The {} most frequent of {} confusions: a fault, and the fault \
+                 that fills the leaf in which it ended wrongly.",
+                result.title,
+                ambiguity.pairs.len().min(SHOWN),
+                ambiguity.pairs.len()
+            ));
+            for group in &ambiguity.groups {
+                let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
+                page.note(&format!("Confused among each other: {}.", names.join("; ")));
+            }
+        }
+    }
+}

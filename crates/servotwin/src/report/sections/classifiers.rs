@@ -1,0 +1,64 @@
+//! Eight classifiers by the same protocol.
+
+use crate::evaluation::Evaluation;
+use crate::evaluation::protocol::Protocol;
+use crate::figure::Figure;
+use crate::figure::bars::{Bar, Bars};
+use crate::report::page::Page;
+use crate::report::{Material, Section};
+
+/// See the module.
+pub struct Classifiers;
+
+impl Section for Classifiers {
+    fn id(&self) -> &'static str {
+        "classifiers"
+    }
+
+    fn title(&self) -> &'static str {
+        "Classifiers compared"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for result in &material.results.subjects {
+            if result.evaluation.classifiers.is_empty() {
+                continue;
+            }
+            let holding = result.settings.comparison_holding;
+            for (stage, asks) in [("A", "the actuator"), ("B", "the command")] {
+                let name = format!("classifiers_{}_{stage}", result.subject.name());
+                page.figure(&name, bars(&result.evaluation, stage), &format!(
+                    "Setting: {}. Accuracy for {asks} (stage {stage}) of eight classifiers with the \
+                     same features and default settings: {} random thirds, and {} folds in which the \
+                     same fault and intensity stays together. Whiskers: 95 %.",
+                    result.title, holding.repeats, holding.folds
+                ));
+            }
+        }
+    }
+}
+
+fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
+    let own = || evaluation.classifiers.iter().filter(|compared| compared.stage == stage);
+    let mut figure = Bars::new("", "accuracy (%)", &["random third", "grouped"]);
+    let mut titles: Vec<&str> = vec![];
+    for compared in own() {
+        if !titles.contains(&compared.title.as_str()) {
+            titles.push(&compared.title);
+        }
+    }
+    let mut least: f64 = 100.0;
+    for title in titles {
+        let mut bar = |protocol: Protocol| {
+            let compared = own().find(|c| c.title == title && c.protocol == protocol)?;
+            let rate = compared.score.accuracy;
+            least = least.min(100.0 * rate.low);
+            let percent = |share: f64| 100.0 * share;
+            Some(Bar::with_interval(percent(rate.share?), percent(rate.low), percent(rate.high)))
+        };
+        figure = figure.with(title, vec![bar(Protocol::RandomThird), bar(Protocol::Grouped)]);
+    }
+    // Bars that all begin at zero would look alike.
+    figure.range = Some(((least / 10.0).floor() * 10.0, 100.0));
+    figure.draw()
+}

@@ -1,0 +1,51 @@
+//! Confusion matrices.
+
+use crate::evaluation::protocol::{Protocol, StageScore};
+use crate::figure::heatmap::ConfusionMatrix;
+use crate::report::page::Page;
+use crate::report::words::spoken;
+use crate::report::{Material, Section};
+
+/// See the module.
+pub struct Confusion;
+
+impl Section for Confusion {
+    fn id(&self) -> &'static str {
+        "confusion"
+    }
+
+    fn title(&self) -> &'static str {
+        "Confusion matrices"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {
+            let Some(grouped) = result.evaluation.protocol(Protocol::Grouped) else {
+                continue;
+            };
+            page.heading(&format!("Setting: {}", result.title));
+            // Stages over all actuators; those of one class cannot be wrong.
+            let shown =
+                |stage: &&StageScore| stage.actuator.is_none() && stage.score.classes.len() > 1;
+            page.beside(|page| {
+                for stage in grouped.stages.iter().filter(shown) {
+                    let classes = stage.score.classes.iter().map(|class| spoken(class)).collect();
+                    let counts = stage.score.confusion.clone();
+                    let within = match &stage.command {
+                        Some(command) => format!(", failures that call for “{}”", spoken(command)),
+                        None => String::new(),
+                    };
+                    page.figure(
+                    &format!("confusion_{}_{}", result.subject.name(), stage.id),
+                    ConfusionMatrix::new("", classes, counts).draw(),
+                    &format!(
+                        "Tree {}{within}: rows are the truth, columns what was said of variants \
+                         not seen in training (grouped, {} splits).",
+                        stage.id, grouped.splits
+                    ),
+                );
+                }
+            });
+        }
+    }
+}

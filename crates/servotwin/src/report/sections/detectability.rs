@@ -1,0 +1,109 @@
+//! What is detected at all, and from which intensity on.
+
+use crate::evaluation::detection::Detection;
+use crate::figure::Figure;
+use crate::figure::lines::{Curve, Lines};
+use crate::figure::value_map::ValueMap;
+use crate::report::page::Page;
+use crate::report::words::{rate, spoken};
+use crate::report::{Material, Section};
+use std::collections::BTreeMap;
+
+/// See the module.
+pub struct Detectability;
+
+impl Section for Detectability {
+    fn id(&self) -> &'static str {
+        "detectability"
+    }
+
+    fn title(&self) -> &'static str {
+        "Detectability"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {
+            let detection = &result.evaluation.detection;
+            let name = result.subject.name();
+            page.heading(&format!("Setting: {}", result.title));
+            page.text(&format!(
+                "{} of all faults leave the band of healthy residuals at least once; the others \
+                 are invisible to these sensors in these operating cases and are not diagnosed.{}",
+                rate(Some(detection.detected)),
+                detection.false_alarms.map_or(String::new(), |alarms| format!(
+                    " Of fault-free specimens {} leave it, too (false alarms).",
+                    rate(Some(alarms))
+                ))
+            ));
+            let curves = curves(material, detection);
+            page.figure(
+                &format!("detection_{name}"),
+                curves,
+                "Share of faults detected against their intensity, for each failure of table 1, \
+                 over all operating cases and both actuators.",
+            );
+            page.figure(
+                &format!("least_intensity_{name}"),
+                least(detection),
+                "The smallest intensity from which on a fault is detected in each operating case \
+                 (of both actuators the worse). Dark rows are hard to see; a dash marks faults \
+                 that are not detected even at intensity 1.",
+            );
+        }
+    }
+}
+
+/// Detection against intensity, the kinds of one failure together.
+fn curves(material: &Material, detection: &Detection) -> Figure {
+    let mut lines = Lines::new("", "intensity", "share detected");
+    lines.y_range = Some((0.0, 1.0));
+    for class in &material.study.classes {
+        // Intensities as bits: positive numbers sort by them.
+        let mut counts: BTreeMap<u64, (u64, u64)> = BTreeMap::new();
+        for curve in detection.curves.iter().filter(|curve| curve.detail == class.detail) {
+            for (intensity, rate) in &curve.points {
+                let (detected, all) = counts.entry(intensity.to_bits()).or_default();
+                *detected += rate.count;
+                *all += rate.of;
+            }
+        }
+        let point = |(bits, (detected, all)): (u64, (u64, u64))| {
+            (f64::from_bits(bits), detected as f64 / all as f64)
+        };
+        let points: Vec<(f64, f64)> = counts.into_iter().map(point).collect();
+        if !points.is_empty() {
+            lines = lines.with(Curve::new(spoken(&class.detail), points));
+        }
+    }
+    lines.draw()
+}
+
+/// Kinds against operating cases.
+fn least(detection: &Detection) -> Figure {
+    let kinds: Vec<&str> = detection.curves.iter().map(|curve| curve.kind.as_str()).collect();
+    let mut cases: Vec<&str> = vec![];
+    for least in &detection.least {
+        if !cases.contains(&least.case.as_str()) {
+            cases.push(&least.case);
+        }
+    }
+    let worst = |kind: &str, case: &str| {
+        let own = detection.least.iter().filter(|least| {
+            least.case == case
+                && (least.fault == kind || least.fault.ends_with(&format!(".{kind}")))
+        });
+        // Never detected is worse than any intensity.
+        own.map(|least| least.intensity).try_fold(0.0, |worst: f64, own| own.map(|i| worst.max(i)))
+    };
+    let of_kind = |kind: &&str| cases.iter().map(|case| worst(kind, case)).collect();
+    ValueMap {
+        title: String::new(),
+        rows: kinds.iter().map(|kind| spoken(kind)).collect(),
+        columns: cases.iter().map(|case| (*case).to_owned()).collect(),
+        values: kinds.iter().map(of_kind).collect(),
+        range: (0.0, 1.0),
+        digits: 1,
+        empty: "–: not detected at any intensity".into(),
+    }
+    .draw()
+}

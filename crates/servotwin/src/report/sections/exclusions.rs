@@ -1,0 +1,80 @@
+//! What was left out, with counts.
+
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::number;
+use crate::report::{Material, Section};
+
+/// See the module.
+pub struct Exclusions;
+
+/// Failed variants that are listed one by one.
+const SHOWN: usize = 50;
+
+impl Section for Exclusions {
+    fn id(&self) -> &'static str {
+        "exclusions"
+    }
+
+    fn title(&self) -> &'static str {
+        "What was left out"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let mut grid = Grid::new([
+            ("data set", Side::Left),
+            ("variants", Side::Right),
+            ("without a fault", Side::Right),
+            ("undetectable", Side::Right),
+            ("not simulated to the end", Side::Right),
+            ("used in training and test", Side::Right),
+        ]);
+        for set in &material.manifest.data_sets {
+            let used = set.variants - set.healthy - set.undetectable - set.failed.len();
+            grid.push(vec![
+                set.setting.clone(),
+                set.variants.to_string(),
+                set.healthy.to_string(),
+                set.undetectable.to_string(),
+                set.failed.len().to_string(),
+                used.to_string(),
+            ]);
+        }
+        page.table(&grid, "Variants by what became of them.");
+        for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
+            let mut grid = Grid::new([
+                ("variant", Side::Right),
+                ("fault", Side::Left),
+                ("intensity", Side::Right),
+                ("case", Side::Left),
+                ("reason", Side::Left),
+            ]);
+            for failed in set.failed.iter().take(SHOWN) {
+                grid.push(vec![
+                    failed.variant.to_string(),
+                    failed.fault.clone(),
+                    number(failed.intensity),
+                    failed.case.clone(),
+                    failed.reason.clone(),
+                ]);
+            }
+            page.table(
+                &grid,
+                &format!(
+                    "{}: variants that could not be simulated to the end ({} in all).",
+                    set.setting,
+                    set.failed.len()
+                ),
+            );
+        }
+        for result in &material.results.subjects {
+            let constant = &result.evaluation.constant_features;
+            if !constant.is_empty() {
+                page.text(&format!(
+                    "Setting: {}. Features that never change, and so say nothing: {}.",
+                    result.title,
+                    constant.join(", ")
+                ));
+            }
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! The least pure leaves, and what is in them.
+
+use crate::evaluation::leaves::{Condition, Content};
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::{of_unit, percent, spoken};
+use crate::report::{Material, Section};
+use crate::study::campaign::data_features;
+
+/// See the module.
+pub struct Leaves;
+
+impl Section for Leaves {
+    fn id(&self) -> &'static str {
+        "leaves"
+    }
+
+    fn title(&self) -> &'static str {
+        "The worst leaves"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let units = data_features(material.study);
+        let condition = |condition: &Condition| {
+            let known = units.iter().find(|known| known.feature.name == condition.feature);
+            let unit = known.map_or("", |known| known.feature.unit);
+            let sign = if condition.above { ">" } else { "≤" };
+            format!("{} {sign} {}", condition.feature, of_unit(condition.threshold, unit))
+        };
+        for result in &material.results.subjects {
+            let mut grid = Grid::new([
+                ("tree", Side::Left),
+                ("says", Side::Left),
+                ("purity", Side::Right),
+                ("variants", Side::Right),
+                ("because", Side::Left),
+                ("holds", Side::Left),
+            ]);
+            for leaf in &result.evaluation.worst_leaves {
+                let because: Vec<String> = leaf.conditions.iter().map(condition).collect();
+                grid.push(vec![
+                    leaf.stage.clone(),
+                    spoken(&leaf.class),
+                    percent(Some(leaf.purity)),
+                    leaf.rows.to_string(),
+                    because.join(", "),
+                    contents(&leaf.contents),
+                ]);
+            }
+            if !grid.is_empty() {
+                page.table(
+                    &grid,
+                    &format!(
+                        "Setting: {}. Leaves that hold more than one class: where the trees guess.",
+                        result.title
+                    ),
+                );
+            }
+        }
+    }
+}
+
+fn contents(contents: &[Content]) -> String {
+    let shown = contents.iter().take(5);
+    let one = |c: &Content| format!("{} × {} ({})", c.rows, spoken(&c.kind), spoken(&c.class));
+    let mut texts: Vec<String> = shown.map(one).collect();
+    if contents.len() > texts.len() {
+        texts.push(format!("{} more", contents.len() - texts.len()));
+    }
+    texts.join("; ")
+}

@@ -1,0 +1,107 @@
+//! How the trees hang together (figure 10 of the seed paper).
+
+use crate::evaluation::protocol::{Protocol, ProtocolResult};
+use crate::figure::diagram::{Block, Diagram, Wire};
+use crate::report::page::Page;
+use crate::report::words::{share, spoken};
+use crate::report::{Material, Section};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question, Stage};
+
+/// See the module.
+pub struct Macrostructure;
+
+impl Section for Macrostructure {
+    fn id(&self) -> &'static str {
+        "macrostructure"
+    }
+
+    fn title(&self) -> &'static str {
+        "How the trees hang together"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let Some(result) = material.main() else {
+            return;
+        };
+        let Some(hierarchy) = material.hierarchy(result.subject) else {
+            return;
+        };
+        let grouped = result.evaluation.protocol(Protocol::Grouped);
+        let shared = hierarchy.stages.iter().any(|stage| {
+            stage.place.question != Question::Actuator && stage.place.actuator.is_none()
+        });
+        let count = hierarchy.names.actuators.len();
+        let remark = match shared && count > 1 {
+            true => " Both actuators share the trees below A: what one learns serves the other.",
+            false => "",
+        };
+        page.figure("macrostructure", diagram(hierarchy, grouped).draw(), &format!(
+            "From residuals to the failure (figure 10 of the seed paper), with the accuracy of each \
+             tree on variants it has not seen (grouped).{remark}"
+        ));
+    }
+}
+
+fn diagram(hierarchy: &Hierarchy, grouped: Option<&ProtocolResult>) -> Diagram {
+    let mut diagram = Diagram::default();
+    let names = &hierarchy.names;
+    let sensors = Block::new("residuals", "features of\nresiduals", "residuals", "");
+    diagram.blocks.push(Block { layer: Some(0), ..sensors });
+    let first = match names.actuators.len() {
+        0 | 1 => "residuals",
+        _ => {
+            let text = format!("A  actuator\n{}", accuracy(grouped, "A"));
+            diagram.blocks.push(Block { layer: Some(1), ..Block::new("A", &text, "tree", "") });
+            diagram.wires.push(arrow("residuals", "A"));
+            "A"
+        }
+    };
+    for (actuator, name) in names.actuators.iter().enumerate() {
+        add_actuator(&mut diagram, hierarchy, grouped, first, (actuator as u32, name));
+    }
+    diagram
+}
+
+fn add_actuator(
+    diagram: &mut Diagram,
+    hierarchy: &Hierarchy,
+    grouped: Option<&ProtocolResult>,
+    first: &str,
+    (actuator, name): (u32, &str),
+) {
+    let group = spoken(name);
+    let own = |question, command| {
+        let several = hierarchy.names.actuators.len() > 1;
+        Place { question, actuator: several.then_some(actuator), command }.id()
+    };
+    let command_id = own(Question::Command, None);
+    let text = format!("{command_id}  command\n{}", accuracy(grouped, &command_id));
+    diagram.blocks.push(Block { layer: Some(2), ..Block::new(&command_id, &text, "tree", &group) });
+    diagram.wires.push(arrow(first, &command_id));
+    for (command, title) in hierarchy.names.commands.iter().enumerate() {
+        let Some(stage) = hierarchy.stage(Question::Detail, actuator, command as u32) else {
+            continue;
+        };
+        let id = own(Question::Detail, Some(command as u32));
+        let text = format!("{id}  {}\n{}", spoken(title), accuracy(grouped, &id));
+        diagram.blocks.push(Block { layer: Some(3), ..Block::new(&id, &text, "tree", &group) });
+        diagram.wires.push(arrow(&command_id, &id));
+        let leaves = format!("{id} details");
+        let block = Block::new(&leaves, &details(hierarchy, stage), "failure", &group);
+        diagram.blocks.push(Block { layer: Some(4), ..block });
+        diagram.wires.push(arrow(&id, &leaves));
+    }
+}
+
+fn details(hierarchy: &Hierarchy, stage: &Stage) -> String {
+    let name = |&class: &u32| spoken(&hierarchy.names.details[class as usize]);
+    stage.classes.iter().map(name).collect::<Vec<_>>().join("\n")
+}
+
+fn arrow(from: &str, to: &str) -> Wire {
+    Wire { arrow: true, ..Wire::new(from, to, "decision") }
+}
+
+fn accuracy(grouped: Option<&ProtocolResult>, id: &str) -> String {
+    share(grouped.and_then(|result| result.stage(id)).map(|score| score.accuracy))
+}

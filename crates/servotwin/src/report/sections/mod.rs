@@ -1,0 +1,21 @@
+//! The sections of the report, one file each; [`super::ALL`] is their order.
+
+pub mod ablation;
+pub mod actuator_tree;
+pub mod ambiguity;
+pub mod classifiers;
+pub mod commands;
+pub mod confusion;
+pub mod detectability;
+pub mod exclusions;
+pub mod faults;
+pub mod implausible;
+pub mod leaves;
+pub mod macrostructure;
+pub mod making;
+pub mod protocols;
+pub mod residuals;
+pub mod safety;
+pub mod settings;
+pub mod summary;
+pub mod system;

@@ -1,0 +1,104 @@
+//! How residuals are distributed (figures 5 and 6 of the seed paper), and how a fault looks in time.
+
+use crate::figure::histogram::{HistogramGrid, HistogramPanel};
+use crate::figure::time_series::{Band, Panel, Series, TimeSeries};
+use crate::report::examples::Example;
+use crate::report::page::Page;
+use crate::report::words::spoken;
+use crate::report::{Material, Section};
+use crate::study::Study;
+use servotwin_diagnosis::residual::BAND;
+
+/// See the module.
+pub struct Residuals;
+
+/// Seconds of the time series that are shown.
+const SHOWN_S: f64 = 10.0;
+
+impl Section for Residuals {
+    fn id(&self) -> &'static str {
+        "residuals"
+    }
+
+    fn title(&self) -> &'static str {
+        "Residuals of two examples"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {
+            page.heading(&spoken(&example.detail));
+            page.figure(
+                &format!("residuals_{}", example.detail),
+                histogram(material.study, example),
+                &format!(
+                    "Residuals of all sensors over {} s, {} in case {}: a fault of one actuator \
+                     moves the residuals of both.",
+                    material.study.duration_s,
+                    spoken(&example.fault),
+                    example.case
+                ),
+            );
+            page.figure(
+                &format!("time_{}", example.detail),
+                in_time(material.study, example),
+                &format!(
+                    "The first {SHOWN_S} s of it: measured signals against the twin's, and the \
+                     scaled residuals with the band of ±3 % in which a fault goes undetected."
+                ),
+            );
+        }
+    }
+}
+
+/// The scaled residual of a sensor in a run.
+fn residual(study: &Study, example: &Example, run: usize, sensor: usize) -> Vec<f64> {
+    let scale = study.scales()[sensor];
+    let pairs = example.runs[run].1[sensor].iter().zip(&example.twin[sensor]);
+    pairs.map(|(measured, twin)| (measured - twin) / scale).collect()
+}
+
+fn label(study: &Study, sensor: usize) -> &str {
+    &study.system.sensors[study.measured[sensor]].label
+}
+
+fn histogram(study: &Study, example: &Example) -> crate::figure::Figure {
+    let names: Vec<String> =
+        example.runs.iter().map(|(intensity, _)| format!("intensity {intensity}")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut grid = HistogramGrid::new("", "scaled residual", &names);
+    grid.band = Some(BAND);
+    for sensor in 0..study.base_sensors() {
+        let of_run = |run| residual(study, example, run, sensor).into();
+        let values = (0..example.runs.len()).map(of_run).collect();
+        grid.panels.push(HistogramPanel::new(label(study, sensor), values));
+    }
+    grid.draw()
+}
+
+/// The sensors of the faulty unit whose residuals are largest, and these residuals.
+fn in_time(study: &Study, example: &Example) -> crate::figure::Figure {
+    let last = example.runs.len() - 1;
+    let count = ((SHOWN_S / study.sample_period_s) as usize + 1).min(example.twin[0].len());
+    let time: Vec<f64> = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
+    let mut figure = TimeSeries::new("", "time (s)");
+    let largest = |sensor: &usize| {
+        residual(study, example, last, *sensor).iter().fold(0.0, |m: f64, r| m.max(r.abs()))
+    };
+    let mut sensors: Vec<usize> = (0..study.base_sensors()).collect();
+    sensors.sort_by(|a, b| largest(b).total_cmp(&largest(a)));
+    sensors.truncate(2);
+    let mut residuals = Panel::new("scaled residuals", "of scale");
+    for &sensor in &sensors {
+        let unit = study.system.sensors[study.measured[sensor]].unit;
+        let shown = |signal: &[f64]| -> Vec<f64> {
+            signal[..count].iter().map(|&value| unit.to_shown(value)).collect()
+        };
+        let panel = Panel::new(label(study, sensor), unit.shown())
+            .with(Series::new("measured", time.clone(), shown(&example.runs[last].1[sensor])))
+            .with(Series::new("twin", time.clone(), shown(&example.twin[sensor])));
+        figure = figure.with(panel);
+        let values = residual(study, example, last, sensor)[..count].to_vec();
+        residuals = residuals.with(Series::new(label(study, sensor), time.clone(), values));
+    }
+    figure.with(residuals.with_band(Band::constant("±3 %", -BAND, BAND))).draw()
+}

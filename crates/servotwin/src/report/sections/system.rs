@@ -1,0 +1,49 @@
+//! The system: its schematic and its sensors.
+
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::number;
+use crate::report::{Material, Section, schematic};
+
+/// See the module.
+pub struct System;
+
+impl Section for System {
+    fn id(&self) -> &'static str {
+        "system"
+    }
+
+    fn title(&self) -> &'static str {
+        "The system"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let study = material.study;
+        let system = &study.system;
+        page.figure(
+            "schematic",
+            schematic::of(system).draw(),
+            "Components of the simulated system and what connects them: oil, force and signals.",
+        );
+        let mut grid = Grid::new([
+            ("sensor", Side::Left),
+            ("signal", Side::Left),
+            ("scale", Side::Right),
+            ("unit", Side::Left),
+        ]);
+        for (place, &sensor) in study.measured.iter().enumerate() {
+            let sensor = &system.sensors[sensor];
+            let extra = if place >= study.base_sensors() { " (additional)" } else { "" };
+            grid.push(vec![
+                format!("{}{extra}", sensor.label),
+                sensor.signal.clone(),
+                number(sensor.unit.difference_to_shown(sensor.scale)),
+                sensor.unit.shown().into(),
+            ]);
+        }
+        page.table(
+            &grid,
+            "Sensors. A residual is the measured value less the twin's, divided by the scale; a \
+             fault is detectable if any residual ever leaves ±3 %.",
+        );
+    }
+}

@@ -1,0 +1,81 @@
+//! Numbers and names as a report shows them.
+
+use crate::evaluation::score::Rate;
+
+/// What stands for a value that is not there.
+pub const NONE: &str = "–";
+
+/// A share in percent: `99.84 %`.
+pub fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| NONE.into(), |share| format!("{:.2} %", 100.0 * share))
+}
+
+/// A rate with its interval: `99.84 % (99.67 … 99.92)`.
+pub fn rate(rate: Option<Rate>) -> String {
+    match rate {
+        Some(Rate { share: Some(share), low, high, .. }) => {
+            let [share, low, high] = [share, low, high].map(|part| 100.0 * part);
+            format!("{share:.2} % ({low:.2} … {high:.2})")
+        }
+        _ => NONE.into(),
+    }
+}
+
+/// The share of a rate in percent.
+pub fn share(rate: Option<Rate>) -> String {
+    percent(rate.and_then(|rate| rate.share))
+}
+
+/// An identifier as words: `external_leakage` → `external leakage`.
+pub fn spoken(name: &str) -> String {
+    name.replace('.', ": ").replace('_', " ")
+}
+
+/// A number with three significant digits.
+pub fn number(value: f64) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
+    let size = value.abs();
+    if !(1e-4..1e6).contains(&size) {
+        return format!("{value:.2e}");
+    }
+    let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A value or threshold of a feature in the unit that people read.
+pub fn of_unit(value: f64, unit: &str) -> String {
+    match unit {
+        "of scale" => format!("{} %", number(100.0 * value)),
+        "" | "1" | "0 or 1" => number(value),
+        unit if unit.starts_with("log10") => number(value),
+        unit => format!("{} {unit}", number(value)),
+    }
+}
+
+/// The unit as people read it beside a value of [`of_unit`].
+pub fn unit(unit: &str) -> &str {
+    match unit {
+        "of scale" => "% of scale",
+        "1" => "ratio",
+        unit => unit,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits_and_rates_their_interval() {
+        let cases = [(0.0, "0"), (0.012_345, "0.0123"), (-12.345, "-12.3"), (1e-7, "1.00e-7")];
+        for (value, text) in cases {
+            assert_eq!(number(value), text);
+        }
+        assert_eq!(number(1234.5), "1234");
+        assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
+        assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % (94.55 … 99.82)");
+        assert_eq!(rate(None), "–");
+    }
+}
