@@ -20,13 +20,7 @@ impl Equations {
         let (source, binary) = (folder.join("peer.c"), folder.join("peer"));
         let equations = c_source::write(program, "t", &[]).expect("a good prefix");
         std::fs::write(&source, equations + include_str!("cvode.c")).expect("the C source");
-        let libraries = [
-            "cvode",
-            "nvecserial",
-            "sunmatrixdense",
-            "sunlinsoldense",
-            "m",
-        ];
+        let libraries = ["cvode", "nvecserial", "sunmatrixdense", "sunlinsoldense", "m"];
         let done = Command::new("cc")
             .args(["-std=c11", "-O3", "-march=native", "-o"])
             .args([&binary, &source])
@@ -66,11 +60,7 @@ impl Equations {
         let (samples, work) = output.split_at(output.len() - 2);
         let length = task.samples() * program.states().len();
         let runs: Vec<Run> = samples.chunks(length).map(<[f64]>::to_vec).collect();
-        Work {
-            runs,
-            seconds: work[0],
-            steps: work[1],
-        }
+        Work { runs, seconds: work[0], steps: work[1] }
     }
 
     fn pipe(&self, numbers: &[f64]) -> Vec<f64> {
@@ -83,10 +73,7 @@ impl Equations {
         let mut input = child.stdin.take().expect("a pipe");
         let writer = std::thread::spawn(move || input.write_all(&bytes));
         let output = child.wait_with_output().expect("the peer ends");
-        writer
-            .join()
-            .expect("no panic")
-            .expect("the peer reads all");
+        writer.join().expect("no panic").expect("the peer reads all");
         let numbers = output.stdout.as_chunks().0.iter();
         numbers.map(|bytes| f64::from_ne_bytes(*bytes)).collect()
     }

@@ -34,7 +34,8 @@ impl Equations<'_> {
         let [a, b, c, d] = self.command.pieces()[self.piece];
         let t = time - breaks[self.piece];
         self.variables[..states.len()].copy_from_slice(states);
-        self.variables[self.program.externals().start + self.moving] = a + t * (b + t * (c + t * d));
+        self.variables[self.program.externals().start + self.moving] =
+            a + t * (b + t * (c + t * d));
     }
 
     fn rates(&mut self, states: &[f64], time: f64, rates: &mut [f64]) {
@@ -64,11 +65,7 @@ impl Equations<'_> {
 
 /// Runs all variants, one after the other.
 pub fn solve(task: &Task, tolerance: f64) -> Work {
-    let mut work = Work {
-        runs: Vec::new(),
-        seconds: 0.0,
-        steps: 0.0,
-    };
+    let mut work = Work { runs: Vec::new(), seconds: 0.0, steps: 0.0 };
     for variant in 0..task.faults.len() {
         let begin = processor_seconds();
         let (run, steps) = solve_one(task, variant, tolerance);
@@ -117,9 +114,7 @@ fn solve_one(task: &Task, variant: usize, tolerance: f64) -> (Vec<f64>, usize) {
     let mut run = start.clone();
     let mut steps = 0;
     let mut next = 1;
-    solver
-        .set_stop_time(task.duration_s)
-        .expect("a time to come");
+    solver.set_stop_time(task.duration_s).expect("a time to come");
     loop {
         let reason = match solver.step() {
             Ok(reason) => reason,
@@ -136,9 +131,7 @@ fn solve_one(task: &Task, variant: usize, tolerance: f64) -> (Vec<f64>, usize) {
             if time > solver.state().t && !ended {
                 break;
             }
-            let states = solver
-                .interpolate(time.min(solver.state().t))
-                .expect("inside the step");
+            let states = solver.interpolate(time.min(solver.state().t)).expect("inside the step");
             run.extend_from_slice(states.as_slice());
             next += 1;
         }

@@ -196,7 +196,11 @@ fn peer(
     println!("  {name}: no tolerance was as exact");
 }
 
-fn report(faults: &[&FaultCase], duration_s: f64, (seconds, errors, total): (f64, Vec<f64>, Statistics)) {
+fn report(
+    faults: &[&FaultCase],
+    duration_s: f64,
+    (seconds, errors, total): (f64, Vec<f64>, Statistics),
+) {
     let count = faults.len() as f64;
     println!("campaign {:?}", Settings::campaign());
     println!("  {seconds:.2} s, {:.2} ms per simulated second", 1e3 * seconds / count / duration_s);
