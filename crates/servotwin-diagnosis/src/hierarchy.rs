@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! A               the actuator, from all sensors
-//! B               the command for it, from its own sensors
-//! C, D, E …       the detail within each command, from its own sensors
+//! B               the command for it
+//! C, D, E …       the detail within each command
 //! ```
 //!
 //! With two actuators and three commands these are the seed paper's nine trees (its figure 10): A
@@ -16,7 +16,7 @@
 //! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view, in which its
 //!   sensors stand where those of actuator 0 stand; the nine trees are then five.
 //!
-//! Without pooling, a stage of actuator `k` reads the columns of its own sensors in view 0.
+//! Without pooling, a stage of actuator `k` reads its columns in view 0.
 
 use alloc::format;
 use alloc::string::String;
@@ -116,8 +116,8 @@ pub struct Label {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Examples {
     names: Names,
-    /// For each actuator the columns of its own sensors.
-    own: Vec<Vec<usize>>,
+    /// For each actuator the columns that its stages may read.
+    read: Vec<Vec<usize>>,
     /// Column-major features of all rows, one table per view.
     views: Vec<Vec<f64>>,
     labels: Vec<Label>,
@@ -126,18 +126,19 @@ pub struct Examples {
 }
 
 impl Examples {
-    /// Rows with column-major features in each view. `own` lists for each actuator the columns of
-    /// its own sensors; without views beyond the first nothing can be mirrored or pooled.
+    /// Rows with column-major features in each view. `read` lists for each actuator the columns that
+    /// its stages may read: its own sensors', or also its neighbour's and what compares the two;
+    /// without views beyond the first nothing can be mirrored or pooled.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`], [`Error::IndexOutOfRange`] for a column, [`Error::LabelOutOfRange`].
     pub fn new(
         names: Names,
-        own: Vec<Vec<usize>>,
+        read: Vec<Vec<usize>>,
         views: Vec<Vec<f64>>,
         labels: Vec<Label>,
     ) -> Result<Self, Error> {
-        same_length("own columns", names.actuators.len(), own.len())?;
+        same_length("columns to read", names.actuators.len(), read.len())?;
         if views.len() != 1 {
             same_length("views", names.actuators.len(), views.len())?;
         }
@@ -145,13 +146,13 @@ impl Examples {
         for view in &views {
             same_length("values", length * labels.len(), view.len())?;
         }
-        if let Some(&index) = own.iter().flatten().find(|&&column| column >= length) {
+        if let Some(&index) = read.iter().flatten().find(|&&column| column >= length) {
             let what = "column";
             return Err(Error::IndexOutOfRange { what, index, length });
         }
         check_labels(&names, &labels)?;
         let details = details_of_commands(&names, &labels);
-        Ok(Examples { names, own, views, labels, details })
+        Ok(Examples { names, read, views, labels, details })
     }
 
     /// The names.
@@ -197,19 +198,28 @@ impl Examples {
             }
             values
         };
-        let kept = |own: &Vec<usize>| {
+        let kept = |read: &Vec<usize>| {
             let place = |column: &usize| columns.iter().position(|kept| kept == column);
-            own.iter().filter_map(place).collect()
+            read.iter().filter_map(place).collect()
         };
         let features = columns.iter().map(|&c| self.names.features[c].clone());
         let names = Names { features: features.collect(), ..self.names.clone() };
         Ok(Examples {
             names,
-            own: self.own.iter().map(kept).collect(),
+            read: self.read.iter().map(kept).collect(),
             views: self.views.iter().map(of_view).collect(),
             labels: self.labels.clone(),
             details: self.details.clone(),
         })
+    }
+
+    /// The same examples with other columns for the stages of each actuator.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] and [`Error::IndexOutOfRange`].
+    pub fn reading(&self, read: Vec<Vec<usize>>) -> Result<Self, Error> {
+        let Examples { names, views, labels, .. } = self.clone();
+        Self::new(names, read, views, labels)
     }
 
     /// The classes a stage chooses from: places in the names that its question is about.
@@ -233,7 +243,7 @@ impl Examples {
     pub fn columns(&self, place: &Place) -> Vec<usize> {
         match place.question {
             Question::Actuator => (0..self.names.features.len()).collect(),
-            _ => self.own[place.actuator.unwrap_or(0) as usize].clone(),
+            _ => self.read[place.actuator.unwrap_or(0) as usize].clone(),
         }
     }
 

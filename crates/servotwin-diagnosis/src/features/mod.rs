@@ -15,6 +15,7 @@ mod deviation;
 mod gain;
 mod moments;
 mod pressure;
+mod proportion;
 mod vote;
 
 use crate::residual::Window;
@@ -144,6 +145,7 @@ pub static ALL: &[&dyn Family] = &[
     &deviation::Deviation,
     &gain::Gain,
     &pressure::Pressure,
+    &proportion::Proportion,
     &comparison::Comparison,
     &balance::Balance,
     &vote::Vote,

@@ -23,15 +23,29 @@ pub(crate) struct Candidate {
     pub feature: usize,
     pub threshold: f64,
     pub gap: f64,
+    /// The gap over the range of the feature's values at the node.
+    pub margin: f64,
     /// Larger is better; comparable within one node.
     pub score: f64,
 }
 
+/// Scores that differ by less than this part are the same: they were summed in
+/// another order.
+const SAME_SCORE: f64 = 1e-12;
+
 impl Candidate {
-    /// Better, or as good with a lower feature.
+    /// Better; or as good with a wider margin, because a threshold in a wide gap
+    /// is the one that unseen rows are likeliest to respect; or as good and as
+    /// wide with a lower feature.
     pub fn beats(&self, other: &Option<Candidate>) -> bool {
         other.as_ref().is_none_or(|other| {
-            self.score > other.score || (self.score == other.score && self.feature < other.feature)
+            let nearly = SAME_SCORE * libm::fabs(other.score);
+            let same = libm::fabs(self.score - other.score) <= nearly;
+            match same {
+                true if self.margin == other.margin => self.feature < other.feature,
+                true => self.margin > other.margin,
+                false => self.score > other.score,
+            }
         })
     }
 }
@@ -39,7 +53,7 @@ impl Candidate {
 /// What one feature offers at a node.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Offer {
-    /// The best split that the limits allow; of equally good ones the lowest threshold.
+    /// The best split that the limits allow; of equally good ones the one in the widest gap.
     pub allowed: Option<Candidate>,
     /// The best split that they forbid, if it is better than those allowed before it.
     pub forbidden: Option<Candidate>,
@@ -84,7 +98,9 @@ pub(crate) fn best_of_feature<S: Scan>(
 ) -> Offer {
     let mut offer = Offer::default();
     let may_skip = min_rows <= 1 && limits == Limits::default();
-    let (mut best, mut best_forbidden) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let value_at = |place: usize| rows.column[rows.sorted[place] as usize];
+    let range = value_at(rows.sorted.len() - 1) - value_at(0);
+    let mut worth = f64::NEG_INFINITY;
     let mut value = rows.column[rows.sorted[0] as usize];
     // Past this many rows on the left, too few are on the right.
     let last = rows.sorted.len() + 1 - min_rows.min(rows.sorted.len()).max(1);
@@ -103,14 +119,16 @@ pub(crate) fn best_of_feature<S: Scan>(
                 continue;
             }
             let score = scan.score();
-            if score > best {
+            // First the comparison that nearly all thresholds fail.
+            if score >= worth {
                 let (threshold, gap) = (separate(lower, next), next - lower);
-                let candidate = Candidate { feature, threshold, gap, score };
+                let candidate = Candidate { feature, threshold, gap, margin: gap / range, score };
                 if limits.allow(threshold, gap) {
-                    best = score;
-                    offer.allowed = Some(candidate);
-                } else if score > best_forbidden {
-                    best_forbidden = score;
+                    if candidate.beats(&offer.allowed) {
+                        worth = score - SAME_SCORE * libm::fabs(score);
+                        offer.allowed = Some(candidate);
+                    }
+                } else if candidate.beats(&offer.forbidden) {
                     offer.forbidden = Some(candidate);
                 }
             }

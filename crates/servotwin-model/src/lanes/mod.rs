@@ -58,9 +58,9 @@ impl Level {
         match self {
             Level::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => detected::avx2(),
+            Level::Avx2 => detected::AVX2.get(detected::avx2),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => detected::avx512(),
+            Level::Avx512 => detected::AVX512.get(detected::avx512),
             #[cfg(not(target_arch = "x86_64"))]
             _ => false,
         }
@@ -83,6 +83,24 @@ mod detected {
     //! Asks the processor itself (`cpuid`, `xgetbv`), because `core` has no
     //! run-time detection.
     use core::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
+    use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+    /// An answer that is asked for once: on a virtual machine `cpuid` takes tens
+    /// of microseconds.
+    pub struct Once(AtomicU8);
+
+    pub static AVX2: Once = Once(AtomicU8::new(0));
+    pub static AVX512: Once = Once(AtomicU8::new(0));
+
+    impl Once {
+        /// The answer, asking where it is not known (0; 1 is no, 2 is yes).
+        pub fn get(&self, ask: fn() -> bool) -> bool {
+            if self.0.load(Relaxed) == 0 {
+                self.0.store(1 + u8::from(ask()), Relaxed);
+            }
+            self.0.load(Relaxed) == 2
+        }
+    }
 
     #[target_feature(enable = "xsave")]
     fn enabled_state() -> u64 {

@@ -35,6 +35,8 @@ pub struct Ablation {
 struct Variation {
     title: String,
     families: Vec<String>,
+    /// Whether B and the stages below it read their actuator's own sensors only.
+    own_sensors_only: bool,
     settings: Settings,
 }
 
@@ -61,12 +63,13 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
     let with = |title: String, families: Vec<String>| Variation {
         title,
         families,
+        own_sensors_only: false,
         settings: settings.clone(),
     };
     let set = |title: &str, change: &dyn Fn(&mut Settings)| {
         let mut settings = settings.clone();
         change(&mut settings);
-        Variation { title: title.into(), families: families.to_vec(), settings }
+        Variation { settings, ..with(title.into(), families.to_vec()) }
     };
     let mut list = vec![with("all features".into(), families.to_vec())];
     if families.len() > 1 {
@@ -82,6 +85,10 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
             list.push(with(format!("without {family}"), others.collect()));
         }
     }
+    list.push(Variation {
+        own_sensors_only: true,
+        ..with("own sensors only below A".into(), families.to_vec())
+    });
     list.push(set("without mirror images", &|s| s.mirror = false));
     list.push(set("a tree for each actuator", &|s| s.pool = false));
     list.push(set("without mirror images, a tree for each actuator", &|s| {
@@ -109,7 +116,10 @@ fn one(
     splits: &[Split],
     workers: Workers,
 ) -> Result<Ablation, EvaluationError> {
-    let data = data.with_features(|info| variation.families.contains(&info.family))?;
+    let mut data = data.with_features(|info| variation.families.contains(&info.family))?;
+    if variation.own_sensors_only {
+        data = data.own_sensors_only()?;
+    }
     let outcomes = run(&data, &variation.settings, splits, Scope::All, workers)?;
     let result = summary(Protocol::Grouped, &data, &outcomes, "");
     let share = |rate: &Rate| rate.share.unwrap_or(0.0);

@@ -115,7 +115,12 @@ impl DataSet {
             let prefixes: &[&str] = if mirrored { &["f:", "m:"] } else { &["f:"] };
             let views = prefixes.iter().map(|prefix| values(table, prefix, &features, rows));
             let views = views.collect::<Result<_, _>>()?;
-            Ok(Examples::new(names.clone(), own_columns(&features, &names), views, labels)?)
+            // With its own view, an actuator can be compared with its neighbour.
+            let read = match mirrored {
+                true => vec![(0..features.len()).collect(); names.actuators.len()],
+                false => own_columns(&features, &names),
+            };
+            Ok(Examples::new(names.clone(), read, views, labels)?)
         };
         let examples = make(&faulty, labels(table, &names, &faulty)?)?;
         let none = Label { actuator: 0, command: 0, detail: 0 };
@@ -185,6 +190,16 @@ impl DataSet {
             healthy: healthy.transpose()?,
             ..self.clone()
         })
+    }
+
+    /// The same data set with the stages below A restricted to each actuator's
+    /// own sensors, as in the seed paper.
+    ///
+    /// # Errors
+    /// None for a data set that could be read.
+    pub fn own_sensors_only(&self) -> Result<Self, EvaluationError> {
+        let own = own_columns(&self.features, self.examples.names());
+        Ok(DataSet { examples: self.examples.reading(own)?, ..self.clone() })
     }
 
     /// The families of the features, in the order of the features.

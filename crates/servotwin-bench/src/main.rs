@@ -1,0 +1,256 @@
+//! The solver beside CVODE and diffsol, in one run on one machine.
+//!
+//! `cargo run --release -p servotwin-bench -- [STRIDE] [DURATION_S] [PEER_STRIDE] [PEER_DURATION_S]`
+//! (defaults 1, 90, 52, 30): every `STRIDE`-th of the study's 820 faults under
+//! its second command at full load; the peers take every `PEER_STRIDE`-th, one
+//! after the other on one processor. Errors are the largest of any state over
+//! its scale at any sample (100 Hz), against the reference setting. A peer's
+//! tolerance is the loosest of a few that gives no larger error than ours on the
+//! same variants. Seconds are of the processor, so that other work on the
+//! machine disturbs little. Needs `cc` and `libsundials-dev`.
+
+mod cvode;
+mod diffsol_bdf;
+
+use servotwin::ensemble::{Ensemble, Sink, Variant};
+use servotwin::study::{FaultCase, Study};
+use servotwin_model::program::{FaultAt, Program, Slot};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::solver::{Settings, Statistics};
+
+/// Everything that all solvers are given.
+pub struct Task<'a> {
+    /// The aileron.
+    pub program: &'a Program,
+    /// One per external input; only the command moves.
+    pub inputs: Vec<&'a Piecewise>,
+    /// The command's place among them.
+    pub moving: usize,
+    /// One fault per variant.
+    pub faults: Vec<FaultAt>,
+    /// The states at time zero of each variant.
+    pub starts: Vec<Vec<f64>>,
+    /// Length of each run, s.
+    pub duration_s: f64,
+    /// Time between samples, s.
+    pub period_s: f64,
+}
+
+impl Task<'_> {
+    /// Number of samples of each run.
+    pub fn samples(&self) -> usize {
+        (self.duration_s / self.period_s).round() as usize + 1
+    }
+
+    /// Largest error over scale of each variant.
+    fn errors(&self, runs: &[Run], reference: &[Run]) -> Vec<f64> {
+        let states = self.program.states();
+        let largest = |(run, exact): (&Run, &Run)| {
+            let pairs = run.iter().zip(exact).zip(states.iter().cycle());
+            // A run that stopped early is wrong where it is missing.
+            let missing = if run.len() < exact.len() { f64::INFINITY } else { 0.0 };
+            pairs.fold(missing, |worst: f64, ((a, b), s)| worst.max((a - b).abs() / s.scale))
+        };
+        runs.iter().zip(reference).map(largest).collect()
+    }
+}
+
+/// The samples of one variant, all states one after the other.
+pub type Run = Vec<f64>;
+
+/// What a solver needed.
+pub struct Work {
+    /// The samples of every variant.
+    pub runs: Vec<Run>,
+    /// Seconds of the processor for all variants.
+    pub seconds: f64,
+    /// Steps of all variants.
+    pub steps: f64,
+}
+
+/// Seconds of the processor that this process has used.
+pub fn processor_seconds() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").expect("Linux");
+    let after_name = text.rsplit(')').next().unwrap_or_default();
+    let fields: Vec<f64> =
+        after_name.split_whitespace().map(|field| field.parse().unwrap_or(0.0)).collect();
+    (fields[11] + fields[12]) / 100.0
+}
+
+/// Samples one after the other.
+struct Flat(Run);
+
+impl Sink for Flat {
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        self.0.extend_from_slice(values);
+    }
+}
+
+fn ours(task: &Task, settings: Settings) -> (Work, Statistics) {
+    let mut ensemble = Ensemble::new(task.program);
+    ensemble.settings = settings;
+    ensemble.duration_s = task.duration_s;
+    ensemble.sample_period_s = task.period_s;
+    ensemble.record = (0..task.program.states().len() as Slot).collect();
+    let mut runs = vec![Run::new(); task.faults.len()];
+    let mut total = Statistics::default();
+    let begin = processor_seconds();
+    let variant = |job: usize| Variant {
+        faults: vec![task.faults[job]],
+        inputs: task.inputs.clone(),
+        guess: Some(&task.starts[job]),
+        ..Variant::default()
+    };
+    ensemble.run(
+        task.faults.len(),
+        variant,
+        |_| Flat(Run::new()),
+        |job, samples, outcome| {
+            match outcome {
+                Ok(statistics) => total += statistics,
+                Err(failure) => println!("  variant {job} failed: {failure:?}"),
+            }
+            runs[job] = samples.0;
+        },
+    );
+    let seconds = processor_seconds() - begin;
+    (Work { runs, seconds, steps: total.steps as f64 }, total)
+}
+
+fn argument(place: usize, default: f64) -> f64 {
+    std::env::args().nth(place).map_or(default, |text| text.parse().expect("a number"))
+}
+
+fn largest(errors: &[f64]) -> f64 {
+    errors.iter().copied().fold(0.0, f64::max)
+}
+
+/// What all tasks share.
+struct Setup<'a> {
+    study: &'a Study,
+    inputs: Vec<&'a Piecewise>,
+    moving: usize,
+}
+
+impl<'a> Setup<'a> {
+    fn task(&self, faults: &[&FaultCase], duration_s: f64) -> Task<'a> {
+        let program = &self.study.system.program;
+        let ensemble = Ensemble::new(program);
+        let settled = |fault: &&FaultCase| {
+            let inputs = self.inputs.clone();
+            let variant = Variant { faults: vec![fault.at], inputs, ..Variant::default() };
+            ensemble.settle(&variant).expect("a start")
+        };
+        Task {
+            program,
+            inputs: self.inputs.clone(),
+            moving: self.moving,
+            faults: faults.iter().map(|fault| fault.at).collect(),
+            starts: faults.iter().map(settled).collect(),
+            duration_s,
+            period_s: 0.01,
+        }
+    }
+}
+
+/// Variants whose samples are in memory at once.
+const AT_ONCE: usize = 41;
+
+/// Ours on many variants: seconds, errors, statistics.
+fn measure(setup: &Setup, faults: &[&FaultCase], duration_s: f64) -> (f64, Vec<f64>, Statistics) {
+    let (mut seconds, mut errors, mut total) = (0.0, Vec::new(), Statistics::default());
+    for some in faults.chunks(AT_ONCE) {
+        let task = setup.task(some, duration_s);
+        let (exact, _) = ours(&task, Settings::reference());
+        let (work, statistics) = ours(&task, Settings::campaign());
+        seconds += work.seconds;
+        errors.extend(task.errors(&work.runs, &exact.runs));
+        total += statistics;
+    }
+    (seconds, errors, total)
+}
+
+/// A peer at the loosest tolerance that is as exact as ours.
+fn peer(
+    name: &str,
+    task: &Task,
+    reference: &[Run],
+    wanted: f64,
+    our_seconds: f64,
+    solve: impl Fn(&Task, f64) -> Work,
+) {
+    for tolerance in [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8] {
+        let work = solve(task, tolerance);
+        let error = largest(&task.errors(&work.runs, reference));
+        let steps = work.steps / task.faults.len() as f64 / task.duration_s;
+        println!(
+            "  {name} {tolerance:.0e}: largest error {error:.1e}, {steps:.0} steps/s, \
+             {:.2} s, {:.1} x ours",
+            work.seconds,
+            work.seconds / our_seconds
+        );
+        if error <= wanted {
+            return;
+        }
+    }
+    println!("  {name}: no tolerance was as exact");
+}
+
+fn report(
+    faults: &[&FaultCase],
+    duration_s: f64,
+    (seconds, errors, total): (f64, Vec<f64>, Statistics),
+) {
+    let count = faults.len() as f64;
+    println!("campaign {:?}", Settings::campaign());
+    println!("  {seconds:.2} s, {:.2} ms per simulated second", 1e3 * seconds / count / duration_s);
+    println!("  {total:?}");
+    let mut order: Vec<usize> = (0..errors.len()).collect();
+    order.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
+    let over = errors.iter().filter(|&&e| e > 1e-4).count();
+    println!(
+        "  largest error over scale {:.1e}, median {:.1e}; over 1e-4 in {over} of {}",
+        errors[order[0]],
+        errors[order[order.len() / 2]],
+        errors.len()
+    );
+    for &place in order.iter().take(over.clamp(3, 60)) {
+        println!("  {:.1e} {} {}", errors[place], faults[place].id, faults[place].at.intensity);
+    }
+    let campaign = seconds / count / duration_s * 4920.0 * 90.0;
+    println!("  so 4,920 x 90 s take {campaign:.0} s of the processor (extrapolated)");
+}
+
+fn main() {
+    let (stride, duration_s) = (argument(1, 1.0) as usize, argument(2, 90.0));
+    let (peer_stride, peer_duration_s) = (argument(3, 52.0) as usize, argument(4, 30.0));
+    let study = Study::default();
+    let case = study.cases.iter().find(|case| case.name == "S2/100").expect("a case of the study");
+    let inputs = study.system.network().inputs.iter();
+    let moving = inputs.clone().position(|input| input.id == "command").expect("a command");
+    let setup = Setup { study: &study, inputs: case.inputs.iter().collect(), moving };
+    let every = |stride: usize| study.faults.iter().step_by(stride).collect::<Vec<_>>();
+    let (many, few) = (every(stride), every(peer_stride));
+    println!(
+        "{} of {} faults, {duration_s} s of white noise each, {} states, lanes {}",
+        many.len(),
+        study.faults.len(),
+        study.system.program.states().len(),
+        Ensemble::new(&study.system.program).level.name(),
+    );
+    report(&many, duration_s, measure(&setup, &many, duration_s));
+    let task = setup.task(&few, peer_duration_s);
+    let (exact, _) = ours(&task, Settings::reference());
+    let (work, _) = ours(&task, Settings::campaign());
+    let wanted = largest(&task.errors(&work.runs, &exact.runs));
+    println!(
+        "peers on {} variants of {peer_duration_s} s, where our largest error is {wanted:.1e} \
+         and we take {:.2} s",
+        few.len(),
+        work.seconds
+    );
+    let equations = cvode::Equations::compile(&study.system.program);
+    let solve = |task: &Task, tolerance| equations.solve(task, tolerance);
+    peer("CVODE BDF", &task, &exact.runs, wanted, work.seconds, solve);
+    peer("diffsol BDF", &task, &exact.runs, wanted, work.seconds, diffsol_bdf::solve);
+}

@@ -1,0 +1,68 @@
+//! Which of an actuator's signals is disturbed most.
+//!
+//! ```text
+//! P_ij = log10 ( rms(r'_i) / rms(r'_j) ),   rms² = mean² + variance
+//! ```
+//!
+//! for every pair of one actuator's sensors. A blocked supply valve disturbs the
+//! supply pressure far more than the spool, a clogged edge the spool and the
+//! chambers far more than the supply, whatever the intensity: the logarithm of
+//! the ratio is the fault's direction without its size.
+
+use super::{FLOOR, Family, Feature, Quantity, Sensors};
+use crate::residual::Window;
+use alloc::format;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Proportion;
+
+/// The sensors of each unit, two at a time.
+fn pairs(sensors: &Sensors) -> Vec<(usize, usize)> {
+    let mut pairs = Vec::new();
+    for unit in 0..sensors.units() {
+        let own = |sensor: &usize| {
+            let s = &sensors.0[*sensor];
+            s.unit == unit && !matches!(s.quantity, Quantity::Surface | Quantity::Other)
+        };
+        let own: Vec<usize> = (0..sensors.0.len()).filter(own).collect();
+        for (place, &first) in own.iter().enumerate() {
+            pairs.extend(own[place + 1..].iter().map(|&second| (first, second)));
+        }
+    }
+    pairs
+}
+
+impl Family for Proportion {
+    fn name(&self) -> &'static str {
+        "proportion"
+    }
+
+    fn summary(&self) -> &'static str {
+        "which of an actuator's signals is disturbed most"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let feature = |(first, second): (usize, usize)| {
+            let [a, b] = [&sensors.0[first], &sensors.0[second]];
+            Feature {
+                name: format!("rms_{}_over_{}", a.name, b.name),
+                unit: "log10",
+                meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
+                units: [a.unit].into(),
+                resolution: 0.02,
+            }
+        };
+        pairs(sensors).into_iter().map(feature).collect()
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        let log_rms = |sensor: usize| {
+            let mean = window.mean(sensor);
+            let square = mean * mean + window.covariance(sensor, sensor);
+            // Ten times the usual floor: of two signals at rest neither is disturbed.
+            0.5 * libm::log10(square.max(0.0) + 100.0 * FLOOR * FLOOR)
+        };
+        values.extend(pairs(sensors).into_iter().map(|(a, b)| log_rms(a) - log_rms(b)));
+    }
+}
