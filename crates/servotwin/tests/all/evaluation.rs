@@ -103,10 +103,15 @@ fn settings() -> Settings {
 
 fn evaluated(noise: f64, threads: usize) -> (Evaluation, Hierarchy, DataSet) {
     let data = DataSet::new(&campaign(noise), infos(), &[]).unwrap();
-    let hierarchy = train(&data, &settings().training).unwrap();
-    let workers = Workers::new(threads);
-    let evaluation = evaluate(&data, &hierarchy, &settings(), workers, &|_, _| ()).unwrap();
+    let (evaluation, hierarchy) = evaluated_with(&data, threads);
     (evaluation, hierarchy, data)
+}
+
+fn evaluated_with(data: &DataSet, threads: usize) -> (Evaluation, Hierarchy) {
+    let hierarchy = train(data, &settings().training).unwrap();
+    let workers = Workers::new(threads);
+    let evaluation = evaluate(data, &hierarchy, &settings(), workers, &|_, _| ()).unwrap();
+    (evaluation, hierarchy)
 }
 
 fn share(rate: Option<servotwin::evaluation::score::Rate>) -> f64 {
@@ -213,7 +218,7 @@ fn a_single_actuator_needs_no_stage_for_it() {
     };
     let table = Table::from_columns(table.columns().iter().map(one).collect()).unwrap();
     let data = DataSet::new(&table, infos(), &[]).unwrap();
-    let (evaluation, hierarchy) = evaluate(&data, &settings(1), &|_| ()).unwrap();
+    let (evaluation, hierarchy) = evaluated_with(&data, 1);
     let ids: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
     assert_eq!(ids, ["B", "C", "D", "E"]);
     assert!(evaluation.protocol(Protocol::LeaveKindOut).is_none());
@@ -242,7 +247,7 @@ fn what_cannot_be_learnt_is_said() {
     assert!(message(&healthy).contains("no faults"));
     let hidden = DataSet::new(&replaced("detectable", vec![false; rows].into()), infos(), &[]);
     assert!(matches!(
-        evaluate(&hidden.unwrap(), &settings(1), &|_| ()),
+        train(&hidden.unwrap(), &settings().training),
         Err(EvaluationError::NothingDetectable { faults: 300 })
     ));
     let mut broken = table.f64("f:y_1").unwrap().into_owned();

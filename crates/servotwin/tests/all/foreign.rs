@@ -6,6 +6,7 @@
 
 use servotwin::evaluation::foreign::{HoldOut, Selection, validate_table};
 use servotwin::evaluation::foreign::{evaluate_table, train_table};
+use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
 use servotwin::table::{self, Column, Table};
@@ -33,7 +34,7 @@ fn classifier(kind: Kind) -> Settings {
 fn accuracy(table: &Table, label: &str, group: Option<&str>, kind: Kind, how: HoldOut) -> f64 {
     let selection =
         Selection { label: label.into(), group: group.map(str::to_owned), features: vec![] };
-    let score = validate_table(table, &selection, &classifier(kind), how, 2).unwrap();
+    let score = validate_table(table, &selection, &classifier(kind), how, Workers::new(2)).unwrap();
     score.accuracy.share.unwrap()
 }
 
@@ -187,7 +188,7 @@ fn unfit_tables_are_refused_in_words() {
     assert!(error(&small(), &text_only).contains("needed are numbers"));
     let many = HoldOut::Folds { folds: 9, seed: 1 };
     assert!(matches!(
-        validate_table(&small(), &selection("class"), &cart, many, 1),
+        validate_table(&small(), &selection("class"), &cart, many, Workers::new(1)),
         Err(EvaluationError::TooFewGroups { found: 4, needed: 9, .. })
     ));
 }
