@@ -188,8 +188,6 @@ fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
 fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     let folder = Folder::new("refused");
     let out = folder.file("out");
-    let none = write_study(&folder, "classes = []");
-    fails(&["study", &none, "--out", &out], 3, "classes");
     let none = write_study(&folder, "");
     fails(&["study", &none, "--out", &out], 1, "the study has no faults");
     fails(&["campaign", &none, "--out", &out], 1, "the study has no faults");

@@ -31,7 +31,7 @@ pub struct Ambiguity {
 }
 
 /// A pair joins two kinds from this share of tests on.
-pub const GROUPING: f64 = 0.02;
+pub const GROUPING: f64 = 0.05;
 
 /// Counts the confusions of outcomes that were traced.
 pub fn evaluate(data: &DataSet, outcomes: &[Vec<Outcome>]) -> Ambiguity {

@@ -10,6 +10,7 @@ use crate::study::Study;
 use crate::study::campaign::data_features;
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::classifiers::cart::Resolution;
 use servotwin_diagnosis::hierarchy::{Examples, Label, Names};
 
 /// The word for rows without a fault.
@@ -200,6 +201,18 @@ impl DataSet {
     pub fn own_sensors_only(&self) -> Result<Self, EvaluationError> {
         let own = own_columns(&self.features, self.examples.names());
         Ok(DataSet { examples: self.examples.reading(own)?, ..self.clone() })
+    }
+
+    /// The smallest thresholds that features resolve where residuals carry an error, in parts of
+    /// scale.
+    pub fn resolutions(&self, residual_error: f64) -> Vec<Resolution> {
+        let resolved = self.features.iter().filter(|feature| feature.resolution > 0.0);
+        let resolution = |feature: &FeatureInfo| Resolution {
+            feature: feature.name.clone(),
+            gap: 0.0,
+            magnitude: feature.resolution * residual_error,
+        };
+        resolved.map(resolution).collect()
     }
 
     /// The families of the features, in the order of the features.

@@ -44,6 +44,9 @@ pub struct Settings {
     pub comparison_holding: Holding,
     /// The command that shuts an actuator down.
     pub shutdown: String,
+    /// What residuals carry of noise, quantisation and numerical error, in parts of scale: a
+    /// threshold that a feature cannot resolve with it is implausible.
+    pub residual_error: f64,
     /// The family of features that the seed paper has.
     pub baseline_family: String,
     /// The classifiers to compare; none for no comparison.
@@ -61,6 +64,8 @@ impl Default for Settings {
             // Folds of a third: as much to learn from as in the random thirds.
             comparison_holding: Holding { repeats: 2, folds: 3, deals: 1, ..Holding::default() },
             shutdown: "shut_down".into(),
+            // 0.2 %: the noise of a sensor (physics: pressure and displacement sensors).
+            residual_error: 0.002,
             baseline_family: "moments".into(),
             classifiers: comparison::default_classifiers(),
             ablation: true,
@@ -68,10 +73,12 @@ impl Default for Settings {
     }
 }
 
-/// What the splits that no sensor could resolve would have bought.
+/// Splits that no sensor could resolve, and what they buy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Implausible {
-    /// The splits.
+    /// What residuals carry of noise, quantisation and numerical error, in parts of scale.
+    pub residual_error: f64,
+    /// The splits that trees want which may not use them.
     pub splits: Vec<leaves::ImplausibleSplit>,
     /// Accuracy of the actuator with them forbidden and allowed, grouped protocol.
     pub actuator: Option<(Rate, Rate)>,
@@ -197,7 +204,7 @@ pub fn evaluate(
         features: data.features.len(),
         constant_features: data.constant.clone(),
         worst_leaves: leaves::worst(data, &training, hierarchy, &rows, WORST_LEAVES)?,
-        implausible: implausible(data, settings, hierarchy, workers)?,
+        implausible: implausible(data, settings, workers)?,
         stages: hierarchy.stages.iter().map(|stage| size(hierarchy, stage)).collect(),
         false_alarms: false_alarms(data, hierarchy, &settings.shutdown)?,
         protocols,
@@ -231,14 +238,17 @@ fn baseline(
     Ok(results)
 }
 
+/// Trains once more with every feature's resolution, and compares.
 fn implausible(
     data: &DataSet,
     settings: &Settings,
-    hierarchy: &Hierarchy,
     workers: Workers,
 ) -> Result<Implausible, EvaluationError> {
-    let splits = leaves::implausible(hierarchy);
-    let mut compared = Implausible { splits, actuator: None, command: None };
+    let residual_error = settings.residual_error;
+    let resolutions = data.resolutions(residual_error);
+    let forbidden = Training { resolutions, ..settings.training.clone() };
+    let splits = leaves::implausible(&train(data, &forbidden)?);
+    let mut compared = Implausible { residual_error, splits, actuator: None, command: None };
     if compared.splits.is_empty() {
         return Ok(compared);
     }
@@ -248,7 +258,7 @@ fn implausible(
         protocol::evaluate(Protocol::Grouped, data, training, short_holding, shutdown, workers)
     };
     let allowed = Training { resolutions: vec![], ..settings.training.clone() };
-    let (forbidden, allowed) = (result(&settings.training)?, result(&allowed)?);
+    let (forbidden, allowed) = (result(&forbidden)?, result(&allowed)?);
     let pair = |id: &str| {
         let of = |result: &Option<(ProtocolResult, _)>| {
             result.as_ref().and_then(|(result, _)| Some(result.stage(id)?.accuracy))

@@ -9,6 +9,7 @@ use serde::Serialize;
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
+use std::path::Path;
 
 /// What was simulated, and how the hierarchy came to its answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -79,13 +80,8 @@ pub fn explain(
     let hierarchy = hierarchy(folder, subject)?;
     let path = folder.data_set(subject.setting());
     let wrong = |error| JobError::DataSet { path: path.clone(), error };
-    let read = || -> Result<Option<(Explanation, Vec<Vec<f64>>)>, TableError> {
-        let table = table::read(&path)?;
-        let row = table.u32("variant")?.iter().position(|own| *own == variant);
-        let Some(row) = row else { return Ok(None) };
-        Ok(Some((facts(&table, row, variant)?, views(&table, &hierarchy, row)?)))
-    };
-    let Some((mut explanation, views)) = read().map_err(|error| wrong(error.into()))? else {
+    let found = read(&path, &hierarchy, variant);
+    let Some((mut explanation, views)) = found.map_err(|error| wrong(error.into()))? else {
         return Ok(None);
     };
     let features: Vec<Feature> = data_features(study).into_iter().map(|f| f.feature).collect();
@@ -103,6 +99,16 @@ pub fn explain(
         explanation.stages.push(answer);
     }
     Ok(Some(explanation))
+}
+
+/// A variant, and its features in every view.
+type Found = (Explanation, Vec<Vec<f64>>);
+
+fn read(path: &Path, hierarchy: &Hierarchy, variant: u32) -> Result<Option<Found>, TableError> {
+    let table = table::read(path)?;
+    let row = table.u32("variant")?.iter().position(|own| *own == variant);
+    let found = |row| Ok((facts(&table, row, variant)?, views(&table, hierarchy, row)?));
+    row.map(found).transpose()
 }
 
 fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableError> {

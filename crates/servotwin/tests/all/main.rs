@@ -7,6 +7,7 @@ mod files;
 mod foreign;
 mod peer_cases;
 mod physics;
+mod report;
 mod system;
 mod table;
 mod val_peers;

@@ -33,13 +33,15 @@ impl Section for Ablation {
                 ("most often given to the wrong actuator", Side::Left),
             ]);
             for row in &result.evaluation.ablation {
+                // Without a feature of one actuator alone, only A can be asked.
+                let asked = row.command.is_some_and(|rate| rate.count > 0);
                 let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
                 grid.push(vec![
                     row.title.clone(),
                     row.features.to_string(),
                     share(row.actuator),
-                    share(row.command),
-                    rate(row.end_to_end),
+                    share(row.command.filter(|_| asked)),
+                    rate(row.end_to_end.filter(|_| asked)),
                     worst.map_or(NONE.into(), |(name, rate)| {
                         format!("{} {}", spoken(name), share(Some(*rate)))
                     }),

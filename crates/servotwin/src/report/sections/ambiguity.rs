@@ -45,6 +45,7 @@ impl Section for Ambiguity {
                 ]);
             }
             if grid.is_empty() {
+                page.text(&format!("Setting: {}. No fault was taken for another.", result.title));
                 continue;
             }
             page.table(&grid, &format!(
@@ -56,7 +57,10 @@ impl Section for Ambiguity {
             ));
             for group in &ambiguity.groups {
                 let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
-                page.note(&format!("Confused among each other: {}.", names.join("; ")));
+                page.note(&format!(
+                    "Confused among each other (from 5 % of the tests on): {}.",
+                    names.join("; ")
+                ));
             }
         }
     }

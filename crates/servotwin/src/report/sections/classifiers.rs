@@ -30,7 +30,7 @@ impl Section for Classifiers {
                 page.figure(&name, bars(&result.evaluation, stage), &format!(
                     "Setting: {}. Accuracy for {asks} (stage {stage}) of eight classifiers with the \
                      same features and default settings: {} random thirds, and {} folds in which the \
-                     same fault and intensity stays together. Whiskers: 95 %.",
+                     same fault and intensity stays together. The axis does not begin at zero; whiskers: 95 %.",
                     result.title, holding.repeats, holding.folds
                 ));
             }
@@ -58,6 +58,7 @@ fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
         };
         figure = figure.with(title, vec![bar(Protocol::RandomThird), bar(Protocol::Grouped)]);
     }
+    figure.digits = 2;
     // Bars that all begin at zero would look alike.
     figure.range = Some(((least / 10.0).floor() * 10.0, 100.0));
     figure.draw()

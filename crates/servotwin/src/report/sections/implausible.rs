@@ -1,7 +1,7 @@
 //! Splits that would have been better but that no sensor could resolve.
 
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{number, of_unit, share};
+use crate::report::words::{number, of_unit, percent, share};
 use crate::report::{Material, Section};
 use crate::study::campaign::data_features;
 
@@ -18,16 +18,12 @@ impl Section for Implausible {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        let limits = |result: &crate::job::results::SubjectResult| {
-            result.settings.training.resolutions.len()
-        };
-        if material.results.subjects.iter().all(|result| limits(result) == 0) {
-            page.text(
-                "No feature had a resolution set for this evaluation, so no split was refused as \
-                 lying inside the sensors' noise. (The seed paper took the drain sensor out by hand.)",
-            );
-            return;
-        }
+        page.text(
+            "A threshold that lies inside sensor noise, quantisation or numerical error decides about \
+             nothing that a real sensor could measure. The seed paper took one sensor out by hand for \
+             this; here every feature has a resolution. Trees trained with that rule are compared \
+             with the trees above.",
+        );
         let units = data_features(material.study);
         for result in &material.results.subjects {
             let implausible = &result.evaluation.implausible;
@@ -49,22 +45,23 @@ impl Section for Implausible {
                     number(split.used_decrease),
                 ]);
             }
-            match grid.is_empty() {
-                true => page.text(&format!(
-                    "Setting: {}. {} features have a resolution; no better split had to be refused.",
-                    result.title,
-                    limits(result)
-                )),
-                false => page.table(&grid, &format!(
-                    "Setting: {}. Splits refused because they lie inside sensor noise, quantisation \
-                     or numerical error.",
+            let error = percent(Some(implausible.residual_error));
+            if grid.is_empty() {
+                page.text(&format!(
+                    "Setting: {}. With an error of {error} of scale no split had to be refused.",
                     result.title
-                )),
+                ));
+                continue;
             }
+            page.table(&grid, &format!(
+                "Setting: {}. Splits that the rule refuses where residuals carry an error of {error} \
+                 of scale, at most three of a node.",
+                result.title
+            ));
             for (stage, pair) in [("A", implausible.actuator), ("B", implausible.command)] {
                 if let Some((forbidden, allowed)) = pair {
                     page.text(&format!(
-                        "Stage {stage}, grouped: {} without them, {} with them.",
+                        "Stage {stage}, grouped: {} where such splits are refused, {} where they are allowed.",
                         share(Some(forbidden)),
                         share(Some(allowed))
                     ));

@@ -46,7 +46,9 @@ impl Section for Leaves {
                     contents(&leaf.contents),
                 ]);
             }
-            if !grid.is_empty() {
+            if grid.is_empty() {
+                page.text(&format!("Setting: {}. Every leaf holds one class only.", result.title));
+            } else {
                 page.table(
                     &grid,
                     &format!(
