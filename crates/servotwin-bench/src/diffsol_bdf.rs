@@ -1,9 +1,7 @@
 //! diffsol's BDF on the same Rust equations, as `f64`, with the exact Jacobian.
 
 use crate::{Task, Work, processor_seconds};
-use diffsol::{
-    NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod, OdeSolverStopReason, VectorHost,
-};
+use diffsol::{NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod, OdeSolverStopReason};
 use servotwin_model::program::Program;
 use servotwin_model::signal::Piecewise;
 use std::cell::RefCell;
@@ -132,7 +130,7 @@ fn solve_one(task: &Task, variant: usize, tolerance: f64) -> (Vec<f64>, usize) {
                 break;
             }
             let states = solver.interpolate(time.min(solver.state().t)).expect("inside the step");
-            run.extend_from_slice(states.as_slice());
+            run.extend_from_slice(states.batch_as_slice(0));
             next += 1;
         }
         if ended {

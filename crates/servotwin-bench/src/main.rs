@@ -179,7 +179,7 @@ fn peer(
     our_seconds: f64,
     solve: impl Fn(&Task, f64) -> Work,
 ) {
-    for tolerance in [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8] {
+    for tolerance in [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 5e-8, 2e-8, 1e-8] {
         let work = solve(task, tolerance);
         let error = largest(&task.errors(&work.runs, reference));
         let steps = work.steps / task.faults.len() as f64 / task.duration_s;

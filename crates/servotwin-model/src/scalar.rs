@@ -127,8 +127,6 @@ pub trait Lanes: Primitive {
     fn lane(self, lane: usize) -> f64;
     /// Replaces the value of one lane. Panics where `lane >= WIDTH`.
     fn set_lane(&mut self, lane: usize, value: f64);
-    /// One bit per lane, lane 0 the lowest.
-    fn bits(mask: Self::Mask) -> u32;
     /// Does the work in a function of its own, compiled for the instruction
     /// set. All other lane code is inlined into its caller, because only so it
     /// is compiled for the instruction set; this is for what is called from

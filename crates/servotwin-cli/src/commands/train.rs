@@ -36,9 +36,10 @@ pub struct Options {
     /// The classifier.
     #[arg(long, default_value = "cart")]
     classifier: Choice,
-    /// Questions on the longest way through a tree (cart only).
-    #[arg(long, default_value_t = 7)]
-    depth: usize,
+    /// Questions on the longest way through a tree (cart [default: 7],
+    /// random_forest, adaboost).
+    #[arg(long)]
+    depth: Option<usize>,
     /// Number of folds.
     #[arg(long, default_value_t = 5, conflicts_with = "last")]
     folds: usize,
@@ -79,14 +80,14 @@ impl ValueEnum for Choice {
 impl Options {
     fn settings(&self) -> Settings {
         let chosen = default_classifiers().into_iter().find(|s| s.kind() == self.classifier.0);
-        match chosen {
-            Some(Settings::Cart(mut cart)) => {
-                cart.max_depth = Some(self.depth);
-                Settings::Cart(cart)
-            }
-            Some(other) => other,
-            None => self.classifier.0.default_settings(),
+        let mut chosen = chosen.unwrap_or_else(|| self.classifier.0.default_settings());
+        match (&mut chosen, self.depth) {
+            (Settings::Cart(cart), depth) => cart.max_depth = Some(depth.unwrap_or(7)),
+            (Settings::RandomForest(forest), Some(depth)) => forest.max_depth = Some(depth),
+            (Settings::Adaboost(boost), Some(depth)) => boost.max_depth = depth,
+            _ => {}
         }
+        chosen
     }
 }
 

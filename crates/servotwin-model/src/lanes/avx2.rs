@@ -119,11 +119,6 @@ impl Lanes for Avx2 {
     fn set_lane(&mut self, lane: usize, value: f64) {
         *self = Self::from_fn(|i| if i == lane { value } else { self.lane(i) });
     }
-    #[inline(always)]
-    fn bits(mask: __m256d) -> u32 {
-        // SAFETY: see the type.
-        unsafe { _mm256_movemask_pd(mask) as u32 }
-    }
 
     fn outline<W: Work<Self>>(work: W) -> W::Output {
         #[inline(never)]

@@ -119,10 +119,6 @@ impl Lanes for Avx512 {
     fn set_lane(&mut self, lane: usize, value: f64) {
         *self = Self::from_fn(|i| if i == lane { value } else { self.lane(i) });
     }
-    #[inline(always)]
-    fn bits(mask: __mmask8) -> u32 {
-        mask as u32
-    }
 
     fn outline<W: Work<Self>>(work: W) -> W::Output {
         #[inline(never)]

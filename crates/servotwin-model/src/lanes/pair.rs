@@ -96,10 +96,6 @@ impl<V: Lanes> Lanes for Pair<V> {
             self.1.set_lane(lane - V::WIDTH, value);
         }
     }
-    #[inline(always)]
-    fn bits(mask: Self::Mask) -> u32 {
-        V::bits(mask.0) | V::bits(mask.1) << V::WIDTH
-    }
 
     #[inline(always)]
     fn outline<W: Work<Self>>(work: W) -> W::Output {

@@ -101,10 +101,6 @@ impl Lanes for Portable {
     fn set_lane(&mut self, lane: usize, value: f64) {
         self.0[lane] = value;
     }
-    #[inline(always)]
-    fn bits(mask: Self::Mask) -> u32 {
-        (0..WIDTH).fold(0, |bits, i| bits | (mask[i] as u32) << i)
-    }
 
     #[inline(never)]
     fn outline<W: Work<Self>>(work: W) -> W::Output {

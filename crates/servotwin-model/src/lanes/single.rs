@@ -63,10 +63,6 @@ impl Lanes for f64 {
     fn set_lane(&mut self, _lane: usize, value: f64) {
         *self = value;
     }
-    #[inline(always)]
-    fn bits(mask: bool) -> u32 {
-        mask as u32
-    }
 
     #[inline(never)]
     fn outline<W: Work<Self>>(work: W) -> W::Output {

@@ -77,11 +77,6 @@ impl<'p, V: Lanes> Batch<'p, V> {
         }
     }
 
-    /// The states of a lane.
-    pub fn states(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
-        self.y.iter().map(move |v| v.lane(lane))
-    }
-
     /// The gradients of the last evaluation with the Jacobian.
     pub fn gradients(&self) -> &[V] {
         &self.gradients

@@ -546,27 +546,37 @@ impl Campaign<'_> {
         let study = self.study;
         let fault = |planned: &Planned| planned.fault.map(|f| &study.faults[f]);
         let class = |planned: &Planned| fault(planned).map(|f| &study.classes[f.class]);
+        let intensity = |planned: &Planned| fault(planned).map_or(0.0, |f| f.at.intensity);
         let healthy = "healthy";
         let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
         let variants = (0..plan.len() as u32).collect();
-        let intensity = plan.iter().map(|p| fault(p).map_or(0.0, |f| f.at.intensity)).collect();
         let case = texts(plan, |p| &study.cases[p.case].name);
         let id = texts(plan, |p| fault(p).map_or(healthy, |f| &f.id));
         let kind = texts(plan, |p| fault(p).map_or(healthy, |f| &f.kind));
         let actuator = texts(plan, |p| fault(p).map_or(healthy, |f| &study.units[f.unit]));
         let command = texts(plan, |p| class(p).map_or(healthy, |c| &c.command));
         let detail = texts(plan, |p| class(p).map_or(healthy, |c| &c.detail));
-        vec![
+        let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(variants)),
             Column::new("case", "", case),
             Column::new("seed", "", Values::Unsigned(vec![seed; plan.len()])),
             Column::new("fault", "", id),
             Column::new("kind", "", kind),
-            Column::new("intensity", "", Values::Float(intensity)),
+            Column::new("intensity", "", Values::Float(plan.iter().map(intensity).collect())),
             Column::new("actuator", "", actuator),
             Column::new("command", "", command),
             Column::new("detail", "", detail),
-        ]
+        ];
+        // The form of the paper's figure 8: each fault's intensity in its own column.
+        let ids: BTreeSet<&String> = study.faults.iter().map(|fault| &fault.id).collect();
+        for id in ids {
+            let of = |p: &Planned| {
+                if fault(p).is_some_and(|f| &f.id == id) { intensity(p) } else { 0.0 }
+            };
+            let values = Values::Float(plan.iter().map(of).collect());
+            columns.push(Column::new(format!("i:{id}"), "", values));
+        }
+        columns
     }
 }
 
