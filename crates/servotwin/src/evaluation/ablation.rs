@@ -12,7 +12,7 @@ use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::Settings;
 
 /// The depths of the depth curve.
-const DEPTHS: std::ops::RangeInclusive<usize> = 3..=9;
+const DEPTHS: [usize; 4] = [3, 5, 7, 9];
 
 /// The result with a part taken away.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

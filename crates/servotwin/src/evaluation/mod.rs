@@ -61,8 +61,8 @@ impl Default for Settings {
             training: Training::default(),
             holding: Holding::default(),
             short_holding: Holding { deals: 1, ..Holding::default() },
-            // Folds of a third: as much to learn from as in the random thirds.
-            comparison_holding: Holding { repeats: 2, folds: 3, deals: 1, ..Holding::default() },
+            // Folds of a third: as much to learn from as in the random third.
+            comparison_holding: Holding { repeats: 1, folds: 3, deals: 1, ..Holding::default() },
             shutdown: "shut_down".into(),
             // 0.2 %: the noise of a sensor (physics: pressure and displacement sensors).
             residual_error: 0.002,

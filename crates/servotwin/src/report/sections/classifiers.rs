@@ -29,7 +29,7 @@ impl Section for Classifiers {
                 let name = format!("classifiers_{}_{stage}", result.subject.name());
                 page.figure(&name, bars(&result.evaluation, stage), &format!(
                     "Setting: {}. Accuracy for {asks} (stage {stage}) of eight classifiers with the \
-                     same features and default settings: {} random thirds, and {} folds in which the \
+                     same features and default settings: random thirds: {}; folds: {}, in which the \
                      same fault and intensity stays together. The axis does not begin at zero; whiskers: 95 %.",
                     result.title, holding.repeats, holding.folds
                 ));

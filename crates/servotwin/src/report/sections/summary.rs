@@ -22,7 +22,7 @@ impl Section for Summary {
     fn write(&self, material: &Material, page: &mut Page) {
         let study = material.study;
         page.text(&format!(
-            "A virtual twin of {} is compared with plants that have one of {} faults each, in {} \
+            "The virtual twin ({}) is compared with plants that have one of {} faults each, in {} \
              operating cases. From the differences between measured and expected sensor signals \
              (residuals), decision trees say which actuator failed (A), what the flight control \
              computer must do (B), and what is broken (C, D, E). This report says how far that \
