@@ -83,6 +83,7 @@ struct Grower<'a, S> {
     goes_left: Vec<bool>,
     spare: Vec<u32>,
     keys: Vec<u64>,
+    spare_keys: Vec<u64>,
     total_weight: f64,
     /// Weights of the classes at the current node, as the impurity sees them.
     node_weights: Vec<f64>,
@@ -107,6 +108,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             goes_left: vec![false; samples.rows()],
             spare: vec![0; rows.len()],
             keys: Vec::new(),
+            spare_keys: Vec::new(),
             total_weight: rows.iter().map(|&row| growth.impurity_weights[row as usize]).sum(),
             node_weights: vec![],
             rows,
@@ -298,7 +300,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         self.keys.clear();
         let key = |&row: &u32| u64::from(ranks[row as usize]) << 32 | u64::from(row);
         self.keys.extend(rows.iter().map(key));
-        self.keys.sort_unstable();
+        sort_by_rank(&mut self.keys, &mut self.spare_keys);
         self.sorted.clear();
         self.sorted.extend(self.keys.iter().map(|&key| key as u32));
     }
@@ -328,6 +330,33 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             }
         }
         pending.start + left
+    }
+}
+
+/// Sorts keys whose lower halves ascend already by their upper halves: by
+/// counting, two bytes one after the other, where there are enough keys.
+fn sort_by_rank(keys: &mut Vec<u64>, spare: &mut Vec<u64>) {
+    const FEW: usize = 128;
+    let largest = keys.iter().max().map_or(0, |key| key >> 32);
+    if keys.len() < FEW || largest > u64::from(u16::MAX) {
+        keys.sort_unstable();
+        return;
+    }
+    spare.resize(keys.len(), 0);
+    for shift in [32, 40] {
+        let digit = |key: u64| (key >> shift) as usize & 0xFF;
+        let mut next = [0; 256];
+        keys.iter().for_each(|&key| next[digit(key)] += 1);
+        let mut sum = 0;
+        for place in &mut next {
+            sum += core::mem::replace(place, sum);
+        }
+        for &key in keys.iter() {
+            let place = &mut next[digit(key)];
+            spare[*place] = key;
+            *place += 1;
+        }
+        core::mem::swap(keys, spare);
     }
 }
 
@@ -379,4 +408,22 @@ fn partition(rows: &mut [u32], goes_left: &[bool], spare: &mut [u32]) -> usize {
     }
     rows[left..].copy_from_slice(&spare[..right]);
     left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_keys_are_sorted_as_few_are() {
+        let mut random = Random::new(3);
+        for (count, ranks) in [(1000, 7), (1000, 5000), (300, 70_000), (5, 3)] {
+            let key = |row: u64, rank: usize| (rank as u64) << 32 | row;
+            let mut keys: Vec<u64> = (0..count).map(|row| key(row, random.index(ranks))).collect();
+            let mut expected = keys.clone();
+            expected.sort_unstable();
+            sort_by_rank(&mut keys, &mut Vec::new());
+            assert_eq!(keys, expected, "{count} rows, {ranks} ranks");
+        }
+    }
 }

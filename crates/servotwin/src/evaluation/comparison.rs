@@ -50,6 +50,21 @@ pub fn default_classifiers() -> Vec<classifiers::Settings> {
     classifiers::ALL.iter().map(settings).collect()
 }
 
+/// Epochs of the perceptron where it is trained many times: as many as
+/// scikit-learn's in `golden/`, a quarter of the default.
+const EPOCHS: usize = 50;
+
+/// The same with the perceptron trained for fewer epochs.
+pub fn quick_classifiers() -> Vec<classifiers::Settings> {
+    let mut list = default_classifiers();
+    for settings in &mut list {
+        if let classifiers::Settings::Mlp(mlp) = settings {
+            mlp.max_epochs = EPOCHS;
+        }
+    }
+    list
+}
+
 /// Compares classifiers; mirror images and pooling are as the hierarchy's settings say.
 ///
 /// # Errors

@@ -67,7 +67,7 @@ impl Default for Settings {
             // 0.2 %: the noise of a sensor (physics: pressure and displacement sensors).
             residual_error: 0.002,
             baseline_family: "moments".into(),
-            classifiers: comparison::default_classifiers(),
+            classifiers: comparison::quick_classifiers(),
             ablation: true,
         }
     }

@@ -4,6 +4,9 @@ use crate::evaluation::Evaluation;
 use crate::evaluation::protocol::{Protocol, ProtocolResult};
 use crate::evaluation::score::Rate;
 
+/// The study whose results the seed paper has.
+pub const PAPER: &str = "paper";
+
 /// One line of a summary.
 pub struct Line {
     /// What it says.
@@ -69,7 +72,7 @@ impl Line {
         evaluation.protocol(protocol).and_then(self.rate)
     }
 
-    /// The rate of the seed paper's trees (its 36 features) under a protocol.
+    /// The rate of the seed paper's trees (its features only) under a protocol.
     pub fn of_baseline(&self, evaluation: &Evaluation, protocol: Protocol) -> Option<Rate> {
         evaluation.baseline.iter().find(|r| r.protocol == protocol).and_then(self.rate)
     }

@@ -2,7 +2,7 @@
 
 use crate::evaluation::Evaluation;
 use crate::evaluation::protocol::Protocol;
-use crate::report::lines::{ACCURACY, Line, SAFETY};
+use crate::report::lines::{ACCURACY, Line, PAPER, SAFETY};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{NONE, percent, share};
 use crate::report::{Material, Section};
@@ -33,7 +33,7 @@ impl Section for Summary {
         ));
         for result in &material.results.subjects {
             page.table(
-                &grid(&result.evaluation),
+                &grid(&result.evaluation, study.name == PAPER),
                 &format!(
                     "Setting: {}. Rates are of faults that were detected; the trees never saw the \
                  tested fault at the tested intensity (grouped), or the tested operating case.",
@@ -42,39 +42,45 @@ impl Section for Summary {
             );
         }
         page.note(
-            "“36 features” are trees as the seed paper describes them: mean, variance and \
+            "“Paper's features” are trees as the seed paper describes them: mean, variance and \
              indicator of each residual, each actuator by itself. “Paper” are the accuracies that \
              it reports, with a third of the variants held out at random.",
         );
     }
 }
 
-fn grid(evaluation: &Evaluation) -> Grid {
-    let mut grid = Grid::new([
+fn grid(evaluation: &Evaluation, is_papers: bool) -> Grid {
+    let mut heads = vec![
         ("", Side::Left),
         ("grouped", Side::Right),
         ("new operating case", Side::Right),
         ("random third", Side::Right),
-        ("36 features, random third", Side::Right),
-        ("paper", Side::Right),
-    ]);
+        ("paper's features, random third", Side::Right),
+    ];
+    if is_papers {
+        heads.push(("paper", Side::Right));
+    }
+    let mut grid = Grid::new(heads);
     for line in &SAFETY {
-        grid.push_strong(row(line, evaluation));
+        grid.push_strong(row(line, evaluation, is_papers));
     }
     for line in &ACCURACY {
-        grid.push(row(line, evaluation));
+        grid.push(row(line, evaluation, is_papers));
     }
     grid
 }
 
-fn row(line: &Line, evaluation: &Evaluation) -> Vec<String> {
+fn row(line: &Line, evaluation: &Evaluation, is_papers: bool) -> Vec<String> {
     let of = |protocol| share(line.of(evaluation, protocol));
-    vec![
+    let mut row = vec![
         line.title.into(),
         of(Protocol::Grouped),
         of(Protocol::LeaveCaseOut),
         of(Protocol::RandomThird),
         share(line.of_baseline(evaluation, Protocol::RandomThird)),
-        line.paper.map_or(NONE.into(), |paper| percent(Some(paper))),
-    ]
+    ];
+    if is_papers {
+        row.push(line.paper.map_or(NONE.into(), |paper| percent(Some(paper))));
+    }
+    row
 }
