@@ -41,7 +41,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             true => json(&json!(explanation)),
             false => people(&explanation),
         }),
-        None => Err(unknown("variant", &options.variant.to_string(), vec![])),
+        None => Err(Failure::OutOfRange {
+            option: "VARIANT",
+            given: options.variant.to_string(),
+            range: "a number in the column 'variant' of the data set",
+        }),
     }
 }
 

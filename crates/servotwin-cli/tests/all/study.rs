@@ -153,10 +153,10 @@ fn explains(out: &str) {
     let text = stdout(&output);
     assert!(text.starts_with("variant 3: actuator_1.leakage_a.leakage, intensity 1,"), "{text}");
     assert!(text.contains("which actuator?") && text.contains("what is broken?"), "{text}");
-    let output = run(&["explain", "70", "--out", out, "--subject", "realistic", "--json"]);
+    let output = run(&["explain", "65", "--out", out, "--subject", "realistic", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(json["variant"], 70);
-    fails(&["explain", "9999", "--out", out], 2, "no variant '9999'");
+    assert_eq!(json["variant"], 65);
+    fails(&["explain", "9999", "--out", out], 2, "VARIANT 9999 is out of range");
 }
 
 #[test]
