@@ -61,6 +61,13 @@ pub struct Planned {
     pub fault: Option<usize>,
 }
 
+/// Variants whose rows no shard holds.
+struct Pending<'p> {
+    plan: &'p [Planned],
+    images: Option<&'p Images>,
+    variants: &'p [usize],
+}
+
 /// What a campaign has done.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
@@ -250,7 +257,8 @@ impl Campaign<'_> {
         if !pending.is_empty() {
             let twins = self.twins()?;
             let collector = Collector::new(shards, self.setting, fingerprint, &pending);
-            self.run_pending(plan, images, &pending, &twins, collector, outcome, progress)?;
+            let pending = Pending { plan, images, variants: &pending };
+            self.run_pending(&pending, &twins, collector, outcome, progress)?;
         }
         if self.is_cancelled() {
             outcome.cancelled = true;
@@ -387,9 +395,7 @@ impl Campaign<'_> {
 
     fn run_pending(
         &self,
-        plan: &[Planned],
-        images: Option<&Images>,
-        pending: &[usize],
+        pending: &Pending,
         twins: &[Twin],
         mut collector: Collector,
         outcome: &mut Outcome,
@@ -397,7 +403,8 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         let stop = AtomicBool::new(false);
         let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
-        let jobs = self.hardest_first(plan, images, pending);
+        let Pending { plan, images, .. } = *pending;
+        let jobs = self.hardest_first(pending);
         let observer = Observer::new(self);
         let mut error = None;
         let mut done = outcome.resumed;
@@ -446,14 +453,10 @@ impl Campaign<'_> {
     /// The variants to simulate, those of full intensity first: a few of them take
     /// a hundred times as long as the others and would keep one lane busy at the
     /// end.
-    fn hardest_first(
-        &self,
-        plan: &[Planned],
-        images: Option<&Images>,
-        pending: &[usize],
-    ) -> Vec<usize> {
+    fn hardest_first(&self, pending: &Pending) -> Vec<usize> {
+        let Pending { plan, images, variants } = *pending;
         let simulated = |&v: &usize| images.map_or(v, |images| images.simulated(v));
-        let jobs: BTreeSet<usize> = pending.iter().map(simulated).collect();
+        let jobs: BTreeSet<usize> = variants.iter().map(simulated).collect();
         let is_full = |&variant: &usize| {
             plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
         };
