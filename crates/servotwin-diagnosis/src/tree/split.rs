@@ -15,6 +15,13 @@ impl Limits {
     fn allow(self, threshold: f64, gap: f64) -> bool {
         gap >= self.gap && libm::fabs(threshold) >= self.magnitude
     }
+
+    /// Whether two neighbouring values lie where all thresholds around them are
+    /// allowed. A first allowed threshold next to forbidden ones does not.
+    fn allow_around(self, lower: f64, upper: f64) -> bool {
+        let far = 4.0 * self.magnitude;
+        self.gap == 0.0 && (self.magnitude == 0.0 || lower >= far || upper <= -far)
+    }
 }
 
 /// A way to split a node.
@@ -97,7 +104,7 @@ pub(crate) fn best_of_feature<S: Scan>(
     scan: &mut S,
 ) -> Offer {
     let mut offer = Offer::default();
-    let may_skip = min_rows <= 1 && limits == Limits::default();
+    let may_skip = min_rows <= 1;
     let value_at = |place: usize| rows.column[rows.sorted[place] as usize];
     let range = value_at(rows.sorted.len() - 1) - value_at(0);
     let mut worth = f64::NEG_INFINITY;
@@ -112,8 +119,12 @@ pub(crate) fn best_of_feature<S: Scan>(
         let next = rows.column[next_row];
         let same_class = rows.labels[row] == rows.labels[next_row];
         if next > value {
-            let skipped = may_skip && is_pure && same_class && rows.is_single(left);
             let lower = core::mem::replace(&mut value, next);
+            let skipped = may_skip
+                && is_pure
+                && same_class
+                && rows.is_single(left)
+                && limits.allow_around(lower, next);
             is_pure = true;
             if skipped || left < min_rows {
                 continue;

@@ -54,6 +54,8 @@ pub struct DataSetEntry {
     pub setting: String,
     /// Number of variants.
     pub variants: usize,
+    /// Variants that were not simulated, being mirror images of others.
+    pub reflected: usize,
     /// Variants without a fault.
     pub healthy: usize,
     /// Faulty variants that never leave the band of healthy residuals.
@@ -136,6 +138,7 @@ fn entry(path: &Path, setting: Setting) -> Result<DataSetEntry, TableError> {
     let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
     let (faults, cases) = (table.text("fault")?, table.text("case")?);
     let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
+    let reflected = table.bool("reflected")?;
     let rows = || 0..table.row_count();
     let failed = |row: usize| FailedVariant {
         variant: variants[row],
@@ -149,6 +152,7 @@ fn entry(path: &Path, setting: Setting) -> Result<DataSetEntry, TableError> {
     Ok(DataSetEntry {
         setting: setting.name().into(),
         variants: table.row_count(),
+        reflected: reflected.iter().filter(|&&is_image| is_image).count(),
         healthy: rows().filter(is_healthy).count(),
         undetectable: rows().filter(is_hidden).count(),
         failed: rows().filter(|&row| !reasons[row].is_empty()).map(failed).collect(),

@@ -58,7 +58,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
 /// A file cannot be read or written; what training says.
 pub fn train(folder: &Folder, study: &Study, subject: Subject) -> Result<Hierarchy, JobError> {
     let data = data_set(folder, study, subject)?;
-    let hierarchy = evaluation::train(&data, &subject.settings().training)?;
+    let hierarchy = evaluation::train(&data, &subject.settings(&data).training)?;
     model_file::write(folder.hierarchy(subject), &hierarchy)?;
     Ok(hierarchy)
 }
@@ -79,7 +79,7 @@ pub fn evaluate_all(
     for (place, &subject) in subjects.iter().enumerate() {
         let data = data_set(folder, study, subject)?;
         let hierarchy = hierarchy(folder, subject)?;
-        let settings = subject.settings();
+        let settings = subject.settings(&data);
         let told = |what: &str, share: f64| {
             let done = (place as f64 + share) / subjects.len() as f64;
             progress(&format!("{}: {what}", subject.name()), done);

@@ -1,6 +1,6 @@
 //! What is diagnosed: a data set, with or without the extra sensor.
 
-use crate::evaluation::Settings;
+use crate::evaluation::{DataSet, Settings};
 use crate::study::{Setting, Study};
 use serde::{Deserialize, Serialize};
 
@@ -53,9 +53,10 @@ impl Subject {
     }
 
     /// How it is evaluated: parts are taken away, and other classifiers compared, only where the
-    /// paper's sensors are used.
-    pub fn settings(self) -> Settings {
-        let settings = Settings::default();
+    /// paper's sensors are used. No tree asks what a sensor could not resolve.
+    pub fn settings(self, data: &DataSet) -> Settings {
+        let mut settings = Settings::default();
+        settings.training.resolutions = data.resolutions(settings.residual_error);
         match self.extra_sensor() {
             true => Settings { classifiers: vec![], ablation: false, ..settings },
             false => settings,

@@ -23,6 +23,7 @@ impl Section for Exclusions {
         let mut grid = Grid::new([
             ("data set", Side::Left),
             ("variants", Side::Right),
+            ("mirror images", Side::Right),
             ("without a fault", Side::Right),
             ("undetectable", Side::Right),
             ("not simulated to the end", Side::Right),
@@ -33,13 +34,18 @@ impl Section for Exclusions {
             grid.push(vec![
                 set.setting.clone(),
                 set.variants.to_string(),
+                set.reflected.to_string(),
                 set.healthy.to_string(),
                 set.undetectable.to_string(),
                 set.failed.len().to_string(),
                 used.to_string(),
             ]);
         }
-        page.table(&grid, "Variants by what became of them.");
+        page.table(
+            &grid,
+            "Variants by what became of them. Mirror images were not simulated: their signals are those \
+             of the same fault of the other actuator, which probes have confirmed.",
+        );
         for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
             let mut grid = Grid::new([
                 ("variant", Side::Right),

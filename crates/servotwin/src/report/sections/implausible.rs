@@ -21,8 +21,8 @@ impl Section for Implausible {
         page.text(
             "A threshold that lies inside sensor noise, quantisation or numerical error decides about \
              nothing that a real sensor could measure. The seed paper took one sensor out by hand for \
-             this; here every feature has a resolution. Trees trained with that rule are compared \
-             with the trees above.",
+             this; here every feature has a resolution, and no tree asks for less. These are the \
+             questions that were refused, and what they would have bought.",
         );
         let units = data_features(material.study);
         for result in &material.results.subjects {
