@@ -5,7 +5,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 [ -x "$here/.venv/bin/python" ] || python3 -m venv "$here/.venv"
-"$here/.venv/bin/python" -m pip install --quiet scikit-learn==1.9.1 scipy==1.17.1 numpy
+"$here/.venv/bin/python" -m pip install --quiet scikit-learn==1.9.1 scipy==1.17.1 numpy polars
 [ -e /usr/include/cvode/cvode.h ] || {
     apt-get update
     apt-get install --yes --no-install-recommends libsundials-dev
