@@ -27,24 +27,30 @@ pub struct Options {
     /// The table of features to write (.csv or .parquet).
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Write the data sets of a folder as .csv, too.
+    #[arg(long)]
+    csv: bool,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match (options.input.is_dir(), &options.study, &options.out) {
-        (true, None, None) => folder(&Folder::new(&options.input), global),
+        (true, None, None) => folder(&Folder::new(&options.input), options.csv, global),
         (true, _, _) => Err(Failure::Options("--study and --out are for traces, not for folders")),
         (false, Some(study), Some(out)) => of_traces(&options.input, study, out, global),
         (false, _, _) => Err(Failure::Options("traces need --study and --out")),
     }
 }
 
-fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
+fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
     let study = folder.read_study()?;
     let mut list = vec![];
     for setting in Setting::ALL.into_iter().filter(|&setting| folder.data_set(setting).exists()) {
         let campaign = campaign(&study, setting, folder, None);
         let (table, _) = campaign.features()?;
+        if csv {
+            table::write(folder.data_set(setting).with_extension("csv"), &table)?;
+        }
         list.push((folder.data_set(setting), table.row_count(), table.columns().len()));
     }
     manifest::write(folder, &study)?;
