@@ -61,14 +61,15 @@ const ONE: u16 = 0;
 const ZERO: u16 = 1;
 
 impl Rows {
+    /// `needed` are the sums that some derivative depends on, derivatives included.
     pub(crate) fn new(
         sequence: &Sequence,
         states: usize,
         externals: usize,
         sums: Range<usize>,
+        needed: &BTreeSet<usize>,
     ) -> Self {
-        let needed = needed(sequence, states, &sums);
-        let patterns = patterns(sequence, states, externals, &sums, &needed);
+        let patterns = patterns(sequence, states, externals, &sums, needed);
         // The one and the zero, then the slopes of the inputs, then the rows.
         let first_slope = 2;
         let mut next = first_slope + externals;
@@ -268,26 +269,6 @@ impl Rows {
             x[row as usize] = x[row as usize] + factor * gradients[slot as usize];
         }
     }
-}
-
-/// The sums that some derivative depends on.
-fn needed(sequence: &Sequence, states: usize, sums: &Range<usize>) -> BTreeSet<usize> {
-    let mut needed: BTreeSet<usize> = (sums.end - states..sums.end).collect();
-    let mut input_end = sequence.inputs.len();
-    let mut output_end = sequence.outputs.len();
-    for block in sequence.blocks.iter().rev() {
-        let inputs = &sequence.inputs[input_end - block.inputs.len()..input_end];
-        let outputs = &sequence.outputs[output_end - block.outputs.len()..output_end];
-        input_end -= inputs.len();
-        output_end -= outputs.len();
-        let matters = outputs
-            .iter()
-            .any(|o| needed.contains(&(o.add as usize)) || needed.contains(&(o.subtract as usize)));
-        if matters {
-            needed.extend(inputs.iter().map(|&i| i as usize).filter(|i| sums.contains(i)));
-        }
-    }
-    needed
 }
 
 /// The columns of every needed row; column `states` is time.

@@ -16,7 +16,7 @@ use crate::network::{Mistake, Network, PortOf};
 use crate::scalar::{Lanes, Scalar};
 use crate::spec::{PortKind, Start, Unit};
 use crate::wiring::{Block, Collected, Role, Variable};
-use alloc::collections::BTreeMap;
+use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;
 use alloc::string::String;
 use alloc::vec;
@@ -546,7 +546,7 @@ pub(crate) fn schedule(
     let (sampled, continuous): (Vec<Block>, Vec<Block>) =
         blocks.into_iter().partition(|b| b.clock.is_some());
     let continuous = in_order(continuous, &collected)?;
-    let (motion, readings) = parted(continuous, &layout);
+    let (motion, readings, needed) = parted(continuous, &layout);
     let mut constants = 0;
     let mut written = vec![false; layout.slots];
     let mut sequence = |blocks, written: &mut [bool]| {
@@ -569,7 +569,8 @@ pub(crate) fn schedule(
         clocks[clock].exchanges.push((slot(from), slot(to)));
     }
     let sums = layout.sums.clone();
-    let rows = Rows::new(&motion, layout.states, network.inputs.len(), sums.clone());
+    let inputs = network.inputs.len();
+    let rows = Rows::new(&motion, layout.states, inputs, sums.clone(), &needed);
     let plan = Plan::new(layout.states, &rows.entries());
     Ok(Program {
         states: layout.list_states(network, &collected),
@@ -588,21 +589,26 @@ pub(crate) fn schedule(
     })
 }
 
-/// Parts ordered blocks into those that the derivatives depend on and the rest.
-fn parted(blocks: Vec<Block>, layout: &Layout) -> (Vec<Block>, Vec<Block>) {
-    let mut needed = vec![false; layout.slots];
-    needed[layout.sums.end - layout.states..].fill(true);
+/// Parts ordered blocks into those that the derivatives depend on and the rest;
+/// with the sums that the derivatives depend on, themselves included.
+fn parted(blocks: Vec<Block>, layout: &Layout) -> (Vec<Block>, Vec<Block>, BTreeSet<usize>) {
+    let sums = &layout.sums;
+    let mut needed: BTreeSet<usize> = (sums.end - layout.states..sums.end).collect();
     let slot = |variable: u32| layout.slot_of[variable as usize] as usize;
-    let mut is_motion = vec![false; blocks.len()];
-    for (block, is_motion) in blocks.iter().zip(&mut is_motion).rev() {
+    let (mut motion, mut readings) = (Vec::new(), Vec::new());
+    for block in blocks.into_iter().rev() {
         let mut ends = block.outputs.iter().flat_map(|o| [o.add, o.subtract]).flatten();
-        *is_motion = ends.any(|sum| needed[slot(sum.0)]);
-        if *is_motion {
-            block.inputs.iter().for_each(|input| needed[slot(input.0)] = true);
+        if ends.any(|sum| needed.contains(&slot(sum.0))) {
+            let inputs = block.inputs.iter().map(|input| slot(input.0));
+            needed.extend(inputs.filter(|input| sums.contains(input)));
+            motion.push(block);
+        } else {
+            readings.push(block);
         }
     }
-    let mut is_motion = is_motion.into_iter();
-    blocks.into_iter().partition(|_| is_motion.next().expect("one for each"))
+    motion.reverse();
+    readings.reverse();
+    (motion, readings, needed)
 }
 
 /// Replaces aliases in all blocks.

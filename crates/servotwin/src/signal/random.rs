@@ -7,58 +7,28 @@ use servotwin_model::math::{ln, sin_cos};
 use servotwin_model::scalar::Lanes;
 use std::f64::consts::PI;
 
-/// A generator of random numbers.
+/// Deviates made at once.
+const READY: usize = 128;
+
+/// A source of normal deviates, made in lanes: the same whatever the lanes are.
 pub struct Random {
     bits: servotwin_diagnosis::random::Random,
-    /// The second of a pair of normal deviates.
-    spare: Option<f64>,
-}
-
-impl Random {
-    /// A generator whose numbers depend on the seed alone.
-    pub fn new(seed: u64) -> Self {
-        Self { bits: servotwin_diagnosis::random::Random::new(seed), spare: None }
-    }
-
-    /// Uniform in (0, 1].
-    pub fn uniform(&mut self) -> f64 {
-        ((self.bits.next_u64() >> 11) + 1) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Normal with mean 0 and variance 1.
-    pub fn normal(&mut self) -> f64 {
-        if let Some(spare) = self.spare.take() {
-            return spare;
-        }
-        let (first, second) = (self.uniform(), self.uniform());
-        let (cos, sin) = deviates(first, second);
-        self.spare = Some(sin);
-        cos
-    }
-}
-
-/// A source of many normal deviates: those of [`Random::normal`], in the same
-/// order, made in lanes.
-pub struct Normals {
-    random: Random,
     level: Level,
     ready: [f64; READY],
     next: usize,
 }
 
-/// Deviates made at once.
-const READY: usize = 128;
-
-impl Normals {
-    /// The deviates of a generator.
-    pub fn new(random: Random) -> Self {
-        Self { random, level: Level::best(), ready: [0.0; READY], next: READY }
+impl Random {
+    /// A source whose numbers depend on the seed alone.
+    pub fn new(seed: u64) -> Self {
+        let bits = servotwin_diagnosis::random::Random::new(seed);
+        Self { bits, level: Level::best(), ready: [0.0; READY], next: READY }
     }
 
-    /// The next deviate.
-    pub fn draw(&mut self) -> f64 {
+    /// The next deviate, with mean 0 and variance 1.
+    pub fn normal(&mut self) -> f64 {
         if self.next == READY {
-            dispatch(self.level, Refill { random: &mut self.random, ready: &mut self.ready });
+            dispatch(self.level, Refill { bits: &mut self.bits, ready: &mut self.ready });
             self.next = 0;
         }
         let value = self.ready[self.next];
@@ -67,8 +37,13 @@ impl Normals {
     }
 }
 
+/// Uniform in (0, 1].
+fn uniform(bits: &mut servotwin_diagnosis::random::Random) -> f64 {
+    ((bits.next_u64() >> 11) + 1) as f64 / (1_u64 << 53) as f64
+}
+
 struct Refill<'a> {
-    random: &'a mut Random,
+    bits: &'a mut servotwin_diagnosis::random::Random,
     ready: &'a mut [f64; READY],
 }
 
@@ -77,11 +52,11 @@ impl Kernel for Refill<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         for pairs in self.ready.chunks_exact_mut(2 * V::WIDTH) {
-            let mut uniform = [[0.0; 2]; READY];
-            for pair in &mut uniform[..V::WIDTH] {
-                *pair = [self.random.uniform(), self.random.uniform()];
+            let mut drawn = [[0.0; 2]; READY];
+            for pair in &mut drawn[..V::WIDTH] {
+                *pair = [uniform(self.bits), uniform(self.bits)];
             }
-            let [first, second] = [0, 1].map(|i| V::from_fn(|lane| uniform[lane][i]));
+            let [first, second] = [0, 1].map(|i| V::from_fn(|lane| drawn[lane][i]));
             let (cos, sin) = deviates(first, second);
             for (lane, pair) in pairs.chunks_exact_mut(2).enumerate() {
                 pair[0] = cos.lane(lane);
@@ -106,15 +81,15 @@ mod tests {
 
     #[test]
     fn deviates_made_in_lanes_are_the_same() {
-        let mut one_by_one = Random::new(5);
         for level in servotwin_model::lanes::ALL.into_iter().filter(|level| level.available()) {
-            let mut normals = Normals { level, ..Normals::new(Random::new(5)) };
-            let mut one_by_one = Random::new(5);
-            for _ in 0..3 * READY {
-                assert_eq!(normals.draw(), one_by_one.normal(), "{}", level.name());
+            let mut random = Random { level, ..Random::new(5) };
+            let mut bits = servotwin_diagnosis::random::Random::new(5);
+            for _ in 0..2 * READY {
+                let (cos, sin) = deviates(uniform(&mut bits), uniform(&mut bits));
+                assert_eq!([random.normal(), random.normal()], [cos, sin], "{}", level.name());
             }
         }
-        assert_ne!(one_by_one.normal(), Normals::new(Random::new(6)).draw());
+        assert_ne!(Random::new(5).normal(), Random::new(6).normal());
     }
 
     #[test]

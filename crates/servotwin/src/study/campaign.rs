@@ -15,7 +15,7 @@ use super::realism::Imperfection;
 use super::{Setting, Study};
 use crate::ensemble::{Ensemble, Sink, Variant};
 use crate::files::{FileError, create_folder};
-use crate::signal::random::Normals;
+use crate::signal::random::Random;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
@@ -650,7 +650,7 @@ struct Watch<'w> {
     observer: &'w Observer<'w>,
     window: Window,
     twin: &'w Twin,
-    noise: Option<Normals>,
+    noise: Option<Random>,
     measured: Vec<f64>,
     trace: Option<Vec<Vec<f64>>>,
 }

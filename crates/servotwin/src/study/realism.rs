@@ -3,7 +3,7 @@
 
 use super::faults::full_name;
 use super::{Reader, Study, StudyError};
-use crate::signal::random::{Normals, Random};
+use crate::signal::random::Random;
 use serde::Deserialize;
 use servotwin_model::scalar::Primitive;
 
@@ -110,8 +110,8 @@ impl Realism {
     }
 
     /// The random numbers of one variant's sensors.
-    pub(super) fn noise(&self, variant: usize) -> Normals {
-        Normals::new(Random::new(mix(self.seed, variant, 2)))
+    pub(super) fn noise(&self, variant: usize) -> Random {
+        Random::new(mix(self.seed, variant, 2))
     }
 }
 
@@ -162,8 +162,8 @@ impl Imperfection {
         Self { sigma: value("noise_sigma").unwrap_or(0.0) * full_scale, step }
     }
 
-    pub fn apply(self, value: f64, noise: &mut Normals) -> f64 {
-        let noisy = value + self.sigma * noise.draw();
+    pub fn apply(self, value: f64, noise: &mut Random) -> f64 {
+        let noisy = value + self.sigma * noise.normal();
         // Ties to even, without the call that the standard library's costs.
         if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
     }
