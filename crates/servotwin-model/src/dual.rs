@@ -151,7 +151,7 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        Self::select(self.less(Self::constant(0.0)), -self, self)
+        self.chain(self.value.abs(), self.sign())
     }
     #[inline(always)]
     fn less(self, other: Self) -> V::Mask {

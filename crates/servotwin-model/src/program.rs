@@ -422,22 +422,28 @@ struct Evaluate<'a, V> {
     variables: &'a mut [V],
 }
 
-/// The slices that one block works on.
+/// The lists of a group: what its blocks read, write and hold.
 #[inline(always)]
-fn parts<'a, V, const I: usize, const O: usize, const C: usize>(
+fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
     group: &Group,
     sequence: &'a Sequence,
     constants: &'a [V],
-    index: usize,
-) -> (&'a [Slot; I], &'a [Target; O], &'a [V; C]) {
-    let inputs = &sequence.inputs[group.inputs + index * I..][..I];
-    let outputs = &sequence.outputs[group.outputs + index * O..][..O];
-    let constants = &constants[group.constants + index * C..][..C];
-    (
-        inputs.try_into().expect("I inputs"),
-        outputs.try_into().expect("O outputs"),
-        constants.try_into().expect("C constants"),
-    )
+) -> impl Iterator<Item = (&'a [Slot; I], &'a [Target; O], &'a [V; C])> {
+    let inputs = arrays(&sequence.inputs[group.inputs..], group.count);
+    let outputs = arrays(&sequence.outputs[group.outputs..], group.count);
+    let constants = arrays(&constants[group.constants..], group.count);
+    inputs
+        .zip(outputs)
+        .zip(constants)
+        .map(|((inputs, outputs), constants)| (inputs, outputs, constants))
+}
+
+/// The first `count` arrays of `N` in a slice, where `N` may be zero.
+#[inline(always)]
+fn arrays<T, const N: usize>(slice: &[T], count: usize) -> impl Iterator<Item = &[T; N]> {
+    let first = slice[..count * N].as_ptr();
+    // SAFETY: all `count` arrays lie inside the slice.
+    (0..count).map(move |index| unsafe { &*first.add(index * N).cast() })
 }
 
 impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
@@ -448,9 +454,9 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
         E: Equation<I, O, C>,
     {
         let v = self.variables;
-        for index in 0..self.group.count {
-            let (inputs, outputs, constants) =
-                parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
+        for (inputs, outputs, constants) in
+            lists::<V, I, O, C>(self.group, self.sequence, self.constants)
+        {
             let mut values = [V::constant(0.0); I];
             for (value, &input) in values.iter_mut().zip(inputs) {
                 // SAFETY: all slots of a sequence are below the length that its
@@ -459,30 +465,31 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
             }
             let results = E::evaluate::<V>(constants, values);
             // SAFETY: as above.
-            unsafe { scatter(self.group.subtracts, outputs, &results, v) };
+            unsafe { scatter(self.group.subtracts, outputs, &results, v, |slot| slot as usize) };
         }
     }
 }
 
-/// Adds a block's outputs to their sums.
+/// Adds a block's outputs to their sums, which stand at `place(slot)`.
 ///
 /// # Safety
-/// All slots must be inside `variables`.
+/// All places must be inside `variables`.
 #[inline(always)]
 unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
     subtracts: bool,
     outputs: &[Target; O],
     results: &[V; O],
     variables: &mut [V],
+    place: impl Fn(Slot) -> usize,
 ) {
     for (target, &result) in outputs.iter().zip(results) {
         // SAFETY: promised by the caller.
         unsafe {
-            let so_far = *variables.get_unchecked(target.add_so_far as usize);
-            *variables.get_unchecked_mut(target.add as usize) = so_far + result;
+            let so_far = *variables.get_unchecked(place(target.add_so_far));
+            *variables.get_unchecked_mut(place(target.add)) = so_far + result;
             if subtracts {
-                let so_far = *variables.get_unchecked(target.subtract_so_far as usize);
-                *variables.get_unchecked_mut(target.subtract as usize) = so_far - result;
+                let so_far = *variables.get_unchecked(place(target.subtract_so_far));
+                *variables.get_unchecked_mut(place(target.subtract)) = so_far - result;
             }
         }
     }
@@ -504,26 +511,39 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
     where
         E: Equation<I, O, C>,
     {
-        let v = self.variables;
-        for index in 0..self.group.count {
-            let (inputs, outputs, constants) =
-                parts::<V, I, O, C>(self.group, self.sequence, self.constants, index);
-            let mut values = [Dual::from_base(V::constant(0.0)); I];
-            for (i, (place, &input)) in values.iter_mut().zip(inputs).enumerate() {
-                // SAFETY: as in `Evaluate`.
-                let value = unsafe { *v.get_unchecked(input as usize) };
-                *place = Dual::input(value, i);
-            }
-            let results = E::evaluate::<Dual<V, I>>(constants, values);
+        for (inputs, outputs, constants) in
+            lists::<V, I, O, C>(self.group, self.sequence, self.constants)
+        {
             let (own, later) = core::mem::take(self.partials).split_at_mut(I * O);
-            let mut plain = [V::constant(0.0); O];
-            for (o, result) in results.iter().enumerate() {
-                plain[o] = result.value;
-                own[o * I..][..I].copy_from_slice(&result.partials);
-            }
-            // SAFETY: as in `Evaluate`.
-            unsafe { scatter(self.group.subtracts, outputs, &plain, v) };
             *self.partials = later;
+            for register in 0..V::REGISTERS {
+                let place = |index: usize| index * V::REGISTERS + register;
+                let mut held = [V::Register::constant(0.0); C];
+                for (c, held) in held.iter_mut().enumerate() {
+                    *held = V::registers(constants)[place(c)];
+                }
+                let variables = V::registers_mut(self.variables);
+                let mut values = [Dual::from_base(V::Register::constant(0.0)); I];
+                for (i, (value, &input)) in values.iter_mut().zip(inputs).enumerate() {
+                    // SAFETY: as in `Evaluate`.
+                    let input = unsafe { *variables.get_unchecked(place(input as usize)) };
+                    *value = Dual::input(input, i);
+                }
+                let results = E::evaluate::<Dual<V::Register, I>>(&held, values);
+                let partials = V::registers_mut(own);
+                let mut plain = [V::Register::constant(0.0); O];
+                for (o, result) in results.iter().enumerate() {
+                    plain[o] = result.value;
+                    for (i, &partial) in result.partials.iter().enumerate() {
+                        partials[place(o * I + i)] = partial;
+                    }
+                }
+                // SAFETY: as in `Evaluate`.
+                unsafe {
+                    let place = |slot: Slot| place(slot as usize);
+                    scatter(self.group.subtracts, outputs, &plain, variables, place);
+                }
+            }
         }
     }
 }

@@ -69,6 +69,14 @@ pub trait Scalar:
     /// Cosine of an angle within ±π.
     fn cos(self) -> Self;
 
+    /// −1 where negative, else 1.
+    #[inline(always)]
+    fn sign(self) -> Self::Base {
+        let number = <Self::Base as Scalar>::constant;
+        let negative = self.base().less(number(0.0));
+        <Self::Base as Scalar>::select(negative, number(-1.0), number(1.0))
+    }
+
     /// The smaller of two numbers; `other` where they are equal.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -120,6 +128,11 @@ pub trait Work<V> {
 pub trait Lanes: Primitive {
     /// Number of variants side by side.
     const WIDTH: usize;
+    /// The lanes of one processor register: for work with so many live values
+    /// that more lanes would not find room.
+    type Register: Lanes;
+    /// How many of them these lanes are made of.
+    const REGISTERS: usize = Self::WIDTH / Self::Register::WIDTH;
 
     /// The lanes `f(0), f(1), …`.
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
@@ -127,6 +140,10 @@ pub trait Lanes: Primitive {
     fn lane(self, lane: usize) -> f64;
     /// Replaces the value of one lane. Panics where `lane >= WIDTH`.
     fn set_lane(&mut self, lane: usize, value: f64);
+    /// The registers of a slice, in order.
+    fn registers(lanes: &[Self]) -> &[Self::Register];
+    /// As [`Lanes::registers`], to be written.
+    fn registers_mut(lanes: &mut [Self]) -> &mut [Self::Register];
     /// Does the work in a function of its own, compiled for the instruction
     /// set. All other lane code is inlined into its caller, because only so it
     /// is compiled for the instruction set; this is for what is called from

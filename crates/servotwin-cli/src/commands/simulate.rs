@@ -54,7 +54,7 @@ pub struct Options {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     record: Vec<String>,
     /// The solver's method.
-    #[arg(long, default_value = "rodas4p", value_parser = methods())]
+    #[arg(long, default_value = "rodas4p2", value_parser = methods())]
     method: Method,
     /// Allowed error of a step, relative to the states' scales [default: 1e-5].
     #[arg(long, conflicts_with = "step")]

@@ -190,7 +190,7 @@ fn wrong_use_is_told_and_has_its_exit_code() {
         (&["simulate", "--record", "x_p_9"], 2, "no quantity 'x_p_9'; did you mean"),
         (&["simulate", "--out", "a.xls"], 2, "a.xls"),
         (&["simulate", "--plot", "a.pdf"], 2, "a.pdf"),
-        (&["simulate", "--method", "euler"], 2, "rodas4p"),
+        (&["simulate", "--method", "euler"], 2, "rodas4p2"),
         (&["simulate", "--method", "rk4"], 2, "give --step"),
         (&["simulate", "--step", "1ms", "--tolerance", "1e-3"], 2, "cannot be used with"),
         (

@@ -15,7 +15,7 @@
 //! same equation: its parameters stand in the same order.
 
 use super::Component;
-use super::orifice::{hole, velocity_at_m_s};
+use super::orifice::{hole, scaled_velocity_at_pa_s_m};
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
@@ -118,22 +118,16 @@ pub struct OneWayFlow;
 
 impl Equation<2, 1, 6> for OneWayFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
-        let [area, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
+        let [factor, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
         let per_range = S::constant(1.0) / given[RANGE];
-        [
-            area,
-            r,
-            four_k,
-            given[CRACKING],
-            per_range,
-            given[LEAK_AREA],
-        ]
+        let leak = given[LEAK_AREA] * S::constant(2.0) / four_k;
+        [factor, r, four_k, given[CRACKING], per_range, leak]
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 6], [p_a, p_b]: [S; 2]) -> [S; 1] {
         let drop = p_a - p_b;
-        let area = smooth_step((drop - c[3]) * c[4]) * c[0] + c[5];
-        [area * velocity_at_m_s(drop, c[1], c[2])]
+        let factor = smooth_step((drop - c[3]) * c[4]) * c[0] + c[5];
+        [factor * scaled_velocity_at_pa_s_m(drop, c[1], c[2])]
     }
 }

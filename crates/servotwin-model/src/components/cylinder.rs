@@ -21,7 +21,7 @@
 
 use super::Component;
 use crate::equation::{Equation, Given};
-use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, compressibility_per_pa};
+use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, pressure_rate_pa_s};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
@@ -301,7 +301,7 @@ impl Equation<4, 1, { 3 + BULK_CONSTANTS }> for ChamberPressure {
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3 + BULK_CONSTANTS], [p, flow, x, v]: [S; 4]) -> [S; 1] {
         let volume = (x * c[0] + c[1]).max(S::from_base(c[2]));
-        [(flow - v * c[0]) / (compressibility_per_pa(&c[3..], p) * volume)]
+        [pressure_rate_pa_s(&c[3..], p, flow - v * c[0], volume)]
     }
 }
 

@@ -8,7 +8,7 @@
 //! ambient pressure nothing is drawn in. A closed leak passes exactly nothing.
 
 use super::Component;
-use super::orifice::{hole, velocity_at_m_s};
+use super::orifice::{hole, scaled_velocity_at_pa_s_m};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
@@ -79,13 +79,13 @@ pub struct LeakageFlow;
 
 impl Equation<1, 1, 4> for LeakageFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [area, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
-        [area, r, four_k, given[AMBIENT]]
+        let [factor, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
+        [factor, r, four_k, given[AMBIENT]]
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [p]: [S; 1]) -> [S; 1] {
         let drop = (p - c[3]).max(S::constant(0.0));
-        [velocity_at_m_s(drop, c[1], c[2]) * c[0]]
+        [scaled_velocity_at_pa_s_m(drop, c[1], c[2]) * c[0]]
     }
 }

@@ -9,9 +9,8 @@
 //! they do not follow the fluid's temperature.
 
 use super::Component;
-use super::orifice::velocity_at_m_s;
 use crate::equation::{Equation, Given};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
@@ -75,6 +74,9 @@ impl Equation<2, 1, 2> for FilterFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b]: [S; 2]) -> [S; 1] {
-        [velocity_at_m_s(p_a - p_b, c[0], c[1])]
+        let drop = p_a - p_b;
+        let root = (drop.abs() * c[1] + c[0] * c[0]).sqrt();
+        // Not the difference as (O2): a filter may have no quadratic part.
+        [drop * lit::<S>(2.0) / (root + c[0])]
     }
 }

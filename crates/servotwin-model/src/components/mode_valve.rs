@@ -17,7 +17,7 @@
 //! Intermediate positions scale the areas linearly.
 
 use super::Component;
-use super::orifice::{hole, velocity_at_m_s};
+use super::orifice::{hole, scaled_velocity_at_pa_s_m};
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
@@ -269,7 +269,7 @@ impl Equation<3, 1, 3> for BypassFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3], [m, p_a, p_b]: [S; 3]) -> [S; 1] {
-        [damped(m) * velocity_at_m_s(p_a - p_b, c[1], c[2]) * c[0]]
+        [damped(m) * scaled_velocity_at_pa_s_m(p_a - p_b, c[1], c[2]) * c[0]]
     }
 }
 
@@ -279,20 +279,20 @@ pub struct ReserveFlow;
 
 impl Equation<3, 1, 4> for ReserveFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [area, r, four_k] = hole(
+        let [factor, r, four_k] = hole(
             given[given.which],
             given[DISCHARGE],
             given[REYNOLDS],
             given.fluid,
         );
-        [area, r, four_k, S::constant(1.0) / given[RANGE]]
+        [factor, r, four_k, S::constant(1.0) / given[RANGE]]
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [m, up, down]: [S; 3]) -> [S; 1] {
         let drop = up - down;
         let opening = damped(m) * smooth_step(drop * c[3]) * c[0];
-        [opening * velocity_at_m_s(drop, c[1], c[2])]
+        [opening * scaled_velocity_at_pa_s_m(drop, c[1], c[2])]
     }
 }
 

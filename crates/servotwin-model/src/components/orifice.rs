@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! Δp = R q + K q|q|,   K = ρ / (2 C_d² A²)                                 (O1)
-//! q  = A · 2Δp / (r + √(r² + 4 k |Δp|)),   r = R A,  k = K A²              (O2)
+//! q  = A/(2k) · sgn(Δp) (√(r² + 4 k |Δp|) − r),   r = R A,  k = K A²        (O2)
 //! r  = Re_t ρ ν / (2 C_d² D_h) + R_s A,    D_h = √(4A/π)                   (O3)
 //! ```
 //!
 //! (O2) is (O1) solved for the flow, written so that it also holds for a closed
-//! orifice (A = 0 gives q = 0). It is smooth at Δp = 0, where its slope is A/r,
+//! orifice (A = 0 gives q = 0), and without a division: what the difference
+//! loses by cancellation is below 1e-16 r A/(2k). It is smooth at Δp = 0, where its slope is A/r,
 //! and tends to `C_d A √(2Δp/ρ)`. `Re_t` is the transition Reynolds number;
 //! `R_s` a laminar resistance in series (a filter, a line), exact by adding the
 //! resistances.
@@ -15,7 +16,7 @@
 use super::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::FluidState;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
@@ -88,26 +89,30 @@ pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
         .max(S::constant(1e-6))
 }
 
-/// Equation (O2) per unit of area: the mean velocity, m/s.
+/// Equation (O2) without its factor: `2 k` times the mean velocity, Pa s/m.
 #[inline(always)]
-pub fn velocity_m_s<S: Scalar>(pressure_drop_pa: S, laminar: S, four_turbulent: S::Base) -> S {
+pub fn scaled_velocity_pa_s_m<S: Scalar>(
+    pressure_drop_pa: S,
+    laminar: S,
+    four_turbulent: S::Base,
+) -> S {
     let root = (laminar * laminar + pressure_drop_pa.abs() * four_turbulent).sqrt();
-    pressure_drop_pa * lit::<S>(2.0) / (laminar + root)
+    (root - laminar) * pressure_drop_pa.sign()
 }
 
 /// Equation (O2) with a constant laminar term.
 #[inline(always)]
-pub fn velocity_at_m_s<S: Scalar>(
+pub fn scaled_velocity_at_pa_s_m<S: Scalar>(
     pressure_drop_pa: S,
     laminar: S::Base,
     four_turbulent: S::Base,
 ) -> S {
     let root = (pressure_drop_pa.abs() * four_turbulent + laminar * laminar).sqrt();
-    pressure_drop_pa * lit::<S>(2.0) / (root + laminar)
+    (root - laminar) * pressure_drop_pa.sign()
 }
 
-/// The constants of a round hole: area, `r` of (O3) without series resistance,
-/// and `4 k`.
+/// The constants of a round hole: `A/(2k)`, `r` of (O3) without series
+/// resistance, and `4 k`.
 pub fn hole<S: Scalar<Base = S>>(
     area_m2: S,
     discharge_coefficient: S,
@@ -122,7 +127,7 @@ pub fn hole<S: Scalar<Base = S>>(
         transition_reynolds,
         diameter,
     );
-    [area_m2, r, k * S::constant(4.0)]
+    [area_m2 * S::constant(0.5) / k, r, k * S::constant(4.0)]
 }
 
 /// Equation (O2): (p_a, p_b) → flow from a to b.
@@ -135,6 +140,6 @@ impl Equation<2, 1, 3> for Restriction {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3], [p_a, p_b]: [S; 2]) -> [S; 1] {
-        [velocity_at_m_s(p_a - p_b, c[1], c[2]) * c[0]]
+        [scaled_velocity_at_pa_s_m(p_a - p_b, c[1], c[2]) * c[0]]
     }
 }

@@ -18,11 +18,10 @@
 //! ξ  = s_e x − o,   h = √(ξ² + ε²),   ξ₊ = (ξ + h)/2,   L = ξ₊ − ξ            (W4)
 //! s  = √((ξ₊ + 2r)² + (c + 2r)²) − 2r,   A = w s                             (W5)
 //! R  = Re_t ρ ν/(2 C_d² 2s A) + 12 ρ ν L/(w c³ (1 + 1.5 e²))                  (W6)
-//! q  = m w s² · 2Δp / (a + √(a² + 4 k s² |Δp|)),   a = R A s                 (W7)
+//! q  = m w/(2k) · sgn(Δp) (√(a² + 4 k s² |Δp|) − a),   a = R A s             (W7)
 //! ```
 //!
-//! (W7) is (O2) of [`super::orifice`] with numerator and denominator multiplied
-//! by `s`, which saves a division: `a = Re_t ν k/2 + b L s²` with
+//! (W7) is (O2) of [`super::orifice`] with `s` taken into the root: `a = Re_t ν k/2 + b L s²` with
 //! `b = 12 ρ ν / (c³ (1 + 1.5 e²))`. `m` is the transmission (1 open; a mode
 //! valve isolates the cylinder with it). The overlap is a laminar slit, `e` the
 //! spool's relative eccentricity. The pilot stage takes its quiescent flow from
@@ -32,7 +31,7 @@
 
 use super::Component;
 use super::cylinder::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
-use super::orifice::{hole, turbulent, velocity_at_m_s};
+use super::orifice::{hole, turbulent, scaled_velocity_at_pa_s_m};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Fault, Parameter, Spec, Start, Unit, declare::*};
@@ -453,7 +452,7 @@ impl Equation<4, 1, 9> for EdgeFlow {
             given[SMOOTHING] * given[SMOOTHING],
             two_radii,
             height * height,
-            given[WIDTH + given.which] * number(2.0),
+            given[WIDTH + given.which] * number(0.5) / k,
             given[REYNOLDS] * viscosity * k * number(0.5),
             slit,
             k * number(4.0),
@@ -468,7 +467,7 @@ impl Equation<4, 1, 9> for EdgeFlow {
             smoothing,
             two_radii,
             height,
-            two_widths,
+            width_per_two_k,
             hole,
             slit,
             four_k,
@@ -481,7 +480,7 @@ impl Equation<4, 1, 9> for EdgeFlow {
         let laminar = (opening - travel) * gap * slit + hole;
         let drop = up - down;
         let root = (laminar * laminar + drop.abs() * gap * four_k).sqrt();
-        [transmission * drop * gap * two_widths / (laminar + root)]
+        [transmission * (root - laminar) * (drop.sign() * width_per_two_k)]
     }
 }
 
@@ -500,7 +499,7 @@ impl Equation<2, 1, 3> for PilotFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3], [p, t]: [S; 2]) -> [S; 1] {
-        [velocity_at_m_s(p - t, c[1], c[2]) * c[0]]
+        [scaled_velocity_at_pa_s_m(p - t, c[1], c[2]) * c[0]]
     }
 }
 

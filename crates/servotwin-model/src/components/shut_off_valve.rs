@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! A = u A_0,   u = max(opening, 0)                                         (S1)
-//! q = A · 2Δp / (r + √(r² + 4 k |Δp|)),   r = r_t + R_s A                   (S2)
+//! q = A/(2k) · sgn(Δp) (√(r² + 4 k |Δp|) − r),   r = r_t + R_s A            (S2)
 //! ```
 //!
 //! (S2) is (O2) of [`super::orifice`] with the series resistance `R_s` of
@@ -12,7 +12,7 @@
 //! below about one percent of opening.
 
 use super::Component;
-use super::orifice::{hole, velocity_m_s};
+use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
@@ -108,14 +108,14 @@ pub struct ShutOffFlow;
 
 impl Equation<3, 1, 4> for ShutOffFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [area, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
-        [area, r, four_k, given[SERIES_RESISTANCE]]
+        let [factor, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
+        [factor, r, four_k, given[AREA] * given[SERIES_RESISTANCE]]
     }
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [p_a, p_b, opening]: [S; 3]) -> [S; 1] {
-        let area = opening.max(S::constant(0.0)) * c[0];
-        let laminar = area * c[3] + c[1];
-        [area * velocity_m_s(p_a - p_b, laminar, c[2])]
+        let opening = opening.max(S::constant(0.0));
+        let laminar = opening * c[3] + c[1];
+        [opening * scaled_velocity_pa_s_m(p_a - p_b, laminar, c[2]) * c[0]]
     }
 }

@@ -9,7 +9,7 @@
 
 use super::Component;
 use crate::equation::{Equation, Given};
-use crate::fluid::{BULK_CONSTANTS, compressibility_per_pa};
+use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
@@ -63,6 +63,6 @@ impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for VolumePressure {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 1 + BULK_CONSTANTS], [p, flow]: [S; 2]) -> [S; 1] {
-        [flow / (compressibility_per_pa(&c[1..], p) * c[0])]
+        [pressure_rate_pa_s(&c[1..], p, flow, S::from_base(c[0]))]
     }
 }

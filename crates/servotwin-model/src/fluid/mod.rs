@@ -123,6 +123,26 @@ impl<S: Scalar> BulkModulus<S> {
 /// [`BulkModulus::to_array`].
 #[inline(always)]
 pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> S {
+    let (numerator, denominator) = compressibility(constants, pressure_pa);
+    numerator / denominator
+}
+
+/// `E q/V`, the rate at which a flow raises the pressure in a volume, Pa/s:
+/// [`compressibility_per_pa`] with one division in all.
+#[inline(always)]
+pub fn pressure_rate_pa_s<S: Scalar>(
+    constants: &[S::Base],
+    pressure_pa: S,
+    flow_m3_s: S,
+    volume_m3: S,
+) -> S {
+    let (numerator, denominator) = compressibility(constants, pressure_pa);
+    flow_m3_s * denominator / (numerator * volume_m3)
+}
+
+/// `1/E` as numerator and denominator.
+#[inline(always)]
+fn compressibility<S: Scalar>(constants: &[S::Base], pressure_pa: S) -> (S, S) {
     let &[liquid, slope, gas, exponent, reciprocal, wall] = constants else { unreachable!() };
     let one = lit::<S>(1.0);
     let p = pressure_pa.max(S::constant(LOWEST_PRESSURE_PA));
@@ -131,7 +151,7 @@ pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) 
     // (1 + g E_l/(n p)) / (E_l (1 + g)) + 1/E_wall, over one denominator.
     let numerator = p + gas_share * liquid_modulus * reciprocal;
     let denominator = p * liquid_modulus * (gas_share + one);
-    numerator / denominator + wall
+    (numerator + denominator * wall, denominator)
 }
 
 /// The kinds of liquid, one line each: `Variant = module::Type`.

@@ -1,6 +1,6 @@
 //! Four lanes in a 256-bit register.
 
-use super::{base_scalar, bits, operator};
+use super::{base_scalar, bits, one_register, operator};
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
 use core::arch::x86_64::*;
 
@@ -101,6 +101,7 @@ impl Primitive for Avx2 {
 
 impl Lanes for Avx2 {
     const WIDTH: usize = 4;
+    one_register!();
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

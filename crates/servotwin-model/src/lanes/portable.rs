@@ -1,6 +1,6 @@
 //! Four lanes as a plain array, for every processor.
 
-use super::base_scalar;
+use super::{base_scalar, one_register};
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
 
 const WIDTH: usize = 4;
@@ -88,6 +88,7 @@ impl Primitive for Portable {
 
 impl Lanes for Portable {
     const WIDTH: usize = WIDTH;
+    one_register!();
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

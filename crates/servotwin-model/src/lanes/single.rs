@@ -1,6 +1,6 @@
 //! `f64`: one lane.
 
-use super::{base_scalar, bits};
+use super::{base_scalar, bits, one_register};
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
 
 impl Scalar for f64 {
@@ -50,6 +50,7 @@ impl Primitive for f64 {
 
 impl Lanes for f64 {
     const WIDTH: usize = 1;
+    one_register!();
 
     #[inline(always)]
     fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {

@@ -210,6 +210,19 @@ impl<'p, V: Lanes> Batch<'p, V> {
         self.largest_error()
     }
 
+    /// Makes the last step one of the linearly implicit Euler method over `γ h`
+    /// in the lanes of the mask, which is its first stage. Gives the largest
+    /// change there, and `error` elsewhere.
+    #[inline(always)]
+    pub fn keep_first_stage(&mut self, lanes: V::Mask, error: V) -> V {
+        for (k, &y) in self.y.iter().enumerate() {
+            let change = self.stages[k];
+            self.y_new[k] = V::select(lanes, y + change, self.y_new[k]);
+            self.error[k] = V::select(lanes, change, self.error[k]);
+        }
+        V::select(lanes, self.largest_error(), error)
+    }
+
     /// The largest error over scale; NaN where any error is NaN.
     #[inline(always)]
     fn largest_error(&self) -> V {

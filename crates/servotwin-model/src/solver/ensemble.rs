@@ -119,8 +119,10 @@ struct Ensemble<'p, 'f, 'a, V> {
 const MOST_REJECTIONS: u32 = 60;
 /// Steps of the steady-state search.
 const MOST_SETTLING_STEPS: u32 = 400;
-/// Error over scale that is accepted on the way to rest.
-const LARGEST_SETTLING_ERROR: f64 = 0.1;
+/// Change over scale in one step that is accepted on the way to rest, and the
+/// one that steps grow or shrink towards.
+const LARGEST_SETTLING_CHANGE: f64 = 0.5;
+const WANTED_SETTLING_CHANGE: f64 = 0.1;
 /// The system is at rest when no state moves faster than this part of its
 /// scale, 1/s.
 const AT_REST_PER_S: f64 = 1e-9;
@@ -313,7 +315,15 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             self.end_step(V::constant(0.0), 3, 0);
             return;
         };
-        let error = self.batch.rosenbrock(tableau, h);
+        let mut error = self.batch.rosenbrock(tableau, h);
+        if self.lanes.iter().any(|lane| lane.phase == Phase::Settling) {
+            // Accuracy does not matter on the way to rest. The most stable method
+            // also comes to rest where the system itself would swing for ever.
+            let settling =
+                |i: usize| if self.lanes[i].phase == Phase::Settling { 1.0 } else { 0.0 };
+            let settling = V::constant(0.0).less(V::from_fn(settling));
+            error = self.batch.keep_first_stage(settling, error);
+        }
         if !self.settings.land_on_samples {
             self.interpolate_samples(tableau, h, error);
         }
@@ -391,7 +401,7 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
                 continue;
             }
             *accepted =
-                if lane.phase == Phase::Settling { error <= LARGEST_SETTLING_ERROR } else { good };
+                if lane.phase == Phase::Settling { error <= LARGEST_SETTLING_CHANGE } else { good };
             if *accepted {
                 lane.accept();
             } else {
@@ -575,8 +585,7 @@ impl<'a> Lane<'a> {
     #[inline(always)]
     fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
         match (self.phase, settings.control) {
-            // Accuracy does not matter on the way to rest, stability does.
-            (Phase::Settling, _) => Some((1e-2, 1e4)),
+            (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, 1e4)),
             (_, Control::Adaptive { tolerance, max_step_s }) => Some((tolerance, max_step_s)),
             (_, Control::Fixed { .. }) => None,
         }
