@@ -35,8 +35,8 @@ pub struct Ablation {
 struct Variation {
     title: String,
     families: Vec<String>,
-    /// Whether B and the stages below it read their actuator's own sensors only.
-    own_sensors_only: bool,
+    /// Whether B and the stages below it read the other actuator's sensors too.
+    all_sensors_below: bool,
     settings: Settings,
 }
 
@@ -63,7 +63,7 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
     let with = |title: String, families: Vec<String>| Variation {
         title,
         families,
-        own_sensors_only: false,
+        all_sensors_below: false,
         settings: settings.clone(),
     };
     let set = |title: &str, change: &dyn Fn(&mut Settings)| {
@@ -86,8 +86,8 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
         }
     }
     list.push(Variation {
-        own_sensors_only: true,
-        ..with("own sensors only below A".into(), families.to_vec())
+        all_sensors_below: true,
+        ..with("all sensors below A too".into(), families.to_vec())
     });
     list.push(set("without mirror images", &|s| s.mirror = false));
     list.push(set("a tree for each actuator", &|s| s.pool = false));
@@ -117,8 +117,8 @@ fn one(
     workers: Workers,
 ) -> Result<Ablation, EvaluationError> {
     let mut data = data.with_features(|info| variation.families.contains(&info.family))?;
-    if variation.own_sensors_only {
-        data = data.own_sensors_only()?;
+    if variation.all_sensors_below {
+        data = data.all_sensors_below()?;
     }
     let outcomes = run(&data, &variation.settings, splits, Scope::All, workers)?;
     let result = summary(Protocol::Grouped, &data, &outcomes, "");

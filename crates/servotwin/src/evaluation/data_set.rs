@@ -116,11 +116,7 @@ impl DataSet {
             let prefixes: &[&str] = if mirrored { &["f:", "m:"] } else { &["f:"] };
             let views = prefixes.iter().map(|prefix| values(table, prefix, &features, rows));
             let views = views.collect::<Result<_, _>>()?;
-            // With its own view, an actuator can be compared with its neighbour.
-            let read = match mirrored {
-                true => vec![(0..features.len()).collect(); names.actuators.len()],
-                false => own_columns(&features, &names),
-            };
+            let read = own_columns(&features, &names);
             Ok(Examples::new(names.clone(), read, views, labels)?)
         };
         let examples = make(&faulty, labels(table, &names, &faulty)?)?;
@@ -193,14 +189,15 @@ impl DataSet {
         })
     }
 
-    /// The same data set with the stages below A restricted to each actuator's
-    /// own sensors, as in the seed paper.
+    /// The same data set with the stages below A reading the sensors of both
+    /// actuators and what compares them.
     ///
     /// # Errors
     /// None for a data set that could be read.
-    pub fn own_sensors_only(&self) -> Result<Self, EvaluationError> {
-        let own = own_columns(&self.features, self.examples.names());
-        Ok(DataSet { examples: self.examples.reading(own)?, ..self.clone() })
+    pub fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
+        let all = (0..self.features.len()).collect();
+        let read = vec![all; self.examples.names().actuators.len()];
+        Ok(DataSet { examples: self.examples.reading(read)?, ..self.clone() })
     }
 
     /// The smallest thresholds that features resolve where residuals carry an error, in parts of
@@ -305,11 +302,13 @@ fn labels(table: &Table, names: &Names, rows: &[usize]) -> Result<Vec<Label>, Ev
     Ok(rows.iter().map(label).collect())
 }
 
+/// For each actuator the features of its own sensors; all, where it has none.
 fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
     let own = |actuator: usize| {
-        let is_own =
-            |column: &usize| names.actuators.len() == 1 || features[*column].units == [actuator];
-        (0..features.len()).filter(is_own).collect()
+        let is_own = |column: &usize| features[*column].units == [actuator];
+        let own: Vec<usize> = (0..features.len()).filter(is_own).collect();
+        let alone = names.actuators.len() == 1 || own.is_empty();
+        if alone { (0..features.len()).collect() } else { own }
     };
     (0..names.actuators.len()).map(own).collect()
 }

@@ -226,7 +226,7 @@ fn baseline(
     if !data.features.iter().any(family) {
         return Ok(vec![]);
     }
-    let data = data.with_features(family)?.own_sensors_only()?;
+    let data = data.with_features(family)?;
     let training = Training { mirror: false, pool: false, ..Training::default() };
     let holding = settings.holding;
     let mut results = vec![];
