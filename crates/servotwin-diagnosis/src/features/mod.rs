@@ -170,11 +170,13 @@ fn contrast(a: f64, b: f64) -> f64 {
     (a - b) / (a + b + FLOOR)
 }
 
-/// `a / b`, limited, and zero where both are tiny.
+/// A mean residual within this part of scale may be noise, quantisation or the
+/// solver's error, sign and all.
+const QUIET: f64 = 1e-3;
+
+/// `a / b`, and zero where `b` is nothing but error: its sign would decide.
 fn ratio(a: f64, b: f64) -> f64 {
-    let size = b.abs() + FLOOR;
-    let signed = if b < 0.0 { -size } else { size };
-    (a / signed).clamp(-100.0, 100.0)
+    a * b / (b * b + QUIET * QUIET)
 }
 
 /// Correlation from covariances; zero where one deviation is tiny.
