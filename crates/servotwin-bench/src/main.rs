@@ -1,7 +1,7 @@
 //! The solver beside CVODE and diffsol, in one run on one machine.
 //!
 //! `cargo run --release -p servotwin-bench -- [STRIDE] [DURATION_S] [PEER_STRIDE] [PEER_DURATION_S]`
-//! (defaults 1, 90, 52, 30): every `STRIDE`-th of the study's 820 faults under
+//! (defaults 1, 90, 7, 15): every `STRIDE`-th of the study's 820 faults under
 //! its second command at full load; the peers take every `PEER_STRIDE`-th, one
 //! after the other on one processor. Errors are the largest of any state over
 //! its scale at any sample (100 Hz), against the reference setting. A peer's
@@ -223,7 +223,7 @@ fn report(
 
 fn main() {
     let (stride, duration_s) = (argument(1, 1.0) as usize, argument(2, 90.0));
-    let (peer_stride, peer_duration_s) = (argument(3, 52.0) as usize, argument(4, 30.0));
+    let (peer_stride, peer_duration_s) = (argument(3, 7.0) as usize, argument(4, 15.0));
     let study = Study::default();
     let case = study.cases.iter().find(|case| case.name == "S2/100").expect("a case of the study");
     let inputs = study.system.network().inputs.iter();

@@ -79,8 +79,16 @@ fn without_zeros(text: &str) -> &str {
 
 /// A value with the unit that reports show.
 pub fn shown(si: f64, unit: Unit) -> String {
-    let text = number(unit.to_shown(si), 5);
-    if unit.shown().is_empty() { text } else { format!("{text} {}", unit.shown()) }
+    let (text, unit) = number_and_unit(si, unit);
+    if unit.is_empty() { text } else { format!("{text} {unit}") }
+}
+
+/// A value in the unit that reports show, and the unit. What an actuator moves
+/// by is shown in millimetres, what an aircraft moves by is not.
+pub fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
+    let far = matches!(unit, Unit::Metre | Unit::MetrePerSecond) && si.abs() >= 1.0;
+    let (value, unit) = if far { (si, unit.symbol()) } else { (unit.to_shown(si), unit.shown()) };
+    (number(value, 5), unit)
 }
 
 /// A name of a column: with the unit's suffix, once.

@@ -143,11 +143,17 @@ impl Collected {
     }
 
     /// The variable behind aliases.
+    ///
+    /// # Panics
+    /// Where aliases run in a circle, which no component's wiring makes.
     pub fn resolve(&self, mut variable: Variable) -> Variable {
-        while let Role::Alias(next) = self.roles[variable.0 as usize] {
-            variable = next;
+        for _ in 0..=self.roles.len() {
+            match self.roles[variable.0 as usize] {
+                Role::Alias(next) => variable = next,
+                _ => return variable,
+            }
         }
-        variable
+        panic!("aliases run in a circle");
     }
 }
 

@@ -114,13 +114,14 @@ impl<'p> Ensemble<'p> {
         });
     }
 
-    /// Runs one variant and gives its samples, one vector per recorded slot.
+    /// Runs one variant and gives its samples, one vector per recorded slot. It
+    /// runs to its end: `cancel` is not heeded.
     ///
     /// # Errors
     /// Where the solver could not go on.
     pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
         let mut result = None;
-        self.run(
+        Ensemble { cancel: None, record: self.record.clone(), ..*self }.run(
             1,
             |_| variant.clone(),
             |_| vec![Vec::new(); self.record.len()],

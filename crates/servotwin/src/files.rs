@@ -138,6 +138,8 @@ pub struct AtomicFile {
     temporary: Option<PathBuf>,
     /// `None` once committed.
     writer: Option<BufWriter<File>>,
+    /// The operating system's number of the last error.
+    failure: Option<i32>,
 }
 
 impl AtomicFile {
@@ -161,7 +163,7 @@ impl AtomicFile {
     fn open_directly(target: PathBuf) -> Result<Self, FileError> {
         let file = OpenOptions::new().write(true).open(&target);
         let file = file.map_err(|cause| FileError::from_io(&target, cause))?;
-        Ok(Self { target, temporary: None, writer: Some(BufWriter::new(file)) })
+        Ok(Self { target, temporary: None, writer: Some(BufWriter::new(file)), failure: None })
     }
 
     fn open_beside(
@@ -178,7 +180,12 @@ impl AtomicFile {
             // Best effort: a file system without permissions is no reason to lose a result.
             let _ = file.set_permissions(permissions);
         }
-        Ok(Self { target, temporary: Some(temporary), writer: Some(BufWriter::new(file)) })
+        Ok(Self {
+            target,
+            temporary: Some(temporary),
+            writer: Some(BufWriter::new(file)),
+            failure: None,
+        })
     }
 
     /// The file that [`commit`](Self::commit) will replace.
@@ -190,6 +197,12 @@ impl AtomicFile {
     pub fn commit(mut self) -> Result<(), FileError> {
         let target = self.target.clone();
         self.finish().map_err(|cause| FileError::from_io(&target, cause))
+    }
+
+    /// Why the last write failed, for callers behind a library that wraps the
+    /// error in its own.
+    pub fn failure(&self) -> Option<io::Error> {
+        self.failure.map(io::Error::from_raw_os_error)
     }
 
     fn finish(&mut self) -> io::Result<()> {
@@ -214,14 +227,15 @@ impl AtomicFile {
 
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut self.writer {
-            Some(writer) => writer.write(bytes),
-            None => Err(io::ErrorKind::BrokenPipe.into()),
-        }
+        let Some(writer) = &mut self.writer else {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        };
+        writer.write(bytes).inspect_err(|error| self.failure = error.raw_os_error())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.writer.as_mut().map_or(Ok(()), BufWriter::flush)
+        let flushed = self.writer.as_mut().map_or(Ok(()), BufWriter::flush);
+        flushed.inspect_err(|error| self.failure = error.raw_os_error())
     }
 }
 

@@ -1,6 +1,7 @@
 //! `servotwin campaign`: every fault of a study under every operating case,
 //! into a data set.
 
+use super::StudyOptions;
 use super::progress::is_shown;
 use crate::failure::Failure;
 use crate::{Global, stop};
@@ -10,7 +11,6 @@ use servotwin::job::{Folder, manifest};
 use servotwin::study::campaign::{Campaign, Outcome};
 use servotwin::study::{Setting, Study};
 use servotwin_model::solver::Settings;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Simulate every fault of a study under every operating case, into a data set.
@@ -19,20 +19,12 @@ use std::time::Instant;
 /// complete are taken over, and the result is the same bytes.
 #[derive(clap::Args)]
 pub struct Options {
-    /// A study file; without it, the paper's study of the aileron.
-    #[arg(value_name = "STUDY")]
-    study: Option<PathBuf>,
-    /// The folder for the data set.
-    #[arg(long, value_name = "FOLDER", default_value = "out")]
-    out: PathBuf,
+    #[command(flatten)]
+    study: StudyOptions,
     /// Only perfect sensors and a plant that is the twin (ideal), or only noise,
     /// quantisation and tolerances (realistic) [default: both].
     #[arg(long, value_parser = ["ideal", "realistic"])]
     setting: Option<String>,
-    /// Number of threads [default: all processors; the results do not depend
-    /// on it].
-    #[arg(long)]
-    threads: Option<usize>,
     /// Write the time series of every variant, too (gigabytes).
     #[arg(long)]
     keep_traces: bool,
@@ -44,14 +36,14 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = read_study(options.study.as_deref())?;
+    let study = options.study.read()?;
     stop::listen();
     let wanted = |setting: &Setting| {
         let named = options.setting.as_deref().is_none_or(|name| name == setting.name());
         named
             && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
     };
-    let folder = Folder::new(&options.out);
+    let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let mut text = String::new();
     let mut results = Vec::new();
@@ -60,7 +52,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let campaign = Campaign {
             keep_traces: options.keep_traces,
             simulate_images: options.all,
-            ..campaign(&study, setting, &folder, options.threads)
+            ..campaign(&study, setting, &folder, options.study.threads)
         };
         let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
@@ -72,14 +64,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { json: true, .. } => crate::render::json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
         _ => text,
-    })
-}
-
-/// Reads a study file, or takes the paper's study.
-pub fn read_study(path: Option<&Path>) -> Result<Study, Failure> {
-    Ok(match path {
-        Some(path) => Study::read(path)?,
-        None => Study::default(),
     })
 }
 

@@ -3,7 +3,7 @@
 use super::{SystemOption, default_inputs};
 use crate::Global;
 use crate::failure::Failure;
-use crate::render::{Grid, Side, json, number, shown};
+use crate::render::{Grid, Side, json, number, number_and_unit, shown};
 use serde_json::{Value, json};
 use servotwin::eigenvalues::{self, Complex};
 use servotwin::ensemble::{Ensemble, Variant};
@@ -144,8 +144,8 @@ fn inputs(network: &Network) -> String {
     let mut grid =
         Grid::new(&[("input", Side::Left), ("default", Side::Right), ("unit", Side::Left)]);
     for input in &network.inputs {
-        let value = number(input.unit.to_shown(input.default), 5);
-        grid.push(vec![input.id.clone(), value, input.unit.shown().into()]);
+        let (value, unit) = number_and_unit(input.default, input.unit);
+        grid.push(vec![input.id.clone(), value, unit.into()]);
     }
     grid.text()
 }

@@ -1,12 +1,13 @@
 //! `servotwin report`: what the other stages have found, or what a table holds, as one HTML file.
 
+use super::TableOptions;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::comparison::default_classifiers;
-use servotwin::evaluation::foreign::{HoldOut, Selection, train_table, validate_table};
+use servotwin::evaluation::foreign::{train_table, validate_table};
 use servotwin::evaluation::parallel::Workers;
 use servotwin::files::write_atomically;
 use servotwin::job::{Folder, report};
@@ -24,21 +25,8 @@ pub struct Options {
     /// The output folder of a campaign for which `servotwin evaluate` has run, or a table (.csv or
     /// .parquet).
     input: PathBuf,
-    /// The column with the class (tables only, as all options that follow).
-    #[arg(long)]
-    label: Option<String>,
-    /// The column with the group; rows of one group are held out together.
-    #[arg(long)]
-    group: Option<String>,
-    /// The columns to learn from; without, all other columns with numbers.
-    #[arg(long, value_delimiter = ',')]
-    features: Vec<String>,
-    /// Number of folds.
-    #[arg(long, default_value_t = 5)]
-    folds: usize,
-    /// The seed of the folds.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    #[command(flatten)]
+    table: TableOptions,
     /// The report to write (.html).
     #[arg(long)]
     out: Option<PathBuf>,
@@ -46,7 +34,7 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let path = match (options.input.is_dir(), &options.label, &options.out) {
+    let path = match (options.input.is_dir(), &options.table.label, &options.out) {
         (true, None, None) => folder(&Folder::new(&options.input))?,
         (true, _, _) => return Err(Failure::Options("--label and --out are for tables")),
         (false, Some(label), Some(out)) => of_table(options, label, out)?,
@@ -67,12 +55,8 @@ fn folder(folder: &Folder) -> Result<PathBuf, Failure> {
 
 fn of_table(options: &Options, label: &str, out: &Path) -> Result<PathBuf, Failure> {
     let data = table::read(&options.input)?;
-    let selection = Selection {
-        label: label.into(),
-        group: options.group.clone(),
-        features: options.features.clone(),
-    };
-    let hold_out = HoldOut::Folds { folds: options.folds, seed: options.seed };
+    let selection = options.table.selection(label);
+    let hold_out = options.table.hold_out();
     let score = |settings: &Settings| {
         let score = validate_table(&data, &selection, settings, hold_out, Workers::all())?;
         Ok((settings.kind(), score))
@@ -81,9 +65,9 @@ fn of_table(options: &Options, label: &str, out: &Path) -> Result<PathBuf, Failu
     let scores = list.iter().map(score).collect::<Result<Vec<_>, EvaluationError>>()?;
     let cart = list.iter().find(|settings| settings.kind() == Kind::Cart);
     let cart = cart.cloned().unwrap_or_else(|| Kind::Cart.default_settings());
-    let held_out = match &options.group {
-        Some(group) => format!("{} folds; rows of one {group} stay together", options.folds),
-        None => format!("{} folds with equal shares of the classes", options.folds),
+    let held_out = match &options.table.group {
+        Some(group) => format!("{} folds; rows of one {group} stay together", options.table.folds),
+        None => format!("{} folds with equal shares of the classes", options.table.folds),
     };
     let html = render(&TableMaterial {
         name: &options.input.file_name().unwrap_or_default().to_string_lossy(),

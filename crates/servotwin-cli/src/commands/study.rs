@@ -1,6 +1,7 @@
 //! `servotwin study`: the main job, from nothing to a report.
 
-use super::campaign::{campaign, describe, read_study, simulate};
+use super::StudyOptions;
+use super::campaign::{campaign, describe, simulate};
 use super::evaluate::measure;
 use super::progress::Notes;
 use super::summary;
@@ -10,7 +11,6 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::job::{self, Folder, report};
 use servotwin::study::{Setting, Study};
-use std::path::PathBuf;
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
@@ -19,28 +19,21 @@ use std::time::Instant;
 /// interrupted study goes on where it was; run again, it gives the same bytes.
 #[derive(clap::Args)]
 pub struct Options {
-    /// A study file; without it, the paper's study of the aileron.
-    #[arg(value_name = "STUDY")]
-    study: Option<PathBuf>,
-    /// The folder for data sets, models, results and the report.
-    #[arg(long, value_name = "FOLDER", default_value = "out")]
-    out: PathBuf,
-    /// Number of threads [default: all processors; the results do not depend on it].
-    #[arg(long)]
-    threads: Option<usize>,
+    #[command(flatten)]
+    study: StudyOptions,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
-    let study = read_study(options.study.as_deref())?;
+    let study = options.study.read()?;
     stop::listen();
-    let folder = Folder::new(&options.out);
+    let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let notes = Notes::new(global);
     for setting in settings(&study) {
         let begin = Instant::now();
-        let outcome = simulate(&campaign(&study, setting, &folder, options.threads), global)?;
+        let outcome = simulate(&campaign(&study, setting, &folder, options.study.threads), global)?;
         let seconds = begin.elapsed().as_secs_f64();
         notes.write(describe(&study, setting, &outcome, seconds).trim_end());
     }
@@ -49,7 +42,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         job::train(&folder, &study, subject)?;
     }
     let evaluating = Instant::now();
-    let results = measure(&folder, &study, options.threads, global)?;
+    let results = measure(&folder, &study, options.study.threads, global)?;
     notes.write(&format!("evaluated in {:.1} s", evaluating.elapsed().as_secs_f64()));
     stop::check()?;
     report::write(&folder, &study)?;

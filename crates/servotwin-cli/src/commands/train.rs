@@ -1,12 +1,13 @@
 //! `servotwin train`: the hierarchies of a campaign, or a classifier from any table of features.
 
+use super::TableOptions;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use clap::ValueEnum;
 use serde_json::json;
 use servotwin::evaluation::comparison::default_classifiers;
-use servotwin::evaluation::foreign::{HoldOut, Selection, train_table, validate_table};
+use servotwin::evaluation::foreign::{HoldOut, train_table, validate_table};
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::score::Score;
@@ -24,15 +25,8 @@ pub struct Options {
     /// The output folder of a campaign; or a table (.csv or .parquet): a row is an example, columns
     /// are features.
     input: PathBuf,
-    /// The column with the class (tables only, as all options that follow).
-    #[arg(long)]
-    label: Option<String>,
-    /// The column with the group; rows of one group are held out together.
-    #[arg(long)]
-    group: Option<String>,
-    /// The columns to learn from; without, all other columns with numbers.
-    #[arg(long, value_delimiter = ',')]
-    features: Vec<String>,
+    #[command(flatten)]
+    table: TableOptions,
     /// The classifier.
     #[arg(long, default_value = "cart")]
     classifier: Choice,
@@ -40,15 +34,10 @@ pub struct Options {
     /// random_forest, adaboost).
     #[arg(long)]
     depth: Option<usize>,
-    /// Number of folds.
-    #[arg(long, default_value_t = 5, conflicts_with = "last")]
-    folds: usize,
-    /// Hold out this last part of each class instead: for series in time.
-    #[arg(long, value_name = "SHARE")]
+    /// Hold out this last part of each class instead of folds: for series in
+    /// time.
+    #[arg(long, value_name = "SHARE", conflicts_with = "folds")]
     last: Option<f64>,
-    /// The seed of the folds.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
     /// Write the model, trained with all rows, to this .json file.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -93,7 +82,7 @@ impl Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match (options.input.is_dir(), &options.label) {
+    match (options.input.is_dir(), &options.table.label) {
         (true, None) => folder(&Folder::new(&options.input), global),
         (true, Some(_)) => Err(Failure::Options("--label is for tables, not for folders")),
         (false, Some(label)) => of_table(options, label, global),
@@ -121,14 +110,10 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
 
 fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Failure> {
     let table = table::read(&options.input)?;
-    let selection = Selection {
-        label: label.into(),
-        group: options.group.clone(),
-        features: options.features.clone(),
-    };
+    let selection = options.table.selection(label);
     let settings = options.settings();
-    let folds = HoldOut::Folds { folds: options.folds, seed: options.seed };
-    let hold_out = options.last.map_or(folds, |share| HoldOut::Last { share });
+    let last = options.last.map(|share| HoldOut::Last { share });
+    let hold_out = last.unwrap_or(options.table.hold_out());
     let score = validate_table(&table, &selection, &settings, hold_out, Workers::all())?;
     if let Some(path) = &options.out {
         model_file::write(path, &train_table(&table, &selection, &settings)?)?;

@@ -113,18 +113,27 @@ impl ParquetWriter {
         RecordBatch::try_new(self.arrow_schema.clone(), arrays)
             .map_err(ParquetError::from)
             .and_then(|batch| self.writer.write(&batch))
-            .map_err(|error| parquet_error(&self.path, error))
+            .map_err(|error| self.unwritten(error))
     }
 
     /// Closes the row group begun: what was appended so far leaves the memory.
     pub fn end_group(&mut self) -> Result<(), TableError> {
-        self.writer.flush().map_err(|error| parquet_error(&self.path, error))
+        self.writer.flush().map_err(|error| self.unwritten(error))
     }
 
     /// Writes the file's end and puts it in its place.
-    pub fn finish(self) -> Result<(), TableError> {
+    pub fn finish(mut self) -> Result<(), TableError> {
+        self.end_group()?;
         let file = self.writer.into_inner().map_err(|error| parquet_error(&self.path, error))?;
         Ok(file.commit()?)
+    }
+
+    /// The library may wrap the operating system's error; the file knows it.
+    fn unwritten(&self, error: ParquetError) -> TableError {
+        match self.writer.inner().failure() {
+            Some(cause) => TableError::File(FileError::from_io(&self.path, cause)),
+            None => parquet_error(&self.path, error),
+        }
     }
 }
 
