@@ -109,7 +109,8 @@ fn solve_one(task: &Task, variant: usize, tolerance: f64) -> (Vec<f64>, usize) {
     problem.ode_options.max_nonlinear_solver_failures = 10_000_000;
     problem.ode_options.max_error_test_failures = 10_000_000;
     let mut solver = problem.bdf::<NalgebraLU<f64>>().expect("a solver");
-    let mut run = start.clone();
+    let mut run = Vec::with_capacity(task.samples() * start.len());
+    run.extend_from_slice(start);
     let mut steps = 0;
     let mut next = 1;
     solver.set_stop_time(task.duration_s).expect("a time to come");

@@ -94,6 +94,7 @@ fn ours(task: &Task, settings: Settings) -> (Work, Statistics) {
     ensemble.record = (0..task.program.states().len() as Slot).collect();
     let mut runs = vec![Run::new(); task.faults.len()];
     let mut total = Statistics::default();
+    let states = task.program.states().len();
     let begin = processor_seconds();
     let variant = |job: usize| Variant {
         faults: vec![task.faults[job]],
@@ -104,7 +105,7 @@ fn ours(task: &Task, settings: Settings) -> (Work, Statistics) {
     ensemble.run(
         task.faults.len(),
         variant,
-        |_| Flat(Run::new()),
+        |_| Flat(Run::with_capacity(task.samples() * states)),
         |job, samples, outcome| {
             match outcome {
                 Ok(statistics) => total += statistics,

@@ -20,6 +20,7 @@
 //! [`Scalar::min`] and [`Scalar::max`] take its place.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
+use core::slice;
 
 /// A number an equation can be evaluated with.
 ///
@@ -125,7 +126,11 @@ pub trait Work<V> {
 /// Several independent numbers of which each belongs to one variant.
 ///
 /// `f64` is the case of one lane.
-pub trait Lanes: Primitive {
+///
+/// # Safety
+/// An implementation is laid out as its `WIDTH` numbers in order, and as its
+/// `REGISTERS` registers in order, and nothing else.
+pub unsafe trait Lanes: Primitive {
     /// Number of variants side by side.
     const WIDTH: usize;
     /// The lanes of one processor register: for work with so many live values
@@ -140,10 +145,25 @@ pub trait Lanes: Primitive {
     fn lane(self, lane: usize) -> f64;
     /// Replaces the value of one lane. Panics where `lane >= WIDTH`.
     fn set_lane(&mut self, lane: usize, value: f64);
+    /// The numbers of a slice, lane by lane.
+    #[inline(always)]
+    fn numbers(lanes: &[Self]) -> &[f64] {
+        // SAFETY: promised by the implementation.
+        unsafe { slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * Self::WIDTH) }
+    }
     /// The registers of a slice, in order.
-    fn registers(lanes: &[Self]) -> &[Self::Register];
+    #[inline(always)]
+    fn registers(lanes: &[Self]) -> &[Self::Register] {
+        // SAFETY: promised by the implementation.
+        unsafe { slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * Self::REGISTERS) }
+    }
     /// As [`Lanes::registers`], to be written.
-    fn registers_mut(lanes: &mut [Self]) -> &mut [Self::Register];
+    #[inline(always)]
+    fn registers_mut(lanes: &mut [Self]) -> &mut [Self::Register] {
+        let length = lanes.len() * Self::REGISTERS;
+        // SAFETY: promised by the implementation.
+        unsafe { slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), length) }
+    }
     /// Does the work in a function of its own, compiled for the instruction
     /// set. All other lane code is inlined into its caller, because only so it
     /// is compiled for the instruction set; this is for what is called from

@@ -1,6 +1,6 @@
 //! Eight lanes in a 512-bit register.
 
-use super::{base_scalar, bits, one_register, operator};
+use super::{base_scalar, bits, operator};
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
 use core::arch::x86_64::*;
 
@@ -99,9 +99,10 @@ impl Primitive for Avx512 {
     }
 }
 
-impl Lanes for Avx512 {
+// SAFETY: `repr(transparent)` over its numbers.
+unsafe impl Lanes for Avx512 {
     const WIDTH: usize = 8;
-    one_register!();
+    type Register = Self;
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

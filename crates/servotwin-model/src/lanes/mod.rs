@@ -167,22 +167,6 @@ fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx512>()
 }
 
-/// The parts of [`Lanes`] that are the same for all types of one register.
-macro_rules! one_register {
-    () => {
-        type Register = Self;
-
-        #[inline(always)]
-        fn registers(lanes: &[Self]) -> &[Self] {
-            lanes
-        }
-        #[inline(always)]
-        fn registers_mut(lanes: &mut [Self]) -> &mut [Self] {
-            lanes
-        }
-    };
-}
-
 /// The parts of [`Scalar`](crate::scalar::Scalar) that are the same for all
 /// types without derivatives: the transcendental functions and the mixed
 /// operators' trivial conversions.
@@ -236,9 +220,9 @@ macro_rules! operator {
     };
 }
 
+use base_scalar;
 #[cfg(target_arch = "x86_64")]
 use operator;
-use {base_scalar, one_register};
 
 /// Numbers that the bit tricks of all types share.
 mod bits {

@@ -78,20 +78,10 @@ impl<V: Lanes> Primitive for Pair<V> {
     }
 }
 
-impl<V: Lanes> Lanes for Pair<V> {
+// SAFETY: `repr(C)`, two of a kind.
+unsafe impl<V: Lanes> Lanes for Pair<V> {
     const WIDTH: usize = 2 * V::WIDTH;
     type Register = V;
-
-    #[inline(always)]
-    fn registers(lanes: &[Self]) -> &[V] {
-        // SAFETY: a pair is laid out as two of its registers and nothing else.
-        unsafe { core::slice::from_raw_parts(lanes.as_ptr().cast(), 2 * lanes.len()) }
-    }
-    #[inline(always)]
-    fn registers_mut(lanes: &mut [Self]) -> &mut [V] {
-        // SAFETY: as above.
-        unsafe { core::slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), 2 * lanes.len()) }
-    }
 
     #[inline(always)]
     fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {

@@ -1,13 +1,13 @@
 //! Four lanes as a plain array, for every processor.
 
-use super::{base_scalar, one_register};
+use super::base_scalar;
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
 
 const WIDTH: usize = 4;
 
 /// Four lanes without any particular instruction set.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(32))]
+#[repr(C, align(32))]
 pub struct Portable([f64; WIDTH]);
 
 impl Portable {
@@ -86,9 +86,10 @@ impl Primitive for Portable {
     }
 }
 
-impl Lanes for Portable {
+// SAFETY: `repr(C)`, four numbers.
+unsafe impl Lanes for Portable {
     const WIDTH: usize = WIDTH;
-    one_register!();
+    type Register = Self;
 
     #[inline(always)]
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self {

@@ -1,6 +1,6 @@
 //! `f64`: one lane.
 
-use super::{base_scalar, bits, one_register};
+use super::{base_scalar, bits};
 use crate::scalar::{Lanes, Primitive, Scalar, Work};
 
 impl Scalar for f64 {
@@ -48,9 +48,10 @@ impl Primitive for f64 {
     }
 }
 
-impl Lanes for f64 {
+// SAFETY: one number.
+unsafe impl Lanes for f64 {
     const WIDTH: usize = 1;
-    one_register!();
+    type Register = Self;
 
     #[inline(always)]
     fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {

@@ -67,7 +67,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
 
     /// One variable of a lane, as of the last evaluation.
     pub fn variable(&self, lane: usize, slot: usize) -> f64 {
-        self.variables[slot].lane(lane)
+        V::numbers(&self.variables)[slot * V::WIDTH + lane]
     }
 
     /// Sets the states of a lane.
