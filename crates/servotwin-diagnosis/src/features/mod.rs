@@ -156,9 +156,9 @@ pub fn find(name: &str) -> Option<&'static dyn Family> {
     ALL.iter().copied().find(|f| f.name() == name)
 }
 
-/// Deviations below this part of scale are not told apart: far below any
-/// sensor's resolution, far above rounding.
-const FLOOR: f64 = 1e-5;
+/// Means and deviations below this part of scale are not told apart: the solver
+/// of a campaign is no more exact, sign and all.
+const FLOOR: f64 = 1e-4;
 
 /// The logarithm of a standard deviation (base ten), with a floor.
 fn log_deviation(variance: f64) -> f64 {
@@ -170,13 +170,9 @@ fn contrast(a: f64, b: f64) -> f64 {
     (a - b) / (a + b + FLOOR)
 }
 
-/// A mean residual within this part of scale may be noise, quantisation or the
-/// solver's error, sign and all.
-const QUIET: f64 = 1e-3;
-
 /// `a / b`, and zero where `b` is nothing but error: its sign would decide.
 fn ratio(a: f64, b: f64) -> f64 {
-    a * b / (b * b + QUIET * QUIET)
+    a * b / (b * b + FLOOR * FLOOR)
 }
 
 /// Correlation from covariances; zero where one deviation is tiny.

@@ -9,7 +9,7 @@
 //! chambers far more than the supply, whatever the intensity: the logarithm of
 //! the ratio is the fault's direction without its size.
 
-use super::{FLOOR, Family, Feature, Quantity, Sensors};
+use super::{Family, Feature, Quantity, Sensors, log_deviation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
@@ -60,8 +60,7 @@ impl Family for Proportion {
         let log_rms = |sensor: usize| {
             let mean = window.mean(sensor);
             let square = mean * mean + window.covariance(sensor, sensor);
-            // Ten times the usual floor: of two signals at rest neither is disturbed.
-            0.5 * libm::log10(square.max(0.0) + 100.0 * FLOOR * FLOOR)
+            log_deviation(square)
         };
         values.extend(pairs(sensors).into_iter().map(|(a, b)| log_rms(a) - log_rms(b)));
     }
