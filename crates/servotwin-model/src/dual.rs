@@ -3,9 +3,84 @@
 //! `Dual<V, N>` is a value and its partial derivatives with respect to the `N`
 //! inputs of one equation. Evaluating an equation with dual numbers gives its
 //! exact Jacobian beside its value, in every lane.
+//!
+//! Most intermediate results of an equation depend on one or two of its inputs.
+//! A [`Partial`] knows whether it is zero or one whatever the values are. Where
+//! an equation is inlined the compiler knows it too, and no instruction is left
+//! of a product with zero or one; and the outputs say which inputs they do not
+//! depend on at all.
 
 use crate::scalar::{Scalar, lit};
 use core::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A partial derivative.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Partial<V> {
+    /// Zero, whatever the inputs are.
+    Zero,
+    /// One, whatever the inputs are.
+    One,
+    /// Any number.
+    Number(V),
+}
+
+use Partial::{Number, One, Zero};
+
+impl<V: Scalar<Base = V>> Partial<V> {
+    /// The number.
+    #[inline(always)]
+    pub fn number(self) -> V {
+        match self {
+            Zero => V::constant(0.0),
+            One => V::constant(1.0),
+            Number(number) => number,
+        }
+    }
+
+    #[inline(always)]
+    fn times(self, factor: V) -> Self {
+        match self {
+            Zero => Zero,
+            One => Number(factor),
+            Number(number) => Number(number * factor),
+        }
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        match (self, other) {
+            (Zero, other) => other,
+            (_, Zero) => self,
+            _ => Number(self.number() + other.number()),
+        }
+    }
+
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        match (self, other) {
+            (Zero, other) => other.negative(),
+            (_, Zero) => self,
+            _ => Number(self.number() - other.number()),
+        }
+    }
+
+    #[inline(always)]
+    fn negative(self) -> Self {
+        match self {
+            Zero => Zero,
+            _ => Number(-self.number()),
+        }
+    }
+
+    #[inline(always)]
+    fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
+        match (yes, no) {
+            (Zero, Zero) => Zero,
+            (One, One) => One,
+            _ => Number(V::select(mask, yes.number(), no.number())),
+        }
+    }
+}
 
 /// A value with `N` partial derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +88,7 @@ pub struct Dual<V, const N: usize> {
     /// The value.
     pub value: V,
     /// The partial derivatives with respect to the `N` inputs.
-    pub partials: [V; N],
+    pub partials: [Partial<V>; N],
 }
 
 /// The partial derivatives of a result from those of two numbers. A closure
@@ -34,15 +109,15 @@ impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     /// The `index`-th input: its derivative with respect to itself is one.
     #[inline(always)]
     pub fn input(value: V, index: usize) -> Self {
-        let mut partials = [V::constant(0.0); N];
-        partials[index] = V::constant(1.0);
+        let mut partials = [Zero; N];
+        partials[index] = One;
         Self { value, partials }
     }
 
     /// The chain rule: a function's value and its derivative here.
     #[inline(always)]
     fn chain(self, value: V, derivative: V) -> Self {
-        Self { value, partials: combined!(self, self, |a, _b| a * derivative) }
+        Self { value, partials: combined!(self, self, |a, _b| a.times(derivative)) }
     }
 }
 
@@ -50,7 +125,7 @@ impl<V: Scalar<Base = V>, const N: usize> Add for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self { value: self.value + other.value, partials: combined!(self, other, |a, b| a + b) }
+        Self { value: self.value + other.value, partials: combined!(self, other, |a, b| a.plus(b)) }
     }
 }
 
@@ -58,7 +133,7 @@ impl<V: Scalar<Base = V>, const N: usize> Sub for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self { value: self.value - other.value, partials: combined!(self, other, |a, b| a - b) }
+        Self { value: self.value - other.value, partials: combined!(self, other, |a, b| a.minus(b)) }
     }
 }
 
@@ -70,7 +145,9 @@ impl<V: Scalar<Base = V>, const N: usize> Mul for Dual<V, N> {
     fn mul(self, other: Self) -> Self {
         Self {
             value: self.value * other.value,
-            partials: combined!(self, other, |a, b| a * other.value + b * self.value),
+            partials: combined!(self, other, |a, b| {
+                a.times(other.value).plus(b.times(self.value))
+            }),
         }
     }
 }
@@ -83,7 +160,9 @@ impl<V: Scalar<Base = V>, const N: usize> Div for Dual<V, N> {
         let reciprocal = V::constant(1.0) / other.value;
         Self {
             value: quotient,
-            partials: combined!(self, other, |a, b| (a - quotient * b) * reciprocal),
+            partials: combined!(self, other, |a, b| {
+                a.minus(b.times(quotient)).times(reciprocal)
+            }),
         }
     }
 }
@@ -92,7 +171,7 @@ impl<V: Scalar<Base = V>, const N: usize> Neg for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self { value: -self.value, partials: combined!(self, self, |a, _b| -a) }
+        Self { value: -self.value, partials: combined!(self, self, |a, _b| a.negative()) }
     }
 }
 
@@ -138,7 +217,7 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     }
     #[inline(always)]
     fn from_base(value: V) -> Self {
-        Self { value, partials: [V::constant(0.0); N] }
+        Self { value, partials: [Zero; N] }
     }
     #[inline(always)]
     fn base(self) -> V {
@@ -161,7 +240,7 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
     fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
         Self {
             value: V::select(mask, yes.value, no.value),
-            partials: combined!(yes, no, |a, b| V::select(mask, a, b)),
+            partials: combined!(yes, no, |a, b| Partial::select(mask, a, b)),
         }
     }
     #[inline(always)]

@@ -7,8 +7,9 @@
 //! rows of the inputs, entry by entry of the rows in an order in which all
 //! sources are complete.
 
+use crate::dual::Partial;
 use crate::lu::Plan;
-use crate::program::{Sequence, Target};
+use crate::program::{Dependence, Sequence, Target};
 use crate::scalar::Lanes;
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
@@ -92,9 +93,10 @@ impl Rows {
             in_plan: Vec::new(),
             time: Vec::new(),
         };
-        rows.list_terms(sequence, externals, &patterns, &places);
+        let stands = rows.list_terms(sequence, externals, &patterns, &places);
         let first = sums.end - states;
-        for (&(row, column), &slot) in places.range((first, 0)..) {
+        for (&(row, column), slot) in places.range((first, 0)..) {
+            let slot = *stands.get(slot).unwrap_or(slot);
             match column {
                 c if c == states => rows.time.push(((row - first) as u16, slot)),
                 c => rows.jacobian.push(((row - first) as u16, c as u16, slot)),
@@ -103,13 +105,15 @@ impl Rows {
         rows
     }
 
+    /// Lists the terms of all entries. Gives the places of those entries that need
+    /// none: (own place, where the number stands).
     fn list_terms(
         &mut self,
         sequence: &Sequence,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
         places: &BTreeMap<(usize, usize), u16>,
-    ) {
+    ) -> BTreeMap<u16, u16> {
         let mut terms: BTreeMap<u16, Terms> = BTreeMap::new();
         // A row is complete after its last writer, which runs before all readers.
         let mut last_writer: BTreeMap<usize, usize> = BTreeMap::new();
@@ -120,10 +124,16 @@ impl Rows {
             let outputs = &sequence.outputs[output_at..][..block.outputs.len()];
             input_at += inputs.len();
             output_at += outputs.len();
+            let mut dependence = block.kind.visit(Dependence).into_iter();
             for &Target { add: to, subtract: from, .. } in outputs {
                 for &input in inputs {
-                    let partial = u16::try_from(self.slots).expect("at most 65,535 partials");
+                    let own = u16::try_from(self.slots).expect("at most 65,535 partials");
                     self.slots += 1;
+                    let partial = match dependence.next().expect("one for each") {
+                        Partial::Zero => continue,
+                        Partial::One => ONE,
+                        Partial::Number(_) => own,
+                    };
                     for (column, source) in self.sources(input, externals, patterns, places) {
                         let term = Term { partial, source };
                         if let Some(&place) = places.get(&(to as usize, column)) {
@@ -141,14 +151,24 @@ impl Rows {
         let mut order: Vec<(Option<&usize>, u16)> =
             (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
         order.sort_unstable();
+        // Where an entry already stands that is one number and no sum.
+        let mut stands = BTreeMap::new();
         for (_, target) in order {
-            let (add, subtract) = terms.remove(&target).unwrap_or_default();
+            let (mut add, mut subtract) = terms.remove(&target).unwrap_or_default();
+            for term in add.iter_mut().chain(&mut subtract) {
+                term.source = *stands.get(&term.source).unwrap_or(&term.source);
+            }
+            if let Some(place) = one_number(&add, &subtract) {
+                stands.insert(target, place);
+                continue;
+            }
             self.terms.extend(add);
             let middle = self.terms.len() as u32;
             self.terms.extend(subtract);
             let end = self.terms.len() as u32;
             self.entries.push(Entry { target, middle, end });
         }
+        stands
     }
 
     /// The gradient of a block's input: (column, where the entry stands).
@@ -271,6 +291,17 @@ impl Rows {
     }
 }
 
+/// Where the sum of an entry's terms stands already: nothing is zero, and a number
+/// times one is that number.
+fn one_number(add: &[Term], subtract: &[Term]) -> Option<u16> {
+    match (add, subtract) {
+        ([], []) => Some(ZERO),
+        (&[Term { partial: ONE, source }], []) => Some(source),
+        (&[Term { partial, source: ONE }], []) => Some(partial),
+        _ => None,
+    }
+}
+
 /// The columns of every needed row; column `states` is time.
 fn patterns(
     sequence: &Sequence,
@@ -288,18 +319,22 @@ fn patterns(
         let outputs = &sequence.outputs[output_at..][..block.outputs.len()];
         input_at += inputs.len();
         output_at += outputs.len();
-        let mut columns = BTreeSet::new();
-        for &input in inputs {
-            match input as usize {
-                i if i < states => drop(columns.insert(i)),
-                i if i < states + externals => drop(columns.insert(states)),
-                i if sums.contains(&i) => {
-                    columns.extend(patterns.get(&i).into_iter().flatten().copied());
-                }
-                _ => {}
-            }
-        }
+        let mut dependence = block.kind.visit(Dependence).into_iter();
         for &Target { add, subtract, .. } in outputs {
+            let mut columns = BTreeSet::new();
+            for &input in inputs {
+                if dependence.next() == Some(Partial::Zero) {
+                    continue;
+                }
+                match input as usize {
+                    i if i < states => drop(columns.insert(i)),
+                    i if i < states + externals => drop(columns.insert(states)),
+                    i if sums.contains(&i) => {
+                        columns.extend(patterns.get(&i).into_iter().flatten().copied());
+                    }
+                    _ => {}
+                }
+            }
             for target in [add, subtract] {
                 if let Some(pattern) = patterns.get_mut(&(target as usize)) {
                     pattern.extend(columns.iter().copied());

@@ -12,58 +12,46 @@ use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// One unknown that is eliminated, and where its eliminations end.
+/// One unknown that is eliminated.
 #[derive(Clone, Copy, Debug)]
 struct Pivot {
     diagonal: u16,
-    eliminations_end: u32,
-}
-
-/// One row that a pivot eliminates: `value[factor] ·= 1/pivot`, then updates.
-#[derive(Clone, Copy, Debug)]
-struct Elimination {
-    factor: u16,
-    updates_end: u32,
-}
-
-/// One target of an elimination: `value[target] −= value[factor] · value[right]`.
-#[derive(Clone, Copy, Debug)]
-struct Update {
-    target: u16,
+    /// Where its row of the upper factor begins.
     right: u16,
+    /// The length of that row.
+    columns: u16,
+    /// How many rows are eliminated.
+    rows: u16,
 }
 
-/// One product of a triangular solution: `x[target] −= value[slot] · x[source]`.
-#[derive(Clone, Copy, Debug)]
-struct Product {
-    slot: u16,
-    source: u16,
-}
-
-/// One unknown of a triangular solution, and where its products end.
+/// One unknown of a triangular solution, and the number of its products.
 #[derive(Clone, Copy, Debug)]
 struct Unknown {
     target: u16,
-    diagonal: u16,
-    products_end: u32,
+    products: u16,
 }
 
 /// The plan of a factorisation of one sparsity pattern.
+///
+/// The factors stand in the order in which a solution reads them: the rows of the
+/// lower factor, then those of the upper from the last pivot to the first, each
+/// with its diagonal at the end.
 #[derive(Clone, Debug)]
 pub struct Plan {
     size: usize,
-    slots: usize,
     diagonal: Vec<u16>,
     positions: BTreeMap<(u16, u16), u16>,
     order: Vec<u16>,
     pivots: Vec<Pivot>,
-    eliminations: Vec<Elimination>,
-    updates: Vec<Update>,
-    /// The products of the unknowns `forward`, then of the unknowns `backward`,
-    /// each in the order of the substitution.
-    products: Vec<Product>,
+    /// Of every pivot and eliminated row the entry that becomes a factor.
+    factors: Vec<u16>,
+    /// Of every factor what its products with the pivot's row are subtracted from.
+    targets: Vec<u16>,
+    /// The unknowns of both substitutions, in their order.
     forward: Vec<Unknown>,
     backward: Vec<Unknown>,
+    /// The unknowns that the products read.
+    sources: Vec<u16>,
 }
 
 impl Plan {
@@ -81,39 +69,31 @@ impl Plan {
             row[i] = true;
         }
         let order = eliminate(&mut rows);
-        let mut positions = BTreeMap::new();
-        for (i, row) in rows.iter().enumerate() {
-            for (j, _) in row.iter().enumerate().filter(|(_, used)| **used) {
-                let slot = u16::try_from(positions.len()).expect("at most 65,535 entries");
-                positions.insert((i as u16, j as u16), slot);
-            }
-        }
         let mut plan = Self {
             size,
-            slots: positions.len(),
-            diagonal: (0..size as u16).map(|i| positions[&(i, i)]).collect(),
-            positions,
+            diagonal: vec![0; size],
+            positions: BTreeMap::new(),
             order,
             pivots: Vec::new(),
-            eliminations: Vec::new(),
-            updates: Vec::new(),
-            products: Vec::new(),
+            factors: Vec::new(),
+            targets: Vec::new(),
             forward: Vec::new(),
             backward: Vec::new(),
+            sources: Vec::new(),
         };
+        plan.list_solution(&rows);
         plan.list_eliminations();
-        plan.list_solution();
         plan
     }
 
     /// Number of values that the factors need.
     pub fn slots(&self) -> usize {
-        self.slots
+        self.positions.len()
     }
 
     /// Number of multiply-subtract operations of one factorisation.
     pub fn updates(&self) -> usize {
-        self.updates.len()
+        self.targets.len()
     }
 
     /// Where the diagonal entry of a row is stored.
@@ -129,66 +109,67 @@ impl Plan {
         self.positions[&(row, column)]
     }
 
+    fn list_solution(&mut self, rows: &[Vec<bool>]) {
+        let rank = self.ranks();
+        let order = self.order.clone();
+        for &target in &order {
+            let unknown = self.unknown(target, rows, |s| rank[s] < rank[target as usize]);
+            if unknown.products > 0 {
+                self.forward.push(unknown);
+            }
+        }
+        for &target in order.iter().rev() {
+            let unknown = self.unknown(target, rows, |s| rank[s] > rank[target as usize]);
+            self.backward.push(unknown);
+            self.diagonal[target as usize] = self.place(target, target);
+        }
+    }
+
+    /// Lists the products of an unknown with the wanted sources.
+    fn unknown(
+        &mut self,
+        target: u16,
+        rows: &[Vec<bool>],
+        wanted: impl Fn(usize) -> bool,
+    ) -> Unknown {
+        let row = &rows[target as usize];
+        let before = self.sources.len();
+        for source in (0..self.size).filter(|&s| row[s] && wanted(s)) {
+            self.place(target, source as u16);
+            self.sources.push(source as u16);
+        }
+        Unknown { target, products: (self.sources.len() - before) as u16 }
+    }
+
+    /// Gives an entry the next place.
+    fn place(&mut self, row: u16, column: u16) -> u16 {
+        let place = u16::try_from(self.positions.len()).expect("at most 65,535 entries");
+        self.positions.insert((row, column), place);
+        place
+    }
+
     fn list_eliminations(&mut self) {
         let rank = self.ranks();
+        let size = self.size as u16;
         for &pivot in &self.order {
-            for row in 0..self.size as u16 {
-                if rank[row as usize] <= rank[pivot as usize] {
-                    continue;
+            let later = |&index: &u16| rank[index as usize] > rank[pivot as usize];
+            let used = |&column: &u16| self.positions.contains_key(&(pivot, column));
+            let columns: Vec<u16> = (0..size).filter(later).filter(used).collect();
+            let before = self.factors.len();
+            for row in (0..size).filter(later) {
+                if let Some(&factor) = self.positions.get(&(row, pivot)) {
+                    self.factors.push(factor);
+                    self.targets.extend(columns.iter().map(|&c| self.positions[&(row, c)]));
                 }
-                let Some(&factor) = self.positions.get(&(row, pivot)) else {
-                    continue;
-                };
-                for column in 0..self.size as u16 {
-                    if rank[column as usize] <= rank[pivot as usize] {
-                        continue;
-                    }
-                    if let Some(&right) = self.positions.get(&(pivot, column)) {
-                        let target = self.positions[&(row, column)];
-                        self.updates.push(Update { target, right });
-                    }
-                }
-                let updates_end = self.updates.len() as u32;
-                self.eliminations.push(Elimination { factor, updates_end });
             }
+            let diagonal = self.diagonal[pivot as usize];
             self.pivots.push(Pivot {
-                diagonal: self.diagonal[pivot as usize],
-                eliminations_end: self.eliminations.len() as u32,
+                diagonal,
+                right: diagonal - columns.len() as u16,
+                columns: columns.len() as u16,
+                rows: (self.factors.len() - before) as u16,
             });
         }
-    }
-
-    fn list_solution(&mut self) {
-        let rank = self.ranks();
-        for target in self.order.clone() {
-            let unknown = self.unknown(target, |source| rank[source] < rank[target as usize]);
-            self.forward.extend(unknown);
-        }
-        for target in self.order.clone().into_iter().rev() {
-            let before = self.products.len() as u32;
-            let unknown = self.unknown(target, |source| rank[source] > rank[target as usize]);
-            self.backward.push(unknown.unwrap_or(Unknown {
-                target,
-                diagonal: self.diagonal[target as usize],
-                products_end: before,
-            }));
-        }
-    }
-
-    /// Lists the products of an unknown with the wanted sources; `None` where
-    /// there are none.
-    fn unknown(&mut self, target: u16, wanted: impl Fn(usize) -> bool) -> Option<Unknown> {
-        let before = self.products.len();
-        for source in (0..self.size as u16).filter(|&s| wanted(s as usize)) {
-            if let Some(&slot) = self.positions.get(&(target, source)) {
-                self.products.push(Product { slot, source });
-            }
-        }
-        (self.products.len() > before).then(|| Unknown {
-            target,
-            diagonal: self.diagonal[target as usize],
-            products_end: self.products.len() as u32,
-        })
     }
 
     fn ranks(&self) -> Vec<u16> {
@@ -204,74 +185,72 @@ impl Plan {
     /// A zero pivot gives infinities or NaN in its own lane only.
     #[inline(always)]
     pub fn factor<V: Lanes>(&self, values: &mut [V]) {
-        assert!(values.len() >= self.slots);
-        let mut elimination = 0;
-        let mut update = 0;
+        assert!(values.len() >= self.slots());
+        let mut factors = self.factors.iter();
+        let mut targets = self.targets.as_slice();
         for p in &self.pivots {
             let reciprocal = V::constant(1.0) / values[p.diagonal as usize];
             values[p.diagonal as usize] = reciprocal;
-            for e in &self.eliminations[elimination..p.eliminations_end as usize] {
-                let factor = values[e.factor as usize] * reciprocal;
-                values[e.factor as usize] = factor;
-                for u in &self.updates[update..e.updates_end as usize] {
-                    // SAFETY: every slot of the plan is below `slots`.
+            for &place in factors.by_ref().take(p.rows as usize) {
+                let factor = values[place as usize] * reciprocal;
+                values[place as usize] = factor;
+                let (own, later) = targets.split_at(p.columns as usize);
+                targets = later;
+                for (column, &target) in own.iter().enumerate() {
+                    // SAFETY: every place of the plan is below `slots`.
                     unsafe {
-                        let product = factor * *values.get_unchecked(u.right as usize);
-                        let target = values.get_unchecked_mut(u.target as usize);
-                        *target = *target - product;
+                        let right = *values.get_unchecked(p.right as usize + column);
+                        let target = values.get_unchecked_mut(target as usize);
+                        *target = *target - factor * right;
                     }
                 }
-                update = e.updates_end as usize;
             }
-            elimination = p.eliminations_end as usize;
         }
     }
 
     /// Solves in place with the factors of [`Plan::factor`].
     #[inline(always)]
     pub fn solve<V: Lanes>(&self, values: &[V], x: &mut [V]) {
-        assert!(values.len() >= self.slots && x.len() >= self.size);
-        let mut next = 0;
-        for unknown in &self.forward {
-            // SAFETY: the plan's slots and unknowns are in range, asserted above.
-            unsafe {
-                let sum = self.substitute(*unknown, &mut next, values, x);
+        assert!(values.len() >= self.slots() && x.len() >= self.size);
+        let mut sources = self.sources.as_ptr();
+        let mut values = values.as_ptr();
+        // SAFETY: the plan lists a source for every product, and a value for every
+        // product and every diagonal, in this order; all unknowns are below `size`.
+        unsafe {
+            for unknown in &self.forward {
+                let sum = substitute(*unknown, &mut sources, &mut values, x);
                 *x.get_unchecked_mut(unknown.target as usize) = sum;
             }
-        }
-        for unknown in &self.backward {
-            // SAFETY: as above.
-            unsafe {
-                let sum = self.substitute(*unknown, &mut next, values, x);
-                let pivot = *values.get_unchecked(unknown.diagonal as usize);
-                *x.get_unchecked_mut(unknown.target as usize) = sum * pivot;
+            for unknown in &self.backward {
+                let sum = substitute(*unknown, &mut sources, &mut values, x);
+                *x.get_unchecked_mut(unknown.target as usize) = sum * *values;
+                values = values.add(1);
             }
         }
     }
+}
 
-    /// `x[target]` less the products from `next` on.
-    ///
-    /// # Safety
-    /// `values` must have all slots, `x` all unknowns.
-    #[inline(always)]
-    unsafe fn substitute<V: Lanes>(
-        &self,
-        unknown: Unknown,
-        next: &mut usize,
-        values: &[V],
-        x: &[V],
-    ) -> V {
-        // SAFETY: promised by the caller; the plan's own lists end where it says.
-        unsafe {
-            let mut sum = *x.get_unchecked(unknown.target as usize);
-            while *next < unknown.products_end as usize {
-                let p = *self.products.get_unchecked(*next);
-                let value = *values.get_unchecked(p.slot as usize);
-                sum = sum - value * *x.get_unchecked(p.source as usize);
-                *next += 1;
-            }
-            sum
+/// `x[target]` less the unknown's products; moves on to the next unknown's.
+///
+/// # Safety
+/// There must be a source and a value for every product, and all unknowns in `x`.
+#[inline(always)]
+unsafe fn substitute<V: Lanes>(
+    unknown: Unknown,
+    sources: &mut *const u16,
+    values: &mut *const V,
+    x: &[V],
+) -> V {
+    // SAFETY: promised by the caller.
+    unsafe {
+        let mut sum = *x.get_unchecked(unknown.target as usize);
+        for product in 0..unknown.products as usize {
+            let source = *sources.add(product);
+            sum = sum - *values.add(product) * *x.get_unchecked(source as usize);
         }
+        *sources = sources.add(unknown.products as usize);
+        *values = values.add(unknown.products as usize);
+        sum
     }
 }
 

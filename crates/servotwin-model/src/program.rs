@@ -7,7 +7,7 @@
 //! by kind, so that a whole group runs without a branch.
 
 use crate::components::{BlockKind, Constants, Visitor};
-use crate::dual::Dual;
+use crate::dual::{Dual, Partial};
 use crate::equation::{Equation, Given};
 use crate::fluid::FluidState;
 use crate::jacobian::Rows;
@@ -415,6 +415,22 @@ impl Visitor for Dimensions {
     }
 }
 
+/// How the outputs of a block depend on its inputs, whatever their values are (the
+/// numbers mean nothing): by output, then input.
+pub(crate) struct Dependence;
+
+impl Visitor for Dependence {
+    type Output = Vec<Partial<f64>>;
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
+    where
+        E: Equation<I, O, C>,
+    {
+        let inputs = core::array::from_fn(|i| Dual::<f64, I>::input(1.0, i));
+        let outputs = E::evaluate(&[1.0; C], inputs);
+        outputs.iter().flat_map(|o| o.partials).collect()
+    }
+}
+
 struct Evaluate<'a, V> {
     group: &'a Group,
     sequence: &'a Sequence,
@@ -535,7 +551,7 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
                 for (o, result) in results.iter().enumerate() {
                     plain[o] = result.value;
                     for (i, &partial) in result.partials.iter().enumerate() {
-                        partials[place(o * I + i)] = partial;
+                        partials[place(o * I + i)] = partial.number();
                     }
                 }
                 // SAFETY: as in `Evaluate`.

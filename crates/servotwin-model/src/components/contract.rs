@@ -5,7 +5,7 @@
 //! block is (a pressure, a position, …), hence in which range to try it.
 
 use super::{ALL, BlockKind, Component, Visitor};
-use crate::dual::Dual;
+use crate::dual::{Dual, Partial};
 use crate::equation::{Equation, Given};
 use crate::fluid::Fluid;
 use crate::lanes::{Kernel, Level, dispatch};
@@ -430,7 +430,7 @@ impl Visitor for WithPartials<'_> {
         });
         let inputs = core::array::from_fn(|i| Dual::input(self.block.samples[0][i], i));
         let outputs: [Dual<f64, I>; O] = E::evaluate(&constants, inputs);
-        outputs.iter().map(|o| (o.value, o.partials.to_vec())).collect()
+        outputs.iter().map(|o| (o.value, o.partials.map(Partial::number).to_vec())).collect()
     }
 }
 
