@@ -133,7 +133,10 @@ impl<V: Scalar<Base = V>, const N: usize> Sub for Dual<V, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self { value: self.value - other.value, partials: combined!(self, other, |a, b| a.minus(b)) }
+        Self {
+            value: self.value - other.value,
+            partials: combined!(self, other, |a, b| a.minus(b)),
+        }
     }
 }
 

@@ -9,6 +9,7 @@
 
 use crate::dual::Partial;
 use crate::lu::Plan;
+use crate::place::Place;
 use crate::program::{Dependence, Sequence, Target};
 use crate::scalar::Lanes;
 use alloc::collections::{BTreeMap, BTreeSet};
@@ -21,6 +22,13 @@ use core::ops::Range;
 struct Term {
     partial: u16,
     source: u16,
+}
+
+/// The places of a term's factors.
+#[derive(Clone, Copy, Debug)]
+struct Product {
+    partial: Place,
+    source: Place,
 }
 
 /// One entry of a row: its terms that add, then those that subtract.
@@ -43,7 +51,7 @@ pub struct Rows {
     first_slope: usize,
     /// Where the blocks' partial derivatives begin, after the rows.
     first_partial: usize,
-    terms: Vec<Term>,
+    terms: Vec<Product>,
     entries: Vec<Entry>,
     /// (row, column, slot) of the Jacobian's entries.
     jacobian: Vec<(u16, u16, u16)>,
@@ -136,16 +144,16 @@ impl Rows {
                     };
                     for (column, source) in self.sources(input, externals, patterns, places) {
                         let term = Term { partial, source };
-                        if let Some(&place) = places.get(&(to as usize, column)) {
+                        if let Some(&place) = places.get(&(to.index(), column)) {
                             terms.entry(place).or_default().0.push(term);
                         }
-                        if let Some(&place) = places.get(&(from as usize, column)) {
+                        if let Some(&place) = places.get(&(from.index(), column)) {
                             terms.entry(place).or_default().1.push(term);
                         }
                     }
                 }
-                last_writer.insert(to as usize, index);
-                last_writer.insert(from as usize, index);
+                last_writer.insert(to.index(), index);
+                last_writer.insert(from.index(), index);
             }
         }
         let mut order: Vec<(Option<&usize>, u16)> =
@@ -162,9 +170,9 @@ impl Rows {
                 stands.insert(target, place);
                 continue;
             }
-            self.terms.extend(add);
+            self.terms.extend(add.into_iter().map(Term::product));
             let middle = self.terms.len() as u32;
-            self.terms.extend(subtract);
+            self.terms.extend(subtract.into_iter().map(Term::product));
             let end = self.terms.len() as u32;
             self.entries.push(Entry { target, middle, end });
         }
@@ -174,13 +182,13 @@ impl Rows {
     /// The gradient of a block's input: (column, where the entry stands).
     fn sources(
         &self,
-        input: u16,
+        input: Place,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
         places: &BTreeMap<(usize, usize), u16>,
     ) -> Vec<(usize, u16)> {
         let states = self.states;
-        match input as usize {
+        match input.index() {
             i if i < states => vec![(i, ONE)],
             i if i < states + externals => {
                 vec![(states, (self.first_slope + i - states) as u16)]
@@ -256,8 +264,8 @@ impl Rows {
     unsafe fn term<V: Lanes>(&self, index: usize, gradients: &[V]) -> V {
         // SAFETY: promised by the caller.
         unsafe {
-            let Term { partial, source } = *self.terms.get_unchecked(index);
-            *gradients.get_unchecked(partial as usize) * *gradients.get_unchecked(source as usize)
+            let Product { partial, source } = *self.terms.get_unchecked(index);
+            partial.read(gradients) * source.read(gradients)
         }
     }
 
@@ -288,6 +296,12 @@ impl Rows {
         for &(row, slot) in &self.time {
             x[row as usize] = x[row as usize] + factor * gradients[slot as usize];
         }
+    }
+}
+
+impl Term {
+    fn product(self) -> Product {
+        Product { partial: Place::new(self.partial), source: Place::new(self.source) }
     }
 }
 
@@ -326,7 +340,7 @@ fn patterns(
                 if dependence.next() == Some(Partial::Zero) {
                     continue;
                 }
-                match input as usize {
+                match input.index() {
                     i if i < states => drop(columns.insert(i)),
                     i if i < states + externals => drop(columns.insert(states)),
                     i if sums.contains(&i) => {
@@ -336,7 +350,7 @@ fn patterns(
                 }
             }
             for target in [add, subtract] {
-                if let Some(pattern) = patterns.get_mut(&(target as usize)) {
+                if let Some(pattern) = patterns.get_mut(&target.index()) {
                     pattern.extend(columns.iter().copied());
                 }
             }

@@ -13,6 +13,7 @@ pub mod lanes;
 pub mod lu;
 pub mod math;
 pub mod network;
+mod place;
 pub mod program;
 pub mod scalar;
 pub mod signal;

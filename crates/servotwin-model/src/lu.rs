@@ -7,6 +7,7 @@
 //! dominant diagonal for small steps, and the error control of the solver
 //! rejects a step that bad factors have spoilt.
 
+use crate::place::Place;
 use crate::scalar::Lanes;
 use alloc::collections::BTreeMap;
 use alloc::vec;
@@ -46,12 +47,12 @@ pub struct Plan {
     /// Of every pivot and eliminated row the entry that becomes a factor.
     factors: Vec<u16>,
     /// Of every factor what its products with the pivot's row are subtracted from.
-    targets: Vec<u16>,
+    targets: Vec<Place>,
     /// The unknowns of both substitutions, in their order.
     forward: Vec<Unknown>,
     backward: Vec<Unknown>,
     /// The unknowns that the products read.
-    sources: Vec<u16>,
+    sources: Vec<Place>,
 }
 
 impl Plan {
@@ -136,7 +137,7 @@ impl Plan {
         let before = self.sources.len();
         for source in (0..self.size).filter(|&s| row[s] && wanted(s)) {
             self.place(target, source as u16);
-            self.sources.push(source as u16);
+            self.sources.push(Place::new(source as u16));
         }
         Unknown { target, products: (self.sources.len() - before) as u16 }
     }
@@ -159,7 +160,8 @@ impl Plan {
             for row in (0..size).filter(later) {
                 if let Some(&factor) = self.positions.get(&(row, pivot)) {
                     self.factors.push(factor);
-                    self.targets.extend(columns.iter().map(|&c| self.positions[&(row, c)]));
+                    self.targets
+                        .extend(columns.iter().map(|&c| Place::new(self.positions[&(row, c)])));
                 }
             }
             let diagonal = self.diagonal[pivot as usize];
@@ -200,8 +202,8 @@ impl Plan {
                     // SAFETY: every place of the plan is below `slots`.
                     unsafe {
                         let right = *values.get_unchecked(p.right as usize + column);
-                        let target = values.get_unchecked_mut(target as usize);
-                        *target = *target - factor * right;
+                        let rest = target.read(values) - factor * right;
+                        target.write(values, rest);
                     }
                 }
             }
@@ -237,7 +239,7 @@ impl Plan {
 #[inline(always)]
 unsafe fn substitute<V: Lanes>(
     unknown: Unknown,
-    sources: &mut *const u16,
+    sources: &mut *const Place,
     values: &mut *const V,
     x: &[V],
 ) -> V {
@@ -246,7 +248,7 @@ unsafe fn substitute<V: Lanes>(
         let mut sum = *x.get_unchecked(unknown.target as usize);
         for product in 0..unknown.products as usize {
             let source = *sources.add(product);
-            sum = sum - *values.add(product) * *x.get_unchecked(source as usize);
+            sum = sum - *values.add(product) * source.read(x);
         }
         *sources = sources.add(unknown.products as usize);
         *values = values.add(unknown.products as usize);

@@ -13,6 +13,7 @@ use crate::fluid::FluidState;
 use crate::jacobian::Rows;
 use crate::lu::Plan;
 use crate::network::{Mistake, Network, PortOf};
+use crate::place::Place;
 use crate::scalar::{Lanes, Scalar};
 use crate::spec::{PortKind, Start, Unit};
 use crate::wiring::{Block, Collected, Role, Variable};
@@ -30,9 +31,11 @@ pub type Slot = u16;
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub kind: BlockKind,
-    /// Whether any output is subtracted somewhere. Most groups only add, and
-    /// need not wait for the bin.
+    /// Whether any output is subtracted somewhere. Most groups only add.
     pub subtracts: bool,
+    /// Whether any output joins a sum that has been begun. Most sums have one
+    /// term.
+    pub joins: bool,
     pub count: usize,
     /// Where the group's lists begin.
     pub inputs: usize,
@@ -46,18 +49,18 @@ pub(crate) struct Target {
     /// The sum that it is added to, and where the sum so far stands: in the same
     /// slot, or in the one that is always zero for the sum's first block. So
     /// sums need not be cleared.
-    pub add: Slot,
-    pub add_so_far: Slot,
+    pub add: Place,
+    pub add_so_far: Place,
     /// The sum that it is subtracted from, likewise.
-    pub subtract: Slot,
-    pub subtract_so_far: Slot,
+    pub subtract: Place,
+    pub subtract_so_far: Place,
 }
 
 /// Blocks in the order of their evaluation.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
     pub groups: Vec<Group>,
-    pub inputs: Vec<Slot>,
+    pub inputs: Vec<Place>,
     pub outputs: Vec<Target>,
     /// The blocks themselves, in order: for constants and for the Jacobian.
     pub blocks: Vec<Block>,
@@ -377,26 +380,34 @@ impl Sequence {
             self.groups.push(Group {
                 kind: block.kind,
                 subtracts,
+                joins: false,
                 count: 0,
                 inputs: self.inputs.len(),
                 outputs: self.outputs.len(),
                 constants: *constants,
             });
         }
-        self.groups.last_mut().expect("just pushed").count += 1;
+        let group = self.groups.last_mut().expect("just pushed");
+        group.count += 1;
         *constants += block.kind.visit(Dimensions).2;
-        self.inputs.extend(block.inputs.iter().map(|v| slot_of[v.0 as usize]));
+        self.inputs.extend(block.inputs.iter().map(|v| Place::new(slot_of[v.0 as usize])));
         let (bin, zero) = ((self.memory - 2) as Slot, (self.memory - 1) as Slot);
         let mut place = |sum: Option<crate::wiring::Sum>| {
             let Some(sum) = sum else { return (bin, zero) };
             let slot = slot_of[sum.0 as usize];
             let begun = core::mem::replace(&mut written[slot as usize], true);
+            group.joins |= begun;
             (slot, if begun { slot } else { zero })
         };
         for output in &block.outputs {
             let (add, add_so_far) = place(output.add);
             let (subtract, subtract_so_far) = place(output.subtract);
-            self.outputs.push(Target { add, add_so_far, subtract, subtract_so_far });
+            self.outputs.push(Target {
+                add: Place::new(add),
+                add_so_far: Place::new(add_so_far),
+                subtract: Place::new(subtract),
+                subtract_so_far: Place::new(subtract_so_far),
+            });
         }
         self.blocks.push(block);
     }
@@ -444,7 +455,7 @@ fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
     group: &Group,
     sequence: &'a Sequence,
     constants: &'a [V],
-) -> impl Iterator<Item = (&'a [Slot; I], &'a [Target; O], &'a [V; C])> {
+) -> impl Iterator<Item = (&'a [Place; I], &'a [Target; O], &'a [V; C])> {
     let inputs = arrays(&sequence.inputs[group.inputs..], group.count);
     let outputs = arrays(&sequence.outputs[group.outputs..], group.count);
     let constants = arrays(&constants[group.constants..], group.count);
@@ -477,35 +488,39 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
             for (value, &input) in values.iter_mut().zip(inputs) {
                 // SAFETY: all slots of a sequence are below the length that its
                 // caller asserts.
-                *value = unsafe { *v.get_unchecked(input as usize) };
+                *value = unsafe { input.read(v) };
             }
             let results = E::evaluate::<V>(constants, values);
+            let first = v.as_mut_ptr();
             // SAFETY: as above.
-            unsafe { scatter(self.group.subtracts, outputs, &results, v, |slot| slot as usize) };
+            let at = |place: Place| unsafe { place.among::<V, V>(first) };
+            // SAFETY: as above.
+            unsafe { scatter(self.group, outputs, &results, at) };
         }
     }
 }
 
-/// Adds a block's outputs to their sums, which stand at `place(slot)`.
+/// Adds a block's outputs to their sums, which stand `at(place)`.
 ///
 /// # Safety
-/// All places must be inside `variables`.
+/// There must be a number at all places.
 #[inline(always)]
 unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
-    subtracts: bool,
+    group: &Group,
     outputs: &[Target; O],
     results: &[V; O],
-    variables: &mut [V],
-    place: impl Fn(Slot) -> usize,
+    at: impl Fn(Place) -> *mut V,
 ) {
     for (target, &result) in outputs.iter().zip(results) {
         // SAFETY: promised by the caller.
         unsafe {
-            let so_far = *variables.get_unchecked(place(target.add_so_far));
-            *variables.get_unchecked_mut(place(target.add)) = so_far + result;
-            if subtracts {
-                let so_far = *variables.get_unchecked(place(target.subtract_so_far));
-                *variables.get_unchecked_mut(place(target.subtract)) = so_far - result;
+            if group.subtracts {
+                *at(target.add) = *at(target.add_so_far) + result;
+                *at(target.subtract) = *at(target.subtract_so_far) - result;
+            } else if group.joins {
+                *at(target.add) = *at(target.add_so_far) + result;
+            } else {
+                *at(target.add) = result;
             }
         }
     }
@@ -538,12 +553,14 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
                 for (c, held) in held.iter_mut().enumerate() {
                     *held = V::registers(constants)[place(c)];
                 }
-                let variables = V::registers_mut(self.variables);
+                let variables = &mut V::registers_mut(self.variables)[register..];
+                let first = variables.as_mut_ptr();
+                // SAFETY: as in `Evaluate`.
+                let at = |place: Place| unsafe { place.among::<V, V::Register>(first) };
                 let mut values = [Dual::from_base(V::Register::constant(0.0)); I];
                 for (i, (value, &input)) in values.iter_mut().zip(inputs).enumerate() {
                     // SAFETY: as in `Evaluate`.
-                    let input = unsafe { *variables.get_unchecked(place(input as usize)) };
-                    *value = Dual::input(input, i);
+                    *value = Dual::input(unsafe { *at(input) }, i);
                 }
                 let results = E::evaluate::<Dual<V::Register, I>>(&held, values);
                 let partials = V::registers_mut(own);
@@ -555,10 +572,7 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
                     }
                 }
                 // SAFETY: as in `Evaluate`.
-                unsafe {
-                    let place = |slot: Slot| place(slot as usize);
-                    scatter(self.group.subtracts, outputs, &plain, variables, place);
-                }
+                unsafe { scatter(self.group, outputs, &plain, at) };
             }
         }
     }
