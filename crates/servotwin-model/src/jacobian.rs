@@ -31,12 +31,12 @@ struct Product {
     source: Place,
 }
 
-/// One entry of a row: its terms that add, then those that subtract.
+/// One entry of a row: how many of its terms add, and how many then subtract.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    target: u16,
-    middle: u32,
-    end: u32,
+    target: Place,
+    add: u16,
+    subtract: u16,
 }
 
 /// The terms of one entry while they are collected: (adding, subtracting).
@@ -57,7 +57,7 @@ pub struct Rows {
     jacobian: Vec<(u16, u16, u16)>,
     /// For each place in the factors the gradient that stands there in the
     /// Jacobian.
-    in_plan: Vec<u16>,
+    in_plan: Vec<Place>,
     /// (row, slot) of the time derivatives.
     time: Vec<(u16, u16)>,
 }
@@ -170,11 +170,12 @@ impl Rows {
                 stands.insert(target, place);
                 continue;
             }
-            self.terms.extend(add.into_iter().map(Term::product));
-            let middle = self.terms.len() as u32;
-            self.terms.extend(subtract.into_iter().map(Term::product));
-            let end = self.terms.len() as u32;
-            self.entries.push(Entry { target, middle, end });
+            self.entries.push(Entry {
+                target: Place::new(target),
+                add: add.len() as u16,
+                subtract: subtract.len() as u16,
+            });
+            self.terms.extend(add.into_iter().chain(subtract).map(Term::product));
         }
         stands
     }
@@ -200,9 +201,9 @@ impl Rows {
     }
 
     pub(crate) fn with_plan(mut self, plan: &Plan) -> Self {
-        self.in_plan = vec![ZERO; plan.slots()];
+        self.in_plan = vec![Place::new(ZERO); plan.slots()];
         for &(i, j, gradient) in &self.jacobian {
-            self.in_plan[plan.slot(i, j) as usize] = gradient;
+            self.in_plan[plan.slot(i, j) as usize] = Place::new(gradient);
         }
         self
     }
@@ -239,33 +240,25 @@ impl Rows {
     pub(crate) fn chain<V: Lanes>(&self, gradients: &mut [V]) {
         assert!(gradients.len() >= self.slots);
         gradients[ONE as usize] = V::constant(1.0);
-        let mut next = 0;
+        let gradients = gradients.as_mut_ptr();
+        let mut terms = self.terms.as_ptr();
         for entry in &self.entries {
             let mut sum = V::constant(0.0);
-            // SAFETY: all places of terms and entries are below `slots`, and the
-            // entries' ends are those of the list of terms.
+            // SAFETY: the entries' terms stand one after the other in the list, and all
+            // places of terms and entries are below `slots`.
             unsafe {
-                while next < entry.middle as usize {
-                    sum = sum + self.term(next, gradients);
-                    next += 1;
+                let end = terms.add(entry.add as usize);
+                while terms != end {
+                    sum = sum + (*terms).value(gradients);
+                    terms = terms.add(1);
                 }
-                while next < entry.end as usize {
-                    sum = sum - self.term(next, gradients);
-                    next += 1;
+                let end = terms.add(entry.subtract as usize);
+                while terms != end {
+                    sum = sum - (*terms).value(gradients);
+                    terms = terms.add(1);
                 }
-                *gradients.get_unchecked_mut(entry.target as usize) = sum;
+                *entry.target.among::<V, V>(gradients) = sum;
             }
-        }
-    }
-
-    /// # Safety
-    /// The term must exist and `gradients` have all slots.
-    #[inline(always)]
-    unsafe fn term<V: Lanes>(&self, index: usize, gradients: &[V]) -> V {
-        // SAFETY: promised by the caller.
-        unsafe {
-            let Product { partial, source } = *self.terms.get_unchecked(index);
-            partial.read(gradients) * source.read(gradients)
         }
     }
 
@@ -280,13 +273,14 @@ impl Rows {
     /// Writes `diagonal · I − J` into the factors' place.
     #[inline(always)]
     pub fn shifted<V: Lanes>(&self, plan: &Plan, diagonal: V, gradients: &[V], values: &mut [V]) {
+        assert!(gradients.len() >= self.slots && values.len() >= plan.slots());
         let zero = V::constant(0.0);
-        for (value, &gradient) in values.iter_mut().zip(&self.in_plan) {
-            *value = zero - gradients[gradient as usize];
+        for (value, gradient) in values.iter_mut().zip(&self.in_plan) {
+            // SAFETY: all places of gradients are below `slots`.
+            *value = zero - unsafe { gradient.read(gradients) };
         }
-        for i in 0..self.states {
-            let place = plan.diagonal(i);
-            values[place] = diagonal - gradients[self.in_plan[place] as usize];
+        for &place in plan.diagonals() {
+            values[place as usize] = diagonal + values[place as usize];
         }
     }
 
@@ -296,6 +290,16 @@ impl Rows {
         for &(row, slot) in &self.time {
             x[row as usize] = x[row as usize] + factor * gradients[slot as usize];
         }
+    }
+}
+
+impl Product {
+    /// # Safety
+    /// There must be a number at both places.
+    #[inline(always)]
+    unsafe fn value<V: Lanes>(self, gradients: *mut V) -> V {
+        // SAFETY: promised by the caller.
+        unsafe { *self.partial.among::<V, V>(gradients) * *self.source.among::<V, V>(gradients) }
     }
 }
 

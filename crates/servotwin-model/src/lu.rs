@@ -16,10 +16,8 @@ use alloc::vec::Vec;
 /// One unknown that is eliminated.
 #[derive(Clone, Copy, Debug)]
 struct Pivot {
-    diagonal: u16,
-    /// Where its row of the upper factor begins.
-    right: u16,
-    /// The length of that row.
+    diagonal: Place,
+    /// How many entries of its row of the upper factor stand before the diagonal.
     columns: u16,
     /// How many rows are eliminated.
     rows: u16,
@@ -28,8 +26,8 @@ struct Pivot {
 /// One unknown of a triangular solution, and the number of its products.
 #[derive(Clone, Copy, Debug)]
 struct Unknown {
-    target: u16,
-    products: u16,
+    target: Place,
+    products: u32,
 }
 
 /// The plan of a factorisation of one sparsity pattern.
@@ -45,7 +43,7 @@ pub struct Plan {
     order: Vec<u16>,
     pivots: Vec<Pivot>,
     /// Of every pivot and eliminated row the entry that becomes a factor.
-    factors: Vec<u16>,
+    factors: Vec<Place>,
     /// Of every factor what its products with the pivot's row are subtracted from.
     targets: Vec<Place>,
     /// The unknowns of both substitutions, in their order.
@@ -97,9 +95,9 @@ impl Plan {
         self.targets.len()
     }
 
-    /// Where the diagonal entry of a row is stored.
-    pub fn diagonal(&self, row: usize) -> usize {
-        self.diagonal[row] as usize
+    /// Where the diagonal entries are stored, row by row.
+    pub fn diagonals(&self) -> &[u16] {
+        &self.diagonal
     }
 
     /// Where an entry is stored.
@@ -139,7 +137,7 @@ impl Plan {
             self.place(target, source as u16);
             self.sources.push(Place::new(source as u16));
         }
-        Unknown { target, products: (self.sources.len() - before) as u16 }
+        Unknown { target: Place::new(target), products: (self.sources.len() - before) as u32 }
     }
 
     /// Gives an entry the next place.
@@ -159,15 +157,13 @@ impl Plan {
             let before = self.factors.len();
             for row in (0..size).filter(later) {
                 if let Some(&factor) = self.positions.get(&(row, pivot)) {
-                    self.factors.push(factor);
+                    self.factors.push(Place::new(factor));
                     self.targets
                         .extend(columns.iter().map(|&c| Place::new(self.positions[&(row, c)])));
                 }
             }
-            let diagonal = self.diagonal[pivot as usize];
             self.pivots.push(Pivot {
-                diagonal,
-                right: diagonal - columns.len() as u16,
+                diagonal: Place::new(self.diagonal[pivot as usize]),
                 columns: columns.len() as u16,
                 rows: (self.factors.len() - before) as u16,
             });
@@ -188,23 +184,28 @@ impl Plan {
     #[inline(always)]
     pub fn factor<V: Lanes>(&self, values: &mut [V]) {
         assert!(values.len() >= self.slots());
-        let mut factors = self.factors.iter();
-        let mut targets = self.targets.as_slice();
-        for p in &self.pivots {
-            let reciprocal = V::constant(1.0) / values[p.diagonal as usize];
-            values[p.diagonal as usize] = reciprocal;
-            for &place in factors.by_ref().take(p.rows as usize) {
-                let factor = values[place as usize] * reciprocal;
-                values[place as usize] = factor;
-                let (own, later) = targets.split_at(p.columns as usize);
-                targets = later;
-                for (column, &target) in own.iter().enumerate() {
-                    // SAFETY: every place of the plan is below `slots`.
-                    unsafe {
-                        let right = *values.get_unchecked(p.right as usize + column);
-                        let rest = target.read(values) - factor * right;
-                        target.write(values, rest);
+        let values = values.as_mut_ptr();
+        let mut factors = self.factors.as_ptr();
+        let mut targets = self.targets.as_ptr();
+        for pivot in &self.pivots {
+            // SAFETY: the plan lists a factor for every row of a pivot and a target for
+            // every column of every row, and all places are below `slots`.
+            unsafe {
+                let diagonal = pivot.diagonal.among::<V, V>(values);
+                let right = diagonal.sub(pivot.columns as usize);
+                let reciprocal = V::constant(1.0) / *diagonal;
+                *diagonal = reciprocal;
+                let last = factors.add(pivot.rows as usize);
+                while factors != last {
+                    let place = (*factors).among::<V, V>(values);
+                    let factor = *place * reciprocal;
+                    *place = factor;
+                    for column in 0..pivot.columns as usize {
+                        let target = (*targets).among::<V, V>(values);
+                        *target = *target - factor * *right.add(column);
+                        targets = targets.add(1);
                     }
+                    factors = factors.add(1);
                 }
             }
         }
@@ -216,16 +217,17 @@ impl Plan {
         assert!(values.len() >= self.slots() && x.len() >= self.size);
         let mut sources = self.sources.as_ptr();
         let mut values = values.as_ptr();
+        let x = x.as_mut_ptr();
         // SAFETY: the plan lists a source for every product, and a value for every
         // product and every diagonal, in this order; all unknowns are below `size`.
         unsafe {
             for unknown in &self.forward {
                 let sum = substitute(*unknown, &mut sources, &mut values, x);
-                *x.get_unchecked_mut(unknown.target as usize) = sum;
+                *unknown.target.among::<V, V>(x) = sum;
             }
             for unknown in &self.backward {
                 let sum = substitute(*unknown, &mut sources, &mut values, x);
-                *x.get_unchecked_mut(unknown.target as usize) = sum * *values;
+                *unknown.target.among::<V, V>(x) = sum * *values;
                 values = values.add(1);
             }
         }
@@ -241,17 +243,17 @@ unsafe fn substitute<V: Lanes>(
     unknown: Unknown,
     sources: &mut *const Place,
     values: &mut *const V,
-    x: &[V],
+    x: *mut V,
 ) -> V {
     // SAFETY: promised by the caller.
     unsafe {
-        let mut sum = *x.get_unchecked(unknown.target as usize);
-        for product in 0..unknown.products as usize {
-            let source = *sources.add(product);
-            sum = sum - *values.add(product) * source.read(x);
+        let mut sum = *unknown.target.among::<V, V>(x);
+        let end = values.add(unknown.products as usize);
+        while *values != end {
+            sum = sum - **values * *(**sources).among::<V, V>(x);
+            *values = values.add(1);
+            *sources = sources.add(1);
         }
-        *sources = sources.add(unknown.products as usize);
-        *values = values.add(unknown.products as usize);
         sum
     }
 }

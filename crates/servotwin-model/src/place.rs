@@ -40,15 +40,4 @@ impl Place {
         // SAFETY: promised by the caller.
         unsafe { *self.among::<T, T>(array.as_ptr().cast_mut()) }
     }
-
-    /// As [`Place::read`], to be written.
-    ///
-    /// # Safety
-    /// The array must have the place.
-    #[inline(always)]
-    pub unsafe fn write<T>(self, array: &mut [T], value: T) {
-        debug_assert!(self.index() < array.len());
-        // SAFETY: promised by the caller.
-        unsafe { *self.among::<T, T>(array.as_mut_ptr()) = value }
-    }
 }

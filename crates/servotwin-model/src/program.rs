@@ -66,6 +66,8 @@ pub(crate) struct Sequence {
     pub blocks: Vec<Block>,
     /// Length of the variable array.
     memory: usize,
+    /// How many constants its blocks and those of earlier sequences hold.
+    constants: usize,
 }
 
 /// Something a run can record.
@@ -207,7 +209,7 @@ impl Program {
         variables: &mut [V],
         gradients: &mut [V],
     ) {
-        assert!(variables.len() >= self.memory());
+        assert!(variables.len() >= self.memory() && constants.len() >= self.motion.constants);
         let mut partials = &mut *self.rows.partials(gradients);
         for group in &self.motion.groups {
             group.kind.visit(Differentiate {
@@ -350,17 +352,19 @@ impl Sequence {
             outputs: Vec::new(),
             blocks: Vec::new(),
             memory: memory(slots),
+            constants: 0,
         };
         for block in blocks {
             sequence.push(block, slot_of, written, constants);
         }
+        sequence.constants = *constants;
         sequence
     }
 
     /// Runs all blocks once.
     #[inline(always)]
     pub fn run<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
-        assert!(variables.len() >= self.memory);
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
         for group in &self.groups {
             group.kind.visit(Evaluate { group, sequence: self, constants, variables });
         }
@@ -449,28 +453,38 @@ struct Evaluate<'a, V> {
     variables: &'a mut [V],
 }
 
-/// The lists of a group: what its blocks read, write and hold.
+/// The lists of a group: what each of its blocks reads, writes and holds.
+///
+/// # Safety
+/// The group must be one of the sequence's, and there must be as many constants as
+/// [`Sequence::run`] asserts.
 #[inline(always)]
-fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
+unsafe fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
     group: &Group,
     sequence: &'a Sequence,
     constants: &'a [V],
 ) -> impl Iterator<Item = (&'a [Place; I], &'a [Target; O], &'a [V; C])> {
-    let inputs = arrays(&sequence.inputs[group.inputs..], group.count);
-    let outputs = arrays(&sequence.outputs[group.outputs..], group.count);
-    let constants = arrays(&constants[group.constants..], group.count);
-    inputs
-        .zip(outputs)
-        .zip(constants)
-        .map(|((inputs, outputs), constants)| (inputs, outputs, constants))
+    // SAFETY: `Sequence::push` extends the lists with every block of a group.
+    let (inputs, outputs, constants) = unsafe {
+        (
+            arrays(&sequence.inputs, group.inputs, group.count),
+            arrays(&sequence.outputs, group.outputs, group.count),
+            arrays(constants, group.constants, group.count),
+        )
+    };
+    let blocks = inputs.iter().zip(outputs).zip(constants);
+    blocks.map(|((inputs, outputs), constants)| (inputs, outputs, constants))
 }
 
-/// The first `count` arrays of `N` in a slice, where `N` may be zero.
+/// `count` arrays of a slice, from `first` on.
+///
+/// # Safety
+/// The slice must have them. It is not checked: a step asks some hundred times.
 #[inline(always)]
-fn arrays<T, const N: usize>(slice: &[T], count: usize) -> impl Iterator<Item = &[T; N]> {
-    let first = slice[..count * N].as_ptr();
-    // SAFETY: all `count` arrays lie inside the slice.
-    (0..count).map(move |index| unsafe { &*first.add(index * N).cast() })
+unsafe fn arrays<T, const N: usize>(slice: &[T], first: usize, count: usize) -> &[[T; N]] {
+    debug_assert!(first + count * N <= slice.len());
+    // SAFETY: promised by the caller.
+    unsafe { core::slice::from_raw_parts(slice.as_ptr().add(first).cast(), count) }
 }
 
 impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
@@ -481,9 +495,9 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
         E: Equation<I, O, C>,
     {
         let v = self.variables;
-        for (inputs, outputs, constants) in
-            lists::<V, I, O, C>(self.group, self.sequence, self.constants)
-        {
+        // SAFETY: `Sequence::run` asserts the constants.
+        let blocks = unsafe { lists::<V, I, O, C>(self.group, self.sequence, self.constants) };
+        for (inputs, outputs, constants) in blocks {
             let mut values = [V::constant(0.0); I];
             for (value, &input) in values.iter_mut().zip(inputs) {
                 // SAFETY: all slots of a sequence are below the length that its
@@ -542,38 +556,47 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
     where
         E: Equation<I, O, C>,
     {
-        for (inputs, outputs, constants) in
-            lists::<V, I, O, C>(self.group, self.sequence, self.constants)
-        {
-            let (own, later) = core::mem::take(self.partials).split_at_mut(I * O);
-            *self.partials = later;
+        let partials = core::mem::take(self.partials);
+        let (own, later) = partials.split_at_mut(self.group.count * I * O);
+        *self.partials = later;
+        let mut own = own.as_mut_ptr().cast::<V::Register>();
+        // SAFETY: `Program::evaluate_with_jacobian` asserts the constants.
+        let blocks = unsafe { lists::<V, I, O, C>(self.group, self.sequence, self.constants) };
+        for (inputs, outputs, constants) in blocks {
+            let all_held = V::registers(constants).as_ptr();
+            let first = V::registers_mut(self.variables).as_mut_ptr();
             for register in 0..V::REGISTERS {
+                // SAFETY: a slot's registers stand one after the other, and all slots
+                // of a sequence are below the length that its caller asserts.
+                let at = |place: Place| unsafe { place.among::<V, _>(first).add(register) };
                 let place = |index: usize| index * V::REGISTERS + register;
                 let mut held = [V::Register::constant(0.0); C];
                 for (c, held) in held.iter_mut().enumerate() {
-                    *held = V::registers(constants)[place(c)];
+                    // SAFETY: there are `C` constants.
+                    *held = unsafe { *all_held.add(place(c)) };
                 }
-                let variables = &mut V::registers_mut(self.variables)[register..];
-                let first = variables.as_mut_ptr();
-                // SAFETY: as in `Evaluate`.
-                let at = |place: Place| unsafe { place.among::<V, V::Register>(first) };
                 let mut values = [Dual::from_base(V::Register::constant(0.0)); I];
                 for (i, (value, &input)) in values.iter_mut().zip(inputs).enumerate() {
-                    // SAFETY: as in `Evaluate`.
+                    // SAFETY: as above.
                     *value = Dual::input(unsafe { *at(input) }, i);
                 }
                 let results = E::evaluate::<Dual<V::Register, I>>(&held, values);
-                let partials = V::registers_mut(own);
                 let mut plain = [V::Register::constant(0.0); O];
                 for (o, result) in results.iter().enumerate() {
                     plain[o] = result.value;
                     for (i, &partial) in result.partials.iter().enumerate() {
-                        partials[place(o * I + i)] = partial.number();
+                        // Zeros and ones stand in no term (`Rows::list_terms`).
+                        if let Partial::Number(number) = partial {
+                            // SAFETY: `own` has `I · O` slots for every block.
+                            unsafe { *own.add(place(o * I + i)) = number };
+                        }
                     }
                 }
-                // SAFETY: as in `Evaluate`.
+                // SAFETY: as above.
                 unsafe { scatter(self.group, outputs, &plain, at) };
             }
+            // SAFETY: the group has as many slots as blocks.
+            own = unsafe { own.add(I * O * V::REGISTERS) };
         }
     }
 }
