@@ -1,12 +1,12 @@
 //! The solver beside CVODE and diffsol, in one run on one machine.
 //!
 //! `cargo run --release -p servotwin-bench -- [STRIDE] [DURATION_S] [PEER_STRIDE] [PEER_DURATION_S]`
-//! (defaults 1, 90, 7, 15): every `STRIDE`-th of the study's 820 faults under
+//! (defaults 1, 90, 3, 15): every `STRIDE`-th of the study's 820 faults under
 //! its second command at full load; the peers take every `PEER_STRIDE`-th, one
 //! after the other on one processor. Errors are the largest of any state over
 //! its scale at any sample (100 Hz), against the reference setting. A peer's
 //! tolerance is the loosest of a few that gives no larger error than ours on the
-//! same variants. Seconds are of the processor, so that other work on the
+//! same variants; those whose error is over 1e-2 are named and left out. Seconds are of the processor, so that other work on the
 //! machine disturbs little. Needs `cc` and `libsundials-dev`.
 
 mod cvode;
@@ -171,6 +171,37 @@ fn measure(setup: &Setup, faults: &[&FaultCase], duration_s: f64) -> (f64, Vec<f
     (seconds, errors, total)
 }
 
+/// The largest error over scale with which variants are compared.
+const COMPARABLE: f64 = 1e-2;
+
+/// The task for all solvers, its reference, and our largest error. Without the
+/// variants whose paths part (the undamped valve): no tolerance makes two solvers
+/// agree on them, so any would do.
+fn comparable<'a>(
+    setup: &Setup<'a>,
+    mut faults: Vec<&FaultCase>,
+    duration_s: f64,
+) -> (Task<'a>, Vec<Run>, f64) {
+    loop {
+        let task = setup.task(&faults, duration_s);
+        let (exact, _) = ours(&task, Settings::reference());
+        let (work, _) = ours(&task, Settings::campaign());
+        let errors = task.errors(&work.runs, &exact.runs);
+        let largest = largest(&errors);
+        if largest <= COMPARABLE {
+            return (task, exact.runs, largest);
+        }
+        let mut errors = errors.iter();
+        faults.retain(|fault| {
+            let error = *errors.next().expect("one for each");
+            if error > COMPARABLE {
+                println!("not compared: {} {}, error {error:.1e}", fault.id, fault.at.intensity);
+            }
+            error <= COMPARABLE
+        });
+    }
+}
+
 /// A peer at the loosest tolerance that is as exact as ours. Ours runs before and
 /// after each of its runs: a machine that others share changes its speed within
 /// minutes, and with it whatever was measured at another time.
@@ -237,7 +268,7 @@ fn report(
 
 fn main() {
     let (stride, duration_s) = (argument(1, 1.0) as usize, argument(2, 90.0));
-    let (peer_stride, peer_duration_s) = (argument(3, 7.0) as usize, argument(4, 15.0));
+    let (peer_stride, peer_duration_s) = (argument(3, 3.0) as usize, argument(4, 15.0));
     let study = Study::default();
     let case = study.cases.iter().find(|case| case.name == "S2/100").expect("a case of the study");
     let inputs = study.system.network().inputs.iter();
@@ -253,16 +284,13 @@ fn main() {
         Ensemble::new(&study.system.program).level.name(),
     );
     report(&many, duration_s, measure(&setup, &many, duration_s));
-    let task = setup.task(&few, peer_duration_s);
-    let (exact, _) = ours(&task, Settings::reference());
-    let (work, _) = ours(&task, Settings::campaign());
-    let wanted = largest(&task.errors(&work.runs, &exact.runs));
+    let (task, exact, wanted) = comparable(&setup, few, peer_duration_s);
     println!(
         "peers on {} variants of {peer_duration_s} s, where our largest error is {wanted:.1e}",
-        few.len(),
+        task.faults.len(),
     );
     let equations = cvode::Equations::compile(&study.system.program);
     let solve = |task: &Task, tolerance| equations.solve(task, tolerance);
-    peer("CVODE BDF", &task, &exact.runs, wanted, solve);
-    peer("diffsol BDF", &task, &exact.runs, wanted, diffsol_bdf::solve);
+    peer("CVODE BDF", &task, &exact, wanted, solve);
+    peer("diffsol BDF", &task, &exact, wanted, diffsol_bdf::solve);
 }
