@@ -20,13 +20,6 @@ use core::ops::Range;
 /// One term of an entry: `partial · source`.
 #[derive(Clone, Copy, Debug)]
 struct Term {
-    partial: u16,
-    source: u16,
-}
-
-/// The places of a term's factors.
-#[derive(Clone, Copy, Debug)]
-struct Product {
     partial: Place,
     source: Place,
 }
@@ -42,7 +35,7 @@ struct Entry {
 /// The terms of one entry while they are collected: (adding, subtracting).
 type Terms = (Vec<Term>, Vec<Term>);
 
-/// Patterns and places of all gradients.
+/// The places of all gradients, and how they are made.
 #[derive(Clone, Debug)]
 pub struct Rows {
     states: usize,
@@ -51,23 +44,28 @@ pub struct Rows {
     first_slope: usize,
     /// Where the blocks' partial derivatives begin, after the rows.
     first_partial: usize,
-    terms: Vec<Product>,
+    terms: Vec<Term>,
     entries: Vec<Entry>,
-    /// (row, column, slot) of the Jacobian's entries.
-    jacobian: Vec<(u16, u16, u16)>,
+    /// (row, column, place) of the Jacobian's entries.
+    jacobian: Vec<(u16, u16, Place)>,
     /// For each place in the factors the gradient that stands there in the
     /// Jacobian.
     in_plan: Vec<Place>,
-    /// (row, slot) of the time derivatives.
-    time: Vec<(u16, u16)>,
+    /// (row, place) of the time derivatives.
+    time: Vec<(u16, Place)>,
 }
 
-/// The slot that always holds one: the derivative of a state with respect to
-/// itself.
-const ONE: u16 = 0;
-/// The slot that is always zero: where the factors have an entry and the
+/// The place that always holds one: the derivative of a state with respect to
+/// itself, and every partial derivative that is one.
+const ONE: Place = Place::new(0);
+/// The place that is always zero: where the factors have an entry and the
 /// Jacobian has none.
-const ZERO: u16 = 1;
+const ZERO: Place = Place::new(1);
+
+/// The place of an index, of which there are not too many.
+fn place(index: usize) -> Place {
+    Place::new(u16::try_from(index).expect("at most 65,536 gradient entries"))
+}
 
 impl Rows {
     /// `needed` are the sums that some derivative depends on, derivatives included.
@@ -82,11 +80,10 @@ impl Rows {
         // The one and the zero, then the slopes of the inputs, then the rows.
         let first_slope = 2;
         let mut next = first_slope + externals;
-        let mut places: BTreeMap<(usize, usize), u16> = BTreeMap::new();
+        let mut places: BTreeMap<(usize, usize), Place> = BTreeMap::new();
         for (row, pattern) in &patterns {
             for &column in pattern {
-                let slot = u16::try_from(next).expect("at most 65,535 gradient entries");
-                places.insert((*row, column), slot);
+                places.insert((*row, column), place(next));
                 next += 1;
             }
         }
@@ -103,11 +100,11 @@ impl Rows {
         };
         let stands = rows.list_terms(sequence, externals, &patterns, &places);
         let first = sums.end - states;
-        for (&(row, column), slot) in places.range((first, 0)..) {
-            let slot = *stands.get(slot).unwrap_or(slot);
+        for (&(row, column), own) in places.range((first, 0)..) {
+            let place = *stands.get(own).unwrap_or(own);
             match column {
-                c if c == states => rows.time.push(((row - first) as u16, slot)),
-                c => rows.jacobian.push(((row - first) as u16, c as u16, slot)),
+                c if c == states => rows.time.push(((row - first) as u16, place)),
+                c => rows.jacobian.push(((row - first) as u16, c as u16, place)),
             }
         }
         rows
@@ -120,22 +117,16 @@ impl Rows {
         sequence: &Sequence,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
-        places: &BTreeMap<(usize, usize), u16>,
-    ) -> BTreeMap<u16, u16> {
-        let mut terms: BTreeMap<u16, Terms> = BTreeMap::new();
+        places: &BTreeMap<(usize, usize), Place>,
+    ) -> BTreeMap<Place, Place> {
+        let mut terms: BTreeMap<Place, Terms> = BTreeMap::new();
         // A row is complete after its last writer, which runs before all readers.
         let mut last_writer: BTreeMap<usize, usize> = BTreeMap::new();
-        let mut input_at = 0;
-        let mut output_at = 0;
-        for (index, block) in sequence.blocks.iter().enumerate() {
-            let inputs = &sequence.inputs[input_at..][..block.inputs.len()];
-            let outputs = &sequence.outputs[output_at..][..block.outputs.len()];
-            input_at += inputs.len();
-            output_at += outputs.len();
+        for (index, (block, inputs, outputs)) in sequence.wired().enumerate() {
             let mut dependence = block.kind.visit(Dependence).into_iter();
             for &Target { add: to, subtract: from, .. } in outputs {
                 for &input in inputs {
-                    let own = u16::try_from(self.slots).expect("at most 65,535 partials");
+                    let own = place(self.slots);
                     self.slots += 1;
                     let partial = match dependence.next().expect("one for each") {
                         Partial::Zero => continue,
@@ -156,13 +147,13 @@ impl Rows {
                 last_writer.insert(from.index(), index);
             }
         }
-        let mut order: Vec<(Option<&usize>, u16)> =
+        let mut order: Vec<(Option<&usize>, Place)> =
             (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
         order.sort_unstable();
         // Where an entry already stands that is one number and no sum.
         let mut stands = BTreeMap::new();
         for (_, target) in order {
-            let (mut add, mut subtract) = terms.remove(&target).unwrap_or_default();
+            let (mut add, mut subtract) = terms.remove(&target).expect("a pattern is of terms");
             for term in add.iter_mut().chain(&mut subtract) {
                 term.source = *stands.get(&term.source).unwrap_or(&term.source);
             }
@@ -171,11 +162,11 @@ impl Rows {
                 continue;
             }
             self.entries.push(Entry {
-                target: Place::new(target),
+                target,
                 add: add.len() as u16,
                 subtract: subtract.len() as u16,
             });
-            self.terms.extend(add.into_iter().chain(subtract).map(Term::product));
+            self.terms.extend(add.into_iter().chain(subtract));
         }
         stands
     }
@@ -186,13 +177,13 @@ impl Rows {
         input: Place,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
-        places: &BTreeMap<(usize, usize), u16>,
-    ) -> Vec<(usize, u16)> {
+        places: &BTreeMap<(usize, usize), Place>,
+    ) -> Vec<(usize, Place)> {
         let states = self.states;
         match input.index() {
             i if i < states => vec![(i, ONE)],
             i if i < states + externals => {
-                vec![(states, (self.first_slope + i - states) as u16)]
+                vec![(states, place(self.first_slope + i - states))]
             }
             i => (patterns.get(&i).into_iter().flatten())
                 .map(|&column| (column, places[&(i, column)]))
@@ -201,9 +192,9 @@ impl Rows {
     }
 
     pub(crate) fn with_plan(mut self, plan: &Plan) -> Self {
-        self.in_plan = vec![Place::new(ZERO); plan.slots()];
+        self.in_plan = vec![ZERO; plan.slots()];
         for &(i, j, gradient) in &self.jacobian {
-            self.in_plan[plan.slot(i, j) as usize] = Place::new(gradient);
+            self.in_plan[plan.slot(i, j) as usize] = gradient;
         }
         self
     }
@@ -229,7 +220,8 @@ impl Rows {
     }
 
     /// Where the partial derivatives of all blocks are put, block by block in
-    /// the order of evaluation, before [`Rows::chain`]: by output, then input.
+    /// the order of evaluation, before [`Rows::chain`]: by output, then input. The
+    /// places of those that are always zero or one stay as they are.
     #[inline(always)]
     pub(crate) fn partials<'g, V>(&self, gradients: &'g mut [V]) -> &'g mut [V] {
         &mut gradients[self.first_partial..self.slots]
@@ -239,7 +231,8 @@ impl Rows {
     #[inline(always)]
     pub(crate) fn chain<V: Lanes>(&self, gradients: &mut [V]) {
         assert!(gradients.len() >= self.slots);
-        gradients[ONE as usize] = V::constant(1.0);
+        gradients[ONE.index()] = V::constant(1.0);
+        gradients[ZERO.index()] = V::constant(0.0);
         let gradients = gradients.as_mut_ptr();
         let mut terms = self.terms.as_ptr();
         for entry in &self.entries {
@@ -257,7 +250,7 @@ impl Rows {
                     sum = sum - (*terms).value(gradients);
                     terms = terms.add(1);
                 }
-                *entry.target.among::<V, V>(gradients) = sum;
+                *entry.target.among(gradients) = sum;
             }
         }
     }
@@ -267,7 +260,8 @@ impl Rows {
         &'a self,
         gradients: &'a [V],
     ) -> impl Iterator<Item = (usize, usize, V)> + 'a {
-        self.jacobian.iter().map(|&(i, j, slot)| (i as usize, j as usize, gradients[slot as usize]))
+        let entries = self.jacobian.iter();
+        entries.map(|&(i, j, place)| (i as usize, j as usize, gradients[place.index()]))
     }
 
     /// Writes `diagonal · I − J` into the factors' place.
@@ -287,33 +281,26 @@ impl Rows {
     /// Adds `factor · ∂f/∂t` to a vector over the states.
     #[inline(always)]
     pub fn add_time_derivative<V: Lanes>(&self, factor: V, gradients: &[V], x: &mut [V]) {
-        for &(row, slot) in &self.time {
-            x[row as usize] = x[row as usize] + factor * gradients[slot as usize];
+        for &(row, place) in &self.time {
+            x[row as usize] = x[row as usize] + factor * gradients[place.index()];
         }
     }
 }
 
-impl Product {
+impl Term {
     /// # Safety
     /// There must be a number at both places.
     #[inline(always)]
     unsafe fn value<V: Lanes>(self, gradients: *mut V) -> V {
         // SAFETY: promised by the caller.
-        unsafe { *self.partial.among::<V, V>(gradients) * *self.source.among::<V, V>(gradients) }
+        unsafe { *self.partial.among(gradients) * *self.source.among(gradients) }
     }
 }
 
-impl Term {
-    fn product(self) -> Product {
-        Product { partial: Place::new(self.partial), source: Place::new(self.source) }
-    }
-}
-
-/// Where the sum of an entry's terms stands already: nothing is zero, and a number
-/// times one is that number.
-fn one_number(add: &[Term], subtract: &[Term]) -> Option<u16> {
+/// Where the sum of an entry's terms stands already: a number times one is that
+/// number.
+fn one_number(add: &[Term], subtract: &[Term]) -> Option<Place> {
     match (add, subtract) {
-        ([], []) => Some(ZERO),
         (&[Term { partial: ONE, source }], []) => Some(source),
         (&[Term { partial, source: ONE }], []) => Some(partial),
         _ => None,
@@ -330,13 +317,7 @@ fn patterns(
 ) -> BTreeMap<usize, BTreeSet<usize>> {
     let mut patterns: BTreeMap<usize, BTreeSet<usize>> =
         needed.iter().map(|&sum| (sum, BTreeSet::new())).collect();
-    let mut input_at = 0;
-    let mut output_at = 0;
-    for block in &sequence.blocks {
-        let inputs = &sequence.inputs[input_at..][..block.inputs.len()];
-        let outputs = &sequence.outputs[output_at..][..block.outputs.len()];
-        input_at += inputs.len();
-        output_at += outputs.len();
+    for (block, inputs, outputs) in sequence.wired() {
         let mut dependence = block.kind.visit(Dependence).into_iter();
         for &Target { add, subtract, .. } in outputs {
             let mut columns = BTreeSet::new();

@@ -2,7 +2,7 @@
 //!
 //! The order of elimination is found once per system by least Markowitz cost
 //! (the number of updates that a pivot causes) on the diagonal. The numeric
-//! work is then two flat lists of slots, the same for every lane. There is no
+//! work then follows flat lists, the same for every lane. There is no
 //! pivoting for size: the matrix `I/(γh) − J` of a dissipative system has a
 //! dominant diagonal for small steps, and the error control of the solver
 //! rejects a step that bad factors have spoilt.
@@ -40,7 +40,6 @@ pub struct Plan {
     size: usize,
     diagonal: Vec<u16>,
     positions: BTreeMap<(u16, u16), u16>,
-    order: Vec<u16>,
     pivots: Vec<Pivot>,
     /// Of every pivot and eliminated row the entry that becomes a factor.
     factors: Vec<Place>,
@@ -58,7 +57,7 @@ impl Plan {
     /// (row, column); the diagonal is always part of it.
     ///
     /// # Panics
-    /// Where the factors have more than 65,535 entries.
+    /// Where the factors have more than 65,536 entries.
     pub fn new(size: usize, entries: &[(u16, u16)]) -> Self {
         let mut rows: Vec<Vec<bool>> = vec![vec![false; size]; size];
         for &(i, j) in entries {
@@ -72,7 +71,6 @@ impl Plan {
             size,
             diagonal: vec![0; size],
             positions: BTreeMap::new(),
-            order,
             pivots: Vec::new(),
             factors: Vec::new(),
             targets: Vec::new(),
@@ -80,8 +78,12 @@ impl Plan {
             backward: Vec::new(),
             sources: Vec::new(),
         };
-        plan.list_solution(&rows);
-        plan.list_eliminations();
+        let mut rank = vec![0; size];
+        for (position, &index) in order.iter().enumerate() {
+            rank[index as usize] = position;
+        }
+        plan.list_solution(&rows, &order, &rank);
+        plan.list_eliminations(&order, &rank);
         plan
     }
 
@@ -108,10 +110,8 @@ impl Plan {
         self.positions[&(row, column)]
     }
 
-    fn list_solution(&mut self, rows: &[Vec<bool>]) {
-        let rank = self.ranks();
-        let order = self.order.clone();
-        for &target in &order {
+    fn list_solution(&mut self, rows: &[Vec<bool>], order: &[u16], rank: &[usize]) {
+        for &target in order {
             let unknown = self.unknown(target, rows, |s| rank[s] < rank[target as usize]);
             if unknown.products > 0 {
                 self.forward.push(unknown);
@@ -142,15 +142,14 @@ impl Plan {
 
     /// Gives an entry the next place.
     fn place(&mut self, row: u16, column: u16) -> u16 {
-        let place = u16::try_from(self.positions.len()).expect("at most 65,535 entries");
+        let place = u16::try_from(self.positions.len()).expect("at most 65,536 entries");
         self.positions.insert((row, column), place);
         place
     }
 
-    fn list_eliminations(&mut self) {
-        let rank = self.ranks();
+    fn list_eliminations(&mut self, order: &[u16], rank: &[usize]) {
         let size = self.size as u16;
-        for &pivot in &self.order {
+        for &pivot in order {
             let later = |&index: &u16| rank[index as usize] > rank[pivot as usize];
             let used = |&column: &u16| self.positions.contains_key(&(pivot, column));
             let columns: Vec<u16> = (0..size).filter(later).filter(used).collect();
@@ -170,14 +169,6 @@ impl Plan {
         }
     }
 
-    fn ranks(&self) -> Vec<u16> {
-        let mut rank = vec![0; self.size];
-        for (position, &index) in self.order.iter().enumerate() {
-            rank[index as usize] = position as u16;
-        }
-        rank
-    }
-
     /// Factors in place. Afterwards the diagonal holds reciprocal pivots.
     ///
     /// A zero pivot gives infinities or NaN in its own lane only.
@@ -191,17 +182,17 @@ impl Plan {
             // SAFETY: the plan lists a factor for every row of a pivot and a target for
             // every column of every row, and all places are below `slots`.
             unsafe {
-                let diagonal = pivot.diagonal.among::<V, V>(values);
+                let diagonal = pivot.diagonal.among(values);
                 let right = diagonal.sub(pivot.columns as usize);
                 let reciprocal = V::constant(1.0) / *diagonal;
                 *diagonal = reciprocal;
                 let last = factors.add(pivot.rows as usize);
                 while factors != last {
-                    let place = (*factors).among::<V, V>(values);
+                    let place = (*factors).among(values);
                     let factor = *place * reciprocal;
                     *place = factor;
                     for column in 0..pivot.columns as usize {
-                        let target = (*targets).among::<V, V>(values);
+                        let target = (*targets).among(values);
                         *target = *target - factor * *right.add(column);
                         targets = targets.add(1);
                     }
@@ -223,11 +214,11 @@ impl Plan {
         unsafe {
             for unknown in &self.forward {
                 let sum = substitute(*unknown, &mut sources, &mut values, x);
-                *unknown.target.among::<V, V>(x) = sum;
+                *unknown.target.among(x) = sum;
             }
             for unknown in &self.backward {
                 let sum = substitute(*unknown, &mut sources, &mut values, x);
-                *unknown.target.among::<V, V>(x) = sum * *values;
+                *unknown.target.among(x) = sum * *values;
                 values = values.add(1);
             }
         }
@@ -247,10 +238,10 @@ unsafe fn substitute<V: Lanes>(
 ) -> V {
     // SAFETY: promised by the caller.
     unsafe {
-        let mut sum = *unknown.target.among::<V, V>(x);
+        let mut sum = *unknown.target.among(x);
         let end = values.add(unknown.products as usize);
         while *values != end {
-            sum = sum - **values * *(**sources).among::<V, V>(x);
+            sum = sum - **values * *(**sources).among(x);
             *values = values.add(1);
             *sources = sources.add(1);
         }

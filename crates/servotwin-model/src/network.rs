@@ -151,6 +151,10 @@ impl Network {
     ///
     /// # Errors
     /// Every mistake that was found.
+    ///
+    /// # Panics
+    /// Where an external input targets something else than a signal input, or a
+    /// component does not wire what it declares.
     pub fn compile(&self) -> Result<Program, Vec<Mistake>> {
         let mut joints = Joints::new(self);
         let mut mistakes = Vec::new();

@@ -5,13 +5,13 @@
 //! so a place holds eight times the index.
 
 /// A place in an array of lanes of any width, or of single numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Place(u32);
 
 impl Place {
     /// The place of an index.
-    pub fn new(index: impl Into<u32>) -> Self {
-        Self(index.into() * 8)
+    pub const fn new(index: u16) -> Self {
+        Self(index as u32 * 8)
     }
 
     /// The index.
@@ -19,18 +19,23 @@ impl Place {
         (self.0 / 8) as usize
     }
 
-    /// The same place in an array whose elements are as far apart as `T` is long.
+    /// The element in this place of an array that begins at `first`.
     ///
     /// # Safety
     /// The array must have the place.
     #[inline(always)]
-    pub unsafe fn among<T, E>(self, first: *mut E) -> *mut E {
-        const { assert!(size_of::<T>().is_multiple_of(8)) };
+    pub unsafe fn among<T>(self, first: *mut T) -> *mut T {
         // SAFETY: promised by the caller.
-        unsafe { first.byte_add(self.0 as usize * (size_of::<T>() / 8)) }
+        unsafe {
+            if size_of::<T>().is_multiple_of(8) {
+                first.byte_add(self.0 as usize * (size_of::<T>() / 8))
+            } else {
+                first.add(self.index())
+            }
+        }
     }
 
-    /// The element in this place.
+    /// What stands in this place.
     ///
     /// # Safety
     /// The array must have the place.
@@ -38,6 +43,6 @@ impl Place {
     pub unsafe fn read<T: Copy>(self, array: &[T]) -> T {
         debug_assert!(self.index() < array.len());
         // SAFETY: promised by the caller.
-        unsafe { *self.among::<T, T>(array.as_ptr().cast_mut()) }
+        unsafe { *self.among(array.as_ptr().cast_mut()) }
     }
 }

@@ -210,7 +210,7 @@ impl Program {
         gradients: &mut [V],
     ) {
         assert!(variables.len() >= self.memory() && constants.len() >= self.motion.constants);
-        let mut partials = &mut *self.rows.partials(gradients);
+        let mut partials = self.rows.partials(gradients);
         for group in &self.motion.groups {
             group.kind.visit(Differentiate {
                 group,
@@ -370,6 +370,17 @@ impl Sequence {
         }
     }
 
+    /// The blocks with the places of their inputs and outputs.
+    pub fn wired(&self) -> impl Iterator<Item = (&Block, &[Place], &[Target])> {
+        let (mut inputs, mut outputs) = (self.inputs.as_slice(), self.outputs.as_slice());
+        self.blocks.iter().map(move |block| {
+            let (own_inputs, later_inputs) = inputs.split_at(block.inputs.len());
+            let (own_outputs, later_outputs) = outputs.split_at(block.outputs.len());
+            (inputs, outputs) = (later_inputs, later_outputs);
+            (block, own_inputs, own_outputs)
+        })
+    }
+
     fn push(
         &mut self,
         block: Block,
@@ -377,9 +388,12 @@ impl Sequence {
         written: &mut [bool],
         constants: &mut usize,
     ) {
+        let (inputs, outputs, held) = block.kind.visit(Dimensions);
+        // What `lists` relies on, with the place of every variable below.
+        assert_eq!((block.inputs.len(), block.outputs.len()), (inputs, outputs));
         let subtracts = block.subtracts();
-        let joins = |g: &Group| (g.kind, g.subtracts) == (block.kind, subtracts);
-        let new_group = !self.groups.last().is_some_and(joins);
+        let fits = |g: &Group| (g.kind, g.subtracts) == (block.kind, subtracts);
+        let new_group = !self.groups.last().is_some_and(fits);
         if new_group {
             self.groups.push(Group {
                 kind: block.kind,
@@ -393,9 +407,13 @@ impl Sequence {
         }
         let group = self.groups.last_mut().expect("just pushed");
         group.count += 1;
-        *constants += block.kind.visit(Dimensions).2;
-        self.inputs.extend(block.inputs.iter().map(|v| Place::new(slot_of[v.0 as usize])));
+        *constants += held;
         let (bin, zero) = ((self.memory - 2) as Slot, (self.memory - 1) as Slot);
+        for input in &block.inputs {
+            let slot = slot_of[input.0 as usize];
+            assert!(slot < bin, "a component has left a port unset, or an input targets no signal");
+            self.inputs.push(Place::new(slot));
+        }
         let mut place = |sum: Option<crate::wiring::Sum>| {
             let Some(sum) = sum else { return (bin, zero) };
             let slot = slot_of[sum.0 as usize];
@@ -456,8 +474,8 @@ struct Evaluate<'a, V> {
 /// The lists of a group: what each of its blocks reads, writes and holds.
 ///
 /// # Safety
-/// The group must be one of the sequence's, and there must be as many constants as
-/// [`Sequence::run`] asserts.
+/// The group must be one of the sequence's, `I`, `O` and `C` those of its kind, and
+/// there must be as many constants as [`Sequence::run`] asserts.
 #[inline(always)]
 unsafe fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
     group: &Group,
@@ -507,7 +525,7 @@ impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
             let results = E::evaluate::<V>(constants, values);
             let first = v.as_mut_ptr();
             // SAFETY: as above.
-            let at = |place: Place| unsafe { place.among::<V, V>(first) };
+            let at = |place: Place| unsafe { place.among(first) };
             // SAFETY: as above.
             unsafe { scatter(self.group, outputs, &results, at) };
         }
@@ -545,7 +563,7 @@ struct Differentiate<'a, 'g, V> {
     sequence: &'a Sequence,
     constants: &'a [V],
     variables: &'a mut [V],
-    /// Places for the partial derivatives of this block and all later ones.
+    /// Places for the partial derivatives of this group and all later ones.
     partials: &'a mut &'g mut [V],
 }
 
@@ -563,12 +581,14 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
         // SAFETY: `Program::evaluate_with_jacobian` asserts the constants.
         let blocks = unsafe { lists::<V, I, O, C>(self.group, self.sequence, self.constants) };
         for (inputs, outputs, constants) in blocks {
-            let all_held = V::registers(constants).as_ptr();
-            let first = V::registers_mut(self.variables).as_mut_ptr();
+            let all_held = constants.as_ptr().cast::<V::Register>();
+            let first = self.variables.as_mut_ptr();
             for register in 0..V::REGISTERS {
                 // SAFETY: a slot's registers stand one after the other, and all slots
                 // of a sequence are below the length that its caller asserts.
-                let at = |place: Place| unsafe { place.among::<V, _>(first).add(register) };
+                let at = |place: Place| unsafe {
+                    place.among(first).cast::<V::Register>().add(register)
+                };
                 let place = |index: usize| index * V::REGISTERS + register;
                 let mut held = [V::Register::constant(0.0); C];
                 for (c, held) in held.iter_mut().enumerate() {
@@ -585,7 +605,7 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
                 for (o, result) in results.iter().enumerate() {
                     plain[o] = result.value;
                     for (i, &partial) in result.partials.iter().enumerate() {
-                        // Zeros and ones stand in no term (`Rows::list_terms`).
+                        // No term reads the place of a zero or a one (`Rows::list_terms`).
                         if let Partial::Number(number) = partial {
                             // SAFETY: `own` has `I · O` slots for every block.
                             unsafe { *own.add(place(o * I + i)) = number };
@@ -595,7 +615,7 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
                 // SAFETY: as above.
                 unsafe { scatter(self.group, outputs, &plain, at) };
             }
-            // SAFETY: the group has as many slots as blocks.
+            // SAFETY: as above.
             own = unsafe { own.add(I * O * V::REGISTERS) };
         }
     }

@@ -151,19 +151,6 @@ pub unsafe trait Lanes: Primitive {
         // SAFETY: promised by the implementation.
         unsafe { slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * Self::WIDTH) }
     }
-    /// The registers of a slice, in order.
-    #[inline(always)]
-    fn registers(lanes: &[Self]) -> &[Self::Register] {
-        // SAFETY: promised by the implementation.
-        unsafe { slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * Self::REGISTERS) }
-    }
-    /// As [`Lanes::registers`], to be written.
-    #[inline(always)]
-    fn registers_mut(lanes: &mut [Self]) -> &mut [Self::Register] {
-        let length = lanes.len() * Self::REGISTERS;
-        // SAFETY: promised by the implementation.
-        unsafe { slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), length) }
-    }
     /// Does the work in a function of its own, compiled for the instruction
     /// set. All other lane code is inlined into its caller, because only so it
     /// is compiled for the instruction set; this is for what is called from

@@ -13,11 +13,11 @@ mod portable;
 mod single;
 
 use crate::scalar::Lanes;
-pub use pair::Pair;
 pub use portable::Portable;
 
+// Not public: their values must exist only where the processor can run them.
 #[cfg(target_arch = "x86_64")]
-pub use {avx2::Avx2, avx512::Avx512};
+use {avx2::Avx2, avx512::Avx512, pair::Pair};
 
 /// An instruction set that lanes can be made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

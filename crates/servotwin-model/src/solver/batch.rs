@@ -29,7 +29,7 @@ pub struct Batch<'p, V> {
 }
 
 /// The largest number of lanes of any level.
-pub(super) const MOST_LANES: usize = 16;
+pub(super) const MOST_LANES: usize = 8;
 /// The largest number of stages of any method.
 const MOST_STAGES: usize = 8;
 
@@ -99,8 +99,8 @@ impl<'p, V: Lanes> Batch<'p, V> {
         self.moving.push((external, coefficients));
     }
 
-    /// Loads the states into the variable array, and the inputs at `offset`
-    /// after the beginning of the step.
+    /// Loads the inputs at `offset` after the beginning of the step into the
+    /// variable array.
     #[inline(always)]
     fn load_inputs(&mut self, offset: V) {
         let first = self.program.externals().start;
@@ -116,7 +116,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         self.variables[..n].copy_from_slice(&self.y);
         self.load_inputs(V::constant(0.0));
         let rows = self.program.rows();
-        for external in self.program.externals().enumerate().map(|(index, _)| index) {
+        for external in 0..self.program.externals().len() {
             self.gradients[rows.slope(external)] = V::constant(0.0);
         }
         for &(external, [_, slope, _, _]) in &self.moving {
