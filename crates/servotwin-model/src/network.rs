@@ -100,7 +100,8 @@ pub enum Mistake {
         /// The one that does not fit.
         second: PortOf,
     },
-    /// A signal of one unit is connected to an input of another.
+    /// A signal of one unit is connected to an input of another, or an input of the
+    /// system to what reads no signal.
     MixedUnits {
         /// The source; `None` for an input of the system.
         from: Option<PortOf>,
@@ -153,8 +154,7 @@ impl Network {
     /// Every mistake that was found.
     ///
     /// # Panics
-    /// Where an external input targets something else than a signal input, or a
-    /// component does not wire what it declares.
+    /// Where a component does not wire what it declares.
     pub fn compile(&self) -> Result<Program, Vec<Mistake>> {
         let mut joints = Joints::new(self);
         let mut mistakes = Vec::new();
@@ -369,6 +369,10 @@ impl Joints {
         }
         for (index, input) in network.inputs.iter().enumerate() {
             for &target in &input.targets {
+                if !matches!(network.kind(target), PortKind::SignalIn { .. }) {
+                    mistakes.push(Mistake::MixedUnits { from: None, to: target });
+                    continue;
+                }
                 let number = self.number(target);
                 self.used[number] = true;
                 let joint = root(&self.parents, number);

@@ -411,7 +411,7 @@ impl Sequence {
         let (bin, zero) = ((self.memory - 2) as Slot, (self.memory - 1) as Slot);
         for input in &block.inputs {
             let slot = slot_of[input.0 as usize];
-            assert!(slot < bin, "a component has left a port unset, or an input targets no signal");
+            assert!(slot < bin, "a component has left a port unset");
             self.inputs.push(Place::new(slot));
         }
         let mut place = |sum: Option<crate::wiring::Sum>| {

@@ -252,6 +252,13 @@ fn an_input_in_the_wrong_unit_is_named() {
 }
 
 #[test]
+fn an_input_that_targets_no_signal_is_named() {
+    let draft = between("orifice", 1.0).input("opening", Unit::Metre, "part.a");
+    let to = draft.port("part.a");
+    assert_eq!(draft.mistakes(), [Mistake::MixedUnits { from: None, to }]);
+}
+
+#[test]
 fn an_algebraic_loop_is_named() {
     let draft = between("orifice", 1.0)
         .with("one", "gain")
