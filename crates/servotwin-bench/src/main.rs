@@ -264,8 +264,6 @@ fn report(
     for &place in order.iter().take(over.clamp(3, 60)) {
         println!("  {:.1e} {} {}", errors[place], faults[place].id, faults[place].at.intensity);
     }
-    let campaign = seconds / count / duration_s * 4920.0 * 90.0;
-    println!("  so 4,920 x 90 s take {campaign:.0} s of the processor (extrapolated)");
 }
 
 fn main() {
