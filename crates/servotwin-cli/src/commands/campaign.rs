@@ -91,8 +91,10 @@ pub fn campaign<'s>(
 pub fn simulate(campaign: &Campaign, global: Global) -> Result<Outcome, Failure> {
     let bar = bar(campaign.setting, global);
     let (_, outcome) = campaign.run(|done, all| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
+        bar.update(|state| {
+            state.set_len(all as u64);
+            state.set_pos(done as u64);
+        });
     })?;
     bar.finish_and_clear();
     if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
@@ -103,9 +105,9 @@ fn bar(setting: Setting, global: Global) -> ProgressBar {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} variants, {eta} left");
-    let bar = ProgressBar::new(0).with_style(style.expect("a correct template"));
-    bar.set_message(format!("simulating, {}:", setting.name()));
-    bar
+    ProgressBar::no_length()
+        .with_style(style.expect("a correct template"))
+        .with_message(format!("simulating, {}:", setting.name()))
 }
 
 /// What a campaign has done, for people.
