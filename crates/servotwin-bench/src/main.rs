@@ -163,16 +163,29 @@ impl<'a> Setup<'a> {
 /// Variants whose samples are in memory at once, where all are measured.
 const AT_ONCE: usize = 41;
 
+/// Ours on the variants of a task, against the reference.
+struct Judged {
+    exact: Vec<Run>,
+    errors: Vec<f64>,
+    seconds: f64,
+    statistics: Statistics,
+}
+
+fn judge(task: &Task) -> Judged {
+    let (exact, _) = ours(task, Settings::reference());
+    let (work, statistics) = ours(task, Settings::campaign());
+    let errors = task.errors(&work.runs, &exact.runs);
+    Judged { exact: exact.runs, errors, seconds: work.seconds, statistics }
+}
+
 /// Ours on many variants: seconds, errors, statistics.
 fn measure(setup: &Setup, faults: &[&FaultCase], duration_s: f64) -> (f64, Vec<f64>, Statistics) {
     let (mut seconds, mut errors, mut total) = (0.0, Vec::new(), Statistics::default());
     for some in faults.chunks(AT_ONCE) {
-        let task = setup.task(some, duration_s);
-        let (exact, _) = ours(&task, Settings::reference());
-        let (work, statistics) = ours(&task, Settings::campaign());
-        seconds += work.seconds;
-        errors.extend(task.errors(&work.runs, &exact.runs));
-        total += statistics;
+        let judged = judge(&setup.task(some, duration_s));
+        seconds += judged.seconds;
+        errors.extend(judged.errors);
+        total += judged.statistics;
     }
     (seconds, errors, total)
 }
@@ -181,7 +194,7 @@ fn measure(setup: &Setup, faults: &[&FaultCase], duration_s: f64) -> (f64, Vec<f
 const COMPARABLE: f64 = 1e-2;
 
 /// The task for all solvers, its reference, and our largest error. Without the
-/// variants whose paths part (the undamped valve): no tolerance makes two solvers
+/// variants whose paths part (the ringing valve): no tolerance makes two solvers
 /// agree on them, so any would do.
 fn comparable<'a>(
     setup: &Setup<'a>,
@@ -189,19 +202,21 @@ fn comparable<'a>(
     duration_s: f64,
 ) -> (Task<'a>, Vec<Run>, f64) {
     let mut task = setup.task(faults, duration_s);
-    let (exact, _) = ours(&task, Settings::reference());
-    let (work, _) = ours(&task, Settings::campaign());
-    let errors = task.errors(&work.runs, &exact.runs);
+    let Judged { mut exact, mut errors, .. } = judge(&task);
     for (fault, error) in faults.iter().zip(&errors).filter(|(_, error)| **error > COMPARABLE) {
         println!("not compared: {} {}, error {error:.1e}", fault.id, fault.at.intensity);
     }
-    let kept = |index: &usize| errors[*index] <= COMPARABLE;
-    let kept: Vec<usize> = (0..faults.len()).filter(kept).collect();
-    task.faults = kept.iter().map(|&index| task.faults[index]).collect();
-    task.starts = kept.iter().map(|&index| task.starts[index].clone()).collect();
-    let exact = kept.iter().map(|&index| exact.runs[index].clone()).collect();
-    let largest = kept.iter().fold(0.0, |largest: f64, &index| largest.max(errors[index]));
-    (task, exact, largest)
+    let keep: Vec<bool> = errors.iter().map(|&error| error <= COMPARABLE).collect();
+    retain(&mut task.faults, &keep);
+    retain(&mut task.starts, &keep);
+    retain(&mut exact, &keep);
+    retain(&mut errors, &keep);
+    (task, exact, largest(&errors))
+}
+
+fn retain<T>(list: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    list.retain(|_| *keep.next().expect("one for each"));
 }
 
 /// A peer at the loosest tolerance that is as exact as ours. Ours runs before and

@@ -273,8 +273,8 @@ impl Rows {
             // SAFETY: all places of gradients are below `slots`.
             *value = zero - unsafe { gradient.read(gradients) };
         }
-        for &place in plan.diagonals() {
-            values[place as usize] = diagonal + values[place as usize];
+        for place in plan.diagonals() {
+            values[place.index()] = diagonal + values[place.index()];
         }
     }
 

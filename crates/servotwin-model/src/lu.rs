@@ -38,7 +38,6 @@ struct Unknown {
 #[derive(Clone, Debug)]
 pub struct Plan {
     size: usize,
-    diagonal: Vec<u16>,
     positions: BTreeMap<(u16, u16), u16>,
     pivots: Vec<Pivot>,
     /// Of every pivot and eliminated row the entry that becomes a factor.
@@ -69,7 +68,6 @@ impl Plan {
         let order = eliminate(&mut rows);
         let mut plan = Self {
             size,
-            diagonal: vec![0; size],
             positions: BTreeMap::new(),
             pivots: Vec::new(),
             factors: Vec::new(),
@@ -97,9 +95,10 @@ impl Plan {
         self.targets.len()
     }
 
-    /// Where the diagonal entries are stored, row by row.
-    pub fn diagonals(&self) -> &[u16] {
-        &self.diagonal
+    /// Where the diagonal entries are stored.
+    #[inline(always)]
+    pub(crate) fn diagonals(&self) -> impl Iterator<Item = Place> {
+        self.pivots.iter().map(|pivot| pivot.diagonal)
     }
 
     /// Where an entry is stored.
@@ -120,7 +119,7 @@ impl Plan {
         for &target in order.iter().rev() {
             let unknown = self.unknown(target, rows, |s| rank[s] > rank[target as usize]);
             self.backward.push(unknown);
-            self.diagonal[target as usize] = self.place(target, target);
+            self.place(target, target);
         }
     }
 
@@ -141,10 +140,9 @@ impl Plan {
     }
 
     /// Gives an entry the next place.
-    fn place(&mut self, row: u16, column: u16) -> u16 {
+    fn place(&mut self, row: u16, column: u16) {
         let place = u16::try_from(self.positions.len()).expect("at most 65,536 entries");
         self.positions.insert((row, column), place);
-        place
     }
 
     fn list_eliminations(&mut self, order: &[u16], rank: &[usize]) {
@@ -162,7 +160,7 @@ impl Plan {
                 }
             }
             self.pivots.push(Pivot {
-                diagonal: Place::new(self.diagonal[pivot as usize]),
+                diagonal: Place::new(self.positions[&(pivot, pivot)]),
                 columns: columns.len() as u16,
                 rows: (self.factors.len() - before) as u16,
             });

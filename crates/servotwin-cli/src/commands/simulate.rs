@@ -1,5 +1,6 @@
 //! `servotwin simulate`: one run of a system, healthy or with faults.
 
+use super::progress::is_shown;
 use super::{SystemOption, default_inputs};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number, shown, with_suffix};
@@ -19,7 +20,6 @@ use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{self, Control, Method, Settings, Statistics};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
-use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -535,7 +535,7 @@ impl Sink for Recorder {
 
 /// A bar on a terminal, nothing elsewhere.
 fn progress(samples: usize, global: Global) -> ProgressBar {
-    if global.quiet || !stderr().is_terminal() {
+    if !is_shown(global) {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left");

@@ -798,4 +798,8 @@ fn the_work_of_a_run_is_what_it_was() {
         [statistics.steps, statistics.rejected, statistics.jacobians, statistics.evaluations]
     };
     assert_eq!(work(Settings::campaign()), [392, 18, 411, 2055]);
+    // Of one Jacobian: entries, products of the chain rule; of its factors: entries, updates.
+    let (rows, plan) = (program().rows(), program().plan());
+    let sizes = [rows.entries().len(), rows.products(), plan.slots(), plan.updates()];
+    assert_eq!(sizes, [144, 285, 190, 139]);
 }
