@@ -242,6 +242,72 @@ pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
+/// 95 % interval of a share `Σ count / Σ of` whose rows come in clusters that are not independent:
+/// whole clusters are drawn again with replacement, `resamples` times, and the interval holds the
+/// middle 95 % of the shares (percentile bootstrap). Row `i` belongs to `clusters[i]`, brings
+/// `count[i]` successes of `of[i]` trials. The same numbers and seed give the same bits; the order of
+/// the rows does not matter where sums are exact.
+///
+/// Clusters without trials are left out, for they say nothing. Where every trial succeeded or none
+/// did, drawing again cannot show what was never seen: the interval is then Wilson's, with a trial per
+/// cluster, as it would be if the rows of a cluster stood or fell together. So it is the whole range
+/// without clusters, and wide for a single one.
+///
+/// Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13; drawing
+/// clusters: Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8.
+///
+/// # Panics
+/// Unless `clusters`, `count` and `of` have one length.
+pub fn cluster_bootstrap(
+    clusters: &[u32],
+    count: &[f64],
+    of: &[f64],
+    resamples: usize,
+    seed: u64,
+) -> (f64, f64) {
+    assert!(clusters.len() == count.len() && count.len() == of.len(), "one entry per row");
+    let sums = cluster_sums(clusters, count, of);
+    let (successes, trials) =
+        sums.iter().fold((0.0, 0.0), |(count, of), cluster| (count + cluster.0, of + cluster.1));
+    let number = sums.len() as u64;
+    if successes <= 0.0 || successes >= trials {
+        return wilson_interval(if successes <= 0.0 { 0 } else { number }, number, NORMAL_95);
+    }
+    if number == 1 || resamples == 0 {
+        return (0.0, 1.0);
+    }
+    let mut random = Random::new(seed);
+    let mut resampled = || {
+        let drawn = sums.iter().map(|_| sums[random.index(sums.len())]);
+        let (count, of) = drawn.fold((0.0, 0.0), |(c, o), (count, of)| (c + count, o + of));
+        count / of
+    };
+    let mut shares: Vec<f64> = (0..resamples).map(|_| resampled()).collect();
+    shares.sort_by(f64::total_cmp);
+    (quantile(&shares, 0.025), quantile(&shares, 0.975))
+}
+
+/// Standard deviations of a normal distribution that hold 95 % of it.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// The sums of every cluster that has trials, in ascending order of the clusters.
+fn cluster_sums(clusters: &[u32], count: &[f64], of: &[f64]) -> Vec<(f64, f64)> {
+    let mut sums = alloc::collections::BTreeMap::new();
+    for ((&cluster, &count), &of) in clusters.iter().zip(count).zip(of) {
+        let sum: &mut (f64, f64) = sums.entry(cluster).or_default();
+        *sum = (sum.0 + count, sum.1 + of);
+    }
+    sums.into_values().filter(|(_, of)| *of > 0.0).collect()
+}
+
+/// A quantile of ascending values, between two of them linearly.
+fn quantile(ascending: &[f64], share: f64) -> f64 {
+    let place = share * (ascending.len() - 1) as f64;
+    let below = place as usize;
+    let above = (below + 1).min(ascending.len() - 1);
+    ascending[below] + (place - below as f64) * (ascending[above] - ascending[below])
+}
+
 /// Trains on each split's training rows and counts the predictions of its test rows, one table
 /// per split.
 ///
@@ -267,7 +333,7 @@ mod tests {
     #[test]
     fn wilson_of_known_values() {
         // Newcombe 1998, table I: 81 of 263, 15 of 148 and 0 of 20 at 95 %.
-        let z = 1.959_963_984_540_054;
+        let z = NORMAL_95;
         for (successes, trials, low, high) in
             [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)]
         {
@@ -287,5 +353,88 @@ mod tests {
         assert_eq!(table.precision(2), None);
         assert_eq!(table.balanced_accuracy(), Some((2.0 / 3.0 + 1.0) / 2.0));
         assert_eq!(Confusion::new(2).accuracy(), None);
+    }
+
+    /// Rows in clusters of `size`, a share `share` of which succeed; `together` makes all rows of a
+    /// cluster agree.
+    fn clustered(number: u32, size: u32, share: f64, together: bool) -> (Vec<u32>, Vec<f64>) {
+        let mut random = Random::new(5);
+        let mut rows = (vec![], vec![]);
+        for cluster in 0..number {
+            let common = random.unit();
+            for _ in 0..size {
+                let own = random.unit();
+                rows.0.push(cluster);
+                rows.1.push(f64::from((if together { common } else { own }) < share));
+            }
+        }
+        rows
+    }
+
+    #[test]
+    fn rows_that_agree_within_clusters_count_once() {
+        // 100 clusters of 25 rows: independent rows make an interval of 2500 trials, rows that
+        // stand and fall together one of 100 trials, five times as wide.
+        for (together, trials) in [(false, 2500), (true, 100)] {
+            let (clusters, count) = clustered(100, 25, 0.8, together);
+            let of = vec![1.0; count.len()];
+            let share = count.iter().sum::<f64>() / count.len() as f64;
+            let (low, high) = cluster_bootstrap(&clusters, &count, &of, 4000, 1);
+            let successes = libm::round(share * trials as f64) as u64;
+            let expected = wilson_interval(successes, trials, NORMAL_95);
+            let ratio = (high - low) / (expected.1 - expected.0);
+            assert!((0.8..1.25).contains(&ratio), "together {together}: {ratio}");
+            assert!(low < share && share < high);
+        }
+    }
+
+    #[test]
+    fn the_interval_holds_the_truth_about_as_often_as_it_says() {
+        // 400 experiments of 60 clusters of unequal size whose own shares scatter around 0.7.
+        let mut held = 0;
+        for experiment in 0..400 {
+            let mut random = Random::stream(9, experiment);
+            let (mut clusters, mut count, mut of) = (vec![], vec![], vec![]);
+            for cluster in 0..60 {
+                let share = random.between(0.4, 1.0);
+                for _ in 0..5 + random.index(10) {
+                    clusters.push(cluster);
+                    count.push(f64::from(random.unit() < share));
+                    of.push(1.0);
+                }
+            }
+            let (low, high) = cluster_bootstrap(&clusters, &count, &of, 300, experiment);
+            held += u32::from(low <= 0.7 && 0.7 <= high);
+        }
+        assert!((360..=395).contains(&held), "{held} of 400");
+    }
+
+    #[test]
+    fn what_was_never_seen_is_not_excluded() {
+        let clusters = [3, 3, 8, 8, 1, 1, 7];
+        let of = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0];
+        assert_eq!(
+            cluster_bootstrap(&clusters, &[0.0; 7], &of, 100, 0),
+            wilson_interval(0, 3, NORMAL_95)
+        );
+        assert_eq!(
+            cluster_bootstrap(&clusters, &of, &of, 100, 0),
+            wilson_interval(3, 3, NORMAL_95)
+        );
+        assert_eq!(cluster_bootstrap(&[], &[], &[], 100, 0), (0.0, 1.0));
+        assert_eq!(cluster_bootstrap(&[4, 4], &[1.0, 0.0], &[1.0, 1.0], 100, 0), (0.0, 1.0));
+    }
+
+    #[test]
+    fn the_order_of_rows_does_not_matter_but_the_seed_does() {
+        let (clusters, mut count) = clustered(20, 3, 0.6, true);
+        // Shares that hardly ever coincide.
+        (0..count.len()).for_each(|row| count[row] *= 1.0 - row as f64 / 256.0);
+        let of = vec![1.0; count.len()];
+        let there = cluster_bootstrap(&clusters, &count, &of, 500, 2);
+        let reversed = |list: &[f64]| list.iter().rev().copied().collect::<Vec<f64>>();
+        let back: Vec<u32> = clusters.iter().rev().copied().collect();
+        assert_eq!(cluster_bootstrap(&back, &reversed(&count), &of, 500, 2), there);
+        assert_ne!(cluster_bootstrap(&clusters, &count, &of, 500, 3), there);
     }
 }
