@@ -17,6 +17,9 @@
 //!   sensors stand where those of actuator 0 stand; the nine trees are then five.
 //!
 //! Without pooling, a stage of actuator `k` reads its columns in view 0.
+//!
+//! **Healthy.** Where examples without a fault are given, A may answer that there is none; nothing
+//! is asked after that. So an alarm that a tolerance raised need not become a fault.
 
 use alloc::format;
 use alloc::string::String;
@@ -25,13 +28,16 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::classifiers::cart::Resolution;
-use crate::classifiers::{self, Classifier, Fit, Model};
+use crate::classifiers::{self, Classifier, Fit, Model, Scores};
 use crate::data::Samples;
 use crate::error::{Error, same_length};
 use crate::tree::Criterion;
 
 /// The word that a stored hierarchy begins with.
-pub const FORMAT: &str = "servotwin hierarchy 1";
+pub const FORMAT: &str = "servotwin hierarchy 2";
+
+/// The answer of A that there is no fault.
+pub const HEALTHY: &str = "healthy";
 
 /// What a stage decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -104,11 +110,11 @@ pub struct Names {
 /// What is wrong with a row: places in [`Names`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Label {
-    /// The actuator.
+    /// The actuator; the number of actuators where nothing is wrong ([`Names::healthy`]).
     pub actuator: u32,
-    /// The command.
+    /// The command; means nothing where nothing is wrong.
     pub command: u32,
-    /// The detail.
+    /// The detail; likewise.
     pub detail: u32,
 }
 
@@ -213,6 +219,25 @@ impl Examples {
         })
     }
 
+    /// Some of the rows, in the order given.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn select_rows(&self, rows: &[usize]) -> Self {
+        let of_view = |view: &Vec<f64>| {
+            let columns = view.chunks_exact(self.labels.len().max(1));
+            columns.flat_map(|column| rows.iter().map(|&row| column[row])).collect()
+        };
+        let labels: Vec<Label> = rows.iter().map(|&row| self.labels[row]).collect();
+        Examples {
+            names: self.names.clone(),
+            read: self.read.clone(),
+            views: self.views.iter().map(of_view).collect(),
+            details: details_of_commands(&self.names, &labels),
+            labels,
+        }
+    }
+
     /// The same examples with other columns for the stages of each actuator.
     ///
     /// # Errors
@@ -225,7 +250,11 @@ impl Examples {
     /// The classes a stage chooses from: places in the names that its question is about.
     pub fn classes(&self, place: &Place) -> Vec<u32> {
         match place.question {
-            Question::Actuator => (0..self.names.actuators.len() as u32).collect(),
+            Question::Actuator => {
+                let healthy = self.names.healthy();
+                let known = self.labels.iter().any(|label| label.actuator == healthy);
+                (0..healthy + u32::from(known)).collect()
+            }
             Question::Command => (0..self.names.commands.len() as u32).collect(),
             Question::Detail => self.details[place.command.unwrap_or(0) as usize].clone(),
         }
@@ -287,7 +316,9 @@ impl Examples {
         let mut asked = Vec::new();
         for &row in rows {
             let label = self.labels[row];
-            if !place.is_asked(label.actuator, label.command) {
+            let is_healthy = label.actuator == self.names.healthy();
+            let asks_on = place.question != Question::Actuator;
+            if (is_healthy && asks_on) || !place.is_asked(label.actuator, label.command) {
                 continue;
             }
             if place.question == Question::Actuator {
@@ -315,8 +346,9 @@ impl Examples {
             if pooled { vec![None] } else { (0..actuators).map(Some).collect() };
         let place = |question, actuator, command| Place { question, actuator, command };
         let mut places = Vec::new();
-        if actuators > 1 {
-            places.push(place(Question::Actuator, None, None));
+        let first = place(Question::Actuator, None, None);
+        if self.classes(&first).len() > 1 {
+            places.push(first);
         }
         places.extend(owners.iter().map(|&k| place(Question::Command, k, None)));
         for command in 0..commands {
@@ -327,11 +359,19 @@ impl Examples {
 }
 
 impl Names {
+    /// The actuator of a label that says that nothing is wrong, and the class of A for it.
+    pub fn healthy(&self) -> u32 {
+        self.actuators.len() as u32
+    }
+
     /// The name of a class of a question.
     ///
     /// # Panics
     /// If there is no such class.
     pub fn class_name(&self, question: Question, class: u32) -> &str {
+        if question == Question::Actuator && class == self.healthy() {
+            return HEALTHY;
+        }
         let names = match question {
             Question::Actuator => &self.actuators,
             Question::Command => &self.commands,
@@ -352,7 +392,7 @@ fn seen_from(view: u32, actuator: u32) -> u32 {
 
 fn check_labels(names: &Names, labels: &[Label]) -> Result<(), Error> {
     let sizes = [&names.actuators, &names.commands, &names.details].map(Vec::len);
-    for (row, label) in labels.iter().enumerate() {
+    for (row, label) in labels.iter().enumerate().filter(|(_, l)| l.actuator != names.healthy()) {
         let parts = [label.actuator, label.command, label.detail];
         for (&label, &classes) in parts.iter().zip(&sizes) {
             if label as usize >= classes {
@@ -367,7 +407,7 @@ fn details_of_commands(names: &Names, labels: &[Label]) -> Vec<Vec<u32>> {
     let of_command = |command| {
         let mut details: Vec<u32> = labels
             .iter()
-            .filter(|label| label.command == command)
+            .filter(|label| label.command == command && label.actuator != names.healthy())
             .map(|label| label.detail)
             .collect();
         details.sort_unstable();
@@ -484,6 +524,7 @@ impl Settings {
             columns: columns.into_iter().map(|column| column as u32).collect(),
             classes: examples.classes(place),
             model,
+            temperature: 1.0,
         }))
     }
 }
@@ -502,20 +543,43 @@ pub struct Stage {
     pub classes: Vec<u32>,
     /// The classifier.
     pub model: Model,
+    /// What calibrates its probabilities ([`crate::calibration`]); 1 leaves them as they are.
+    pub temperature: f64,
+}
+
+/// What a stage answers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Answer {
+    /// The class, a place in the names that the question is about.
+    pub class: u32,
+    /// Its probability, as far as the classifier knows it.
+    pub probability: f64,
 }
 
 impl Stage {
-    /// The class decided for a row of all features. Does not allocate.
+    /// The class decided for a row of all features, with its probability. Does not allocate.
     ///
     /// # Panics
     /// If the row is shorter than the features.
-    pub fn decide(&self, row: &[f64], scratch: &mut Scratch) -> u32 {
+    pub fn answer(&self, row: &[f64], scratch: &mut Scratch) -> Answer {
         for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
             *slot = row[column as usize];
         }
+        let own = &scratch.row[..self.columns.len()];
         let scores = &mut scratch.scores[..self.classes.len()];
-        let class = self.model.predict_with(&scratch.row[..self.columns.len()], scores);
-        self.classes[class as usize]
+        let class = self.model.predict_with(own, scores) as usize;
+        self.model.scores_into(own, scores);
+        Answer { class: self.classes[class], probability: self.probability(scores, class) }
+    }
+
+    /// The calibrated probability of a class: shares to the power 1/T, normalised. Margins are no
+    /// shares, and give no probability.
+    fn probability(&self, scores: &[f64], class: usize) -> f64 {
+        if self.model.scores() != Scores::Shares {
+            return 1.0;
+        }
+        let power = |share: &f64| libm::pow(share.max(0.0), 1.0 / self.temperature);
+        power(&scores[class]) / scores.iter().map(power).sum::<f64>()
     }
 
     /// The nodes from the root to the leaf of a row of all features; empty unless the model is a
@@ -537,14 +601,25 @@ pub struct Scratch {
 }
 
 /// What a hierarchy says about a row: places in [`Names`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Diagnosis {
-    /// The actuator.
-    pub actuator: u32,
-    /// The command; `None` if no stage was ever trained for this actuator.
+    /// The actuator; `None` where nothing is wrong.
+    pub actuator: Option<u32>,
+    /// The command; `None` without an actuator, or if no stage was ever trained for it.
     pub command: Option<u32>,
     /// The detail; `None` likewise.
     pub detail: Option<u32>,
+    /// The probability that actuator and command are right: the product of the stages'.
+    pub confidence: f64,
+    /// The probability of the detail, given the command; 1 without one.
+    pub detail_confidence: f64,
+}
+
+impl Diagnosis {
+    /// What the flight control computer acts on.
+    pub fn action(&self) -> (Option<u32>, Option<u32>) {
+        (self.actuator, self.command)
+    }
 }
 
 /// A trained hierarchy; stored as JSON with the names that its numbers stand for.
@@ -598,12 +673,30 @@ impl Hierarchy {
         }
         let mut ask = |question, actuator, command| {
             let stage = self.stage(question, actuator, command)?;
-            Some(stage.decide(views[stage.place.view(actuator)], scratch))
+            Some(stage.answer(views[stage.place.view(actuator)], scratch))
         };
-        let actuator = ask(Question::Actuator, 0, 0).unwrap_or(0);
-        let command = ask(Question::Command, actuator, 0);
-        let detail = command.and_then(|command| ask(Question::Detail, actuator, command));
-        Ok(Diagnosis { actuator, command, detail })
+        let sure = Answer { class: 0, probability: 1.0 };
+        let first = ask(Question::Actuator, 0, 0).unwrap_or(sure);
+        let mut said = Diagnosis {
+            actuator: None,
+            command: None,
+            detail: None,
+            confidence: first.probability,
+            detail_confidence: 1.0,
+        };
+        if first.class == self.names.healthy() {
+            return Ok(said);
+        }
+        said.actuator = Some(first.class);
+        if let Some(command) = ask(Question::Command, first.class, 0) {
+            said.command = Some(command.class);
+            said.confidence *= command.probability;
+            if let Some(detail) = ask(Question::Detail, first.class, command.class) {
+                said.detail = Some(detail.class);
+                said.detail_confidence = detail.probability;
+            }
+        }
+        Ok(said)
     }
 
     /// The stages that a diagnosis went through, each with the nodes from its root to the leaf.
@@ -613,12 +706,14 @@ impl Hierarchy {
     pub fn explain(&self, views: &[&[f64]]) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
         let diagnosis = self.diagnose(views, &mut self.scratch())?;
         let Diagnosis { actuator, command, .. } = diagnosis;
+        let below = |question, command| self.stage(question, actuator?, command);
         let asked = [
-            self.stage(Question::Actuator, actuator, 0),
-            self.stage(Question::Command, actuator, 0),
-            command.and_then(|command| self.stage(Question::Detail, actuator, command)),
+            self.stage(Question::Actuator, 0, 0),
+            below(Question::Command, 0),
+            command.and_then(|command| below(Question::Detail, command)),
         ];
-        let with_path = |stage: &'_ Stage| stage.path(views[stage.place.view(actuator)]);
+        let view = |stage: &Stage| views[stage.place.view(actuator.unwrap_or(0))];
+        let with_path = |stage: &'_ Stage| stage.path(view(stage));
         let asked = asked.into_iter().flatten();
         Ok(asked.map(|stage| (stage, with_path(stage))).collect())
     }
@@ -646,8 +741,11 @@ impl Hierarchy {
                 Question::Command => &self.names.commands,
                 Question::Detail => &self.names.details,
             };
-            let known = stage.classes.iter().all(|&class| (class as usize) < names.len());
+            // A has one class more: healthy.
+            let count = names.len() + usize::from(stage.place.question == Question::Actuator);
+            let known = stage.classes.iter().all(|&class| (class as usize) < count);
             holds(known, "a stage decides a class that is not there")?;
+            holds(stage.temperature > 0.0, "a stage's temperature is not above zero")?;
         }
         Ok(())
     }

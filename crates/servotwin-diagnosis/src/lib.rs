@@ -18,6 +18,7 @@ pub mod evaluation;
 pub mod features;
 pub mod hierarchy;
 mod numeric;
+pub mod panel;
 pub mod random;
 pub mod residual;
 pub mod tree;

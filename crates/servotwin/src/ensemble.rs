@@ -44,6 +44,8 @@ pub struct Variant<'a> {
     pub inputs: Vec<&'a Piecewise>,
     /// First guess of the states; `None` for the declared one.
     pub guess: Option<&'a [f64]>,
+    /// Length of the run, s; `None` for the ensemble's.
+    pub duration_s: Option<f64>,
 }
 
 /// What takes the samples of one variant.
@@ -154,7 +156,7 @@ impl<'p> Ensemble<'p> {
             inputs: variant.inputs.clone(),
             start,
             settle: true,
-            duration_s: self.duration_s,
+            duration_s: variant.duration_s.unwrap_or(self.duration_s),
             sample_period_s: self.sample_period_s,
         };
         if explicit {

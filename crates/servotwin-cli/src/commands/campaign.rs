@@ -8,8 +8,8 @@ use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use servotwin::job::{Folder, manifest};
-use servotwin::study::campaign::{Campaign, Outcome};
-use servotwin::study::{Setting, Study};
+use servotwin::study::campaign::{Campaign, CampaignError, Outcome};
+use servotwin::study::{Role, Setting, Study};
 use servotwin_model::solver::Settings;
 use std::time::Instant;
 
@@ -21,15 +21,16 @@ use std::time::Instant;
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// Only perfect sensors and a plant that is the twin (ideal), or only noise,
-    /// quantisation and tolerances (realistic) [default: both].
-    #[arg(long, value_parser = ["ideal", "realistic"])]
+    /// Only perfect sensors and a plant that is the twin (ideal), only sensors with noise and
+    /// quantisation (noise), or only these and specimens with tolerances (realistic)
+    /// [default: all].
+    #[arg(long, value_parser = ["ideal", "noise", "realistic"])]
     setting: Option<String>,
     /// Write the time series of every variant, too (gigabytes).
     #[arg(long)]
     keep_traces: bool,
-    /// Simulate also the variants that are mirror images of others (ideal
-    /// setting, two units alike), whose rows are otherwise reflected.
+    /// Simulate also the variants that are mirror images of others (two units alike, no
+    /// tolerances), which are otherwise shown by the simulations of those.
     #[arg(long)]
     all: bool,
 }
@@ -38,26 +39,28 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
     stop::listen();
-    let wanted = |setting: &Setting| {
-        let named = options.setting.as_deref().is_none_or(|name| name == setting.name());
-        named
-            && (*setting == Setting::Ideal || study.realism.is_some() || options.setting.is_some())
-    };
+    let named =
+        |setting: Setting| options.setting.as_deref().is_none_or(|name| name == setting.name());
+    let groups = Setting::groups(&study, named);
+    if groups.is_empty() {
+        // A setting was named that the study does not have: the campaign says so.
+        return Err(CampaignError::NoRealism.into());
+    }
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let mut text = String::new();
     let mut results = Vec::new();
-    for setting in Setting::ALL.into_iter().filter(wanted) {
+    for (role, settings) in runs(&study, groups) {
         let begin = Instant::now();
         let campaign = Campaign {
             keep_traces: options.keep_traces,
             simulate_images: options.all,
-            ..campaign(&study, setting, &folder, options.study.threads)
+            ..campaign(&study, role, settings, &folder, options.study.threads)
         };
         let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
-        text.push_str(&describe(&study, setting, &outcome, seconds));
-        results.push(to_json(setting, &outcome));
+        text.push_str(&describe(&campaign, &outcome, seconds));
+        results.push(to_json(&campaign, &outcome));
     }
     manifest::write(&folder, &study)?;
     Ok(match global {
@@ -67,18 +70,30 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
+/// The campaigns of a study: its training commands and its judged cases for each group of settings.
+pub fn runs(study: &Study, groups: Vec<Vec<Setting>>) -> Vec<(Role, Vec<Setting>)> {
+    let roles = study.roles();
+    let of = |settings: Vec<Setting>| {
+        let pair = |&role: &Role| (role, settings.clone());
+        roles.iter().map(pair).collect::<Vec<_>>()
+    };
+    groups.into_iter().flat_map(of).collect()
+}
+
 /// A campaign that Ctrl-C stops.
 pub fn campaign<'s>(
     study: &'s Study,
-    setting: Setting,
+    role: Role,
+    settings: Vec<Setting>,
     folder: &Folder,
     threads: Option<usize>,
 ) -> Campaign<'s> {
     let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
     Campaign {
         study,
-        setting,
-        settings: Settings::campaign(),
+        role,
+        settings,
+        solver: Settings::campaign(),
         threads: threads.unwrap_or(processors).max(1),
         folder: folder.path().into(),
         keep_traces: false,
@@ -89,8 +104,8 @@ pub fn campaign<'s>(
 
 /// Runs a campaign, with its progress on a terminal.
 pub fn simulate(campaign: &Campaign, global: Global) -> Result<Outcome, Failure> {
-    let bar = bar(campaign.setting, global);
-    let (_, outcome) = campaign.run(|done, all| {
+    let bar = bar(&named(campaign), global);
+    let outcome = campaign.run(|done, all| {
         bar.update(|state| {
             state.set_len(all as u64);
             state.set_pos(done as u64);
@@ -100,49 +115,63 @@ pub fn simulate(campaign: &Campaign, global: Global) -> Result<Outcome, Failure>
     if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
 }
 
-fn bar(setting: Setting, global: Global) -> ProgressBar {
+fn bar(name: &str, global: Global) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} variants, {eta} left");
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} rows, {eta} left");
     ProgressBar::no_length()
         .with_style(style.expect("a correct template"))
-        .with_message(format!("simulating, {}:", setting.name()))
+        .with_message(format!("simulating, {name}:"))
+}
+
+/// The settings of a campaign and what it is for, in words.
+fn named(campaign: &Campaign) -> String {
+    let names: Vec<&str> = campaign.settings.iter().map(|setting| setting.name()).collect();
+    let role = match campaign.role {
+        Role::Judged => "",
+        Role::Training => ", training commands",
+    };
+    format!("{}{role}", names.join(" and "))
 }
 
 /// What a campaign has done, for people.
-pub fn describe(study: &Study, setting: Setting, outcome: &Outcome, seconds: f64) -> String {
+pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
-        "{}, {}: {} variants of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
-        study.name,
-        setting.name(),
+        "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
+        campaign.study.name,
+        named(campaign),
         outcome.variants,
-        study.duration_s,
+        campaign.duration_s(),
         outcome.failed.len()
     );
     if outcome.images > 0 {
         text.push_str(&format!(
-            "  {} of them are mirror images of simulated ones (--all simulates them)\n",
+            "  {} variants are shown by simulations of others (--all simulates them)\n",
             outcome.images
         ));
     }
-    for (variant, reason) in &outcome.failed {
-        text.push_str(&format!("  variant {variant}: {reason}\n"));
+    for (setting, variant, reason) in &outcome.failed {
+        text.push_str(&format!("  {} variant {variant}: {reason}\n", setting.name()));
     }
     text
 }
 
-fn to_json(setting: Setting, outcome: &Outcome) -> serde_json::Value {
+fn to_json(campaign: &Campaign, outcome: &Outcome) -> serde_json::Value {
     let failed = outcome.failed.iter();
+    let failed = failed
+        .map(|(s, v, r)| json!({"setting": s.name(), "variant": v, "reason": r}))
+        .collect::<Vec<_>>();
     json!({
-        "setting": setting.name(),
+        "settings": campaign.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
+        "training": campaign.role == Role::Training,
         "variants": outcome.variants,
         "resumed": outcome.resumed,
         "images": outcome.images,
         "steps": outcome.statistics.steps,
         "rejected": outcome.statistics.rejected,
         "jacobians": outcome.statistics.jacobians,
-        "failed": failed.map(|(v, r)| json!({"variant": v, "reason": r})).collect::<Vec<_>>(),
+        "failed": failed,
     })
 }

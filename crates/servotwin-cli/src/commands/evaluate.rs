@@ -55,6 +55,11 @@ fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
+/// So many threads, which Ctrl-C stops.
+pub fn workers(threads: Option<usize>) -> Workers<'static> {
+    threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag())
+}
+
 /// Evaluates every data set of a folder, with the progress on a terminal.
 pub fn measure(
     folder: &Folder,
@@ -62,7 +67,7 @@ pub fn measure(
     threads: Option<usize>,
     global: Global,
 ) -> Result<Results, Failure> {
-    let workers = threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag());
+    let workers = workers(threads);
     let stages = Stages::new(global);
     let results = job::evaluate_all(folder, study, workers, &|what, share| {
         stages.show(what, share);

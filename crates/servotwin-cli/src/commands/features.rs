@@ -1,7 +1,6 @@
 //! `servotwin features`: the features of a campaign computed anew, or those of windows of any
 //! measured and nominal signals.
 
-use super::campaign::campaign;
 use crate::Global;
 use crate::failure::Failure;
 use serde_json::json;
@@ -9,6 +8,7 @@ use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceStudy;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::Setting;
+use servotwin::study::campaign::Campaign;
 use servotwin::{files, table};
 use std::path::{Path, PathBuf};
 
@@ -45,13 +45,19 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
     let study = folder.read_study()?;
     let mut list = vec![];
-    for setting in Setting::ALL.into_iter().filter(|&setting| folder.data_set(setting).exists()) {
-        let campaign = campaign(&study, setting, folder, None);
-        let (table, _) = campaign.features()?;
-        if csv {
-            table::write(folder.data_set(setting).with_extension("csv"), &table)?;
+    for setting in Setting::ALL {
+        for role in study.roles() {
+            let path = folder.data_set(setting, role);
+            if !path.exists() {
+                continue;
+            }
+            Campaign::stored(folder.path(), &study, setting, role).features()?;
+            let table = table::read(&path)?;
+            if csv {
+                table::write(path.with_extension("csv"), &table)?;
+            }
+            list.push((path, table.row_count(), table.columns().len()));
         }
-        list.push((folder.data_set(setting), table.row_count(), table.columns().len()));
     }
     manifest::write(folder, &study)?;
     let line = |(path, rows, columns): &(PathBuf, usize, usize)| {

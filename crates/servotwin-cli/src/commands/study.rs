@@ -1,8 +1,8 @@
 //! `servotwin study`: the main job, from nothing to a report.
 
 use super::StudyOptions;
-use super::campaign::{campaign, describe, simulate};
-use super::evaluate::measure;
+use super::campaign::{campaign, describe, runs, simulate};
+use super::evaluate::{measure, workers};
 use super::progress::Notes;
 use super::summary;
 use crate::failure::Failure;
@@ -31,16 +31,20 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let notes = Notes::new(global);
-    for setting in settings(&study) {
+    for (role, settings) in runs(&study, Setting::groups(&study, |_| true)) {
         let begin = Instant::now();
-        let outcome = simulate(&campaign(&study, setting, &folder, options.study.threads), global)?;
+        let campaign = campaign(&study, role, settings, &folder, options.study.threads);
+        let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
-        notes.write(describe(&study, setting, &outcome, seconds).trim_end());
+        notes.write(describe(&campaign, &outcome, seconds).trim_end());
     }
+    let training = Instant::now();
+    let workers = workers(options.study.threads);
     for subject in job::subjects(&folder, &study)? {
         stop::check()?;
-        job::train(&folder, &study, subject)?;
+        job::train(&folder, &study, subject, workers)?;
     }
+    notes.write(&format!("trained in {:.1} s", training.elapsed().as_secs_f64()));
     let evaluating = Instant::now();
     let results = measure(&folder, &study, options.study.threads, global)?;
     notes.write(&format!("evaluated in {:.1} s", evaluating.elapsed().as_secs_f64()));
@@ -57,10 +61,4 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => format!("{}\n{path}, after {seconds:.0} s\n", summary::text(&results)),
     })
-}
-
-/// The settings that a study has.
-fn settings(study: &Study) -> impl Iterator<Item = Setting> {
-    let realistic = study.realism.is_some();
-    Setting::ALL.into_iter().filter(move |setting| *setting == Setting::Ideal || realistic)
 }

@@ -1,7 +1,8 @@
 //! `servotwin train`: the hierarchies of a campaign, or a classifier from any table of features.
 
 use super::TableOptions;
-use crate::Global;
+use super::evaluate::workers;
+use crate::{Global, stop};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use clap::ValueEnum;
@@ -91,13 +92,19 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
+    stop::listen();
     let study = folder.read_study()?;
     let (mut text, mut results) = (String::new(), vec![]);
     for subject in job::subjects(folder, &study)? {
-        let hierarchy = job::train(folder, &study, subject)?;
-        let path = folder.hierarchy(subject);
-        let stages: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
-        text += &format!("{}: {} trees: {}\n", path.display(), stages.len(), stages.join(" "));
+        let trained = job::train(folder, &study, subject, workers(None))?;
+        let path = folder.panel(subject);
+        let stages: Vec<&str> = trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();
+        text += &format!(
+            "{}: {} trees and a committee: {}\n",
+            path.display(),
+            stages.len(),
+            stages.join(" ")
+        );
         results.push(json!({ "subject": subject, "stages": stages }));
     }
     manifest::write(folder, &study)?;

@@ -66,6 +66,9 @@ pub struct Sensor {
     pub quantity: Quantity,
     /// Which of several like units it belongs to, from 0.
     pub unit: usize,
+    /// Standard deviation that noise and quantisation give a sample, in parts of scale; zero
+    /// where it is not known.
+    pub noise: f64,
 }
 
 /// The sensors of a system, in the order of the window.
@@ -154,6 +157,15 @@ pub static ALL: &[&dyn Family] = &[
 /// The family of a name.
 pub fn find(name: &str) -> Option<&'static dyn Family> {
     ALL.iter().copied().find(|f| f.name() == name)
+}
+
+/// The values of all features of a window, in the order of [`ALL`].
+pub fn values(sensors: &Sensors, window: &Window) -> Vec<f64> {
+    let mut values = Vec::new();
+    for family in ALL {
+        family.compute(sensors, window, &mut values);
+    }
+    values
 }
 
 /// Means and deviations below this part of scale are not told apart: the solver

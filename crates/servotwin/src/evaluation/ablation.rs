@@ -1,8 +1,9 @@
-//! Which features and which tricks carry the result: the grouped protocol with parts taken away.
+//! Which features and which tricks carry the result: a new command (or, without training commands,
+//! faults unseen at their intensity) with parts taken away.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel::Workers;
+use super::parallel::{self, Workers};
 use super::protocol::{Holding, Protocol, summary};
 use super::run::{Scope, run};
 use super::score::Rate;
@@ -51,12 +52,21 @@ pub fn evaluate(
     holding: Holding,
     workers: Workers,
 ) -> Result<Vec<Ablation>, EvaluationError> {
-    let splits = Protocol::Grouped.splits(data, Holding { deals: 1, ..holding })?;
+    let protocol = if data.has_training() { Protocol::NewCommand } else { Protocol::Grouped };
+    let splits = protocol.splits(data, holding)?;
     if splits.is_empty() {
         return Ok(vec![]);
     }
     let list = variations(&data.families(), settings);
-    list.iter().map(|variation| one(data, variation, &splits, workers)).collect()
+    // One split is one training: the variations share the threads then.
+    match splits.len() {
+        1 => parallel::map(&list, workers, |variation| {
+            one(data, variation, protocol, &splits, Workers::new(1))
+        })?
+        .into_iter()
+        .collect(),
+        _ => list.iter().map(|v| one(data, v, protocol, &splits, workers)).collect(),
+    }
 }
 
 fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
@@ -113,6 +123,7 @@ fn limit(settings: &mut Settings, depth: usize) {
 fn one(
     data: &DataSet,
     variation: &Variation,
+    protocol: Protocol,
     splits: &[Split],
     workers: Workers,
 ) -> Result<Ablation, EvaluationError> {
@@ -121,7 +132,7 @@ fn one(
         data = data.all_sensors_below()?;
     }
     let outcomes = run(&data, &variation.settings, splits, Scope::All, workers)?;
-    let result = summary(Protocol::Grouped, &data, &outcomes, "");
+    let result = summary(protocol, &data, &outcomes, "");
     let share = |rate: &Rate| rate.share.unwrap_or(0.0);
     let worst = result.components.iter().max_by(|a, b| {
         // Of equally bad ones the first in the alphabet.

@@ -3,9 +3,9 @@
 use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::parallel::{self, Workers};
-use super::protocol::{Holding, Protocol};
+use super::protocol::{Holding, Protocol, trial};
 use super::run::settled;
-use super::score::{Prediction, Score};
+use super::score::{Prediction, Score, Trial};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Kind};
 use servotwin_diagnosis::evaluation::Split;
@@ -132,14 +132,13 @@ fn test(
     let (Some((train, _)), Some((test, rows))) = (train, test) else {
         return Ok(vec![]);
     };
-    let mut settings = job.settings.clone();
-    if let classifiers::Settings::Cart(cart) = &mut settings {
-        cart.resolutions.clone_from(&hierarchy.resolutions);
-        cart.resolutions.retain(|limit| train.feature_names().contains(&limit.feature));
-    }
-    let model = settings.fit(&train)?;
+    let model = job.settings.fit(&train)?;
     debug_assert_eq!(model.features(), test.features());
     let predicted = model.predict(&test)?;
     let truth = test.labels().iter();
-    Ok(rows.iter().zip(truth).zip(predicted).map(|((&r, &t), p)| (r, t, Some(p))).collect())
+    let prediction = |((&row, &truth), said): ((&usize, &u32), u32)| {
+        let Trial { cluster, kind, .. } = trial(data, row, false);
+        Prediction { cluster, kind, truth, said: Some(said) }
+    };
+    Ok(rows.iter().zip(truth).zip(predicted).map(prediction).collect())
 }

@@ -1,20 +1,19 @@
-//! A campaign's data set as an evaluation sees it: features in every view, labels, groups.
+//! The data sets of a setting as an evaluation sees them: features in every view, labels, groups.
 //!
-//! Columns: `case`, `fault`, `kind`, `intensity`, `actuator`, `command`, `detail`, `detectable`,
+//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `actuator`,
+//! `command`, `detail`, `detectable`, `reflected`, `largest:<sensor>`,
 //! `f:<feature>` and, where the system has like actuators, `m:<feature>`, the same feature with the
 //! two actuators exchanged. Rows whose `kind` is `healthy` have no fault; rows with a text in
 //! `failure` were not simulated to the end, and are counted and left out.
+//!
+//! The rows on which a diagnosis is judged come first, then those from which it learns.
 
 use super::error::EvaluationError;
-use crate::study::Study;
-use crate::study::campaign::data_features;
+use crate::study::campaign::{data_features, largest_column};
+use crate::study::{Role, Study};
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::cart::Resolution;
-use servotwin_diagnosis::hierarchy::{Examples, Label, Names};
-
-/// The word for rows without a fault.
-pub const HEALTHY: &str = "healthy";
+use servotwin_diagnosis::hierarchy::{Examples, HEALTHY, Label, Names};
 
 /// Commands by urgency; others follow in the order of the alphabet.
 const URGENCY: [&str; 3] = ["shut_down", "change_mode", "warning"];
@@ -28,8 +27,8 @@ pub struct FeatureInfo {
     pub family: String,
     /// The actuators it looks at, from 0.
     pub units: Vec<usize>,
-    /// See [`servotwin_diagnosis::features::Feature::resolution`].
-    pub resolution: f64,
+    /// Its unit.
+    pub unit: String,
 }
 
 impl FeatureInfo {
@@ -40,7 +39,7 @@ impl FeatureInfo {
             name: f.feature.name,
             family: f.family.into(),
             units: f.feature.units,
-            resolution: f.feature.resolution,
+            unit: f.feature.unit.into(),
         };
         features.map(info).collect()
     }
@@ -49,122 +48,203 @@ impl FeatureInfo {
 /// What is known of a row besides its features and its label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
+    /// Whether the diagnosis is judged on it or learns from it.
+    pub role: Role,
+    /// Its number in its data set.
+    pub variant: usize,
     /// Place in [`DataSet::cases`].
     pub case: u32,
+    /// Place in [`DataSet::flown`].
+    pub flown: u32,
     /// Place in [`DataSet::faults`].
     pub fault: u32,
     /// Place in [`DataSet::kinds`].
     pub kind: u32,
     /// Place in [`DataSet::intensities`].
     pub intensity: u32,
+    /// Whether it has no fault.
+    pub is_healthy: bool,
+    /// Whether it shows the signals of another row with the actuators exchanged.
+    pub reflected: bool,
+    /// The largest size that each residual had, in parts of scale, in the order of
+    /// [`DataSet::sensors`]; empty where the data set does not say.
+    pub largest: Vec<f64>,
     /// Whether a residual left the band.
     pub detectable: bool,
 }
 
-/// A data set ready to be learnt from.
+/// Data sets ready to be learnt from.
 #[derive(Debug, Clone)]
 pub struct DataSet {
     /// The features.
     pub features: Vec<FeatureInfo>,
-    /// The rows with a fault.
+    /// All rows.
     pub examples: Examples,
     /// The same rows.
     pub rows: Vec<Row>,
-    /// Operating cases, sorted.
+    /// The sensors whose largest residuals are known.
+    pub sensors: Vec<String>,
+    /// Operating cases, in the order of their first rows.
     pub cases: Vec<String>,
+    /// Commands flown, likewise.
+    pub flown: Vec<String>,
     /// Faults with their actuator, sorted.
     pub faults: Vec<String>,
     /// Faults without it, sorted.
     pub kinds: Vec<String>,
     /// Intensities, ascending.
     pub intensities: Vec<f64>,
-    /// Rows without a fault, if there are any; their labels mean nothing.
-    pub healthy: Option<Examples>,
-    /// Which of them left the band nevertheless.
-    pub alarms: Vec<bool>,
     /// Rows that were not simulated to the end.
     pub failed: usize,
-    /// Features that have one value in all rows with a fault.
+    /// Features that have one value in all rows.
     pub constant: Vec<String>,
 }
 
+/// One row of a table: which table, and which row.
+#[derive(Clone, Copy)]
+struct Origin<'t> {
+    role: Role,
+    table: &'t Table,
+    row: usize,
+}
+
 impl DataSet {
-    /// Reads a data set's table. `units` are the actuators in the order in which the features count
-    /// them; without, they are sorted by name.
+    /// Reads the tables of one setting. `units` are the actuators in the order in which the features
+    /// count them; without, they are sorted by name.
     ///
     /// # Errors
     /// A column is missing or of another kind, a feature is NaN or infinite, or there is no fault.
     pub fn new(
-        table: &Table,
+        tables: &[(Role, Table)],
         features: Vec<FeatureInfo>,
         units: &[String],
     ) -> Result<Self, EvaluationError> {
         if features.is_empty() {
             return Err(EvaluationError::NoFeatures);
         }
-        let done = rows_that_ran(table)?;
-        let failed = table.row_count() - done.len();
-        let kinds = table.text("kind")?;
-        let (healthy, faulty): (Vec<usize>, Vec<usize>) =
-            done.into_iter().partition(|&row| kinds[row] == HEALTHY);
-        if faulty.is_empty() {
+        let (mut origins, mut all) = (vec![], 0);
+        for (role, table) in tables {
+            let done = rows_that_ran(table)?;
+            all += table.row_count();
+            origins.extend(done.into_iter().map(|row| Origin { role: *role, table, row }));
+        }
+        let origins = origins.as_slice();
+        let column = |name: &str| texts(origins, name);
+        let kinds = column("kind")?;
+        if kinds.iter().all(|kind| kind == HEALTHY) {
             return Err(EvaluationError::NoFaults);
         }
-        let names = names(table, &features, units, &faulty)?;
-        let mirrored = names.actuators.len() == 2 && has_mirror(table, &features);
-        let make = |rows: &[usize], labels| -> Result<Examples, EvaluationError> {
-            let prefixes: &[&str] = if mirrored { &["f:", "m:"] } else { &["f:"] };
-            let views = prefixes.iter().map(|prefix| values(table, prefix, &features, rows));
-            let views = views.collect::<Result<_, _>>()?;
-            let read = own_columns(&features, &names);
-            Ok(Examples::new(names.clone(), read, views, labels)?)
+        let names = names(origins, &features, units)?;
+        let has_mirror = tables.iter().all(|(_, table)| has_mirror(table, &features));
+        let prefixes: &[&str] =
+            if names.actuators.len() == 2 && has_mirror { &["f:", "m:"] } else { &["f:"] };
+        let views = prefixes.iter().map(|prefix| values(origins, prefix, &features));
+        let views: Vec<Vec<f64>> = views.collect::<Result<_, _>>()?;
+        let constant = constant_features(&views[0], &features, origins.len());
+        let read = own_columns(&features, &names);
+        let labels = labels(origins, &names)?;
+        let examples = Examples::new(names, read, views, labels)?;
+        let sensors = known_sensors(tables);
+        let (cases, case) = in_order(&column("case")?);
+        let (flown, command) = match tables.iter().all(|(_, t)| t.names().any(|n| n == "flown")) {
+            true => in_order(&column("flown")?),
+            false => (cases.clone(), case.clone()),
         };
-        let examples = make(&faulty, labels(table, &names, &faulty)?)?;
-        let none = Label { actuator: 0, command: 0, detail: 0 };
-        let healthy_examples = match healthy.is_empty() {
-            true => None,
-            false => Some(make(&healthy, vec![none; healthy.len()])?),
-        };
-        let detectable = table.bool("detectable")?;
-        let text = |name: &str| -> Result<(Vec<String>, Vec<u32>), EvaluationError> {
-            Ok(coded(table.text(name)?, &faulty))
-        };
-        let ((cases, case), (faults, fault), (kinds, kind)) =
-            (text("case")?, text("fault")?, text("kind")?);
-        let (intensities, intensity) = coded_numbers(&table.finite_f64("intensity")?, &faulty);
+        let ((faults, fault), (kind_names, kind)) = (coded(&column("fault")?), coded(&kinds));
+        let (intensities, intensity) = coded_numbers(&numbers(origins, "intensity")?);
+        let reflected = flags(origins, "reflected").unwrap_or_else(|_| vec![false; origins.len()]);
+        let detectable = flags(origins, "detectable")?;
+        let largest = sensors.iter().map(|s| numbers(origins, &largest_column(s)));
+        let largest: Vec<Vec<f64>> = largest.collect::<Result<_, _>>()?;
         let row = |place: usize| Row {
+            role: origins[place].role,
+            variant: origins[place].row,
             case: case[place],
+            flown: command[place],
             fault: fault[place],
             kind: kind[place],
             intensity: intensity[place],
-            detectable: detectable[faulty[place]],
+            is_healthy: kinds[place] == HEALTHY,
+            reflected: reflected[place],
+            largest: largest.iter().map(|column| column[place]).collect(),
+            detectable: detectable[place],
         };
         Ok(DataSet {
-            constant: constant_features(table, &features, &faulty)?,
-            rows: (0..faulty.len()).map(row).collect(),
-            alarms: healthy.iter().map(|&row| detectable[row]).collect(),
-            healthy: healthy_examples,
+            rows: (0..origins.len()).map(row).collect(),
             features,
             examples,
+            sensors,
             cases,
+            flown,
             faults,
-            kinds,
+            kinds: kind_names,
             intensities,
-            failed,
+            failed: all - origins.len(),
+            constant,
         })
     }
 
-    /// The rows that are detected, and so diagnosed.
+    /// The rows of a role that a choice allows.
+    pub fn rows_where(&self, role: Role, choice: impl Fn(&Row) -> bool) -> Vec<usize> {
+        let wanted = |row: &usize| self.rows[*row].role == role && choice(&self.rows[*row]);
+        (0..self.rows.len()).filter(wanted).collect()
+    }
+
+    /// The judged rows of faults that are detected, and so diagnosed.
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`].
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
-        let rows: Vec<usize> =
-            (0..self.rows.len()).filter(|&row| self.rows[row].detectable).collect();
+        let rows = self.rows_where(Role::Judged, |row| !row.is_healthy && row.detectable);
         match rows.is_empty() {
-            true => Err(EvaluationError::NothingDetectable { faults: self.rows.len() }),
+            true => Err(EvaluationError::NothingDetectable { faults: self.faults().len() }),
             false => Ok(rows),
         }
+    }
+
+    /// The judged rows with a fault.
+    pub fn faults(&self) -> Vec<usize> {
+        self.rows_where(Role::Judged, |row| !row.is_healthy)
+    }
+
+    /// Whether there are rows to learn from apart from those that are judged.
+    pub fn has_training(&self) -> bool {
+        self.rows.iter().any(|row| row.role == Role::Training)
+    }
+
+    /// The rows that the diagnosis which users are handed learns from: detected faults and healthy
+    /// specimens of the training commands, or of all cases where there are none.
+    ///
+    /// # Errors
+    /// [`EvaluationError::NothingDetectable`].
+    pub fn learnt_from(&self) -> Result<Vec<usize>, EvaluationError> {
+        let role = if self.has_training() { Role::Training } else { Role::Judged };
+        let rows = self.rows_where(role, |row| row.is_healthy || row.detectable);
+        let all = self.rows_where(role, |row| !row.is_healthy).len();
+        match rows.iter().all(|&row| self.rows[row].is_healthy) {
+            true => Err(EvaluationError::NothingDetectable { faults: all }),
+            false => Ok(rows),
+        }
+    }
+
+    /// The same data without some rows.
+    pub fn without(&self, drop: impl Fn(&Row) -> bool) -> Self {
+        let kept: Vec<usize> =
+            (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
+        DataSet {
+            examples: self.examples.select_rows(&kept),
+            rows: kept.iter().map(|&row| self.rows[row].clone()).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The same data with another band for each sensor.
+    pub fn with_bands(&self, bands: &[f64]) -> Self {
+        let mut data = self.clone();
+        for row in &mut data.rows {
+            row.detectable = row.largest.iter().zip(bands).any(|(size, band)| size > band);
+        }
+        data
     }
 
     /// The same data set with the features only that a choice allows.
@@ -180,11 +260,9 @@ impl DataSet {
         if columns.is_empty() {
             return Err(EvaluationError::NoFeatures);
         }
-        let healthy = self.healthy.as_ref().map(|healthy| healthy.select_columns(&columns));
         Ok(DataSet {
             features: columns.iter().map(|&column| self.features[column].clone()).collect(),
             examples: self.examples.select_columns(&columns)?,
-            healthy: healthy.transpose()?,
             ..self.clone()
         })
     }
@@ -198,18 +276,6 @@ impl DataSet {
         let all = (0..self.features.len()).collect();
         let read = vec![all; self.examples.names().actuators.len()];
         Ok(DataSet { examples: self.examples.reading(read)?, ..self.clone() })
-    }
-
-    /// The smallest thresholds that features resolve where residuals carry an error, in parts of
-    /// scale.
-    pub fn resolutions(&self, residual_error: f64) -> Vec<Resolution> {
-        let resolved = self.features.iter().filter(|feature| feature.resolution > 0.0);
-        let resolution = |feature: &FeatureInfo| Resolution {
-            feature: feature.name.clone(),
-            gap: 0.0,
-            magnitude: feature.resolution * residual_error,
-        };
-        resolved.map(resolution).collect()
     }
 
     /// The families of the features, in the order of the features.
@@ -244,36 +310,91 @@ fn has_mirror(table: &Table, features: &[FeatureInfo]) -> bool {
     features.iter().all(|feature| known.contains(format!("m:{}", feature.name).as_str()))
 }
 
-/// The texts of some rows, sorted and numbered.
-fn coded(texts: &[String], rows: &[usize]) -> (Vec<String>, Vec<u32>) {
-    let mut names: Vec<String> = rows.iter().map(|&row| texts[row].clone()).collect();
-    names.sort();
-    names.dedup();
-    let code = |&row: &usize| names.binary_search(&texts[row]).unwrap_or(0) as u32;
-    let codes = rows.iter().map(code).collect();
+/// The sensors whose largest residuals every table has.
+fn known_sensors(tables: &[(Role, Table)]) -> Vec<String> {
+    let prefix = largest_column("");
+    let of = |table: &Table| -> Vec<String> {
+        table.names().filter_map(|name| Some(name.strip_prefix(&prefix)?.to_owned())).collect()
+    };
+    let first = tables.first().map_or(vec![], |(_, table)| of(table));
+    let same = tables.iter().all(|(_, table)| of(table) == first);
+    if same { first } else { vec![] }
+}
+
+/// A column over the rows of several tables.
+fn gather<'t, T: Clone + 't>(
+    origins: &[Origin<'t>],
+    column: impl Fn(&'t Table) -> Result<&'t [T], EvaluationError>,
+) -> Result<Vec<T>, EvaluationError> {
+    let mut values = Vec::with_capacity(origins.len());
+    for run in origins.chunk_by(|a, b| std::ptr::eq(a.table, b.table)) {
+        let column = column(run[0].table)?;
+        values.extend(run.iter().map(|origin| column[origin.row].clone()));
+    }
+    Ok(values)
+}
+
+fn texts(origins: &[Origin], name: &str) -> Result<Vec<String>, EvaluationError> {
+    gather(origins, |table| Ok(table.text(name)?))
+}
+
+fn flags(origins: &[Origin], name: &str) -> Result<Vec<bool>, EvaluationError> {
+    gather(origins, |table| Ok(table.bool(name)?))
+}
+
+fn numbers(origins: &[Origin], name: &str) -> Result<Vec<f64>, EvaluationError> {
+    let mut values = Vec::with_capacity(origins.len());
+    for run in origins.chunk_by(|a, b| std::ptr::eq(a.table, b.table)) {
+        let column = run[0].table.finite_f64(name)?;
+        values.extend(run.iter().map(|origin| column[origin.row]));
+    }
+    Ok(values)
+}
+
+/// Texts numbered in the order in which they first occur.
+fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
+    let mut names: Vec<String> = vec![];
+    let code = |text: &String| match names.iter().position(|name| name == text) {
+        Some(place) => place as u32,
+        None => {
+            names.push(text.clone());
+            names.len() as u32 - 1
+        }
+    };
+    let codes = texts.iter().map(code).collect();
     (names, codes)
 }
 
-/// The numbers of some rows, sorted and numbered.
-fn coded_numbers(numbers: &[f64], rows: &[usize]) -> (Vec<f64>, Vec<u32>) {
-    let mut names: Vec<f64> = rows.iter().map(|&row| numbers[row]).collect();
+/// Texts, sorted and numbered.
+fn coded(texts: &[String]) -> (Vec<String>, Vec<u32>) {
+    let mut names = texts.to_vec();
+    names.sort();
+    names.dedup();
+    let codes = texts.iter().map(|text| names.binary_search(text).unwrap_or(0) as u32).collect();
+    (names, codes)
+}
+
+/// Numbers, sorted and numbered.
+fn coded_numbers(numbers: &[f64]) -> (Vec<f64>, Vec<u32>) {
+    let mut names = numbers.to_vec();
     names.sort_by(f64::total_cmp);
     names.dedup();
-    let code = |&row: &usize| {
-        names.binary_search_by(|known| known.total_cmp(&numbers[row])).unwrap_or(0) as u32
+    let code = |number: &f64| {
+        names.binary_search_by(|known| known.total_cmp(number)).unwrap_or(0) as u32
     };
-    let codes = rows.iter().map(code).collect();
+    let codes = numbers.iter().map(code).collect();
     (names, codes)
 }
 
 fn names(
-    table: &Table,
+    origins: &[Origin],
     features: &[FeatureInfo],
     units: &[String],
-    rows: &[usize],
 ) -> Result<Names, EvaluationError> {
     let of = |column: &str| -> Result<Vec<String>, EvaluationError> {
-        Ok(coded(table.text(column)?, rows).0)
+        let mut names = coded(&texts(origins, column)?).0;
+        names.retain(|name| name != HEALTHY);
+        Ok(names)
     };
     let mut commands = of("command")?;
     let urgency = |name: &String| URGENCY.iter().position(|known| known == name);
@@ -288,18 +409,21 @@ fn names(
     })
 }
 
-fn labels(table: &Table, names: &Names, rows: &[usize]) -> Result<Vec<Label>, EvaluationError> {
+fn labels(origins: &[Origin], names: &Names) -> Result<Vec<Label>, EvaluationError> {
     let place = |known: &[String], text: &String| {
         known.iter().position(|name| name == text).unwrap_or(0) as u32
     };
     let (actuators, commands, details) =
-        (table.text("actuator")?, table.text("command")?, table.text("detail")?);
-    let label = |&row: &usize| Label {
-        actuator: place(&names.actuators, &actuators[row]),
+        (texts(origins, "actuator")?, texts(origins, "command")?, texts(origins, "detail")?);
+    let label = |row: usize| Label {
+        actuator: match actuators[row] == HEALTHY {
+            true => names.healthy(),
+            false => place(&names.actuators, &actuators[row]),
+        },
         command: place(&names.commands, &commands[row]),
         detail: place(&names.details, &details[row]),
     };
-    Ok(rows.iter().map(label).collect())
+    Ok((0..origins.len()).map(label).collect())
 }
 
 /// For each actuator the features of its own sensors; all, where it has none.
@@ -314,30 +438,19 @@ fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
 }
 
 fn values(
-    table: &Table,
+    origins: &[Origin],
     prefix: &str,
     features: &[FeatureInfo],
-    rows: &[usize],
 ) -> Result<Vec<f64>, EvaluationError> {
-    let mut values = Vec::with_capacity(features.len() * rows.len());
+    let mut values = Vec::with_capacity(features.len() * origins.len());
     for feature in features {
-        let column = table.finite_f64(&format!("{prefix}{}", feature.name))?;
-        values.extend(rows.iter().map(|&row| column[row]));
+        values.extend(numbers(origins, &format!("{prefix}{}", feature.name))?);
     }
     Ok(values)
 }
 
-fn constant_features(
-    table: &Table,
-    features: &[FeatureInfo],
-    rows: &[usize],
-) -> Result<Vec<String>, EvaluationError> {
-    let mut constant = vec![];
-    for feature in features {
-        let column = table.f64(&format!("f:{}", feature.name))?;
-        if rows.iter().all(|&row| column[row] == column[rows[0]]) {
-            constant.push(feature.name.clone());
-        }
-    }
-    Ok(constant)
+fn constant_features(values: &[f64], features: &[FeatureInfo], rows: usize) -> Vec<String> {
+    let columns = values.chunks_exact(rows).zip(features);
+    let constant = columns.filter(|(column, _)| column.iter().all(|value| *value == column[0]));
+    constant.map(|(_, feature)| feature.name.clone()).collect()
 }

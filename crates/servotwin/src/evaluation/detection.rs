@@ -11,8 +11,6 @@ pub struct Detection {
     pub detected: Rate,
     /// Faults excluded from training because they do not.
     pub excluded: Rate,
-    /// Fault-free specimens that leave the band (false alarms); `None` without such specimens.
-    pub false_alarms: Option<Rate>,
     /// Variants that were not simulated to the end.
     pub failed: usize,
     /// Detection of each kind against intensity.
@@ -46,21 +44,29 @@ pub struct Least {
 
 /// Detection over a data set.
 pub fn evaluate(data: &DataSet) -> Detection {
-    let alarms = Rate::of(&data.alarms, |alarm| *alarm);
+    let faults = data.faults();
     Detection {
-        detected: Rate::of(&data.rows, |row| row.detectable),
-        excluded: Rate::of(&data.rows, |row| !row.detectable),
-        false_alarms: (!data.alarms.is_empty()).then_some(alarms),
+        detected: Rate::of(&faults, |&row| data.rows[row].detectable),
+        excluded: Rate::of(&faults, |&row| !data.rows[row].detectable),
         failed: data.failed,
-        curves: (0..data.kinds.len() as u32).map(|kind| curve(data, kind)).collect(),
-        least: least(data),
+        curves: kinds(data, &faults).into_iter().map(|kind| curve(data, &faults, kind)).collect(),
+        least: least(data, &faults),
     }
 }
 
-fn curve(data: &DataSet, kind: u32) -> Curve {
+/// The kinds of some rows, ascending.
+fn kinds(data: &DataSet, rows: &[usize]) -> Vec<u32> {
+    let mut kinds: Vec<u32> = rows.iter().map(|&row| data.rows[row].kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
+}
+
+fn curve(data: &DataSet, faults: &[usize], kind: u32) -> Curve {
     let mut counts = vec![(0u64, 0u64); data.intensities.len()];
     let mut detail = String::new();
-    for (row, label) in data.rows.iter().zip(data.examples.labels()) {
+    for &place in faults {
+        let (row, label) = (&data.rows[place], data.examples.labels()[place]);
         if row.kind == kind {
             let (detected, all) = &mut counts[row.intensity as usize];
             *all += 1;
@@ -74,8 +80,9 @@ fn curve(data: &DataSet, kind: u32) -> Curve {
     Curve { kind: data.kinds[kind as usize].clone(), detail, points: points.map(point).collect() }
 }
 
-fn least(data: &DataSet) -> Vec<Least> {
-    let mut order: Vec<&super::data_set::Row> = data.rows.iter().collect();
+fn least(data: &DataSet, faults: &[usize]) -> Vec<Least> {
+    let mut order: Vec<&super::data_set::Row> =
+        faults.iter().map(|&row| &data.rows[row]).collect();
     order.sort_by_key(|row| (row.fault, row.case, row.intensity));
     let of_run = |run: &[&super::data_set::Row]| {
         let detected = run.iter().rev().take_while(|row| row.detectable).last();

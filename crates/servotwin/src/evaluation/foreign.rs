@@ -172,7 +172,12 @@ pub fn validate_table(
 
 fn predictions(truth: &[u32], predicted: &[u32], row: impl Fn(usize) -> usize) -> Vec<Prediction> {
     let pairs = truth.iter().zip(predicted).enumerate();
-    pairs.map(|(place, (&truth, &predicted))| (row(place), truth, Some(predicted))).collect()
+    // Every row is a cluster of its own.
+    let one = |(place, (&truth, &said)): (usize, (&u32, &u32))| {
+        let row = row(place) as u32;
+        Prediction { cluster: row, kind: row, truth, said: Some(said) }
+    };
+    pairs.map(one).collect()
 }
 
 fn splits(

@@ -1,4 +1,4 @@
-//! The least pure leaves of the trees, and the splits that were refused as implausible.
+//! The least pure leaves of the trees.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
@@ -49,25 +49,6 @@ pub struct Content {
     pub rows: u32,
 }
 
-/// A split that would have been better, but that no sensor could resolve.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ImplausibleSplit {
-    /// The stage.
-    pub stage: String,
-    /// The node that wanted it.
-    pub node: usize,
-    /// The feature.
-    pub feature: String,
-    /// The threshold.
-    pub threshold: f64,
-    /// Distance of the two neighbouring values it would have separated.
-    pub gap: f64,
-    /// Impurity decrease it would have bought.
-    pub decrease: f64,
-    /// Impurity decrease of the split used instead; 0 where the node became a leaf.
-    pub used_decrease: f64,
-}
-
 /// The least pure leaves of every tree, at most `count` of each stage.
 ///
 /// # Errors
@@ -76,9 +57,9 @@ pub fn worst(
     data: &DataSet,
     settings: &Settings,
     hierarchy: &Hierarchy,
-    rows: &[usize],
     count: usize,
 ) -> Result<Vec<WorstLeaf>, EvaluationError> {
+    let rows = &data.learnt_from()?;
     let mut worst = vec![];
     for stage in &hierarchy.stages {
         let Model::Cart(tree) = &stage.model else {
@@ -156,24 +137,4 @@ fn contents(
         contents.sort_by_key(|content| std::cmp::Reverse(content.rows));
     }
     Ok(leaves)
-}
-
-/// The implausible splits of every tree.
-pub fn implausible(hierarchy: &Hierarchy) -> Vec<ImplausibleSplit> {
-    let mut list = vec![];
-    for stage in &hierarchy.stages {
-        let Model::Cart(tree) = &stage.model else {
-            continue;
-        };
-        list.extend(tree.rejected().iter().map(|split| ImplausibleSplit {
-            stage: stage.id.clone(),
-            node: split.node,
-            feature: feature_name(hierarchy, stage, split.feature),
-            threshold: split.threshold,
-            gap: split.gap,
-            decrease: split.decrease,
-            used_decrease: tree.decrease(split.node),
-        }));
-    }
-    list
 }

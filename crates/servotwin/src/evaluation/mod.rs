@@ -1,22 +1,28 @@
 //! How good the diagnosis is, measured so that it cannot fool us.
 //!
-//! [`evaluate`] takes a campaign's data set and gives an [`Evaluation`]: what is detected at all,
-//! the hierarchy of trees under every protocol, the seed paper's own trees beside it, the eight
-//! classifiers, which features carry the result, which faults are taken for each other; and it looks
-//! into the [`Hierarchy`] that [`train`] makes of all detectable rows. The same data set, settings and seeds give the
+//! [`evaluate`] takes the data sets of a setting and gives an [`Evaluation`]: what is detected at all,
+//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, the
+//! eight classifiers, which features carry the result, which faults are taken for each other, what
+//! silence buys, and which answers hang on less than a sensor shows; and it looks
+//! into the [`Hierarchy`] that [`train`] makes. The same data sets, settings and seeds give the
 //! same bytes, on any number of threads.
 
 pub mod ablation;
+pub mod abstention;
 pub mod ambiguity;
+pub mod bands;
+pub mod committee;
 pub mod comparison;
 pub mod data_set;
 pub mod detection;
 mod error;
+pub mod flips;
 pub mod foreign;
 pub mod leaves;
 pub mod model_file;
 pub mod parallel;
 pub mod protocol;
+pub mod robustness;
 pub mod run;
 pub mod score;
 pub mod traces;
@@ -24,29 +30,36 @@ pub mod traces;
 pub use data_set::{DataSet, FeatureInfo};
 pub use error::EvaluationError;
 
+use abstention::Abstention;
+use bands::Band;
+use committee::{Committee, Reliability};
+use flips::{Flips, Moving};
 use parallel::Workers;
 use protocol::{Holding, Protocol, ProtocolResult};
+use run::{Outcome, Scope, first_error};
 use score::Rate;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Settings as Training};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings as Training};
+
+use crate::study::Role;
 
 /// What is evaluated, and how.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// How the hierarchy is trained.
+    /// How the nine trees are trained.
     pub training: Training,
+    /// How the committee is trained.
+    pub committee: Training,
     /// How rows are held out.
     pub holding: Holding,
-    /// How rows are held out where many variations are compared.
-    pub short_holding: Holding,
     /// How rows are held out where classifiers are compared.
     pub comparison_holding: Holding,
     /// The command that shuts an actuator down.
     pub shutdown: String,
-    /// What residuals carry of noise, quantisation and numerical error, in parts of scale: a
-    /// threshold that a feature cannot resolve with it is implausible.
-    pub residual_error: f64,
+    /// Whether a fault is detected where a residual leaves the band learned from healthy specimens;
+    /// otherwise the seed paper's band of 3 % counts.
+    pub learned_bands: bool,
     /// The family of features that the seed paper has.
     pub baseline_family: String,
     /// The classifiers to compare; none for no comparison.
@@ -57,33 +70,20 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
+        let boosted = classifiers::Kind::BoostedTrees.default_settings();
         Settings {
             training: Training::default(),
+            committee: Training::all(boosted),
             holding: Holding::default(),
-            short_holding: Holding { deals: 1, ..Holding::default() },
             // Folds of a third: as much to learn from as in the random third.
-            comparison_holding: Holding { repeats: 1, folds: 3, deals: 1, ..Holding::default() },
+            comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
             shutdown: "shut_down".into(),
-            // 0.2 %: the noise of a sensor (physics: pressure and displacement sensors).
-            residual_error: 0.002,
+            learned_bands: false,
             baseline_family: "moments".into(),
             classifiers: comparison::quick_classifiers(),
             ablation: true,
         }
     }
-}
-
-/// Splits that no sensor could resolve, and what they buy.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Implausible {
-    /// What residuals carry of noise, quantisation and numerical error, in parts of scale.
-    pub residual_error: f64,
-    /// The splits that trees want which may not use them.
-    pub splits: Vec<leaves::ImplausibleSplit>,
-    /// Accuracy of the actuator with them forbidden and allowed, grouped protocol.
-    pub actuator: Option<(Rate, Rate)>,
-    /// Accuracy of the command likewise.
-    pub command: Option<(Rate, Rate)>,
 }
 
 /// The trees' size: what has to be flown.
@@ -99,28 +99,53 @@ pub struct StageSize {
     pub importances: Vec<(String, f64)>,
 }
 
-/// False alarms: what the hierarchy would do with fault-free specimens that left the band.
+/// What is done with fault-free specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FalseAlarms {
-    /// Specimens that left the band.
+    /// Specimens that left the paper's band of 3 %.
+    pub paper_alarms: Rate,
+    /// Specimens that left the band in use.
     pub alarms: Rate,
-    /// Specimens of which an actuator would be shut down.
-    pub shutdowns: Rate,
+    /// Specimens that left it and were not found healthy by the trees.
+    pub trees: Rate,
+    /// Specimens of which the trees would shut an actuator down.
+    pub tree_shutdowns: Rate,
+    /// Likewise of the committee.
+    pub committee: Rate,
+    /// Likewise.
+    pub committee_shutdowns: Rate,
 }
 
-/// Everything measured on a data set.
+/// Everything measured on the data sets of a setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// What is detected at all.
+    /// What is detected at all, by the band in use.
     pub detection: detection::Detection,
+    /// The share of faults that the paper's band of 3 % detects.
+    pub paper_detection: Rate,
+    /// The bands learned from healthy specimens.
+    pub bands: Option<Vec<Band>>,
     /// Number of features.
     pub features: usize,
     /// Features that are constant, and so say nothing.
     pub constant_features: Vec<String>,
-    /// The hierarchy under every protocol.
+    /// The nine trees under every protocol.
     pub protocols: Vec<ProtocolResult>,
+    /// The committee under those with training commands.
+    pub committee: Vec<ProtocolResult>,
+    /// Trees and committee on a new command where the paper's band of 3 % detects, if it is not in
+    /// use.
+    pub paper_band: Vec<ProtocolResult>,
+    /// The trees on a new command, by the number of commands they learned from.
+    pub commands: Vec<(usize, ProtocolResult)>,
     /// The seed paper's trees: its features, nothing mirrored or pooled.
     pub baseline: Vec<ProtocolResult>,
+    /// What silence buys.
+    pub abstention: Option<Abstention>,
+    /// How far the committee's confidence can be believed.
+    pub reliability: Option<Reliability>,
+    /// Answers of the trees and of the committee that hang on less than a sensor shows.
+    pub flips: Option<(Flips, Flips)>,
     /// The classifiers compared.
     pub classifiers: Vec<comparison::Compared>,
     /// What each part carries.
@@ -129,8 +154,6 @@ pub struct Evaluation {
     pub ambiguity: ambiguity::Ambiguity,
     /// The least pure leaves of the final trees.
     pub worst_leaves: Vec<leaves::WorstLeaf>,
-    /// Splits refused because no sensor could resolve them.
-    pub implausible: Implausible,
     /// The final trees.
     pub stages: Vec<StageSize>,
     /// False alarms; `None` without fault-free specimens.
@@ -138,82 +161,242 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// The hierarchy's result under a protocol.
+    /// The trees' result under a protocol.
     pub fn protocol(&self, protocol: Protocol) -> Option<&ProtocolResult> {
         self.protocols.iter().find(|result| result.protocol == protocol)
     }
-}
 
-/// The share of the time that each protocol takes, as measured on the paper's study.
-const PROTOCOL_SHARE: f64 = 0.05;
+    /// The committee's.
+    pub fn committee(&self, protocol: Protocol) -> Option<&ProtocolResult> {
+        self.committee.iter().find(|result| result.protocol == protocol)
+    }
+
+    /// The trees' result under the hardest protocol of all that were possible: a new command, or
+    /// else a fault unseen at its intensity.
+    pub fn headline(&self) -> Option<&ProtocolResult> {
+        self.protocol(Protocol::NewCommand).or_else(|| self.protocol(Protocol::Grouped))
+    }
+}
 
 /// The worst leaves shown of each tree.
 const WORST_LEAVES: usize = 3;
 
-/// Trains the hierarchy with all detectable rows.
+/// The protocols under which the committee is judged.
+const OF_COMMITTEE: [Protocol; 4] = [
+    Protocol::NewCommand,
+    Protocol::NewCommandAndFault,
+    Protocol::WeakToStrong,
+    Protocol::StrongToWeak,
+];
+
+/// The protocols under which the seed paper's trees are judged.
+const OF_BASELINE: [Protocol; 4] = [
+    Protocol::RandomThird,
+    Protocol::Grouped,
+    Protocol::LeaveCaseOut,
+    Protocol::LeaveCommandOut,
+];
+
+/// Numbers of training commands for the curve.
+const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
+
+/// What a setting's diagnosis consists of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trained {
+    /// The bands in use, if learned.
+    pub bands: Option<Vec<Band>>,
+    /// The nine trees.
+    pub trees: Hierarchy,
+    /// The committee.
+    pub committee: Committee,
+}
+
+/// The data with the band that the settings want, and the bands that can be learned from it.
+pub fn banded(data: &DataSet, settings: &Settings, pools: &[usize]) -> (DataSet, Option<Vec<Band>>) {
+    let bands = bands::learn(data, pools);
+    match bands.as_ref().filter(|_| settings.learned_bands) {
+        Some(learned) => {
+            let limits: Vec<f64> = learned.iter().map(|band| band.half_width).collect();
+            (data.with_bands(&limits), bands)
+        }
+        None => (data.clone(), bands),
+    }
+}
+
+/// Trains trees and committee with all rows that there are to learn from, detected by the band in
+/// use.
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`] and what training says.
-pub fn train(data: &DataSet, training: &Training) -> Result<Hierarchy, EvaluationError> {
-    Ok(run::settled(data, training).fit(&data.examples, &data.detectable()?)?)
+pub fn train(
+    data: &DataSet,
+    settings: &Settings,
+    pools: &[usize],
+    workers: Workers,
+) -> Result<Trained, EvaluationError> {
+    let (data, bands) = banded(data, settings, pools);
+    let rows = data.learnt_from()?;
+    let trees = run::settled(&data, &settings.training).fit(&data.examples, &rows)?;
+    let committee = committee::train(&data, &settings.committee, &rows, workers)?;
+    Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
 }
 
-/// Evaluates a data set, and the hierarchy trained with all its detectable rows. `progress` is told
-/// what is being done, and roughly how much is done, from 0 to 1.
+/// What an evaluation needs besides data and settings.
+pub struct Context<'c> {
+    /// The diagnosis that was trained with all rows.
+    pub trained: &'c Trained,
+    /// For each sensor of the data set a number that is the same for like sensors.
+    pub pools: &'c [usize],
+    /// The windows, to be moved within their uncertainty.
+    pub moving: Option<&'c Moving<'c>>,
+    /// Who works.
+    pub workers: Workers<'c>,
+    /// Is told what is being done, and roughly how much is done, from 0 to 1.
+    pub progress: &'c dyn Fn(&str, f64),
+}
+
+/// Evaluates the data sets of a setting.
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`] and what training says.
 pub fn evaluate(
     data: &DataSet,
-    hierarchy: &Hierarchy,
     settings: &Settings,
-    workers: Workers,
-    progress: &dyn Fn(&str, f64),
+    context: &Context,
 ) -> Result<Evaluation, EvaluationError> {
-    let Settings { holding, short_holding, .. } = *settings;
-    let rows = data.detectable()?;
+    let Context { trained, workers, progress, .. } = *context;
+    let unbanded = data;
+    let (data, bands) = &banded(data, settings, context.pools);
     let training = run::settled(data, &settings.training);
+    let judged = |protocol, data, training: &Training| {
+        protocol::evaluate(protocol, data, training, settings.holding, &settings.shutdown, workers)
+    };
     let mut protocols = vec![];
     let mut ambiguity = ambiguity::evaluate(data, &[]);
     for (place, protocol) in protocol::ALL.into_iter().enumerate() {
-        progress(protocol.title(), PROTOCOL_SHARE * place as f64);
-        let found =
-            protocol::evaluate(protocol, data, &training, holding, &settings.shutdown, workers)?;
-        let Some((result, outcomes)) = found else {
-            continue;
-        };
+        progress(protocol.title(), 0.025 * place as f64);
+        let Some((result, outcomes)) = judged(protocol, data, &training)? else { continue };
         protocols.push(result);
-        if protocol == Protocol::Grouped {
+        if protocol.scope() == Scope::AllTracing {
             ambiguity = ambiguity::evaluate(data, &outcomes);
         }
     }
-    progress("the paper's trees", 0.25);
-    let baseline = baseline(data, settings, workers)?;
-    progress("comparing classifiers", 0.3);
-    let list = &settings.classifiers;
-    let compared = settings.comparison_holding;
-    let classifiers = comparison::evaluate(data, &training, list, compared, workers)?;
-    progress("taking parts away", 0.7);
-    let ablation = match settings.ablation {
-        true => ablation::evaluate(data, &training, short_holding, workers)?,
+    progress("committee", 0.3);
+    let mut of_committee = vec![];
+    for protocol in OF_COMMITTEE {
+        let found = judged(protocol, data, &settings.committee)?;
+        of_committee.extend(found.map(|(result, _)| result));
+    }
+    progress("fewer commands", 0.4);
+    let commands = commands(data, settings, workers)?;
+    let paper_band = match settings.learned_bands && bands.is_some() {
+        true => {
+            let both = [&settings.training, &settings.committee];
+            let of = |training| judged(Protocol::NewCommand, unbanded, training);
+            let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
+            found?.into_iter().flatten().map(|(result, _)| result).collect()
+        }
         false => vec![],
     };
-    progress("implausible splits", 0.95);
-    let evaluation = Evaluation {
+    progress("the paper's trees", 0.5);
+    let baseline = baseline(unbanded, settings, workers)?;
+    progress("comparing classifiers", 0.55);
+    let (list, compared) = (&settings.classifiers, settings.comparison_holding);
+    let classifiers = comparison::evaluate(data, &training, list, compared, workers)?;
+    progress("taking parts away", 0.8);
+    let ablation = match settings.ablation {
+        true => ablation::evaluate(data, &training, settings.holding, workers)?,
+        false => vec![],
+    };
+    progress("moving windows", 0.9);
+    let silence = silence(data, settings, trained)?;
+    let (abstention, reliability) = silence.map_or((None, None), |(a, r)| (Some(a), Some(r)));
+    let faults = data.faults();
+    Ok(Evaluation {
         detection: detection::evaluate(data),
+        paper_detection: Rate::of(&faults, |&row| unbanded.rows[row].detectable),
         features: data.features.len(),
         constant_features: data.constant.clone(),
-        worst_leaves: leaves::worst(data, &training, hierarchy, &rows, WORST_LEAVES)?,
-        implausible: implausible(data, settings, workers)?,
-        stages: hierarchy.stages.iter().map(|stage| size(hierarchy, stage)).collect(),
-        false_alarms: false_alarms(data, hierarchy, &settings.shutdown)?,
+        worst_leaves: leaves::worst(data, &training, &trained.trees, WORST_LEAVES)?,
+        stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
+        false_alarms: false_alarms(unbanded, data, trained, &settings.shutdown)?,
+        flips: flips(data, trained, context)?,
+        bands: bands.clone(),
+        committee: of_committee,
         protocols,
+        paper_band,
+        commands,
         baseline,
+        abstention,
+        reliability,
         classifiers,
         ablation,
         ambiguity,
-    };
-    Ok(evaluation)
+    })
+}
+
+/// The judged faults that trees and committee are asked about once more: detected, and where mirror
+/// images count once, no mirror image. Nothing where they were learned from.
+fn unseen(data: &DataSet) -> Vec<usize> {
+    if !data.has_training() {
+        return vec![];
+    }
+    let wanted = |row: &data_set::Row| !row.is_healthy && row.detectable && !row.reflected;
+    data.rows_where(Role::Judged, wanted)
+}
+
+/// What silence buys, and how far the confidence can be believed.
+fn silence(
+    data: &DataSet,
+    settings: &Settings,
+    trained: &Trained,
+) -> Result<Option<(Abstention, Reliability)>, EvaluationError> {
+    let rows = unseen(data);
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let committee = run::ask(data, &trained.committee.hierarchy, &rows)?;
+    let trees = run::ask(data, &trained.trees, &rows)?;
+    let commands = &data.examples.names().commands;
+    let shutdown = commands.iter().position(|name| *name == settings.shutdown).map(|c| c as u32);
+    let least = trained.committee.least_confidence;
+    let is_right =
+        |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
+    let reliability = committee::reliability(&committee, is_right);
+    Ok(Some((abstention::evaluate(data, &committee, &trees, least, shutdown), reliability)))
+}
+
+fn flips(
+    data: &DataSet,
+    trained: &Trained,
+    context: &Context,
+) -> Result<Option<(Flips, Flips)>, EvaluationError> {
+    let rows = unseen(data);
+    let Some(moving) = context.moving.filter(|_| !rows.is_empty()) else { return Ok(None) };
+    let of = |hierarchy| flips::evaluate(data, hierarchy, moving, &rows, context.workers);
+    Ok(Some((of(&trained.trees)?, of(&trained.committee.hierarchy)?)))
+}
+
+/// The trees on new commands, learned from the first so many of the training commands.
+fn commands(
+    data: &DataSet,
+    settings: &Settings,
+    workers: Workers,
+) -> Result<Vec<(usize, ProtocolResult)>, EvaluationError> {
+    let mut flown: Vec<u32> =
+        data.rows_where(Role::Training, |_| true).iter().map(|&row| data.rows[row].flown).collect();
+    flown.sort_unstable();
+    flown.dedup();
+    let mut curve = vec![];
+    for count in COMMANDS.into_iter().filter(|&count| count < flown.len()) {
+        let first = &flown[..count];
+        let fewer = data.without(|row| row.role == Role::Training && !first.contains(&row.flown));
+        let protocol = Protocol::NewCommand;
+        let Settings { training, holding, shutdown, .. } = settings;
+        let found = protocol::evaluate(protocol, &fewer, training, *holding, shutdown, workers)?;
+        curve.extend(found.map(|(result, _)| (count, result)));
+    }
+    Ok(curve)
 }
 
 /// The paper's trees: its family of features, each actuator for itself, no mirror images.
@@ -228,45 +411,13 @@ fn baseline(
     }
     let data = data.with_features(family)?;
     let training = Training { mirror: false, pool: false, ..Training::default() };
-    let holding = settings.holding;
     let mut results = vec![];
-    for protocol in [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut] {
-        let shutdown = &settings.shutdown;
-        let found = protocol::evaluate(protocol, &data, &training, holding, shutdown, workers)?;
+    for protocol in OF_BASELINE {
+        let Settings { holding, shutdown, .. } = settings;
+        let found = protocol::evaluate(protocol, &data, &training, *holding, shutdown, workers)?;
         results.extend(found.map(|(result, _)| result));
     }
     Ok(results)
-}
-
-/// Trains once more with every feature's resolution, and compares.
-fn implausible(
-    data: &DataSet,
-    settings: &Settings,
-    workers: Workers,
-) -> Result<Implausible, EvaluationError> {
-    let residual_error = settings.residual_error;
-    let resolutions = data.resolutions(residual_error);
-    let forbidden = Training { resolutions, ..settings.training.clone() };
-    let splits = leaves::implausible(&train(data, &forbidden)?);
-    let mut compared = Implausible { residual_error, splits, actuator: None, command: None };
-    if compared.splits.is_empty() {
-        return Ok(compared);
-    }
-    let result = |training: &Training| {
-        let short_holding = settings.short_holding;
-        let shutdown = &settings.shutdown;
-        protocol::evaluate(Protocol::Grouped, data, training, short_holding, shutdown, workers)
-    };
-    let allowed = Training { resolutions: vec![], ..settings.training.clone() };
-    let (forbidden, allowed) = (result(&forbidden)?, result(&allowed)?);
-    let pair = |id: &str| {
-        let of = |result: &Option<(ProtocolResult, _)>| {
-            result.as_ref().and_then(|(result, _)| Some(result.stage(id)?.accuracy))
-        };
-        of(&forbidden).zip(of(&allowed))
-    };
-    (compared.actuator, compared.command) = (pair("A"), pair("B"));
-    Ok(compared)
 }
 
 fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) -> StageSize {
@@ -290,30 +441,37 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
     }
 }
 
+/// What trees and committee do with healthy specimens that left the band.
 fn false_alarms(
+    unbanded: &DataSet,
     data: &DataSet,
-    hierarchy: &Hierarchy,
+    trained: &Trained,
     shutdown: &str,
 ) -> Result<Option<FalseAlarms>, EvaluationError> {
-    let Some(healthy) = &data.healthy else {
+    let healthy = data.rows_where(Role::Judged, |row| row.is_healthy);
+    if healthy.is_empty() {
         return Ok(None);
-    };
-    let shutdown = hierarchy.names.commands.iter().position(|name| name == shutdown);
-    let mut scratch = hierarchy.scratch();
-    let mut views = vec![vec![0.0; data.features.len()]; healthy.views()];
-    let mut shutdowns = 0;
-    let alarms: Vec<usize> = (0..data.alarms.len()).filter(|&row| data.alarms[row]).collect();
-    for &row in &alarms {
-        for (view, values) in views.iter_mut().enumerate() {
-            healthy.row_into(view, row, values);
-        }
-        let rows: Vec<&[f64]> = views.iter().map(Vec::as_slice).collect();
-        let said = hierarchy.diagnose(&rows, &mut scratch)?.command;
-        shutdowns += u64::from(shutdown.is_some() && said.map(|c| c as usize) == shutdown);
     }
-    let of = data.alarms.len() as u64;
+    let alarms: Vec<usize> =
+        healthy.iter().copied().filter(|&row| data.rows[row].detectable).collect();
+    let commands = &data.examples.names().commands;
+    let shutdown = commands.iter().position(|name| name == shutdown).map(|c| c as u32);
+    let of = healthy.len() as u64;
+    let said = |hierarchy: &Hierarchy| -> Result<(Rate, Rate), EvaluationError> {
+        let outcomes = run::ask(data, hierarchy, &alarms)?;
+        let faults = outcomes.iter().filter(|outcome| outcome.said.actuator.is_some()).count();
+        let shuts = |o: &&Outcome| shutdown.is_some() && o.said.command == shutdown;
+        let shutdowns = outcomes.iter().filter(shuts).count();
+        Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
+    };
+    let (trees, tree_shutdowns) = said(&trained.trees)?;
+    let (committee, committee_shutdowns) = said(&trained.committee.hierarchy)?;
     Ok(Some(FalseAlarms {
+        paper_alarms: Rate::of(&healthy, |&row| unbanded.rows[row].detectable),
         alarms: Rate::new(alarms.len() as u64, of),
-        shutdowns: Rate::new(shutdowns, of),
+        trees,
+        tree_shutdowns,
+        committee,
+        committee_shutdowns,
     }))
 }

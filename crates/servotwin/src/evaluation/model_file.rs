@@ -12,6 +12,7 @@ use crate::files;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use servotwin_diagnosis::hierarchy::Hierarchy;
+use servotwin_diagnosis::panel::Panel;
 use std::path::Path;
 
 /// Writes a value as JSON, atomically; the same value gives the same bytes.
@@ -41,6 +42,19 @@ pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, Evaluation
     let text = files::read_text(path)?;
     serde_json::from_str(&text)
         .map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })
+}
+
+/// Reads a panel and checks it.
+///
+/// # Errors
+/// As [`read`]; [`EvaluationError::CorruptModel`].
+pub fn read_panel(path: impl AsRef<Path>) -> Result<Panel, EvaluationError> {
+    let path = path.as_ref();
+    let panel: Panel = read(path)?;
+    panel
+        .check()
+        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
+    Ok(panel)
 }
 
 /// Reads a hierarchy and checks it.

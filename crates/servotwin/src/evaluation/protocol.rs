@@ -1,21 +1,27 @@
 //! The protocols: how rows are held out, and what is reported of each.
 //!
-//! A protocol is only as honest as the likeness of its training and test rows. From the kindest to
-//! the hardest:
+//! A protocol is only as honest as the likeness of its training and test rows. Some divide the
+//! judged cases among themselves, from the kindest to the hardest:
 //! - a random third, as the seed paper: nearly every test row has a neighbour of the same fault and
 //!   intensity in another operating case. Only the same fault of the other actuator in the same case
 //!   stays on the same side: without tolerances it is the row's exact mirror image, and a hierarchy
 //!   that learns from mirror images would have seen the test row;
 //! - groups of one kind and one intensity stay together, mirror images included;
-//! - one intensity is left out of every fault;
-//! - one operating case is left out;
+//! - one intensity, one operating case (its command flies on at the other load), one command, one
+//!   command and one load are left out;
 //! - one kind of fault is left out, for the stage that finds the actuator.
+//!
+//! The others learn from the training commands of the study, of which no judged case has any:
+//! - a new command;
+//! - a new command and a fault never seen at its intensity, or at its neighbours' either;
+//! - a new command, with only weak faults to learn from and strong ones to judge, and the reverse.
 
-use super::data_set::DataSet;
+use super::data_set::{DataSet, Row};
 use super::error::EvaluationError;
 use super::parallel::Workers;
 use super::run::{Outcome, Scope, first_error, run};
-use super::score::{Prediction, Rate, Score};
+use super::score::{Prediction, Rate, Score, Trial};
+use crate::study::Role;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::evaluation::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
@@ -23,7 +29,7 @@ use servotwin_diagnosis::evaluation::{
 use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
 
 /// A way to hold rows out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
     /// A third of the rows at random, repeated.
@@ -32,20 +38,44 @@ pub enum Protocol {
     Grouped,
     /// One intensity at a time.
     LeaveIntensityOut,
-    /// One operating case at a time.
+    /// One operating case at a time; its command stays in training at the other loads.
     LeaveCaseOut,
+    /// One command at a time, at all loads.
+    LeaveCommandOut,
+    /// One command and one load at a time.
+    LeaveCommandAndLoadOut,
     /// One kind of fault at a time, for the stage that finds the actuator.
     LeaveKindOut,
+    /// Learnt from the training commands.
+    NewCommand,
+    /// Learnt from the training commands without the judged kind at the judged intensity.
+    NewCommandAndFault,
+    /// Without the judged kind at the judged intensity and its neighbours.
+    NewCommandAndNeighbours,
+    /// Learnt from weak faults of the training commands, judged on strong ones.
+    WeakToStrong,
+    /// The reverse.
+    StrongToWeak,
 }
 
-/// Every protocol, from the kindest to the hardest.
-pub const ALL: [Protocol; 5] = [
+/// Every protocol: those among the judged cases, then those with training commands.
+pub const ALL: [Protocol; 12] = [
     Protocol::RandomThird,
     Protocol::Grouped,
     Protocol::LeaveIntensityOut,
     Protocol::LeaveCaseOut,
+    Protocol::LeaveCommandOut,
+    Protocol::LeaveCommandAndLoadOut,
     Protocol::LeaveKindOut,
+    Protocol::NewCommand,
+    Protocol::NewCommandAndFault,
+    Protocol::NewCommandAndNeighbours,
+    Protocol::WeakToStrong,
+    Protocol::StrongToWeak,
 ];
+
+/// The strongest of the weak faults.
+pub const WEAK: f64 = 0.5;
 
 /// How often and how finely rows are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -54,15 +84,13 @@ pub struct Holding {
     pub repeats: usize,
     /// Number of folds of groups.
     pub folds: usize,
-    /// How often the folds are dealt anew.
-    pub deals: usize,
     /// The seed.
     pub seed: u64,
 }
 
 impl Default for Holding {
     fn default() -> Self {
-        Holding { repeats: 10, folds: 5, deals: 2, seed: 1 }
+        Holding { repeats: 3, folds: 5, seed: 1 }
     }
 }
 
@@ -71,10 +99,19 @@ impl Protocol {
     pub fn title(self) -> &'static str {
         match self {
             Protocol::RandomThird => "a random third held out",
-            Protocol::Grouped => "same fault and intensity kept together",
+            Protocol::Grouped => "kind and intensity held out together",
             Protocol::LeaveIntensityOut => "one intensity left out",
             Protocol::LeaveCaseOut => "one operating case left out",
+            Protocol::LeaveCommandOut => "one command left out",
+            Protocol::LeaveCommandAndLoadOut => "one command and one load left out",
             Protocol::LeaveKindOut => "one kind of fault left out (actuator only)",
+            Protocol::NewCommand => "new command",
+            Protocol::NewCommandAndFault => "new command, fault unseen at its intensity",
+            Protocol::NewCommandAndNeighbours => {
+                "new command, fault unseen at its and the next intensities"
+            }
+            Protocol::WeakToStrong => "new command, learnt from weak faults, judged on strong ones",
+            Protocol::StrongToWeak => "new command, learnt from strong faults, judged on weak ones",
         }
     }
 
@@ -82,40 +119,146 @@ impl Protocol {
     pub fn scope(self) -> Scope {
         match self {
             Protocol::LeaveKindOut => Scope::Actuator,
-            Protocol::Grouped => Scope::AllTracing,
+            Protocol::NewCommandAndFault | Protocol::Grouped => Scope::AllTracing,
             _ => Scope::All,
         }
     }
 
-    /// The splits of the detectable rows; none where there are too few groups to leave one out.
+    /// Whether it learns from the training commands.
+    pub fn needs_training(self) -> bool {
+        self >= Protocol::NewCommand
+    }
+
+    /// Whether every detected fault is tested once.
+    fn tests_all_once(self) -> bool {
+        use Protocol::{LeaveCommandAndLoadOut, LeaveKindOut, RandomThird};
+        !matches!(self, RandomThird | LeaveKindOut | LeaveCommandAndLoadOut)
+    }
+
+    /// The faults that it judges, detected or not.
+    fn judges(self, data: &DataSet, row: &Row) -> bool {
+        let weak = data.intensities[row.intensity as usize] <= WEAK;
+        match self {
+            Protocol::WeakToStrong => !weak,
+            Protocol::StrongToWeak => weak,
+            _ => true,
+        }
+    }
+
+    /// The splits; none where there are too few groups to leave one out, or no training commands.
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`] and what making splits says.
     pub fn splits(self, data: &DataSet, holding: Holding) -> Result<Vec<Split>, EvaluationError> {
+        match self.needs_training() {
+            true => self.splits_with_training(data, holding),
+            false => self.splits_of_judged(data, holding),
+        }
+    }
+
+    fn splits_of_judged(
+        self,
+        data: &DataSet,
+        holding: Holding,
+    ) -> Result<Vec<Split>, EvaluationError> {
         let rows = data.detectable()?;
-        let Holding { repeats, folds, deals, seed } = holding;
+        let Holding { repeats, folds, seed } = holding;
         let groups =
-            |key: &dyn Fn(usize) -> u32| rows.iter().map(|&row| key(row)).collect::<Vec<u32>>();
-        let of = |row: usize| &data.rows[row];
-        let intensities = data.intensities.len() as u32;
+            |key: &dyn Fn(&Row) -> u32| rows.iter().map(|&r| key(&data.rows[r])).collect::<Vec<_>>();
+        let kind_at = |row: &Row| cluster(data, row);
         let splits = match self {
             Protocol::RandomThird => {
-                let case = data.cases.len() as u32;
-                let kind_at = |row: usize| of(row).kind * intensities + of(row).intensity;
-                thirds(&groups(&|row| kind_at(row) * case + of(row).case), repeats, seed)?
+                let cases = data.cases.len() as u32;
+                thirds(&groups(&|row| kind_at(row) * cases + row.case), repeats, seed)?
             }
-            Protocol::Grouped => {
-                let groups = groups(&|row| of(row).kind * intensities + of(row).intensity);
-                dealt(&groups, folds, deals, seed)?
-            }
-            Protocol::LeaveIntensityOut => left_out(&groups(&|row| of(row).intensity))?,
-            Protocol::LeaveCaseOut => left_out(&groups(&|row| of(row).case))?,
-            Protocol::LeaveKindOut => left_out(&groups(&|row| of(row).kind))?,
+            Protocol::Grouped => folded(&groups(&kind_at), folds, seed)?,
+            Protocol::LeaveIntensityOut => left_out(&groups(&|row| row.intensity))?,
+            Protocol::LeaveCaseOut => left_out(&groups(&|row| row.case))?,
+            Protocol::LeaveCommandOut => left_out(&groups(&|row| row.flown))?,
+            Protocol::LeaveKindOut => left_out(&groups(&|row| row.kind))?,
+            _ => return Ok(command_and_load_left_out(data, &rows)),
         };
         let real = |places: &[usize]| places.iter().map(|&place| rows[place]).collect();
         let split = |split: &Split| Split { train: real(&split.train), test: real(&split.test) };
         Ok(splits.iter().map(split).collect())
     }
+
+    fn splits_with_training(
+        self,
+        data: &DataSet,
+        holding: Holding,
+    ) -> Result<Vec<Split>, EvaluationError> {
+        if !data.has_training() {
+            return Ok(vec![]);
+        }
+        let (train, test) = (data.learnt_from()?, data.detectable()?);
+        let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
+        let split = |is_train: &dyn Fn(&Row, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
+            let healthy_or = |&row: &usize| {
+                data.rows[row].is_healthy || is_train(&data.rows[row], row)
+            };
+            Split {
+                train: train.iter().copied().filter(healthy_or).collect(),
+                test: test.iter().copied().filter(|&row| is_test(row)).collect(),
+            }
+        };
+        let splits = match self {
+            Protocol::WeakToStrong => vec![split(&|_, row| !strong(row), &strong)],
+            Protocol::StrongToWeak => vec![split(&|_, row| strong(row), &|row| !strong(row))],
+            Protocol::NewCommand => vec![split(&|_, _| true, &|_| true)],
+            _ => {
+                let reach = u32::from(self == Protocol::NewCommandAndNeighbours);
+                let groups: Vec<u32> = test.iter().map(|&r| cluster(data, &data.rows[r])).collect();
+                let folds = folded(&groups, holding.folds, holding.seed)?;
+                let of_fold = |fold: &Split| {
+                    let held: std::collections::BTreeSet<u32> =
+                        fold.test.iter().map(|&place| groups[place]).collect();
+                    let is_held = |row: &Row| {
+                        let last = data.intensities.len() as u32 - 1;
+                        let low = row.intensity.saturating_sub(reach);
+                        let mut near = low..=(row.intensity + reach).min(last);
+                        near.any(|i| held.contains(&cluster(data, &Row { intensity: i, ..row.clone() })))
+                    };
+                    split(&|row, _| !is_held(row), &|row| held.contains(&cluster(data, &data.rows[row])))
+                };
+                folds.iter().map(of_fold).collect()
+            }
+        };
+        let is_whole = |split: &Split| !split.test.is_empty() && has_fault(data, &split.train);
+        Ok(splits.into_iter().filter(is_whole).collect())
+    }
+}
+
+fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
+    rows.iter().any(|&row| !data.rows[row].is_healthy)
+}
+
+/// The number of a kind at an intensity.
+fn cluster(data: &DataSet, row: &Row) -> u32 {
+    row.kind * data.intensities.len() as u32 + row.intensity
+}
+
+/// One case of a share that is counted over rows.
+pub fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
+    let row = &data.rows[row];
+    Trial { cluster: cluster(data, row), kind: row.kind, holds }
+}
+
+/// For every case the cases that share neither its command nor its load.
+fn command_and_load_left_out(data: &DataSet, rows: &[usize]) -> Vec<Split> {
+    let load = |case: u32| data.cases[case as usize].rsplit_once('/').map(|(_, load)| load);
+    let apart = |row: usize, case: u32, flown: u32| {
+        data.rows[row].flown != flown && load(data.rows[row].case) != load(case)
+    };
+    let mut cases: Vec<(u32, u32)> =
+        rows.iter().map(|&row| (data.rows[row].case, data.rows[row].flown)).collect();
+    cases.sort_unstable();
+    cases.dedup();
+    let split = |&(case, flown): &(u32, u32)| Split {
+        train: rows.iter().copied().filter(|&row| apart(row, case, flown)).collect(),
+        test: rows.iter().copied().filter(|&row| data.rows[row].case == case).collect(),
+    };
+    cases.iter().map(split).filter(|split| !split.train.is_empty()).collect()
 }
 
 /// Random thirds in which rows of a group stay together.
@@ -138,19 +281,11 @@ fn thirds(groups: &[u32], repeats: usize, seed: u64) -> Result<Vec<Split>, Evalu
     Ok(held_out.iter().map(spread).collect())
 }
 
-fn dealt(
-    groups: &[u32],
-    folds: usize,
-    deals: usize,
-    seed: u64,
-) -> Result<Vec<Split>, EvaluationError> {
-    let mut splits = vec![];
-    for deal in 0..deals {
-        if count_groups(groups) >= folds {
-            splits.extend(grouped_k_fold(groups, folds, seed + deal as u64)?);
-        }
+fn folded(groups: &[u32], folds: usize, seed: u64) -> Result<Vec<Split>, EvaluationError> {
+    if count_groups(groups) < folds {
+        return Ok(vec![]);
     }
-    Ok(splits)
+    Ok(grouped_k_fold(groups, folds, seed)?)
 }
 
 fn left_out(groups: &[u32]) -> Result<Vec<Split>, EvaluationError> {
@@ -182,15 +317,18 @@ pub struct StageScore {
     pub score: Score,
 }
 
-/// What errors would do to the aircraft. Every rate is of detected faults.
+/// What errors would do to the aircraft. Every rate but one is of detected faults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Safety {
     /// The fault is given to the wrong actuator.
     pub wrong_actuator: Rate,
     /// A healthy actuator is shut down because the other one has a fault.
     pub wrong_actuator_shutdown: Rate,
-    /// A fault that needs a shutdown does not get it (of the faults that need one).
+    /// A fault that needs a shutdown does not get it (of the detected faults that need one).
     pub missed_shutdown: Rate,
+    /// The same of all faults that need one, those that were never detected included; `None` where
+    /// a protocol does not test every fault once.
+    pub missed_shutdown_of_all: Option<Rate>,
     /// The right actuator is shut down where less would do (of the faults that need no shutdown).
     pub needless_shutdown: Rate,
 }
@@ -259,7 +397,14 @@ pub fn evaluate(
     if single && protocol.scope() == Scope::Actuator {
         return Ok(None);
     }
-    let splits = protocol.splits(data, holding)?;
+    let mut splits = protocol.splits(data, holding)?;
+    if settings.mirror && settings.pool && data.examples.views() > 1 {
+        // Such a hierarchy treats a row and its mirror image alike: they count once.
+        for split in &mut splits {
+            split.test.retain(|&row| !data.rows[row].reflected);
+        }
+    }
+    splits.retain(|split| !split.test.is_empty());
     if splits.is_empty() {
         return Ok(None);
     }
@@ -275,12 +420,13 @@ pub fn summary(
     outcomes: &[Vec<Outcome>],
     shutdown: &str,
 ) -> ProtocolResult {
-    let counting = Counting::new(data, outcomes, shutdown);
+    let counting = Counting::new(protocol, data, outcomes, shutdown);
     let full = protocol.scope() != Scope::Actuator;
     let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
     let acted =
         |outcome: &Outcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
-    let detected = Rate::of(&data.rows, |row| row.detectable).share;
+    let judged = data.rows_where(Role::Judged, |r| !r.is_healthy && protocol.judges(data, r));
+    let detected = Rate::of(&judged, |&row| data.rows[row].detectable).share;
     ProtocolResult {
         protocol,
         title: protocol.title().into(),
@@ -311,15 +457,22 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> Stag
     let local = |class: u32| classes.iter().position(|known| *known == class).map(|c| c as u32);
     let prediction = |outcome: &Outcome| -> Option<Prediction> {
         let truth = data.examples.labels()[outcome.row];
-        if !place.is_asked(truth.actuator, truth.command) {
+        let row = &data.rows[outcome.row];
+        if row.is_healthy || !place.is_asked(truth.actuator, truth.command) {
             return None;
         }
+        let healthy = data.examples.names().healthy();
         let (truth, said) = match place.question {
-            Question::Actuator => (truth.actuator, Some(outcome.said.actuator)),
+            Question::Actuator => (truth.actuator, outcome.said.actuator.or(Some(healthy))),
             Question::Command => (truth.command, outcome.command),
             Question::Detail => (truth.detail, outcome.detail),
         };
-        Some((outcome.row, local(truth)?, said.and_then(local)))
+        Some(Prediction {
+            cluster: cluster(data, row),
+            kind: row.kind,
+            truth: local(truth)?,
+            said: said.and_then(local),
+        })
     };
     let splits: Vec<Vec<Prediction>> =
         outcomes.iter().map(|split| split.iter().filter_map(prediction).collect()).collect();
@@ -335,6 +488,7 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> Stag
 
 /// Counts over the outcomes of a protocol.
 struct Counting<'a> {
+    protocol: Protocol,
     data: &'a DataSet,
     outcomes: Vec<&'a Outcome>,
     /// The command that shuts an actuator down.
@@ -342,23 +496,50 @@ struct Counting<'a> {
 }
 
 impl<'a> Counting<'a> {
-    fn new(data: &'a DataSet, outcomes: &'a [Vec<Outcome>], shutdown: &str) -> Self {
+    fn new(
+        protocol: Protocol,
+        data: &'a DataSet,
+        outcomes: &'a [Vec<Outcome>],
+        shutdown: &str,
+    ) -> Self {
         let commands = &data.examples.names().commands;
         let shutdown = commands.iter().position(|name| name == shutdown).map(|c| c as u32);
-        Counting { data, outcomes: outcomes.iter().flatten().collect(), shutdown }
+        Counting { protocol, data, outcomes: outcomes.iter().flatten().collect(), shutdown }
+    }
+
+    fn trials(
+        &self,
+        among: impl Fn(&Outcome) -> bool,
+        holds: impl Fn(&Outcome) -> bool,
+    ) -> Vec<Trial> {
+        let asked = self.outcomes.iter().filter(|outcome| among(outcome));
+        asked.map(|outcome| trial(self.data, outcome.row, holds(outcome))).collect()
     }
 
     fn rate(&self, among: impl Fn(&Outcome) -> bool, holds: impl Fn(&Outcome) -> bool) -> Rate {
-        let asked: Vec<&&Outcome> = self.outcomes.iter().filter(|outcome| among(outcome)).collect();
-        let count = asked.iter().filter(|outcome| holds(outcome)).count();
-        let mut rows: Vec<usize> = asked.iter().map(|outcome| outcome.row).collect();
-        rows.sort_unstable();
-        rows.dedup();
-        Rate::repeated(count as u64, asked.len() as u64, rows.len() as u64)
+        Rate::clustered(&self.trials(among, holds))
+    }
+
+    /// The missed shutdowns of all faults: those of detected ones, and every fault not detected.
+    fn missed_of_all(&self, missed: &[Trial]) -> Option<Rate> {
+        if !self.protocol.tests_all_once() {
+            return None;
+        }
+        let labels = self.data.examples.labels();
+        let counts_once = self.outcomes.iter().all(|outcome| !self.data.rows[outcome.row].reflected);
+        let hidden = self.data.rows_where(Role::Judged, |row| {
+            let counted = !(counts_once && row.reflected);
+            !row.is_healthy && !row.detectable && counted && self.protocol.judges(self.data, row)
+        });
+        let hidden = hidden.into_iter().filter(|&row| Some(labels[row].command) == self.shutdown);
+        let mut trials = missed.to_vec();
+        trials.extend(hidden.map(|row| trial(self.data, row, true)));
+        Some(Rate::clustered(&trials))
     }
 
     fn is_wrong_actuator(&self, outcome: &Outcome) -> bool {
-        outcome.said.actuator != self.data.examples.labels()[outcome.row].actuator
+        let truth = self.data.examples.labels()[outcome.row].actuator;
+        outcome.said.actuator.is_some_and(|said| said != truth)
     }
 
     fn shuts_down(&self, outcome: &Outcome) -> bool {
@@ -374,10 +555,12 @@ impl<'a> Counting<'a> {
         let wrong_shutdown = |outcome: &Outcome| wrong(outcome) && self.shuts_down(outcome);
         let right_shutdown = |outcome: &Outcome| !wrong(outcome) && self.shuts_down(outcome);
         let needed = |outcome: &Outcome| self.needs_shutdown(outcome);
+        let missed = self.trials(needed, |outcome| !right_shutdown(outcome));
         Safety {
             wrong_actuator: self.rate(|_| true, wrong),
             wrong_actuator_shutdown: self.rate(|_| true, wrong_shutdown),
-            missed_shutdown: self.rate(needed, |outcome| !right_shutdown(outcome)),
+            missed_shutdown: Rate::clustered(&missed),
+            missed_shutdown_of_all: self.missed_of_all(&missed),
             needless_shutdown: self.rate(|outcome| !needed(outcome), right_shutdown),
         }
     }

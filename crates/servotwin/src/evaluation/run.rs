@@ -98,6 +98,19 @@ fn actuator_only(
     Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
 }
 
+/// What a trained hierarchy says of rows.
+///
+/// # Errors
+/// [`servotwin_diagnosis::Error::LengthMismatch`] for a hierarchy of other features.
+pub fn ask(
+    data: &DataSet,
+    hierarchy: &Hierarchy,
+    rows: &[usize],
+) -> Result<Vec<Outcome>, EvaluationError> {
+    let mut asking = Asking::new(data, hierarchy);
+    rows.iter().map(|&row| asking.ask(row)).collect()
+}
+
 /// A hierarchy being asked about one row after the other.
 struct Asking<'a> {
     data: &'a DataSet,
@@ -124,11 +137,14 @@ impl<'a> Asking<'a> {
         let views: Vec<&[f64]> = self.views.iter().map(Vec::as_slice).collect();
         let said = self.hierarchy.diagnose(&views, &mut self.scratch)?;
         let truth = self.data.examples.labels()[row];
+        let is_healthy = self.data.rows[row].is_healthy;
         let mut given = |question| {
             let stage = self.hierarchy.stage(question, truth.actuator, truth.command)?;
-            Some(stage.decide(views[stage.place.view(truth.actuator)], &mut self.scratch))
+            let view = views[stage.place.view(truth.actuator)];
+            Some(stage.answer(view, &mut self.scratch).class)
         };
-        let (command, detail) = (given(Question::Command), given(Question::Detail));
+        let mut below = |question| if is_healthy { None } else { given(question) };
+        let (command, detail) = (below(Question::Command), below(Question::Detail));
         Ok(Outcome { row, said, command, detail, confused_with: None })
     }
 }
@@ -165,8 +181,11 @@ fn trace(
 /// The question that is the first to be answered wrongly.
 pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
     let truth = data.examples.labels()[outcome.row];
-    if outcome.said.actuator != truth.actuator {
+    let actuator = Some(truth.actuator).filter(|_| !data.rows[outcome.row].is_healthy);
+    if outcome.said.actuator != actuator {
         Some(Question::Actuator)
+    } else if data.rows[outcome.row].is_healthy {
+        None
     } else if outcome.said.command != Some(truth.command) {
         Some(Question::Command)
     } else if outcome.said.detail != Some(truth.detail) {

@@ -2,7 +2,7 @@
 
 use super::{Folder, JobError, Subject, hierarchy};
 use crate::evaluation::EvaluationError;
-use crate::study::Study;
+use crate::study::{Role, Study};
 use crate::study::campaign::data_features;
 use crate::table::{self, Table, TableError};
 use serde::Serialize;
@@ -78,7 +78,7 @@ pub fn explain(
     variant: u32,
 ) -> Result<Option<Explanation>, JobError> {
     let hierarchy = hierarchy(folder, subject)?;
-    let path = folder.data_set(subject.setting());
+    let path = folder.data_set(subject.setting(), Role::Judged);
     let wrong = |error| JobError::DataSet { path: path.clone(), error };
     let found = read(&path, &hierarchy, variant);
     let Some((mut explanation, views)) = found.map_err(|error| wrong(error.into()))? else {
@@ -151,7 +151,7 @@ fn answer(
     truth: &[String; 3],
 ) -> Answer {
     let question = stage.place.question;
-    let said = stage.decide(row, &mut hierarchy.scratch());
+    let said = stage.answer(row, &mut hierarchy.scratch()).class;
     let truth = match question {
         Question::Actuator => &truth[0],
         Question::Command => &truth[1],

@@ -3,8 +3,10 @@
 //! | file | written by |
 //! |---|---|
 //! | `study.toml`, `system.toml` | campaign: the texts that everything comes from |
-//! | `dataset-<setting>.parquet`, `shards/` | campaign |
-//! | `hierarchy-<subject>.json` | train |
+//! | `dataset-<setting>.parquet`, `shards/` | campaign: the cases that are judged |
+//! | `dataset-<setting>-training.parquet` | campaign: the training commands |
+//! | `hierarchy-<subject>.json` | train: the nine trees |
+//! | `panel-<subject>.json` | train: trees, committee and bands |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `manifest.json` | every stage |
@@ -12,7 +14,7 @@
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::study::campaign::CampaignError;
-use crate::study::{Setting, Study};
+use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 
 /// An output folder.
@@ -41,13 +43,18 @@ impl Folder {
     }
 
     /// The data set of a setting.
-    pub fn data_set(&self, setting: Setting) -> PathBuf {
-        self.0.join(format!("dataset-{}.parquet", setting.name()))
+    pub fn data_set(&self, setting: Setting, role: Role) -> PathBuf {
+        self.0.join(format!("dataset-{}{}.parquet", setting.name(), role.suffix()))
     }
 
     /// The hierarchy trained for a subject.
     pub fn hierarchy(&self, subject: Subject) -> PathBuf {
         self.0.join(format!("hierarchy-{}.json", subject.name()))
+    }
+
+    /// Trees, committee and bands of a subject.
+    pub fn panel(&self, subject: Subject) -> PathBuf {
+        self.0.join(format!("panel-{}.json", subject.name()))
     }
 
     /// What was measured of all subjects.
@@ -75,8 +82,10 @@ impl Folder {
     /// # Errors
     /// The folder of the figures cannot be read.
     pub fn results_there(&self) -> Result<Vec<PathBuf>, JobError> {
-        let mut files: Vec<PathBuf> = Setting::ALL.into_iter().map(|s| self.data_set(s)).collect();
-        files.extend(Subject::ALL.into_iter().map(|subject| self.hierarchy(subject)));
+        let both = |setting| Role::ALL.map(|role| self.data_set(setting, role));
+        let mut files: Vec<PathBuf> = Setting::ALL.into_iter().flat_map(both).collect();
+        let models = |subject| [self.hierarchy(subject), self.panel(subject)];
+        files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend([self.results(), self.report()]);
         files.retain(|file| file.exists());
         files.extend(self.figure_files()?);

@@ -5,7 +5,7 @@ use super::{Folder, JobError};
 use crate::evaluation::protocol::Holding;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files;
-use crate::study::{Setting, Study};
+use crate::study::{Role, Setting, Study};
 use crate::table::{self, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_model::solver;
@@ -52,6 +52,8 @@ pub struct FileHash {
 pub struct DataSetEntry {
     /// The setting.
     pub setting: String,
+    /// Whether a diagnosis learns from it; otherwise it is judged on it.
+    pub is_training: bool,
     /// Number of variants.
     pub variants: usize,
     /// Variants that were not simulated, being mirror images of others.
@@ -84,8 +86,9 @@ pub struct FailedVariant {
 /// # Errors
 /// A file cannot be read.
 pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
-    let there = |setting: &Setting| folder.data_set(*setting).exists();
-    let data_sets = Setting::ALL.into_iter().filter(there);
+    let both = |setting| Role::ALL.map(|role| (setting, role));
+    let data_sets = Setting::ALL.into_iter().flat_map(both);
+    let data_sets = data_sets.filter(|&(setting, role)| folder.data_set(setting, role).exists());
     Ok(Manifest {
         format: FORMAT.into(),
         version: env!("CARGO_PKG_VERSION").into(),
@@ -94,7 +97,7 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Holding::default().seed,
         solver: format!("{:?}", solver::Settings::campaign()),
-        data_sets: data_sets.map(|s| data_set(folder, s)).collect::<Result<_, _>>()?,
+        data_sets: data_sets.map(|(s, role)| data_set(folder, s, role)).collect::<Result<_, _>>()?,
         outputs: hashes(folder, &folder.results_there()?)?,
     })
 }
@@ -124,16 +127,16 @@ fn hash(folder: &Folder, path: &Path) -> Result<FileHash, JobError> {
     })
 }
 
-fn data_set(folder: &Folder, setting: Setting) -> Result<DataSetEntry, JobError> {
-    let path = folder.data_set(setting);
+fn data_set(folder: &Folder, setting: Setting, role: Role) -> Result<DataSetEntry, JobError> {
+    let path = folder.data_set(setting, role);
     let wrong = |error: TableError| JobError::DataSet {
         path: path.clone(),
         error: EvaluationError::Table(error),
     };
-    entry(&path, setting).map_err(wrong)
+    entry(&path, setting, role).map_err(wrong)
 }
 
-fn entry(path: &Path, setting: Setting) -> Result<DataSetEntry, TableError> {
+fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, TableError> {
     let table = table::read(path)?;
     let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
     let (faults, cases) = (table.text("fault")?, table.text("case")?);
@@ -151,6 +154,7 @@ fn entry(path: &Path, setting: Setting) -> Result<DataSetEntry, TableError> {
     let is_hidden = |row: &usize| !is_healthy(row) && reasons[*row].is_empty() && !detectable[*row];
     Ok(DataSetEntry {
         setting: setting.name().into(),
+        is_training: role == Role::Training,
         variants: table.row_count(),
         reflected: reflected.iter().filter(|&&is_image| is_image).count(),
         healthy: rows().filter(is_healthy).count(),

@@ -17,12 +17,24 @@ pub use folder::Folder;
 pub use results::Results;
 pub use subject::Subject;
 
+use crate::evaluation::committee::Committee;
+use crate::evaluation::flips::Moving;
 use crate::evaluation::parallel::Workers;
-use crate::evaluation::{self, DataSet, FeatureInfo, model_file};
-use crate::study::Study;
+use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
+use crate::study::campaign::{Campaign, data_features};
+use crate::study::{Role, Study};
 use crate::table;
 use results::SubjectResult;
+use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Hierarchy;
+use servotwin_diagnosis::panel::{Panel, SensorBand};
+use servotwin_diagnosis::residual::Window;
+
+/// How often each window is moved within its uncertainty.
+const DRAWS: usize = 4;
+
+/// The error of the solver that a campaign promises, in parts of scale.
+const SOLVER_ERROR: f64 = 1e-4;
 
 /// The subjects whose data sets lie in a folder.
 ///
@@ -31,7 +43,7 @@ use servotwin_diagnosis::hierarchy::Hierarchy;
 pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError> {
     let there = |subject: &Subject| {
         let possible = !subject.extra_sensor() || study.extra_sensor.is_some();
-        possible && folder.data_set(subject.setting()).exists()
+        possible && folder.data_set(subject.setting(), Role::Judged).exists()
     };
     let subjects: Vec<Subject> = Subject::ALL.into_iter().filter(there).collect();
     match subjects.is_empty() {
@@ -40,30 +52,66 @@ pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError
     }
 }
 
-/// Reads the data set of a subject.
+/// Reads the data sets of a subject.
 ///
 /// # Errors
-/// The file cannot be read, or is not as the study says.
+/// A file cannot be read, or is not as the study says.
 pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<DataSet, JobError> {
-    let path = folder.data_set(subject.setting());
-    let wrong = |error| JobError::DataSet { path: path.clone(), error };
-    let table = table::read(&path).map_err(|error| wrong(error.into()))?;
+    let path = |role| folder.data_set(subject.setting(), role);
+    let wrong = |error| JobError::DataSet { path: path(Role::Judged), error };
+    let mut tables = vec![];
+    for role in study.roles() {
+        let in_file = |error| JobError::DataSet { path: path(role), error };
+        tables.push((role, table::read(path(role)).map_err(|e| in_file(e.into()))?));
+    }
     let features = FeatureInfo::of_study(study, subject.extra_sensor());
-    DataSet::new(&table, features, &study.units).map_err(wrong)
+    DataSet::new(&tables, features, &study.units).map_err(wrong)
 }
 
-/// Trains the hierarchy of a subject with all its detectable faults and writes it.
+/// For each sensor with a band a number that is the same for like sensors of all units.
+fn pools(study: &Study) -> Vec<usize> {
+    let sensors = &study.sensors.0[..study.base_sensors()];
+    let like = |sensor: usize| sensors.iter().position(|s| s.quantity == sensors[sensor].quantity);
+    let other = |sensor: usize| sensors[sensor].quantity == Quantity::Other;
+    (0..sensors.len())
+        .map(|sensor| like(sensor).filter(|_| !other(sensor)).unwrap_or(sensor))
+        .collect()
+}
+
+/// Trains trees and committee of a subject with everything there is to learn from, and writes them.
 ///
 /// # Errors
 /// A file cannot be read or written; what training says.
-pub fn train(folder: &Folder, study: &Study, subject: Subject) -> Result<Hierarchy, JobError> {
+pub fn train(
+    folder: &Folder,
+    study: &Study,
+    subject: Subject,
+    workers: Workers,
+) -> Result<Trained, JobError> {
     let data = data_set(folder, study, subject)?;
-    let hierarchy = evaluation::train(&data, &subject.settings(&data).training)?;
-    model_file::write(folder.hierarchy(subject), &hierarchy)?;
-    Ok(hierarchy)
+    let trained = evaluation::train(&data, &subject.settings(), &pools(study), workers)?;
+    let sensors = &study.sensors.0[..study.base_sensors()];
+    let half_width = |sensor: usize| {
+        let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
+        learned.unwrap_or(servotwin_diagnosis::residual::BAND)
+    };
+    let bands = sensors.iter().enumerate().map(|(place, sensor)| SensorBand {
+        sensor: sensor.name.clone(),
+        half_width: half_width(place),
+    });
+    let panel = Panel {
+        bands: bands.collect(),
+        least_confidence: trained.committee.least_confidence,
+        committee: trained.committee.hierarchy.clone(),
+        trees: trained.trees.clone(),
+        ..Panel::default()
+    };
+    model_file::write(folder.hierarchy(subject), &trained.trees)?;
+    model_file::write(folder.panel(subject), &panel)?;
+    Ok(trained)
 }
 
-/// Evaluates every subject in a folder with the hierarchies that were trained for them, and writes
+/// Evaluates every subject in a folder with what was trained for them, and writes
 /// the results. `progress` is told what is being done, and how much of all is done, from 0 to 1.
 ///
 /// # Errors
@@ -76,20 +124,91 @@ pub fn evaluate_all(
 ) -> Result<Results, JobError> {
     let mut list = vec![];
     let subjects = subjects(folder, study)?;
+    let mut read = vec![];
+    let pools = pools(study);
     for (place, &subject) in subjects.iter().enumerate() {
         let data = data_set(folder, study, subject)?;
-        let hierarchy = hierarchy(folder, subject)?;
-        let settings = subject.settings(&data);
+        let trained = trained(folder, subject)?;
+        let windows = windows(folder, study, subject, &data)?;
+        let moving = moving(study, subject, &windows);
         let told = |what: &str, share: f64| {
-            let done = (place as f64 + share) / subjects.len() as f64;
+            let done = (place as f64 + share) / (subjects.len() as f64 + 0.2);
             progress(&format!("{}: {what}", subject.name()), done);
         };
-        let evaluation = evaluation::evaluate(&data, &hierarchy, &settings, workers, &told)?;
-        list.push(SubjectResult::new(subject, study, settings, evaluation));
+        let context = Context {
+            trained: &trained,
+            pools: &pools,
+            moving: moving.as_ref(),
+            workers,
+            progress: &told,
+        };
+        let settings = subject.settings();
+        let evaluation = evaluation::evaluate(&data, &settings, &context)?;
+        list.push(SubjectResult::new(subject, study, settings.clone(), evaluation));
+        if !subject.extra_sensor() {
+            let (data, _) = evaluation::banded(&data, &settings, &pools);
+            read.push((subject.name().to_owned(), data, trained));
+        }
     }
-    let results = Results::new(study, list);
+    progress("trained on one setting, tested on another", 0.95);
+    let shutdown = &evaluation::Settings::default().shutdown;
+    let robustness = evaluation::robustness::evaluate(&read, shutdown)?;
+    let results = Results::new(study, list, robustness);
     model_file::write(folder.results(), &results)?;
     Ok(results)
+}
+
+/// The windows of all rows of a data set, in their order; none where the study has no training
+/// commands, because then nothing is moved.
+fn windows(
+    folder: &Folder,
+    study: &Study,
+    subject: Subject,
+    data: &DataSet,
+) -> Result<Vec<Window>, JobError> {
+    if !data.has_training() {
+        return Ok(vec![]);
+    }
+    let rows = Campaign::stored(folder.path(), study, subject.setting(), Role::Judged).windows()?;
+    let of_setting = rows.into_iter().next().unwrap_or_default();
+    // The judged rows come first, and those that failed are no rows.
+    Ok(of_setting.into_iter().filter(|row| row.failure.is_empty()).map(|row| row.window).collect())
+}
+
+fn moving<'w>(study: &'w Study, subject: Subject, windows: &'w [Window]) -> Option<Moving<'w>> {
+    let has_noise = subject.setting().has_noise();
+    let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
+    let features = data_features(study).into_iter().enumerate();
+    let own = features.filter(|(_, feature)| subject.extra_sensor() || !feature.extra);
+    (!windows.is_empty()).then(|| Moving {
+        sensors: &study.sensors,
+        windows,
+        noise: noise.collect(),
+        lasting: SOLVER_ERROR,
+        columns: own.map(|(place, _)| place).collect(),
+        draws: DRAWS,
+        seed: 1,
+    })
+}
+
+/// Reads what was trained for a subject.
+fn trained(folder: &Folder, subject: Subject) -> Result<Trained, JobError> {
+    let panel = panel(folder, subject)?;
+    let committee =
+        Committee { hierarchy: panel.committee, least_confidence: panel.least_confidence };
+    Ok(Trained { bands: None, trees: panel.trees, committee })
+}
+
+/// Reads trees, committee and bands that were trained for a subject.
+///
+/// # Errors
+/// [`JobError::Missing`], or it is no panel.
+pub fn panel(folder: &Folder, subject: Subject) -> Result<Panel, JobError> {
+    let path = folder.panel(subject);
+    match path.exists() {
+        true => Ok(model_file::read_panel(path)?),
+        false => Err(JobError::Missing { path, stage: "train" }),
+    }
 }
 
 /// Reads the hierarchy that was trained for a subject.

@@ -1,12 +1,13 @@
 //! What was measured of all subjects: `evaluation.json`.
 
 use super::Subject;
+use crate::evaluation::robustness::Cross;
 use crate::evaluation::{Evaluation, Settings};
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
 
 /// The word that a stored evaluation begins with.
-pub const FORMAT: &str = "servotwin evaluation 1";
+pub const FORMAT: &str = "servotwin evaluation 2";
 
 /// What was measured of all subjects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +18,8 @@ pub struct Results {
     pub study: String,
     /// One entry for each subject.
     pub subjects: Vec<SubjectResult>,
+    /// Trained on one setting, tested on another.
+    pub robustness: Vec<Cross>,
 }
 
 /// What was measured of one subject.
@@ -34,8 +37,8 @@ pub struct SubjectResult {
 
 impl Results {
     /// The results of a study.
-    pub fn new(study: &Study, subjects: Vec<SubjectResult>) -> Self {
-        Results { format: FORMAT.into(), study: study.name.clone(), subjects }
+    pub fn new(study: &Study, subjects: Vec<SubjectResult>, robustness: Vec<Cross>) -> Self {
+        Results { format: FORMAT.into(), study: study.name.clone(), subjects, robustness }
     }
 
     /// The result of a subject.

@@ -1,6 +1,6 @@
 //! What is diagnosed: a data set, with or without the extra sensor.
 
-use crate::evaluation::{DataSet, Settings};
+use crate::evaluation::Settings;
 use crate::study::{Setting, Study};
 use serde::{Deserialize, Serialize};
 
@@ -10,20 +10,24 @@ use serde::{Deserialize, Serialize};
 pub enum Subject {
     /// Perfect sensors, a plant that is the twin with a fault: the paper's.
     Ideal,
+    /// With noise and quantisation of the sensors.
+    Noise,
     /// With noise, quantisation and tolerances.
     Realistic,
-    /// As ideal, with a sensor more.
+    /// As realistic, with a sensor more.
     ExtraSensor,
 }
 
 impl Subject {
     /// Every subject, in the order of reports.
-    pub const ALL: [Subject; 3] = [Subject::Ideal, Subject::Realistic, Subject::ExtraSensor];
+    pub const ALL: [Subject; 4] =
+        [Subject::Ideal, Subject::Noise, Subject::Realistic, Subject::ExtraSensor];
 
     /// The word in file names.
     pub fn name(self) -> &'static str {
         match self {
             Subject::Ideal => "ideal",
+            Subject::Noise => "noise",
             Subject::Realistic => "realistic",
             Subject::ExtraSensor => "extra_sensor",
         }
@@ -34,16 +38,18 @@ impl Subject {
         let extra = || study.extra_sensor.as_deref().unwrap_or("an extra sensor");
         match self {
             Subject::Ideal => "ideal".into(),
+            Subject::Noise => "noise".into(),
             Subject::Realistic => "realistic".into(),
-            Subject::ExtraSensor => format!("ideal, {}", extra()),
+            Subject::ExtraSensor => format!("realistic, {}", extra()),
         }
     }
 
     /// The data set that it reads.
     pub fn setting(self) -> Setting {
         match self {
-            Subject::Ideal | Subject::ExtraSensor => Setting::Ideal,
-            Subject::Realistic => Setting::Realistic,
+            Subject::Ideal => Setting::Ideal,
+            Subject::Noise => Setting::Noise,
+            Subject::Realistic | Subject::ExtraSensor => Setting::Realistic,
         }
     }
 
@@ -52,14 +58,17 @@ impl Subject {
         self == Subject::ExtraSensor
     }
 
-    /// How it is evaluated: parts are taken away, and other classifiers compared, only where the
-    /// paper's sensors are used. No tree asks what a sensor could not resolve.
-    pub fn settings(self, data: &DataSet) -> Settings {
-        let mut settings = Settings::default();
-        settings.training.resolutions = data.resolutions(settings.residual_error);
-        match self.extra_sensor() {
-            true => Settings { classifiers: vec![], ablation: false, ..settings },
-            false => settings,
+    /// How it is evaluated. Classifiers are compared where the paper compared them, parts are taken
+    /// away where it is hardest to do without. Without noise there is nothing to learn a band from.
+    pub fn settings(self) -> Settings {
+        let settings = Settings {
+            learned_bands: self != Subject::Ideal,
+            ablation: self == Subject::Realistic,
+            ..Settings::default()
+        };
+        match self {
+            Subject::Ideal => settings,
+            _ => Settings { classifiers: vec![], ..settings },
         }
     }
 }

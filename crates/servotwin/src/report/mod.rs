@@ -65,7 +65,6 @@ pub static ALL: &[&dyn Section] = &[
     &sections::ablation::Ablation,
     &sections::ambiguity::Ambiguity,
     &sections::leaves::Leaves,
-    &sections::implausible::Implausible,
     &sections::settings::Settings,
     &sections::exclusions::Exclusions,
     &sections::making::Making,

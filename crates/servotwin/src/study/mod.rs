@@ -7,17 +7,19 @@
 
 pub mod campaign;
 pub mod faults;
-mod images;
 mod realism;
+mod training;
 
 pub use faults::{Class, FaultCase};
-pub use realism::{Realism, Setting};
+pub use realism::{Realism, Role, Setting};
+pub use training::Training;
 
 use crate::files::{self, FileError};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::{System, SystemError};
 use serde::Deserialize;
+use realism::Imperfection;
 use servotwin_diagnosis::features::{Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
 use std::collections::BTreeMap;
@@ -56,6 +58,7 @@ struct Text {
     #[serde(default)]
     classes: Vec<ClassText>,
     realistic: Option<realism::Text>,
+    training: Option<training::Text>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -99,6 +102,8 @@ struct ClassText {
 pub struct OperatingCase {
     /// `command/load`, e.g. `S2/100`.
     pub name: String,
+    /// The command alone, e.g. `S2`.
+    pub command: String,
     /// One signal per input of the system.
     pub inputs: Vec<Piecewise>,
 }
@@ -119,6 +124,8 @@ pub struct Study {
     pub sample_period_s: f64,
     /// The units that can fail.
     pub units: Vec<String>,
+    /// The intensities of every fault.
+    pub intensities: Vec<f64>,
     /// Every fault with every intensity, in the order of the classes.
     pub faults: Vec<FaultCase>,
     /// The classes, in the order of the file.
@@ -136,6 +143,9 @@ pub struct Study {
     pub extra_sensor: Option<String>,
     /// How reality differs from the twin.
     pub realism: Option<Realism>,
+    /// The flights from which the diagnosis learns, where they are others than those it is judged
+    /// on.
+    pub training: Option<Training>,
 }
 
 /// Why there is no study.
@@ -259,6 +269,10 @@ impl Study {
             Some(text) => Some(Realism::new(text, &reader)?),
             None => None,
         };
+        let training = match &reader.text.training {
+            Some(text) => Some(Training::new(text, &reader)?),
+            None => None,
+        };
         let Reader { text: parsed, system, .. } = reader;
         Ok(Self {
             name: parsed.name,
@@ -266,6 +280,7 @@ impl Study {
             text: text.into(),
             duration_s: parsed.duration_s,
             sample_period_s: 1.0 / parsed.sample_hz,
+            intensities: parsed.intensities,
             units: parsed.units,
             extra_sensor: parsed.extra_sensor.map(|e| e.title),
             system,
@@ -276,6 +291,7 @@ impl Study {
             measured,
             sensors,
             realism,
+            training,
         })
     }
 
@@ -287,6 +303,20 @@ impl Study {
         let path = path.as_ref();
         let text = files::read_text(path).map_err(StudyError::File)?;
         Self::parse(&text, &path.display().to_string())
+    }
+
+    /// The operating cases of a role; none for training where the study has none of its own.
+    pub fn cases_of(&self, role: Role) -> &[OperatingCase] {
+        match role {
+            Role::Judged => &self.cases,
+            Role::Training => self.training.as_ref().map_or(&[], |training| &training.cases),
+        }
+    }
+
+    /// The roles for which there is a data set.
+    pub fn roles(&self) -> Vec<Role> {
+        let there = |role: &Role| !self.cases_of(*role).is_empty();
+        Role::ALL.into_iter().filter(there).collect()
     }
 
     /// Number of sensors without the extra one.
@@ -396,20 +426,21 @@ impl Reader<'_> {
         for (position, sensor) in list.iter().enumerate() {
             let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
             measured.push(position);
-            seen.push(self.sensor(&sensor.label, text)?);
+            seen.push(self.sensor(position, text)?);
         }
         if let Some(extra) = &self.text.extra_sensor {
             let position = ids().position(|id| id == extra.id);
             let position =
                 position.ok_or_else(|| self.unknown("sensor in the system", &extra.id, ids()))?;
             measured.push(position);
-            let name = list[position].label.clone();
-            seen.push(Sensor { name, quantity: Quantity::Surface, unit: 0 });
+            let (name, noise) = (list[position].label.clone(), self.noise(position));
+            seen.push(Sensor { name, quantity: Quantity::Surface, unit: 0, noise });
         }
         Ok((measured, Sensors(seen)))
     }
 
-    fn sensor(&self, label: &str, text: &SensorText) -> Result<Sensor, StudyError> {
+    fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, StudyError> {
+        let label = &self.system.sensors[position].label;
         let words = || Quantity::ALL.iter().map(|(_, word)| *word);
         let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
         let (quantity, _) =
@@ -417,7 +448,14 @@ impl Reader<'_> {
         let known = text.unit <= self.text.units.len();
         self.range(format!("unit of {label}"), text.unit as f64, known, "0 … number of units")?;
         let unit = text.unit.saturating_sub(1);
-        Ok(Sensor { name: label.into(), quantity: *quantity, unit })
+        let (name, noise) = (label.clone(), self.noise(position));
+        Ok(Sensor { name, quantity: *quantity, unit, noise })
+    }
+
+    /// What a sample of a sensor carries of noise and quantisation, in parts of its scale.
+    fn noise(&self, position: usize) -> f64 {
+        let scale = self.system.sensors[position].scale;
+        Imperfection::of(&self.system, position).deviation() / scale
     }
 
     fn cases(&self) -> Result<Vec<OperatingCase>, StudyError> {
@@ -438,7 +476,9 @@ impl Reader<'_> {
                 if let Some((input, value)) = *load {
                     inputs[input] = Piecewise::constant(value).expect("a finite value");
                 }
-                cases.push(OperatingCase { name: format!("{name}{load_name}"), inputs });
+                let name = name.clone();
+                let case = format!("{name}{load_name}");
+                cases.push(OperatingCase { name: case, command: name, inputs });
             }
         }
         Ok(cases)

@@ -4,8 +4,10 @@
 use super::faults::full_name;
 use super::{Reader, Study, StudyError};
 use crate::signal::random::Random;
+use crate::system::System;
 use serde::Deserialize;
 use servotwin_model::scalar::Primitive;
+use servotwin_model::spec::Unit;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -46,23 +48,68 @@ pub struct Realism {
 }
 
 /// Under which conditions a data set is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Setting {
     /// The plant is the twin with a fault; sensors are perfect. The paper's.
     Ideal,
-    /// With noise, quantisation and tolerances.
+    /// The plant is the twin with a fault; sensors have noise and quantisation.
+    Noise,
+    /// Noise and quantisation, and specimens that differ by their tolerances.
     Realistic,
 }
 
 impl Setting {
-    /// Both.
-    pub const ALL: [Setting; 2] = [Setting::Ideal, Setting::Realistic];
+    /// Every setting, from the kindest to the hardest.
+    pub const ALL: [Setting; 3] = [Setting::Ideal, Setting::Noise, Setting::Realistic];
 
     /// The word in file names.
     pub fn name(self) -> &'static str {
         match self {
             Setting::Ideal => "ideal",
+            Setting::Noise => "noise",
             Setting::Realistic => "realistic",
+        }
+    }
+
+    /// Whether sensors have noise and quantisation.
+    pub fn has_noise(self) -> bool {
+        self != Setting::Ideal
+    }
+
+    /// Whether every variant is another specimen.
+    pub fn has_tolerances(self) -> bool {
+        self == Setting::Realistic
+    }
+
+    /// The settings of a study that a choice allows, in groups whose variants are the same
+    /// simulations.
+    pub fn groups(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<Vec<Setting>> {
+        let possible = |setting: &Setting| study.realism.is_some() || !setting.has_noise();
+        let wanted: Vec<Setting> =
+            Setting::ALL.into_iter().filter(possible).filter(|setting| choice(*setting)).collect();
+        let groups = wanted.chunk_by(|a, b| a.has_tolerances() == b.has_tolerances());
+        groups.map(<[Setting]>::to_vec).collect()
+    }
+}
+
+/// What a data set is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// The operating cases on which a diagnosis is judged.
+    Judged,
+    /// Other commands, from which it learns.
+    Training,
+}
+
+impl Role {
+    /// Both.
+    pub const ALL: [Role; 2] = [Role::Judged, Role::Training];
+
+    /// What it adds to file names.
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Role::Judged => "",
+            Role::Training => "-training",
         }
     }
 }
@@ -88,8 +135,13 @@ impl Realism {
 
     /// The parameters of one specimen: (component, parameter, value), inside
     /// the ranges that the components declare.
-    pub fn specimen(&self, study: &Study, variant: usize) -> Vec<(usize, usize, f64)> {
-        let mut random = Random::new(mix(self.seed, variant, 1));
+    pub fn specimen(
+        &self,
+        study: &Study,
+        role: Role,
+        variant: usize,
+    ) -> Vec<(usize, usize, f64)> {
+        let mut random = Random::new(mix(self.seed, variant, 1 + 2 * role as u64));
         let components = &study.system.network().components;
         let mut values = Vec::new();
         for tolerance in &self.tolerances {
@@ -110,8 +162,13 @@ impl Realism {
     }
 
     /// The random numbers of one variant's sensors.
-    pub(super) fn noise(&self, variant: usize) -> Random {
-        Random::new(mix(self.seed, variant, 2))
+    pub(super) fn noise(&self, role: Role, variant: usize) -> Random {
+        Random::new(mix(self.seed, variant, 2 + 2 * role as u64))
+    }
+
+    /// A text that two equal ways to differ from the twin have in common.
+    pub(super) fn canonical(&self) -> String {
+        format!("{self:?}")
     }
 }
 
@@ -148,18 +205,25 @@ pub(super) struct Imperfection {
 }
 
 impl Imperfection {
-    /// What the component of a sensor declares: `noise_sigma` in parts of full
-    /// scale, and `bits` over the whole range.
-    pub fn of(study: &Study, sensor: usize) -> Self {
-        let instance = &study.system.network().components[study.system.sensors[sensor].component];
+    /// What the component of a sensor declares: `noise_sigma` in parts of its full scale, and
+    /// `bits` over the whole range, which is twice the full scale for a displacement.
+    pub fn of(system: &System, sensor: usize) -> Self {
+        let instance = &system.network().components[system.sensors[sensor].component];
         let spec = instance.component.spec();
-        let value = |name: &str| spec.parameter(name).map(|p| instance.parameters[p]);
-        let bipolar = value("full_scale_m");
-        let full_scale = bipolar.or(value("full_scale_pa")).unwrap_or(0.0);
-        let range = if bipolar.is_some() { 2.0 * full_scale } else { full_scale };
-        let bits = value("bits").unwrap_or(0.0);
+        let value = |name: &str| spec.parameter(name).map_or(0.0, |p| instance.parameters[p]);
+        let full = spec.parameters.iter().position(|p| p.name.starts_with("full_scale_"));
+        let full_scale = full.map_or(0.0, |p| instance.parameters[p]);
+        let is_bipolar = full.is_some_and(|p| spec.parameters[p].unit == Unit::Metre);
+        let range = if is_bipolar { 2.0 * full_scale } else { full_scale };
+        let bits = value("bits");
         let step = if bits > 0.0 { range / f64::powi(2.0, bits as i32) } else { 0.0 };
-        Self { sigma: value("noise_sigma").unwrap_or(0.0) * full_scale, step }
+        Self { sigma: value("noise_sigma") * full_scale, step }
+    }
+
+    /// The standard deviation that a sample carries, in physical units: noise, and quantisation as
+    /// an even distribution over a step.
+    pub fn deviation(self) -> f64 {
+        (self.sigma * self.sigma + self.step * self.step / 12.0).sqrt()
     }
 
     pub fn apply(self, value: f64, noise: &mut Random) -> f64 {

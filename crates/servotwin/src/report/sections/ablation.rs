@@ -57,10 +57,10 @@ impl Section for Ablation {
         page.table(&families, "Families of features.");
         for (result, grid) in tables {
             page.table(&grid, &format!(
-                "Setting: {}. The grouped protocol ({} folds) with families of features alone, added \
-                 one after the other and left out; without mirror images and shared trees; and with \
-                 other depths.",
-                result.title, result.settings.short_holding.folds
+                "Setting: {}. New commands (without training commands: faults unseen at their \
+                 intensity) with families of features alone, added one after the other and left out; \
+                 without mirror images and shared trees; and with other depths.",
+                result.title
             ));
         }
     }

@@ -28,12 +28,8 @@ impl Section for Detectability {
             page.heading(&format!("Setting: {}", result.title));
             page.text(&format!(
                 "{} of all faults leave the band of healthy residuals at least once; the others \
-                 are invisible to these sensors in these operating cases and are not diagnosed.{}",
+                 are invisible to these sensors in these operating cases and are not diagnosed.",
                 rate(Some(detection.detected)),
-                detection.false_alarms.map_or(String::new(), |alarms| format!(
-                    " Of fault-free specimens {} leave it, too (false alarms).",
-                    rate(Some(alarms))
-                ))
             ));
             let curves = curves(material, detection);
             page.figure(

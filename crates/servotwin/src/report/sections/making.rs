@@ -34,8 +34,8 @@ impl Section for Making {
             push(
                 &format!("splits, {}", result.title),
                 format!(
-                    "{} random thirds; {} × {} folds of groups",
-                    holding.repeats, holding.deals, holding.folds
+                    "{} random thirds; {} folds of groups",
+                    holding.repeats, holding.folds
                 ),
             );
         }

@@ -9,7 +9,6 @@ pub mod confusion;
 pub mod detectability;
 pub mod exclusions;
 pub mod faults;
-pub mod implausible;
 pub mod leaves;
 pub mod macrostructure;
 pub mod making;

@@ -38,10 +38,10 @@ impl Section for Safety {
             page.table(&grid, &format!("Setting: {}. Share of detected faults.", result.title));
             if let Some(alarms) = &result.evaluation.false_alarms {
                 page.text(&format!(
-                    "Of {} fault-free specimens {} give an alarm, and {} would be shut down.",
+                    "Of {} fault-free specimens {} give an alarm, and the trees would shut down {}.",
                     alarms.alarms.of,
                     rate(Some(alarms.alarms)),
-                    rate(Some(alarms.shutdowns))
+                    rate(Some(alarms.tree_shutdowns))
                 ));
             }
             if let Some(grouped) = result.evaluation.protocol(Protocol::Grouped) {

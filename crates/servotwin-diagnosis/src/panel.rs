@@ -1,0 +1,123 @@
+//! The panel: bands, the nine trees and the committee together, as one answer.
+//!
+//! Nothing is said while every residual stays in its band. The trees give the answer that can be
+//! explained; the committee must agree on actuator and command, and be sure enough, or the fault
+//! counts as detected but not isolated.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+use crate::hierarchy::{Diagnosis, Hierarchy, Scratch};
+
+/// The word that a stored panel begins with.
+pub const FORMAT: &str = "servotwin panel 1";
+
+/// The band that a residual may stay in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorBand {
+    /// The sensor.
+    pub sensor: String,
+    /// Half width, in parts of the sensor's scale.
+    pub half_width: f64,
+}
+
+/// Bands, trees and committee; stored as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Panel {
+    /// [`FORMAT`].
+    pub format: String,
+    /// One band for each sensor that is watched.
+    pub bands: Vec<SensorBand>,
+    /// The confidence that the committee needs for an answer; `None` for any.
+    pub least_confidence: Option<f64>,
+    /// The nine trees.
+    pub trees: Hierarchy,
+    /// Boosted trees at the same places, calibrated.
+    pub committee: Hierarchy,
+}
+
+impl Default for Panel {
+    /// A panel that knows nothing.
+    fn default() -> Self {
+        let empty = || Hierarchy {
+            format: crate::hierarchy::FORMAT.into(),
+            names: Default::default(),
+            stages: Vec::new(),
+        };
+        Panel {
+            format: FORMAT.into(),
+            bands: Vec::new(),
+            least_confidence: None,
+            trees: empty(),
+            committee: empty(),
+        }
+    }
+}
+
+/// What a panel says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// Every residual is in its band, or trees and committee agree that nothing is wrong.
+    Healthy,
+    /// Something is wrong, but it is not sure what: what the committee would say.
+    NotIsolated(Diagnosis),
+    /// Trees and committee agree on actuator and command.
+    Isolated(Diagnosis),
+}
+
+impl Panel {
+    /// Whether a residual left its band; `largest` is the largest size of each watched residual, in
+    /// parts of scale.
+    pub fn is_detected(&self, largest: &[f64]) -> bool {
+        largest.iter().zip(&self.bands).any(|(size, band)| *size > band.half_width)
+    }
+
+    /// What the panel says about a row, given in every view.
+    ///
+    /// # Errors
+    /// As [`Hierarchy::diagnose`].
+    pub fn diagnose(
+        &self,
+        largest: &[f64],
+        views: &[&[f64]],
+        scratch: &mut [Scratch; 2],
+    ) -> Result<Verdict, Error> {
+        if !self.is_detected(largest) {
+            return Ok(Verdict::Healthy);
+        }
+        let [of_trees, of_committee] = scratch;
+        let trees = self.trees.diagnose(views, of_trees)?;
+        let committee = self.committee.diagnose(views, of_committee)?;
+        let sure = self.least_confidence.is_none_or(|least| committee.confidence >= least);
+        Ok(match sure && trees.action() == committee.action() {
+            true if committee.actuator.is_none() => Verdict::Healthy,
+            true => Verdict::Isolated(Diagnosis { confidence: committee.confidence, ..trees }),
+            false => Verdict::NotIsolated(committee),
+        })
+    }
+
+    /// Memory for [`Panel::diagnose`].
+    pub fn scratch(&self) -> [Scratch; 2] {
+        [self.trees.scratch(), self.committee.scratch()]
+    }
+
+    /// Checks that the parts fit each other; for panels that come from outside.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`] and what [`Hierarchy::check`] says.
+    pub fn check(&self) -> Result<(), Error> {
+        let holds = |holds, broken| {
+            if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+        };
+        holds(self.format == FORMAT, "the format is another one")?;
+        holds(self.trees.names == self.committee.names, "trees and committee read other features")?;
+        let sound = |band: &SensorBand| band.half_width.is_finite() && band.half_width >= 0.0;
+        holds(self.bands.iter().all(sound), "a band is negative or not finite")?;
+        self.trees.check()?;
+        self.committee.check()
+    }
+}

@@ -1,0 +1,95 @@
+//! What silence buys: the committee answers only where it is sure, and where the trees agree.
+
+use super::data_set::DataSet;
+use super::protocol::trial;
+use super::run::{Outcome, first_error};
+use super::score::{Rate, Trial};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::hierarchy::Question;
+
+/// Shares of the least certain answers that are left out.
+pub const SHARES: [f64; 7] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2];
+
+/// What is left when some answers are withheld.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Level {
+    /// Detected faults without an answer.
+    pub abstained: Rate,
+    /// Actuator and command are right, of the faults answered.
+    pub right_action: Rate,
+    /// The wrong actuator is shut down, of the faults answered.
+    pub wrong_actuator_shutdown: Rate,
+    /// A fault that needs a shutdown gets another answer, of such faults answered.
+    pub shutdown_answered_wrongly: Rate,
+}
+
+/// The trade of silence against errors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Abstention {
+    /// For each of [`SHARES`] what is left without the least certain answers.
+    pub levels: Vec<Level>,
+    /// Where the answer needs the confidence that would have withheld 2 % on training commands left
+    /// out of training.
+    pub fixed: Option<(f64, Level)>,
+    /// Where the answer needs the trees to give the same.
+    pub agreement: Level,
+    /// Where it needs both.
+    pub both: Option<Level>,
+}
+
+/// Counts the trade over the outcomes of the committee, and of the trees on the same rows.
+/// `least` is a confidence chosen without looking at them.
+pub fn evaluate(
+    data: &DataSet,
+    committee: &[Outcome],
+    trees: &[Outcome],
+    least: Option<f64>,
+    shutdown: Option<u32>,
+) -> Abstention {
+    let mut order: Vec<usize> = (0..committee.len()).collect();
+    let confidence = |place: usize| committee[place].said.confidence;
+    // Stable: equally sure answers stay in the order of the rows.
+    order.sort_by(|&a, &b| confidence(a).total_cmp(&confidence(b)));
+    let level = |answers: &dyn Fn(usize) -> bool| level(data, committee, answers, shutdown);
+    let share = |share: &f64| {
+        let silent = (share * committee.len() as f64).floor() as usize;
+        let mut answered = vec![true; committee.len()];
+        order[..silent].iter().for_each(|&place| answered[place] = false);
+        level(&|place| answered[place])
+    };
+    let agrees = |place: usize| committee[place].said.action() == trees[place].said.action();
+    let sure = |place: usize| least.is_some_and(|least| confidence(place) >= least);
+    Abstention {
+        levels: SHARES.iter().map(share).collect(),
+        fixed: least.map(|least| (least, level(&sure))),
+        agreement: level(&agrees),
+        both: least.map(|_| level(&|place| agrees(place) && sure(place))),
+    }
+}
+
+fn level(
+    data: &DataSet,
+    outcomes: &[Outcome],
+    answers: &dyn Fn(usize) -> bool,
+    shutdown: Option<u32>,
+) -> Level {
+    let trials = |among: &dyn Fn(usize) -> bool, holds: &dyn Fn(&Outcome) -> bool| {
+        let places = (0..outcomes.len()).filter(|&place| among(place));
+        let of = |place: usize| trial(data, outcomes[place].row, holds(&outcomes[place]));
+        Rate::clustered(&places.map(of).collect::<Vec<Trial>>())
+    };
+    let label = |outcome: &Outcome| data.examples.labels()[outcome.row];
+    let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
+    let wrong = |o: &Outcome| {
+        let shuts = shutdown.is_some() && o.said.command == shutdown;
+        shuts && o.said.actuator.is_some_and(|said| said != label(o).actuator)
+    };
+    let needs = |place: usize| Some(label(&outcomes[place]).command) == shutdown;
+    let abstained = (0..outcomes.len()).map(|p| trial(data, outcomes[p].row, !answers(p)));
+    Level {
+        abstained: Rate::clustered(&abstained.collect::<Vec<_>>()),
+        right_action: trials(answers, &is_right),
+        wrong_actuator_shutdown: trials(answers, &wrong),
+        shutdown_answered_wrongly: trials(&|p| answers(p) && needs(p), &|o| !is_right(o)),
+    }
+}

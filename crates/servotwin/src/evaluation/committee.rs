@@ -1,0 +1,144 @@
+//! The committee: boosted trees at every place of the hierarchy, with probabilities that mean what
+//! they say, and the confidence below which they had better be silent.
+//!
+//! Both come from rows that were left out of training, whole commands at a time: the temperature of
+//! every stage ([`calibration`]), and the confidence that the least certain answers do not reach.
+
+use super::data_set::DataSet;
+use super::error::EvaluationError;
+use super::parallel::{self, Workers};
+use super::run::{self, Outcome, settled};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::calibration;
+use servotwin_diagnosis::classifiers::{Scores, Classifier};
+use servotwin_diagnosis::evaluation::{Split, grouped_k_fold};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings, Stage};
+use std::collections::BTreeMap;
+
+/// Folds of commands.
+const FOLDS: usize = 3;
+
+/// The share of answers on left-out commands that the least confidence withholds.
+pub const WITHHELD: f64 = 0.02;
+
+/// A trained committee.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Committee {
+    /// Boosted trees, calibrated.
+    pub hierarchy: Hierarchy,
+    /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach; `None`
+    /// with too few commands to leave any out.
+    pub least_confidence: Option<f64>,
+}
+
+/// How good the probabilities of the action are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Reliability {
+    /// Answers of like confidence: mean confidence, share of right ones, number.
+    pub bins: Vec<(f64, f64, u64)>,
+    /// Mean squared distance of confidence from being right.
+    pub brier: f64,
+    /// Mean distance of confidence from the share of right answers, over the bins.
+    pub calibration_error: f64,
+}
+
+/// Trains the committee with some rows and calibrates it with commands left out.
+///
+/// # Errors
+/// What training says.
+pub fn train(
+    data: &DataSet,
+    settings: &Settings,
+    rows: &[usize],
+    workers: Workers,
+) -> Result<Committee, EvaluationError> {
+    let settings = &settled(data, settings);
+    let mut hierarchy = settings.fit(&data.examples, rows)?;
+    let groups: Vec<u32> = rows.iter().map(|&row| data.rows[row].flown).collect();
+    let Ok(folds) = grouped_k_fold(&groups, FOLDS, 1) else {
+        return Ok(Committee { hierarchy, least_confidence: None });
+    };
+    let of = |places: &[usize]| -> Vec<usize> { places.iter().map(|&place| rows[place]).collect() };
+    let fit = |split: &Split| Ok(settings.fit(&data.examples, &of(&split.train))?);
+    let parts: Result<Vec<Hierarchy>, EvaluationError> =
+        parallel::map(&folds, workers, fit)?.into_iter().collect();
+    let mut parts = parts?;
+    let mut seen = BTreeMap::new();
+    for (part, split) in parts.iter().zip(&folds) {
+        collect(data, part, &of(&split.test), &mut seen);
+    }
+    for stage in parts.iter_mut().flat_map(|part| &mut part.stages).chain(&mut hierarchy.stages) {
+        if let Some((scores, labels)) = seen.get(&stage.id) {
+            stage.temperature = calibration::temperature(scores, stage.classes.len(), labels);
+        }
+    }
+    let mut confidences = vec![];
+    for (part, split) in parts.iter().zip(&folds) {
+        let faulty = |&row: &usize| !data.rows[row].is_healthy;
+        let test: Vec<usize> = of(&split.test).into_iter().filter(faulty).collect();
+        let outcomes = run::ask(data, part, &test)?;
+        confidences.extend(outcomes.iter().map(|outcome| outcome.said.confidence));
+    }
+    confidences.sort_by(f64::total_cmp);
+    let place = (WITHHELD * confidences.len() as f64) as usize;
+    Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
+}
+
+/// Scores and true classes of rows for every stage that is asked about them.
+type Seen = BTreeMap<String, (Vec<f64>, Vec<u32>)>;
+
+fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut Seen) {
+    let mut values = vec![0.0; data.features.len()];
+    for stage in &hierarchy.stages {
+        if stage.model.scores() != Scores::Shares {
+            continue;
+        }
+        let mut scores = vec![0.0; stage.classes.len()];
+        let (all, labels) = seen.entry(stage.id.clone()).or_default();
+        for &row in rows {
+            let Some(class) = true_class(data, stage, row) else { continue };
+            let view = stage.place.view(data.examples.labels()[row].actuator);
+            data.examples.row_into(view, row, &mut values);
+            let own: Vec<f64> = stage.columns.iter().map(|&c| values[c as usize]).collect();
+            stage.model.scores_into(&own, &mut scores);
+            all.extend_from_slice(&scores);
+            labels.push(class);
+        }
+    }
+}
+
+/// The right class of a stage for a row that it is asked about, by its place among the stage's.
+fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
+    let label = data.examples.labels()[row];
+    let asks_on = stage.place.question != Question::Actuator;
+    let is_asked = stage.place.is_asked(label.actuator, label.command);
+    if !is_asked || (asks_on && data.rows[row].is_healthy) {
+        return None;
+    }
+    let class = match stage.place.question {
+        Question::Actuator => label.actuator,
+        Question::Command => label.command,
+        Question::Detail => label.detail,
+    };
+    stage.classes.iter().position(|known| *known == class).map(|class| class as u32)
+}
+
+/// How far the confidence of outcomes can be believed.
+pub fn reliability(outcomes: &[Outcome], is_right: impl Fn(&Outcome) -> bool) -> Reliability {
+    const BINS: usize = 10;
+    let mut bins = vec![(0.0, 0u64, 0u64); BINS];
+    let mut squares = 0.0;
+    for outcome in outcomes {
+        let confidence = outcome.said.confidence;
+        let right = is_right(outcome);
+        let bin = &mut bins[((confidence * BINS as f64) as usize).min(BINS - 1)];
+        *bin = (bin.0 + confidence, bin.1 + u64::from(right), bin.2 + 1);
+        squares += (confidence - f64::from(u8::from(right))).powi(2);
+    }
+    let count = outcomes.len().max(1) as f64;
+    bins.retain(|(_, _, of)| *of > 0);
+    let bins: Vec<(f64, f64, u64)> =
+        bins.iter().map(|&(sum, right, of)| (sum / of as f64, right as f64 / of as f64, of)).collect();
+    let errors = bins.iter().map(|(mean, share, of)| (mean - share).abs() * *of as f64);
+    Reliability { brier: squares / count, calibration_error: errors.sum::<f64>() / count, bins }
+}

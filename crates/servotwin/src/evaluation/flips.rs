@@ -1,0 +1,238 @@
+//! Answers that change when every feature moves within its uncertainty.
+//!
+//! What a window holds is uncertain by the noise and quantisation of its sensors and by the solver's
+//! error ([`Window::disturbed`]). The judged windows are moved so, their features computed anew, and
+//! the answers compared. A question of a tree whose answer depends on what no sensor shows flips; one
+//! that can be defended does not.
+
+use super::data_set::DataSet;
+use super::error::EvaluationError;
+use super::parallel::{self, Workers};
+use crate::signal::random::Random;
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::classifiers::Model;
+use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Stage};
+use servotwin_diagnosis::residual::Window;
+
+/// Windows of the rows of a data set, and how they may move.
+pub struct Moving<'w> {
+    /// The sensors, in the order of the windows.
+    pub sensors: &'w Sensors,
+    /// The window of every row.
+    pub windows: &'w [Window],
+    /// What a sample carries of noise and quantisation, in parts of scale, for each sensor.
+    pub noise: Vec<f64>,
+    /// What the solver's error is, in parts of scale.
+    pub lasting: f64,
+    /// For each feature of the data set its place among all features.
+    pub columns: Vec<usize>,
+    /// How often each window is moved.
+    pub draws: usize,
+    /// The seed.
+    pub seed: u64,
+}
+
+/// How often something changed.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Share {
+    /// Changed.
+    pub count: u64,
+    /// Of so many moves.
+    pub of: u64,
+}
+
+/// How often one question of a tree got another answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SplitFlips {
+    /// The stage.
+    pub stage: String,
+    /// The node.
+    pub node: usize,
+    /// The feature asked for.
+    pub feature: String,
+    /// The threshold.
+    pub threshold: f64,
+    /// Median standard deviation of the feature over the rows that were asked.
+    pub uncertainty: f64,
+    /// How often its answer changed.
+    pub flips: Share,
+}
+
+/// Answers that changed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Flips {
+    /// Moves of each window.
+    pub draws: usize,
+    /// The actuator.
+    pub actuator: Share,
+    /// Actuator or command.
+    pub action: Share,
+    /// Any part of the answer.
+    pub answer: Share,
+    /// Each question of each tree, among the rows that were asked it; the worst first.
+    pub splits: Vec<SplitFlips>,
+}
+
+impl Share {
+    /// As a number.
+    pub fn share(&self) -> f64 {
+        if self.of > 0 { self.count as f64 / self.of as f64 } else { 0.0 }
+    }
+
+    fn add(&mut self, changed: bool) {
+        self.count += u64::from(changed);
+        self.of += 1;
+    }
+}
+
+impl Moving<'_> {
+    /// The features of a window in every view.
+    pub fn views(&self, window: &Window, views: usize) -> Vec<Vec<f64>> {
+        let of = |view: usize| {
+            let order = self.sensors.exchanged(0, view).filter(|_| view > 0);
+            let seen = order.map(|order| window.reordered(&order));
+            let all = features::values(self.sensors, seen.as_ref().unwrap_or(window));
+            self.columns.iter().map(|&column| all[column]).collect()
+        };
+        (0..views).map(of).collect()
+    }
+
+    /// The windows of a row as they might have been.
+    fn moved(&self, row: usize) -> Vec<Window> {
+        let seed = self.seed ^ (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut random = Random::new(seed);
+        let window = &self.windows[row];
+        let mut one = || window.disturbed(&self.noise, self.lasting, &mut || random.normal());
+        (0..self.draws).map(|_| one()).collect()
+    }
+}
+
+/// What was seen of one row.
+struct Seen {
+    actuator: Share,
+    action: Share,
+    answer: Share,
+    /// For each question asked: stage, node, changes, standard deviation of the feature.
+    questions: Vec<(usize, usize, Share, f64)>,
+}
+
+/// Moves the windows of some rows and asks again.
+///
+/// # Errors
+/// [`EvaluationError::Cancelled`]; a hierarchy of other features.
+pub fn evaluate(
+    data: &DataSet,
+    hierarchy: &Hierarchy,
+    moving: &Moving,
+    rows: &[usize],
+    workers: Workers,
+) -> Result<Flips, EvaluationError> {
+    let views = data.examples.views();
+    let one = |&row: &usize| seen(hierarchy, moving, views, row);
+    let seen: Result<Vec<Seen>, EvaluationError> =
+        parallel::map(rows, workers, one)?.into_iter().collect();
+    let seen = seen?;
+    let total = |of: fn(&Seen) -> Share| {
+        seen.iter().map(of).fold(Share::default(), |sum, share| Share {
+            count: sum.count + share.count,
+            of: sum.of + share.of,
+        })
+    };
+    Ok(Flips {
+        draws: moving.draws,
+        actuator: total(|seen| seen.actuator),
+        action: total(|seen| seen.action),
+        answer: total(|seen| seen.answer),
+        splits: splits(hierarchy, &seen),
+    })
+}
+
+fn seen(
+    hierarchy: &Hierarchy,
+    moving: &Moving,
+    views: usize,
+    row: usize,
+) -> Result<Seen, EvaluationError> {
+    let mut scratch = hierarchy.scratch();
+    let mut ask = |rows: &[Vec<f64>]| -> Result<Diagnosis, EvaluationError> {
+        let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
+        Ok(hierarchy.diagnose(&rows, &mut scratch)?)
+    };
+    let still = moving.views(&moving.windows[row], views);
+    let said = ask(&still)?;
+    let moved: Vec<Vec<Vec<f64>>> =
+        moving.moved(row).iter().map(|window| moving.views(window, views)).collect();
+    let mut seen = Seen {
+        actuator: Share::default(),
+        action: Share::default(),
+        answer: Share::default(),
+        questions: vec![],
+    };
+    for rows in &moved {
+        let again = ask(rows)?;
+        seen.actuator.add(again.actuator != said.actuator);
+        seen.action.add(again.action() != said.action());
+        seen.answer.add((again.action(), again.detail) != (said.action(), said.detail));
+    }
+    let rows: Vec<&[f64]> = still.iter().map(Vec::as_slice).collect();
+    for (stage, nodes) in hierarchy.explain(&rows)? {
+        let place = hierarchy.stages.iter().position(|own| std::ptr::eq(own, stage)).unwrap_or(0);
+        let view = stage.place.view(said.actuator.unwrap_or(0));
+        for &node in &nodes {
+            let asked = question(stage, node, &still[view], &moved, view);
+            seen.questions.extend(asked.map(|(share, width)| (place, node, share, width)));
+        }
+    }
+    Ok(seen)
+}
+
+/// How often the answer to a node's question changes, and how much its feature varies.
+fn question(
+    stage: &Stage,
+    node: usize,
+    still: &[f64],
+    moved: &[Vec<Vec<f64>>],
+    view: usize,
+) -> Option<(Share, f64)> {
+    let Model::Cart(tree) = &stage.model else { return None };
+    let (column, threshold) = tree.split(node)?;
+    let column = stage.columns[column] as usize;
+    let goes_left = still[column] <= threshold;
+    let (mut share, mut squares) = (Share::default(), 0.0);
+    for rows in moved {
+        let value = rows[view][column];
+        share.add((value <= threshold) != goes_left);
+        squares += (value - still[column]).powi(2);
+    }
+    Some((share, (squares / moved.len().max(1) as f64).sqrt()))
+}
+
+fn splits(hierarchy: &Hierarchy, seen: &[Seen]) -> Vec<SplitFlips> {
+    let mut splits = vec![];
+    for (place, stage) in hierarchy.stages.iter().enumerate() {
+        let Model::Cart(tree) = &stage.model else { continue };
+        for node in 0..tree.nodes() {
+            let Some((column, threshold)) = tree.split(node) else { continue };
+            let own = |question: &&(usize, usize, Share, f64)| (question.0, question.1) == (place, node);
+            let own = seen.iter().flat_map(|seen| seen.questions.iter().filter(own));
+            let (mut flips, mut widths) = (Share::default(), vec![]);
+            for (_, _, share, width) in own {
+                flips.count += share.count;
+                flips.of += share.of;
+                widths.push(*width);
+            }
+            widths.sort_by(f64::total_cmp);
+            splits.push(SplitFlips {
+                stage: stage.id.clone(),
+                node,
+                feature: hierarchy.names.features[stage.columns[column] as usize].clone(),
+                threshold,
+                uncertainty: widths.get(widths.len() / 2).copied().unwrap_or(0.0),
+                flips,
+            });
+        }
+    }
+    splits.sort_by(|a, b| b.flips.share().total_cmp(&a.flips.share()));
+    splits
+}

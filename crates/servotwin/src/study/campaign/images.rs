@@ -1,0 +1,154 @@
+//! Variants that need no simulation of their own.
+//!
+//! Where two units are alike and nothing but the fault tells them apart, a fault
+//! of the second gives the signals of the same fault of the first, with the
+//! units exchanged. Such a variant need not be simulated: its sensors show what the
+//! other one's show, in another order. That the units are alike is tested,
+//! not assumed: of every kind the strongest fault of the second unit, in the
+//! first operating case, is simulated all the same, as a *probe*. And specimens
+//! without a fault and without tolerances differ by the noise of their sensors only:
+//! one simulation serves all of a case.
+
+use super::{Planned, Study};
+use servotwin_diagnosis::residual::Window;
+use std::collections::BTreeMap;
+
+/// By how much means and deviations of a probe's scaled residuals may differ
+/// from its image's: a thirtieth of the band (4), and a hundred times the
+/// solver's error, because a limit cycle multiplies rounding errors.
+const LARGEST_DIFFERENCE: f64 = 1e-3;
+
+/// Where a variant's signals come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Source {
+    /// The variant that is simulated.
+    simulated: usize,
+    /// Whether the units are exchanged.
+    mirrored: bool,
+}
+
+/// Which variants are simulated, and whom each simulation serves.
+pub(super) struct Images {
+    /// For every variant where its signals come from.
+    sources: Vec<Source>,
+    /// For every simulated variant the others that it serves.
+    served: Vec<Vec<usize>>,
+    /// Variants that are simulated although they are mirror images: (probe, original).
+    probes: Vec<(usize, usize)>,
+    /// The sensors with the units exchanged.
+    order: Vec<usize>,
+}
+
+impl Images {
+    /// Every variant simulated.
+    pub fn none(plan: &[Planned]) -> Self {
+        let own = |simulated| Source { simulated, mirrored: false };
+        Images {
+            sources: (0..plan.len()).map(own).collect(),
+            served: vec![Vec::new(); plan.len()],
+            probes: Vec::new(),
+            order: Vec::new(),
+        }
+    }
+
+    /// The images among planned variants without tolerances. Units are exchanged only in a study
+    /// with two units whose sensors correspond.
+    pub fn of(study: &Study, plan: &[Planned]) -> Self {
+        let mut images = Self::none(plan);
+        images.share_healthy(plan);
+        let order = study.sensors.exchanged(0, 1).filter(|_| study.units.len() == 2);
+        if let Some(order) = order {
+            images.order = order;
+            images.mirror(study, plan);
+        }
+        images
+    }
+
+    fn share_healthy(&mut self, plan: &[Planned]) {
+        let mut first_of_case = BTreeMap::new();
+        for (variant, planned) in plan.iter().enumerate().filter(|(_, p)| p.fault.is_none()) {
+            let first = *first_of_case.entry(planned.case).or_insert(variant);
+            if first != variant {
+                self.serve(variant, first, false);
+            }
+        }
+    }
+
+    fn mirror(&mut self, study: &Study, plan: &[Planned]) {
+        let fault = |planned: &Planned| planned.fault.map(|f| &study.faults[f]);
+        let mut first_units = BTreeMap::new();
+        for (variant, planned) in plan.iter().enumerate() {
+            if let Some(fault) = fault(planned).filter(|fault| fault.unit == 0) {
+                let key = (planned.case, &fault.kind, fault.at.intensity.to_bits());
+                first_units.insert(key, variant);
+            }
+        }
+        for (variant, planned) in plan.iter().enumerate() {
+            let Some(fault) = fault(planned).filter(|fault| fault.unit == 1) else { continue };
+            let key = (planned.case, &fault.kind, fault.at.intensity.to_bits());
+            let Some(&original) = first_units.get(&key) else { continue };
+            let stronger = |other: &super::FaultCase| {
+                other.kind == fault.kind && other.at.intensity > fault.at.intensity
+            };
+            if planned.case == 0 && !study.faults.iter().any(stronger) {
+                self.probes.push((variant, original));
+            } else {
+                self.serve(variant, original, true);
+            }
+        }
+    }
+
+    fn serve(&mut self, variant: usize, simulated: usize, mirrored: bool) {
+        self.sources[variant] = Source { simulated, mirrored };
+        self.served[simulated].push(variant);
+    }
+
+    /// The variant to simulate for this one.
+    pub fn simulated(&self, variant: usize) -> usize {
+        self.sources[variant].simulated
+    }
+
+    /// All variants whose signals the simulation of one gives, itself first.
+    pub fn served(&self, simulated: usize) -> impl Iterator<Item = usize> + '_ {
+        std::iter::once(simulated).chain(self.served[simulated].iter().copied())
+    }
+
+    /// The order of the simulated sensors in which a variant's stand; `None` for the same order.
+    pub fn order(&self, variant: usize) -> Option<&[usize]> {
+        self.is_mirrored(variant).then_some(&self.order)
+    }
+
+    /// Whether a variant is a mirror image of another.
+    pub fn is_mirrored(&self, variant: usize) -> bool {
+        self.sources[variant].mirrored
+    }
+
+    /// Whether any variant is.
+    pub fn has_mirrored(&self) -> bool {
+        self.sources.iter().any(|source| source.mirrored)
+    }
+
+    /// Number of variants that are not simulated.
+    pub fn count(&self) -> usize {
+        self.served.iter().map(Vec::len).sum()
+    }
+
+    /// Whether all probes are what the images say.
+    pub fn hold<'w>(&self, window: impl Fn(usize) -> &'w Window) -> bool {
+        self.probes.iter().all(|&(probe, original)| {
+            let image = window(original).reordered(&self.order);
+            difference(window(probe), &image) <= LARGEST_DIFFERENCE
+        })
+    }
+}
+
+/// The largest difference of means and standard deviations.
+fn difference(a: &Window, b: &Window) -> f64 {
+    let mut largest: f64 = 0.0;
+    for sensor in 0..a.sensors() {
+        let deviation = |w: &Window| w.covariance(sensor, sensor).sqrt();
+        largest = largest.max((a.mean(sensor) - b.mean(sensor)).abs());
+        largest = largest.max((deviation(a) - deviation(b)).abs());
+    }
+    largest
+}

@@ -1,0 +1,578 @@
+//! The campaign: every fault under every operating case, on all cores, straight
+//! into windows.
+//!
+//! One simulation serves all variants that show the same signals ([`images`]) in
+//! all settings that have the same plants ([`Setting::groups`]).
+//!
+//! Variants are written in *shards*, each a Parquet file that appears when all
+//! its variants have ended. A campaign that was interrupted skips the shards
+//! that exist: because every variant is the same bits whenever it runs, the
+//! result is the same bytes. Memory holds the windows of open lanes and the rows of
+//! unfinished shards; it does not grow with the length of runs.
+//!
+//! A shard holds windows, not features: the data set is made from the shards,
+//! so that features can be changed without simulating anything again.
+
+mod data_set;
+mod images;
+mod shard;
+mod watch;
+
+pub use data_set::{DataFeature, data_features, largest_column};
+pub use shard::Row;
+
+use super::{FaultCase, OperatingCase, Role, Setting, Study};
+use crate::ensemble::{Ensemble, Variant};
+use crate::files::{FileError, create_folder};
+use crate::table::{self, Column, Table, TableError, Values};
+use data_set::Maker;
+use images::Images;
+use servotwin_model::c_source;
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{Failure, Settings, Statistics};
+use shard::{Collector, Shards};
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use watch::{Observer, Rows, Twin, Watch};
+
+/// What is in a shard; shards of another format are made anew.
+const SHARD_FORMAT: &str = "windows 2";
+
+/// What a campaign needs besides the study.
+pub struct Campaign<'s> {
+    /// The study.
+    pub study: &'s Study,
+    /// Whether the diagnosis is judged on it or learns from it.
+    pub role: Role,
+    /// The settings, one of the groups of [`Setting::groups`].
+    pub settings: Vec<Setting>,
+    /// The solver's settings.
+    pub solver: Settings,
+    /// Number of threads.
+    pub threads: usize,
+    /// Where the files go.
+    pub folder: PathBuf,
+    /// Whether to keep the time series too.
+    pub keep_traces: bool,
+    /// Whether to simulate variants that others show, too.
+    pub simulate_images: bool,
+    /// Set from elsewhere to stop.
+    pub cancel: Option<&'s AtomicBool>,
+}
+
+/// One variant of the campaign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Planned {
+    /// The operating case.
+    pub case: usize,
+    /// The fault; `None` for a healthy specimen.
+    pub fault: Option<usize>,
+}
+
+/// What a campaign has done.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Variants in all settings.
+    pub variants: usize,
+    /// Variants that were found done.
+    pub resumed: usize,
+    /// Variants, in one setting, that are shown by simulations of others.
+    pub images: usize,
+    /// Work of those that ran now.
+    pub statistics: Statistics,
+    /// Variants that could not be finished, with the reason.
+    pub failed: Vec<(Setting, usize, String)>,
+    /// Whether it was stopped before the end.
+    pub cancelled: bool,
+}
+
+/// Why a campaign stopped.
+#[derive(Debug)]
+pub enum CampaignError {
+    /// A folder or file could not be written.
+    File(FileError),
+    /// A data set could not be read or written.
+    Table(TableError),
+    /// The study has neither faults nor healthy specimens.
+    NoVariants,
+    /// The study does not say what noise and tolerances are.
+    NoRealism,
+    /// Features were asked for of a campaign that has not ended.
+    Unfinished {
+        /// Variants that are missing.
+        missing: usize,
+    },
+    /// The healthy system could not be simulated.
+    Twin {
+        /// The operating case.
+        case: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl fmt::Display for CampaignError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CampaignError::File(error) => write!(out, "{error}"),
+            CampaignError::Table(error) => write!(out, "{error}"),
+            CampaignError::NoVariants => {
+                write!(out, "the study has no faults: add [[classes]] with 'faults'")
+            }
+            CampaignError::NoRealism => {
+                write!(out, "the study has no [realistic] section, which settings with noise need")
+            }
+            CampaignError::Unfinished { missing } => write!(
+                out,
+                "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
+            ),
+            CampaignError::Twin { case, reason } => {
+                write!(out, "the healthy system cannot be simulated in case {case}: {reason}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for CampaignError {}
+
+impl From<TableError> for CampaignError {
+    fn from(error: TableError) -> Self {
+        CampaignError::Table(error)
+    }
+}
+
+/// The study's system, recording what its sensors measure.
+pub fn ensemble(study: &Study) -> Ensemble<'_> {
+    let program = &study.system.program;
+    let slot = |&sensor: &usize| -> Slot {
+        let name = &study.system.sensors[sensor].signal;
+        program.observable(name).expect("a sensor's signal is an output").slot
+    };
+    Ensemble {
+        record: study.measured.iter().map(slot).collect(),
+        duration_s: study.duration_s,
+        sample_period_s: study.sample_period_s,
+        ..Ensemble::new(program)
+    }
+}
+
+impl<'s> Campaign<'s> {
+    /// The campaign of one setting whose shards lie in a folder, as it was run by default.
+    pub fn stored(folder: &Path, study: &'s Study, setting: Setting, role: Role) -> Self {
+        Campaign {
+            study,
+            role,
+            settings: vec![setting],
+            solver: Settings::campaign(),
+            threads: 1,
+            folder: folder.into(),
+            keep_traces: false,
+            simulate_images: false,
+            cancel: None,
+        }
+    }
+}
+
+impl Campaign<'_> {
+    /// The variants, in the order of the data set: all faults, then healthy specimens.
+    ///
+    /// Where a diagnosis is judged every fault of every unit is flown in every case. Where it
+    /// learns, the units take turns: it sees every row from each unit anyway.
+    pub fn plan(&self) -> Vec<Planned> {
+        let cases = self.cases();
+        let mut plan = Vec::new();
+        for case in 0..cases.len() {
+            let faults: Vec<usize> = match self.role {
+                Role::Judged => (0..self.study.faults.len()).collect(),
+                Role::Training => self.in_turn(case),
+            };
+            plan.extend(faults.into_iter().map(|fault| Planned { case, fault: Some(fault) }));
+        }
+        let healthy = match self.role {
+            Role::Judged => self.study.realism.as_ref().map_or(0, |r| r.healthy),
+            Role::Training => self.study.training.as_ref().map_or(0, |t| t.healthy),
+        };
+        if self.settings.iter().any(|setting| setting.has_noise()) {
+            let specimens = |case| (0..healthy).map(move |_| Planned { case, fault: None });
+            plan.extend((0..cases.len()).flat_map(specimens));
+        }
+        plan
+    }
+
+    /// Each fault in one of the units that can have it, another one from fault to fault and from
+    /// case to case.
+    fn in_turn(&self, case: usize) -> Vec<usize> {
+        let units = self.study.units.len();
+        let of_unit = |unit: usize| {
+            let own = |(_, fault): &(usize, &FaultCase)| fault.unit == unit;
+            let faults = self.study.faults.iter().enumerate().filter(own);
+            faults.map(|(place, _)| place).collect::<Vec<_>>()
+        };
+        let lists: Vec<Vec<usize>> = (0..units).map(of_unit).collect();
+        let intensities = self.study.intensities.len().max(1);
+        let turn = |place: usize| (case + place / intensities + place % intensities) % units;
+        (0..lists[0].len()).map(|place| lists[turn(place)][place]).collect()
+    }
+
+    fn cases(&self) -> &[OperatingCase] {
+        self.study.cases_of(self.role)
+    }
+
+    /// Length of the runs of faults, s.
+    pub fn duration_s(&self) -> f64 {
+        match (self.role, &self.study.training) {
+            (Role::Training, Some(training)) => training.duration_s,
+            _ => self.study.duration_s,
+        }
+    }
+
+    /// Runs what is not done yet and writes the data sets. `progress` is told the rows done and
+    /// their number.
+    ///
+    /// # Errors
+    /// A file cannot be written, the study is empty, or the healthy system
+    /// cannot be simulated. Single variants that fail are in the outcome.
+    pub fn run(&self, progress: impl Fn(usize, usize) + Sync) -> Result<Outcome, CampaignError> {
+        let plan = self.checked_plan()?;
+        create_folder(&self.shard_folder()).map_err(CampaignError::File)?;
+        let mut outcome = Outcome::default();
+        let mut images = self.images(&plan);
+        loop {
+            let rows = self.rows(&plan, &images, &mut outcome, &progress)?;
+            let Some(rows) = rows else { return Ok(outcome) };
+            if !images.hold(|variant| &rows[0][variant].window) {
+                images = Images::none(&plan);
+                continue;
+            }
+            self.write_data_sets(&plan, &rows, &images, &mut outcome)?;
+            return Ok(outcome);
+        }
+    }
+
+    fn checked_plan(&self) -> Result<Vec<Planned>, CampaignError> {
+        let plan = self.plan();
+        if plan.is_empty() {
+            return Err(CampaignError::NoVariants);
+        }
+        let needs_realism = self.settings.iter().any(|setting| setting.has_noise());
+        if needs_realism && self.study.realism.is_none() {
+            return Err(CampaignError::NoRealism);
+        }
+        Ok(plan)
+    }
+
+    /// Which variants need not be simulated.
+    fn images(&self, plan: &[Planned]) -> Images {
+        let toleranced = self.settings.iter().any(|setting| setting.has_tolerances());
+        if toleranced || self.keep_traces || self.simulate_images {
+            return Images::none(plan);
+        }
+        Images::of(self.study, plan)
+    }
+
+    fn shard_folder(&self) -> PathBuf {
+        self.folder.join("shards")
+    }
+
+    fn shards(&self, plan: &[Planned], images: &Images) -> Vec<Shards> {
+        let of = |&setting: &Setting| {
+            let fingerprint = self.fingerprint(setting, plan, images.has_mirrored());
+            let variants = setting.planned(plan);
+            Shards::new(&self.shard_folder(), setting, self.role, fingerprint, variants)
+        };
+        self.settings.iter().map(of).collect()
+    }
+
+    /// The rows of all variants in every setting, simulated where no shard holds them; `None` if
+    /// cancelled.
+    fn rows(
+        &self,
+        plan: &[Planned],
+        images: &Images,
+        outcome: &mut Outcome,
+        progress: &(impl Fn(usize, usize) + Sync),
+    ) -> Result<Option<Vec<Vec<Row>>>, CampaignError> {
+        let shards = self.shards(plan, images);
+        let pending: Vec<Vec<usize>> = shards.iter().map(Shards::pending).collect();
+        outcome.variants = self.settings.iter().map(|setting| setting.planned(plan)).sum();
+        outcome.resumed = outcome.variants - pending.iter().map(Vec::len).sum::<usize>();
+        if pending.iter().any(|pending| !pending.is_empty()) {
+            let twins = self.twins()?;
+            if let (Some(twins), false) = (twins, self.is_cancelled()) {
+                let collectors = shards.iter().zip(&pending);
+                let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
+                let run = Run { plan, images, pending: &pending, twins: &twins };
+                self.run_pending(&run, collectors, outcome, progress)?;
+            }
+        }
+        if self.is_cancelled() {
+            outcome.cancelled = true;
+            return Ok(None);
+        }
+        shards.iter().map(|shards| shards.collect(self.study)).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// Makes the data sets anew from the shards of a campaign that has ended.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read or written.
+    pub fn features(&self) -> Result<Outcome, CampaignError> {
+        let (plan, images, rows) = self.done()?;
+        let mut outcome = Outcome::default();
+        outcome.variants = rows.iter().map(Vec::len).sum();
+        outcome.resumed = outcome.variants;
+        self.write_data_sets(&plan, &rows, &images, &mut outcome)?;
+        Ok(outcome)
+    }
+
+    /// The windows of all variants of a campaign that has ended, setting by setting.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read.
+    pub fn windows(&self) -> Result<Vec<Vec<Row>>, CampaignError> {
+        self.done().map(|(_, _, rows)| rows)
+    }
+
+    fn done(&self) -> Result<(Vec<Planned>, Images, Vec<Vec<Row>>), CampaignError> {
+        let plan = self.checked_plan()?;
+        let mut missing = usize::MAX;
+        for images in [self.images(&plan), Images::none(&plan)] {
+            let shards = self.shards(&plan, &images);
+            let pending: usize = shards.iter().map(|shards| shards.pending().len()).sum();
+            missing = missing.min(pending);
+            if pending == 0 {
+                let rows = shards.iter().map(|shards| shards.collect(self.study));
+                let rows = rows.collect::<Result<_, _>>()?;
+                return Ok((plan, images, rows));
+            }
+        }
+        Err(CampaignError::Unfinished { missing })
+    }
+
+    fn write_data_sets(
+        &self,
+        plan: &[Planned],
+        rows: &[Vec<Row>],
+        images: &Images,
+        outcome: &mut Outcome,
+    ) -> Result<(), CampaignError> {
+        outcome.images = images.count();
+        outcome.failed.clear();
+        let maker = Maker { study: self.study, cases: self.cases(), images };
+        for (&setting, rows) in self.settings.iter().zip(rows) {
+            let failed = rows.iter().enumerate().filter(|(_, row)| !row.failure.is_empty());
+            let failed = failed.map(|(index, row)| (setting, index, row.failure.clone()));
+            outcome.failed.extend(failed);
+            let table = maker
+                .table(&plan[..rows.len()], rows)
+                .with_metadata("fingerprint", self.fingerprint(setting, plan, images.has_mirrored()))
+                .with_metadata("study", self.study.name.clone())
+                .with_metadata("setting", setting.name());
+            let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
+            table::write(self.folder.join(name), &table)?;
+        }
+        Ok(())
+    }
+
+    /// What a shard must have been made from to be taken over: the equations with their
+    /// parameters, the inputs, the variants, the sensors, and how all this is simulated.
+    fn fingerprint(&self, setting: Setting, plan: &[Planned], mirrored: bool) -> String {
+        let study = self.study;
+        let mut text = format!(
+            "{SHARD_FORMAT} {mirrored} {setting:?} {:?} {:?} {} {} {} ",
+            self.role,
+            self.solver,
+            study.duration_s,
+            self.duration_s(),
+            study.sample_period_s
+        );
+        let equations = c_source::write(&study.system.program, "model", &[]);
+        text.push_str(&equations.expect("a prefix that is a name"));
+        text.push_str(&study.system.text);
+        text.push_str(&format!("{:?} {:?} ", study.measured, study.sensors));
+        if let Some(realism) = study.realism.as_ref().filter(|_| setting.has_noise()) {
+            text.push_str(&realism.canonical());
+        }
+        for planned in &plan[..setting.planned(plan)] {
+            let fault = planned.fault.map(|f| (study.faults[f].id.as_str(), study.faults[f].at));
+            text.push_str(&format!("{} {fault:?} ", planned.case));
+        }
+        for case in self.cases() {
+            text.push_str(&format!("{:?} ", case.inputs));
+        }
+        format!("{:016x}", hash(text.as_bytes()))
+    }
+
+    fn ensemble(&self) -> Ensemble<'_> {
+        Ensemble {
+            settings: self.solver,
+            threads: self.threads,
+            cancel: self.cancel,
+            ..ensemble(self.study)
+        }
+    }
+
+    /// Runs the healthy system in every operating case; `None` if cancelled.
+    fn twins(&self) -> Result<Option<Vec<Twin>>, CampaignError> {
+        let ensemble = self.ensemble();
+        let cases = self.cases();
+        let mut twins: Vec<Option<Twin>> = vec![None; cases.len()];
+        let mut failure = None;
+        ensemble.run(
+            cases.len(),
+            |case| Variant { inputs: cases[case].inputs.iter().collect(), ..Variant::default() },
+            |_| Rows(Twin::with_capacity(ensemble.samples() * ensemble.record.len())),
+            |case, rows, result| match result {
+                Ok(_) => twins[case] = Some(rows.0),
+                Err(error) => failure = Some((case, self.describe(&error))),
+            },
+        );
+        match failure {
+            Some((case, reason)) => {
+                Err(CampaignError::Twin { case: cases[case].name.clone(), reason })
+            }
+            None => Ok(twins.into_iter().collect()),
+        }
+    }
+
+    fn describe(&self, failure: &Failure) -> String {
+        let state = &self.study.system.program.states()[failure.state].name;
+        format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
+    }
+
+    fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
+        let fault = planned.fault.map(|f| self.study.faults[f].at);
+        let has_tolerances = self.settings.iter().any(|setting| setting.has_tolerances());
+        let overrides = match self.study.realism.as_ref().filter(|_| has_tolerances) {
+            Some(realism) => realism.specimen(self.study, self.role, index),
+            None => Vec::new(),
+        };
+        Variant {
+            faults: fault.into_iter().collect(),
+            overrides,
+            inputs: self.cases()[planned.case].inputs.iter().collect(),
+            guess: None,
+            // Bands are learned from healthy specimens: they fly as long as those judged.
+            duration_s: planned.fault.map(|_| self.duration_s()),
+        }
+    }
+
+    fn run_pending(
+        &self,
+        run: &Run,
+        mut collectors: Vec<Collector>,
+        outcome: &mut Outcome,
+        progress: &(impl Fn(usize, usize) + Sync),
+    ) -> Result<(), CampaignError> {
+        let stop = AtomicBool::new(false);
+        let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
+        let Run { plan, images, twins, .. } = *run;
+        let jobs = self.hardest_first(run);
+        let observer = Observer::new(self, images);
+        let planned: Vec<usize> = self.settings.iter().map(|s| s.planned(plan)).collect();
+        let all = outcome.variants;
+        let mut error = None;
+        let mut done = outcome.resumed;
+        progress(done, all);
+        let statistics = &mut outcome.statistics;
+        ensemble.run(
+            jobs.len(),
+            |job| self.variant(jobs[job], plan[jobs[job]]),
+            |job| observer.watch(jobs[job], &twins[plan[jobs[job]].case], &planned),
+            |_, watch, result| {
+                if let Ok(work) = &result {
+                    *statistics += *work;
+                }
+                let failure = result.err().map(|f| self.describe(&f)).unwrap_or_default();
+                match self.keep(watch, &failure, &mut collectors) {
+                    Ok(rows) => done += rows,
+                    Err(failed) => drop(error.get_or_insert(failed)),
+                }
+                if error.is_some() || self.is_cancelled() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                progress(done, all);
+            },
+        );
+        match error {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+
+    /// Keeps what a simulation has shown; returns the number of rows that were wanted.
+    fn keep(
+        &self,
+        watch: Watch,
+        failure: &str,
+        collectors: &mut [Collector],
+    ) -> Result<usize, CampaignError> {
+        let mut wanted = 0;
+        for view in watch.views {
+            if let Some(trace) = view.trace {
+                self.write_trace(self.settings[view.setting], view.variant, trace)?;
+            }
+            let row = Row { failure: failure.into(), window: view.window };
+            wanted += usize::from(collectors[view.setting].add(view.variant, row)?);
+        }
+        Ok(wanted)
+    }
+
+    /// The variants to simulate, those of full intensity first: a few of them take
+    /// a hundred times as long as the others and would keep one lane busy at the
+    /// end.
+    fn hardest_first(&self, run: &Run) -> Vec<usize> {
+        let pending = run.pending.iter().flatten();
+        let jobs: BTreeSet<usize> = pending.map(|&v| run.images.simulated(v)).collect();
+        let is_full = |&variant: &usize| {
+            run.plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
+        };
+        let (mut order, rest): (Vec<usize>, Vec<usize>) = jobs.into_iter().partition(is_full);
+        order.extend(rest);
+        order
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+
+    fn write_trace(
+        &self,
+        setting: Setting,
+        variant: usize,
+        trace: Vec<Vec<f64>>,
+    ) -> Result<(), CampaignError> {
+        let study = self.study;
+        let folder = self.folder.join("traces");
+        create_folder(&folder).map_err(CampaignError::File)?;
+        let count = trace.first().map_or(0, Vec::len);
+        let time = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
+        let mut columns = vec![Column::new("time_s", "s", Values::Float(time))];
+        for (&sensor, values) in study.measured.iter().zip(trace) {
+            let sensor = &study.system.sensors[sensor];
+            let name = format!("{}{}", sensor.id, sensor.unit.suffix());
+            columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
+        }
+        let name = format!("{}{}-{variant:05}.parquet", setting.name(), self.role.suffix());
+        Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
+    }
+}
+
+/// Variants whose rows no shard holds, and what is needed to simulate them.
+struct Run<'r> {
+    plan: &'r [Planned],
+    images: &'r Images,
+    /// For each setting.
+    pending: &'r [Vec<usize>],
+    twins: &'r [Twin],
+}
+
+/// FNV-1a, for fingerprints of files: not for secrets.
+pub(crate) fn hash(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+

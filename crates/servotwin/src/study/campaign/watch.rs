@@ -1,0 +1,130 @@
+//! What is kept of a simulation while it runs: the windows of every variant that it serves, in
+//! every setting that is asked for.
+
+use super::super::realism::Imperfection;
+use super::{Campaign, Images, Setting};
+use crate::ensemble::Sink;
+use crate::signal::random::Random;
+use servotwin_diagnosis::residual::Window;
+
+/// The virtual twin's signals in an operating case, sample after sample.
+pub(super) type Twin = Vec<f64>;
+
+/// Keeps all samples.
+pub(super) struct Rows(pub Twin);
+
+impl Sink for Rows {
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        self.0.extend_from_slice(values);
+    }
+}
+
+/// Makes the sinks of variants.
+pub(super) struct Observer<'c> {
+    campaign: &'c Campaign<'c>,
+    images: &'c Images,
+    scales: Vec<f64>,
+    imperfections: Vec<Imperfection>,
+}
+
+impl<'c> Observer<'c> {
+    pub fn new(campaign: &'c Campaign<'c>, images: &'c Images) -> Self {
+        let study = campaign.study;
+        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
+        let imperfections = study.measured.iter().map(of).collect();
+        Self { campaign, images, scales: study.scales(), imperfections }
+    }
+
+    /// The sink of a variant that is simulated. `planned` is the length of each setting's plan.
+    pub fn watch<'w>(&'w self, simulated: usize, twin: &'w Twin, planned: &[usize]) -> Watch<'w> {
+        let mut views = Vec::new();
+        for (setting, &variants) in planned.iter().enumerate() {
+            let own = self.images.served(simulated).filter(|&variant| variant < variants);
+            views.extend(own.map(|variant| self.view(setting, variant)));
+        }
+        let count = self.scales.len();
+        Watch { observer: self, views, twin, measured: vec![0.0; count], expected: vec![0.0; count] }
+    }
+
+    fn view(&self, setting: usize, variant: usize) -> View<'_> {
+        let Campaign { study, role, .. } = *self.campaign;
+        let count = study.measured.len();
+        let realism = study.realism.as_ref();
+        let has_noise = self.campaign.settings[setting].has_noise();
+        let noise = realism.filter(|_| has_noise).map(|r| r.noise(role, variant));
+        View {
+            setting,
+            variant,
+            order: self.images.order(variant),
+            noise,
+            window: Window::watching(count, study.base_sensors()),
+            trace: self.campaign.keep_traces.then(|| vec![Vec::new(); count]),
+        }
+    }
+}
+
+/// One variant as its sensors show it in one setting.
+pub(super) struct View<'w> {
+    /// By position in the campaign's list.
+    pub setting: usize,
+    pub variant: usize,
+    order: Option<&'w [usize]>,
+    noise: Option<Random>,
+    pub window: Window,
+    /// What the sensors measured, where it is kept.
+    pub trace: Option<Vec<Vec<f64>>>,
+}
+
+/// Compares the sensors of a simulation with the twin's as the samples come.
+pub(super) struct Watch<'w> {
+    observer: &'w Observer<'w>,
+    pub views: Vec<View<'w>>,
+    twin: &'w Twin,
+    measured: Vec<f64>,
+    expected: Vec<f64>,
+}
+
+impl Sink for Watch<'_> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        let twin = &self.twin[index * values.len()..][..values.len()];
+        for view in &mut self.views {
+            match view.order {
+                None => {
+                    self.measured.copy_from_slice(values);
+                    self.expected.copy_from_slice(twin);
+                }
+                Some(order) => {
+                    copy_in_order(&mut self.measured, values, order);
+                    copy_in_order(&mut self.expected, twin, order);
+                }
+            }
+            if let Some(noise) = &mut view.noise {
+                let imperfections = &self.observer.imperfections;
+                for (value, imperfection) in self.measured.iter_mut().zip(imperfections) {
+                    *value = imperfection.apply(*value, noise);
+                }
+            }
+            if let Some(trace) = &mut view.trace {
+                for (column, &value) in trace.iter_mut().zip(&self.measured) {
+                    column.push(value);
+                }
+            }
+            view.window.add(&self.measured, &self.expected, &self.observer.scales);
+        }
+    }
+}
+
+fn copy_in_order(target: &mut [f64], values: &[f64], order: &[usize]) {
+    for (slot, &sensor) in target.iter_mut().zip(order) {
+        *slot = values[sensor];
+    }
+}
+
+impl Setting {
+    /// Number of variants of a plan that are in the data set of a setting: without noise healthy
+    /// specimens are all the twin itself, and are left out.
+    pub(super) fn planned(self, plan: &[super::Planned]) -> usize {
+        let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
+        if self.has_noise() { plan.len() } else { faults }
+    }
+}

@@ -1,0 +1,209 @@
+//! The commands from which a diagnosis learns, none of which it is judged on.
+//!
+//! A study file draws some of them from a pattern and names others:
+//!
+//! ```toml
+//! [training]
+//! duration_s = 30
+//! healthy = 30
+//! load = [0.4, 1.1]
+//! draws = { count = 20, signal = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}" }
+//! signals.sweep = "sweep:amplitude=4deg,from=0.1Hz,to=3Hz"
+//! ```
+//!
+//! Every `{a..b}` of a pattern becomes a number between a and b, `{n}` the number of the draw from
+//! 1. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960), which fill
+//! the box of all ranges evenly however many are drawn; a range whose ends differ more than
+//! threefold is filled evenly on a logarithmic scale. The load of every command is drawn alike.
+
+use super::{OperatingCase, Reader, StudyError};
+use crate::signal::Signal;
+use serde::Deserialize;
+use servotwin_model::math::{exp, ln};
+use servotwin_model::signal::Piecewise;
+use std::collections::BTreeMap;
+
+/// The section of a study file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Text {
+    duration_s: f64,
+    #[serde(default)]
+    healthy: usize,
+    load: Option<[f64; 2]>,
+    draws: Option<DrawsText>,
+    #[serde(default)]
+    signals: BTreeMap<String, Signal>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DrawsText {
+    count: usize,
+    signal: String,
+}
+
+/// The flights from which a diagnosis learns.
+#[derive(Clone, Debug)]
+pub struct Training {
+    /// One command at one load each.
+    pub cases: Vec<OperatingCase>,
+    /// Length of the records of faults, s. Healthy specimens fly as long as those judged.
+    pub duration_s: f64,
+    /// Fault-free specimens of each case.
+    pub healthy: usize,
+}
+
+/// The bases of Halton's sequence: one for each range of a pattern, the first for the load.
+const BASES: [u64; 6] = [7, 2, 3, 5, 11, 13];
+
+/// At most so many commands and specimens, so that a slip of the finger is told.
+const MOST: usize = 10_000;
+
+/// A range wider than this is drawn on a logarithmic scale.
+const WIDE: f64 = 3.0;
+
+impl Training {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
+        let d = text.duration_s;
+        reader.range("training.duration_s", d, (0.1..=1e5).contains(&d), "0.1 … 100,000 s")?;
+        let healthy = text.healthy as f64;
+        reader.range("training.healthy", healthy, text.healthy <= MOST, "0 … 10,000")?;
+        let signals = text.commands(reader)?;
+        if signals.is_empty() {
+            let path = reader.path.into();
+            return Err(StudyError::Empty { path, field: "training.draws and training.signals" });
+        }
+        let command = reader.input(&reader.text.command.input)?;
+        let mut cases = vec![];
+        for (place, (name, signal)) in signals.iter().enumerate() {
+            let mut inputs = reader.default_inputs();
+            inputs[command] = reader.signal(name, signal, command)?;
+            let load = text.load_of(place, reader)?;
+            if let Some((input, value)) = load {
+                inputs[input] = Piecewise::constant(value).expect("a finite value");
+            }
+            let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
+            cases.push(OperatingCase {
+                name: format!("{name}{percent}"),
+                command: name.clone(),
+                inputs,
+            });
+        }
+        Ok(Training { cases, duration_s: d, healthy: text.healthy })
+    }
+}
+
+impl Text {
+    /// The commands with their names: those drawn, then those named.
+    fn commands(&self, reader: &Reader) -> Result<Vec<(String, Signal)>, StudyError> {
+        let mut commands = vec![];
+        if let Some(draws) = &self.draws {
+            let count = draws.count as f64;
+            reader.range("training.draws.count", count, draws.count <= MOST, "0 … 10,000")?;
+            for draw in 1..=draws.count {
+                let name = format!("T{draw:02}");
+                let signal = filled(&draws.signal, draw).parse::<Signal>();
+                let wrong = |error| StudyError::Signal {
+                    path: reader.path.into(),
+                    name: format!("training.draws.signal, draw {draw}"),
+                    error: Box::new(error),
+                };
+                commands.push((name, signal.map_err(wrong)?));
+            }
+        }
+        commands.extend(self.signals.iter().map(|(name, signal)| (name.clone(), signal.clone())));
+        Ok(commands)
+    }
+
+    /// The input that is the load, and its value in a case.
+    fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, StudyError> {
+        let Some([low, high]) = self.load else { return Ok(None) };
+        let ordered = low.is_finite() && high.is_finite() && low <= high;
+        reader.range("training.load", low, ordered, "two finite numbers, the lower one first")?;
+        let Some(load) = &reader.text.load else {
+            return Err(StudyError::Empty { path: reader.path.into(), field: "load" });
+        };
+        let value = rounded(low + (high - low) * halton(place as u64 + 1, BASES[0]));
+        Ok(Some((reader.input(&load.input)?, value)))
+    }
+}
+
+/// A pattern with its ranges replaced by the numbers of a draw.
+fn filled(pattern: &str, draw: usize) -> String {
+    let mut text = String::new();
+    let mut rest = pattern;
+    let mut ranges = 0;
+    while let Some((before, after)) = rest.split_once('{') {
+        text += before;
+        let Some((inside, behind)) = after.split_once('}') else {
+            // What is no range stays as it is, and the signal's parser names it.
+            return text + "{" + after;
+        };
+        match range(inside) {
+            Some((low, high)) => {
+                ranges += 1;
+                let at = halton(draw as u64, BASES[1 + (ranges - 1) % (BASES.len() - 1)]);
+                text += &rounded(between(low, high, at)).to_string();
+            }
+            None if inside == "n" => text += &draw.to_string(),
+            None => text += &format!("{{{inside}}}"),
+        }
+        rest = behind;
+    }
+    text + rest
+}
+
+fn range(text: &str) -> Option<(f64, f64)> {
+    let (low, high) = text.split_once("..")?;
+    Some((low.trim().parse().ok()?, high.trim().parse().ok()?))
+}
+
+fn between(low: f64, high: f64, at: f64) -> f64 {
+    if low > 0.0 && high > WIDE * low {
+        exp(ln(low) + at * (ln(high) - ln(low)))
+    } else {
+        low + at * (high - low)
+    }
+}
+
+/// Three decimals are enough, and the same text on every machine.
+fn rounded(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
+/// The n-th number of Halton's sequence, between 0 and 1.
+fn halton(mut n: u64, base: u64) -> f64 {
+    let (mut value, mut part) = (0.0, 1.0);
+    while n > 0 {
+        part /= base as f64;
+        value += part * (n % base) as f64;
+        n /= base;
+    }
+    value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_fill_their_ranges_evenly() {
+        let parse = |text: &str| -> f64 { text.parse().unwrap() };
+        let linear: Vec<f64> = (1..=16).map(|n| parse(&filled("{2..4}", n))).collect();
+        for quarter in 0..4 {
+            let low = 2.0 + 0.5 * f64::from(quarter);
+            let inside = linear.iter().filter(|v| (low..low + 0.5).contains(*v)).count();
+            assert_eq!(inside, 4, "{linear:?}");
+        }
+        // On a logarithmic scale half of the draws lie below the geometric mean.
+        let wide = (1..=16).filter(|&n| parse(&filled("{0.01..1}", n)) < 0.1).count();
+        assert_eq!(wide, 8);
+    }
+
+    #[test]
+    fn a_pattern_keeps_what_is_no_range() {
+        assert_eq!(filled("noise:rms={2..2}deg,seed=1{n}", 7), "noise:rms=2deg,seed=17");
+        assert_eq!(filled("a{b}c{d", 1), "a{b}c{d");
+    }
+}
