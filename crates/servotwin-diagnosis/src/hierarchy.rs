@@ -27,7 +27,6 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::classifiers::cart::Resolution;
 use crate::classifiers::{self, Classifier, Fit, Model, Scores};
 use crate::data::Samples;
 use crate::error::{Error, same_length};
@@ -217,6 +216,33 @@ impl Examples {
             labels: self.labels.clone(),
             details: self.details.clone(),
         })
+    }
+
+    /// The same rows and behind them more, whose features `values` gives for each new row and view.
+    /// A new row has the label of the one that it is from.
+    ///
+    /// # Panics
+    /// If a row is not there, or has too few values.
+    pub fn extended<'v>(
+        &self,
+        origins: &[usize],
+        values: impl Fn(usize, usize) -> &'v [f64],
+    ) -> Self {
+        let rows = self.labels.len();
+        let of_view = |(view, old): (usize, &Vec<f64>)| {
+            let mut new = Vec::with_capacity(old.len() / rows * (rows + origins.len()));
+            for (column, old) in old.chunks_exact(rows).enumerate() {
+                new.extend_from_slice(old);
+                new.extend((0..origins.len()).map(|row| values(row, view)[column]));
+            }
+            new
+        };
+        let more = origins.iter().map(|&row| self.labels[row]);
+        Examples {
+            views: self.views.iter().enumerate().map(of_view).collect(),
+            labels: self.labels.iter().copied().chain(more).collect(),
+            ..self.clone()
+        }
     }
 
     /// Some of the rows, in the order given.
@@ -431,9 +457,6 @@ pub struct Settings {
     pub mirror: bool,
     /// Whether the actuators share the stages below A.
     pub pool: bool,
-    /// The smallest differences of features that count, for every CART tree that reads them;
-    /// features that a study does not have are passed over.
-    pub resolutions: Vec<Resolution>,
 }
 
 impl Default for Settings {
@@ -450,7 +473,6 @@ impl Default for Settings {
             detail: cart,
             mirror: true,
             pool: true,
-            resolutions: vec![],
         }
     }
 }
@@ -477,7 +499,6 @@ impl Settings {
         .clone();
         if let classifiers::Settings::Cart(cart) = &mut settings {
             let known = |name: &String| samples.feature_names().contains(name);
-            cart.resolutions.extend(self.resolutions.iter().cloned());
             cart.resolutions.retain(|limit| known(&limit.feature));
             cart.excluded_features.retain(known);
         }

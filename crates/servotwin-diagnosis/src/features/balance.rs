@@ -27,11 +27,8 @@ pub struct Balance;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Ram];
 
-/// A linear combination of residuals.
-type Combination = Vec<(usize, f64)>;
-
 /// Sum, fight and gap, where both actuators have the sensors.
-fn combinations(sensors: &Sensors) -> Option<[Combination; 3]> {
+fn combinations(sensors: &Sensors) -> Option<[Vec<(usize, f64)>; 3]> {
     let of = |unit| {
         let [a, b, ram] = NEEDED.map(|q| sensors.find(q, unit));
         Some((a?, b?, ram?))
@@ -67,26 +64,25 @@ impl Family for Balance {
         if combinations(sensors).is_none() {
             return Vec::new();
         }
-        let feature = |name: &str, unit, meaning: &str, resolution| Feature {
+        let feature = |name: &str, unit, meaning: &str| Feature {
             name: name.to_string(),
             unit,
             meaning: meaning.to_string(),
             units: vec![0, 1],
-            resolution,
         };
         vec![
-            feature("mean_sum", "of scale", "mean change of load: d1 + d2", 1.0),
-            feature("mean_fight", "of scale", "mean force fight: d1 − d2", 1.0),
-            feature("mean_gap", "of scale", "mean disagreement of the ram sensors: x1 − x2", 1.0),
-            feature("log_dev_sum", "log10 of scale", "log10 deviation of d1 + d2", 0.02),
-            feature("log_dev_fight", "log10 of scale", "log10 deviation of d1 − d2", 0.02),
-            feature("log_dev_gap", "log10 of scale", "log10 deviation of x1 − x2", 0.02),
-            feature("sum_over_gap", "1", "mean change of load over mean ram disagreement", 0.02),
-            feature("sum_over_fight", "1", "mean change of load over mean force fight", 0.02),
-            feature("gap_over_fight", "1", "mean ram disagreement over mean force fight", 0.02),
-            feature("sum_fight_corr", "1", "correlation of d1 + d2 with d1 − d2", 0.02),
-            feature("sum_gap_corr", "1", "correlation of d1 + d2 with x1 − x2", 0.02),
-            feature("fight_gap_corr", "1", "correlation of d1 − d2 with x1 − x2", 0.02),
+            feature("mean_sum", "of scale", "mean change of load: d1 + d2"),
+            feature("mean_fight", "of scale", "mean force fight: d1 − d2"),
+            feature("mean_gap", "of scale", "mean disagreement of the ram sensors: x1 − x2"),
+            feature("log_dev_sum", "log10 of scale", "log10 deviation of d1 + d2"),
+            feature("log_dev_fight", "log10 of scale", "log10 deviation of d1 − d2"),
+            feature("log_dev_gap", "log10 of scale", "log10 deviation of x1 − x2"),
+            feature("sum_over_gap", "1", "mean change of load over mean ram disagreement"),
+            feature("sum_over_fight", "1", "mean change of load over mean force fight"),
+            feature("gap_over_fight", "1", "mean ram disagreement over mean force fight"),
+            feature("sum_fight_corr", "1", "correlation of d1 + d2 with d1 − d2"),
+            feature("sum_gap_corr", "1", "correlation of d1 + d2 with x1 − x2"),
+            feature("fight_gap_corr", "1", "correlation of d1 − d2 with x1 − x2"),
         ]
     }
 
@@ -97,13 +93,16 @@ impl Family for Balance {
         let means = [&sum, &fight, &gap].map(|c| mean(window, c));
         let variances = [&sum, &fight, &gap].map(|c| covariance(window, c, c));
         values.extend(means);
-        values.extend(variances.map(log_deviation));
-        values.push(ratio(means[0], means[2]));
-        values.push(ratio(means[0], means[1]));
-        values.push(ratio(means[2], means[1]));
+        let noise = [&sum, &fight, &gap].map(|c| sensors.noise_variance(c));
+        let errors = [&sum, &fight, &gap].map(|c| sensors.error_of_mean(window, c));
+        values.extend([0, 1, 2].map(|i| log_deviation(variances[i], noise[i])));
+        values.push(ratio(means[0], means[2], errors[2]));
+        values.push(ratio(means[0], means[1], errors[1]));
+        values.push(ratio(means[2], means[1], errors[1]));
         let pairs = [(&sum, &fight, 0, 1), (&sum, &gap, 0, 2), (&fight, &gap, 1, 2)];
         for (a, b, i, j) in pairs {
-            values.push(correlation(covariance(window, a, b), variances[i], variances[j]));
+            let both = covariance(window, a, b);
+            values.push(correlation(both, variances[i], variances[j], noise[i], noise[j]));
         }
     }
 }

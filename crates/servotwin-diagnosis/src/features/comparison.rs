@@ -31,18 +31,17 @@ impl Family for Comparison {
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let mut features = Vec::new();
         for (name, _, _) in pairs(sensors) {
-            let mut push = |kind: &str, unit, meaning: &str, resolution| {
+            let mut push = |kind: &str, unit, meaning: &str| {
                 features.push(Feature {
                     name: format!("{kind}_{name}"),
                     unit,
                     meaning: format!("{meaning} of {name}, actuator 1 against 2"),
                     units: vec![0, 1],
-                    resolution,
                 });
             };
-            push("mean_excess", "of scale", "|mean| difference", 1.0);
-            push("mean_contrast", "1", "(|mean 1| − |mean 2|)/(|mean 1| + |mean 2|)", 0.02);
-            push("dev_excess", "log10", "log10 ratio of standard deviations", 0.02);
+            push("mean_excess", "of scale", "|mean| difference");
+            push("mean_contrast", "1", "(|mean 1| − |mean 2|)/(|mean 1| + |mean 2|)");
+            push("dev_excess", "log10", "log10 ratio of standard deviations");
         }
         features
     }
@@ -50,9 +49,12 @@ impl Family for Comparison {
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         for (_, a, b) in pairs(sensors) {
             let (mean_a, mean_b) = (window.mean(a).abs(), window.mean(b).abs());
-            let deviation = |i| log_deviation(window.covariance(i, i));
+            let deviation = |i| {
+                log_deviation(window.covariance(i, i), sensors.noise_variance(&[(i, 1.0)]))
+            };
+            let error = sensors.error_of_mean(window, &[(a, 1.0), (b, 1.0)]);
             values.push(mean_a - mean_b);
-            values.push(contrast(mean_a, mean_b));
+            values.push(contrast(mean_a, mean_b, error));
             values.push(deviation(a) - deviation(b));
         }
     }

@@ -31,14 +31,12 @@ impl Family for Deviation {
                         s.name
                     ),
                     units: vec![s.unit],
-                    resolution: 0.02,
                 },
                 Feature {
                     name: format!("largest_{}", s.name),
                     unit: "of scale",
                     meaning: format!("largest size of the residual of {}", s.name),
                     units: vec![s.unit],
-                    resolution: 1.0,
                 },
             ]
         };
@@ -47,7 +45,8 @@ impl Family for Deviation {
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         for i in 0..sensors.0.len() {
-            values.push(log_deviation(window.covariance(i, i)));
+            let noise = sensors.noise_variance(&[(i, 1.0)]);
+            values.push(log_deviation(window.covariance(i, i), noise));
             values.push(window.largest(i));
         }
     }

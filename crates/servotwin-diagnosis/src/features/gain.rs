@@ -26,22 +26,16 @@ impl Family for Gain {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let of_sensor = |s: &super::Sensor| {
-            let feature = |kind: &str, unit, meaning: &str, resolution| Feature {
+            let feature = |kind: &str, unit, meaning: &str| Feature {
                 name: format!("{kind}_{}", s.name),
                 unit,
                 meaning: format!("{meaning} {}", s.name),
                 units: vec![s.unit],
-                resolution,
             };
             [
-                feature("gain", "1", "slope of the residual over the twin's signal of", 5.0),
-                feature("offset", "of scale", "residual at a twin signal of zero of", 1.0),
-                feature(
-                    "self_corr",
-                    "1",
-                    "correlation of the residual with the twin's signal of",
-                    0.02,
-                ),
+                feature("gain", "1", "slope of the residual over the twin's signal of"),
+                feature("offset", "of scale", "residual at a twin signal of zero of"),
+                feature("self_corr", "1", "correlation of the residual with the twin's signal of"),
             ]
         };
         sensors.0.iter().flat_map(of_sensor).collect()
@@ -54,7 +48,9 @@ impl Family for Gain {
             let gain = covariance / (variance + LEAST_DEVIATION * LEAST_DEVIATION);
             values.push(gain);
             values.push(window.mean(i) - gain * window.twin_mean(i));
-            values.push(correlation(covariance, window.covariance(i, i), variance));
+            let noise = sensors.noise_variance(&[(i, 1.0)]);
+            let own = window.covariance(i, i);
+            values.push(correlation(covariance, own, variance, noise, 0.0));
         }
     }
 }

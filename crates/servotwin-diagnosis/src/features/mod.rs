@@ -124,10 +124,6 @@ pub struct Feature {
     pub meaning: String,
     /// The units (actuators) that the feature looks at.
     pub units: Vec<usize>,
-    /// The size below which differences of the feature mean nothing where
-    /// residuals carry noise, quantisation and numerical error of 1 (in parts
-    /// of scale): a threshold inside is implausible.
-    pub resolution: f64,
 }
 
 /// A family of features.
@@ -172,25 +168,52 @@ pub fn values(sensors: &Sensors, window: &Window) -> Vec<f64> {
 /// of a campaign is no more exact, sign and all.
 const FLOOR: f64 = 1e-4;
 
-/// The logarithm of a standard deviation (base ten), with a floor.
-fn log_deviation(variance: f64) -> f64 {
-    0.5 * libm::log10(variance.max(0.0) + FLOOR * FLOOR)
+/// A quotient needs a denominator of so many standard errors to be a number.
+const SURE: f64 = 3.0;
+
+/// A linear combination of residuals: sensor and weight.
+type Combination<'c> = &'c [(usize, f64)];
+
+impl Sensors {
+    /// The variance that noise and quantisation give a sample of a combination of residuals.
+    fn noise_variance(&self, combination: Combination) -> f64 {
+        combination.iter().map(|&(sensor, weight)| square(weight * self.0[sensor].noise)).sum()
+    }
+
+    /// The standard error of a combination's mean over a window: noise averaged over its samples,
+    /// and the solver's error, which stays.
+    fn error_of_mean(&self, window: &Window, combination: Combination) -> f64 {
+        let count = (window.count() as f64).max(1.0);
+        let solver: f64 = combination.iter().map(|&(_, weight)| square(weight * FLOOR)).sum();
+        libm::sqrt(self.noise_variance(combination) / count + solver)
+    }
 }
 
-/// `(a − b)/(a + b)` of two sizes: −1 … 1, zero where both are tiny.
-fn contrast(a: f64, b: f64) -> f64 {
-    (a - b) / (a + b + FLOOR)
+fn square(value: f64) -> f64 {
+    value * value
+}
+
+/// The logarithm of a standard deviation (base ten). What noise alone would give is the least that is
+/// told apart: twice its variance, because a signal as large as the noise lies within its scatter.
+fn log_deviation(variance: f64, noise_variance: f64) -> f64 {
+    0.5 * libm::log10(variance.max(2.0 * noise_variance) + square(FLOOR))
+}
+
+/// `(a − b)/(a + b)` of two sizes: −1 … 1, zero where both are nothing but error.
+fn contrast(a: f64, b: f64, error: f64) -> f64 {
+    (a - b) / (a + b + SURE * error)
 }
 
 /// `a / b`, and zero where `b` is nothing but error: its sign would decide.
-fn ratio(a: f64, b: f64) -> f64 {
-    a * b / (b * b + FLOOR * FLOOR)
+fn ratio(a: f64, b: f64, error_of_b: f64) -> f64 {
+    a * b / (b * b + square(SURE * error_of_b))
 }
 
-/// Correlation from covariances; zero where one deviation is tiny.
-fn correlation(covariance: f64, variance_a: f64, variance_b: f64) -> f64 {
-    let floor = FLOOR * FLOOR;
-    covariance / libm::sqrt((variance_a + floor) * (variance_b + floor))
+/// Correlation from covariances, zero where a deviation is nothing but error. `floor_a` and
+/// `floor_b` are the variances that noise alone gives.
+fn correlation(covariance: f64, variance_a: f64, variance_b: f64, floor_a: f64, floor_b: f64) -> f64 {
+    let sure = |variance: f64, floor: f64| variance.max(0.0) + floor + square(FLOOR);
+    covariance / libm::sqrt(sure(variance_a, floor_a) * sure(variance_b, floor_b))
 }
 
 #[cfg(test)]

@@ -28,23 +28,18 @@ impl Family for Moments {
                     unit: "of scale",
                     meaning: format!("mean of the residual of {}", s.name),
                     units: units.clone(),
-                    resolution: 1.0,
                 },
                 Feature {
                     name: format!("var_{}", s.name),
                     unit: "of scale²",
                     meaning: format!("variance of the residual of {}", s.name),
                     units: units.clone(),
-                    // A variance that is told from zero needs a deviation of
-                    // the size of the noise.
-                    resolution: 1e-3,
                 },
                 Feature {
                     name: format!("no_dev_{}", s.name),
                     unit: "0 or 1",
                     meaning: format!("one where {} stays inside ±3 % and 1 % deviation", s.name),
                     units,
-                    resolution: 0.0,
                 },
             ]
         };

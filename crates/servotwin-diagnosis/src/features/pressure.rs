@@ -28,39 +28,35 @@ impl Family for Pressure {
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let mut features = Vec::new();
         for unit in sensors.with(&NEEDED) {
-            let mut push = |name: &str, in_unit, meaning: &str, resolution| {
+            let mut push = |name: &str, in_unit, meaning: &str| {
                 features.push(Feature {
                     name: format!("{name}_{}", unit + 1),
                     unit: in_unit,
                     meaning: format!("{meaning}, actuator {}", unit + 1),
                     units: vec![unit],
-                    resolution,
                 });
             };
-            push("mean_common", "of scale", "mean of (r_pA + r_pB)/2", 1.0);
-            push("mean_differential", "of scale", "mean of r_pA − r_pB", 1.0);
-            push("log_dev_common", "log10 of scale", "log10 deviation of (r_pA + r_pB)/2", 0.02);
-            push("log_dev_differential", "log10 of scale", "log10 deviation of r_pA − r_pB", 0.02);
-            push("mean_chambers_ratio", "1", "mean r_pB over mean r_pA", 0.02);
-            push("chambers_corr", "1", "correlation of r_pA with r_pB", 0.02);
-            push("common_over_differential", "1", "log10 of the two deviations' ratio", 0.02);
+            push("mean_common", "of scale", "mean of (r_pA + r_pB)/2");
+            push("mean_differential", "of scale", "mean of r_pA − r_pB");
+            push("log_dev_common", "log10 of scale", "log10 deviation of (r_pA + r_pB)/2");
+            push("log_dev_differential", "log10 of scale", "log10 deviation of r_pA − r_pB");
+            push("mean_chambers_ratio", "1", "mean r_pB over mean r_pA");
+            push("chambers_corr", "1", "correlation of r_pA with r_pB");
+            push("common_over_differential", "1", "log10 of the two deviations' ratio");
             push(
                 "differential_spool_corr",
                 "1",
                 "correlation of r_pA − r_pB with the twin's spool",
-                0.02,
             );
             push(
                 "common_spool_corr",
                 "1",
                 "correlation of (r_pA + r_pB)/2 with the twin's spool",
-                0.02,
             );
             push(
                 "spool_over_common",
                 "1",
                 "mean spool residual over mean common-mode residual",
-                0.02,
             );
         }
         features
@@ -78,17 +74,25 @@ impl Family for Pressure {
             let (with_a, with_b) =
                 (window.cross_covariance(a, spool), window.cross_covariance(b, spool));
             let var_spool = window.twin_covariance(spool, spool);
+            let of_common = [(a, 0.5), (b, 0.5)];
+            let noise = |combination: &[(usize, f64)]| sensors.noise_variance(combination);
+            let (noise_a, noise_b) = (noise(&[(a, 1.0)]), noise(&[(b, 1.0)]));
+            let noise_common = noise(&of_common);
+            let noise_differential = noise_a + noise_b;
+            let deviation_common = log_deviation(var_common, noise_common);
+            let deviation_differential = log_deviation(var_differential, noise_differential);
+            let error = |combination: &[(usize, f64)]| sensors.error_of_mean(window, combination);
             values.extend([
                 common,
                 mean_a - mean_b,
-                log_deviation(var_common),
-                log_deviation(var_differential),
-                ratio(mean_b, mean_a),
-                correlation(both, var_a, var_b),
-                log_deviation(var_common) - log_deviation(var_differential),
-                correlation(with_a - with_b, var_differential, var_spool),
-                correlation(0.5 * (with_a + with_b), var_common, var_spool),
-                ratio(window.mean(spool), common),
+                deviation_common,
+                deviation_differential,
+                ratio(mean_b, mean_a, error(&[(a, 1.0)])),
+                correlation(both, var_a, var_b, noise_a, noise_b),
+                deviation_common - deviation_differential,
+                correlation(with_a - with_b, var_differential, var_spool, noise_differential, 0.0),
+                correlation(0.5 * (with_a + with_b), var_common, var_spool, noise_common, 0.0),
+                ratio(window.mean(spool), common, error(&of_common)),
             ]);
         }
     }

@@ -50,7 +50,6 @@ impl Family for Proportion {
                 unit: "log10",
                 meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
                 units: [a.unit].into(),
-                resolution: 0.02,
             }
         };
         pairs(sensors).into_iter().map(feature).collect()
@@ -59,8 +58,8 @@ impl Family for Proportion {
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         let log_rms = |sensor: usize| {
             let mean = window.mean(sensor);
-            let square = mean * mean + window.covariance(sensor, sensor);
-            log_deviation(square)
+            let mean_square = mean * mean + window.covariance(sensor, sensor);
+            log_deviation(mean_square, sensors.noise_variance(&[(sensor, 1.0)]))
         };
         values.extend(pairs(sensors).into_iter().map(|(a, b)| log_rms(a) - log_rms(b)));
     }

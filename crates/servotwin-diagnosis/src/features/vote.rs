@@ -35,17 +35,16 @@ impl Family for Vote {
         }
         let mut features = Vec::new();
         for unit in 0..2 {
-            let mut push = |name: &str, in_unit, meaning: &str, resolution| {
+            let mut push = |name: &str, in_unit, meaning: &str| {
                 features.push(Feature {
                     name: format!("{name}_{}", unit + 1),
                     unit: in_unit,
                     meaning: format!("{meaning} of ram sensor {} from the third", unit + 1),
                     units: vec![unit],
-                    resolution,
                 });
             };
-            push("mean_vote", "of scale", "mean disagreement", 1.0);
-            push("log_dev_vote", "log10 of scale", "log10 deviation of the disagreement", 0.02);
+            push("mean_vote", "of scale", "mean disagreement");
+            push("log_dev_vote", "log10 of scale", "log10 deviation of the disagreement");
         }
         let mut push = |name: &str, unit, meaning: &str| {
             features.push(Feature {
@@ -53,7 +52,6 @@ impl Family for Vote {
                 unit,
                 meaning: meaning.into(),
                 units: vec![0, 1],
-                resolution: 0.02,
             });
         };
         push("vote_contrast", "1", "mean disagreement with the third sensor, ram 1 against 2");
@@ -67,10 +65,12 @@ impl Family for Vote {
         let deviation = rams.map(|ram| {
             let both = window.covariance(ram, surface);
             let own = window.covariance(ram, ram) + window.covariance(surface, surface);
-            log_deviation(own - 2.0 * both)
+            let noise = sensors.noise_variance(&[(ram, 1.0), (surface, -1.0)]);
+            log_deviation(own - 2.0 * both, noise)
         });
         values.extend([mean[0], deviation[0], mean[1], deviation[1]]);
-        values.push(contrast(mean[0].abs(), mean[1].abs()));
+        let error = sensors.error_of_mean(window, &[(rams[0], 1.0), (surface, -1.0)]);
+        values.push(contrast(mean[0].abs(), mean[1].abs(), error));
         values.push(deviation[0] - deviation[1]);
     }
 }

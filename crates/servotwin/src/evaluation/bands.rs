@@ -28,7 +28,7 @@ pub struct Band {
 /// Learns the bands; `pools[i]` is the same for sensors that are alike. `None` without healthy
 /// specimens to learn from.
 pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
-    let rows = data.rows_where(Role::Training, |row| row.is_healthy);
+    let rows = data.rows_where(Role::Training, |row| row.is_healthy && !row.is_moved);
     if rows.is_empty() || data.sensors.is_empty() || pools.len() < data.sensors.len() {
         return None;
     }

@@ -4,7 +4,7 @@
 //! Both come from rows that were left out of training, whole commands at a time: the temperature of
 //! every stage ([`calibration`]), and the confidence that the least certain answers do not reach.
 
-use super::data_set::DataSet;
+use super::data_set::{DataSet, Row};
 use super::error::EvaluationError;
 use super::parallel::{self, Workers};
 use super::run::{self, Outcome, settled};
@@ -64,8 +64,12 @@ pub fn train(
         parallel::map(&folds, workers, fit)?.into_iter().collect();
     let mut parts = parts?;
     let mut seen = BTreeMap::new();
+    let still = |split: &Split, wanted: &dyn Fn(&Row) -> bool| -> Vec<usize> {
+        let rows = of(&split.test).into_iter();
+        rows.filter(|&row| !data.rows[row].is_moved && wanted(&data.rows[row])).collect()
+    };
     for (part, split) in parts.iter().zip(&folds) {
-        collect(data, part, &of(&split.test), &mut seen);
+        collect(data, part, &still(split, &|_| true), &mut seen);
     }
     for stage in parts.iter_mut().flat_map(|part| &mut part.stages).chain(&mut hierarchy.stages) {
         if let Some((scores, labels)) = seen.get(&stage.id) {
@@ -74,9 +78,7 @@ pub fn train(
     }
     let mut confidences = vec![];
     for (part, split) in parts.iter().zip(&folds) {
-        let faulty = |&row: &usize| !data.rows[row].is_healthy;
-        let test: Vec<usize> = of(&split.test).into_iter().filter(faulty).collect();
-        let outcomes = run::ask(data, part, &test)?;
+        let outcomes = run::ask(data, part, &still(split, &|row| !row.is_healthy))?;
         confidences.extend(outcomes.iter().map(|outcome| outcome.said.confidence));
     }
     confidences.sort_by(f64::total_cmp);

@@ -9,6 +9,8 @@
 //! The rows on which a diagnosis is judged come first, then those from which it learns.
 
 use super::error::EvaluationError;
+use super::flips::Moving;
+use super::parallel::{self, Workers};
 use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
 use crate::table::Table;
@@ -62,6 +64,9 @@ pub struct Row {
     pub kind: u32,
     /// Place in [`DataSet::intensities`].
     pub intensity: u32,
+    /// Whether its window was moved within its uncertainty: such rows are learned from, never
+    /// judged.
+    pub is_moved: bool,
     /// Whether it has no fault.
     pub is_healthy: bool,
     /// Whether it shows the signals of another row with the actuators exchanged.
@@ -164,6 +169,7 @@ impl DataSet {
             fault: fault[place],
             kind: kind[place],
             intensity: intensity[place],
+            is_moved: false,
             is_healthy: kinds[place] == HEALTHY,
             reflected: reflected[place],
             largest: largest.iter().map(|column| column[place]).collect(),
@@ -225,6 +231,27 @@ impl DataSet {
             true => Err(EvaluationError::NothingDetectable { faults: all }),
             false => Ok(rows),
         }
+    }
+
+    /// The same data with every training row once more for each draw, its window moved within its
+    /// uncertainty: so trees do not learn what no sensor shows.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Cancelled`], [`EvaluationError::Features`] for a value that is not finite.
+    pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
+        let rows = self.rows_where(Role::Training, |row| row.is_healthy || row.detectable);
+        let views = self.examples.views();
+        let of = |&row: &usize| -> Vec<Vec<Vec<f64>>> {
+            moving.moved(row).iter().map(|window| moving.views(window, views)).collect()
+        };
+        let moved = parallel::map(&rows, workers, of)?;
+        let pairs = rows.iter().zip(&moved);
+        let pairs = pairs.flat_map(|(&row, draws)| draws.iter().map(move |views| (row, views)));
+        let (origins, values): (Vec<usize>, Vec<&Vec<Vec<f64>>>) = pairs.unzip();
+        let copy = |&row: &usize| Row { is_moved: true, ..self.rows[row].clone() };
+        let rows = self.rows.iter().cloned().chain(origins.iter().map(copy)).collect();
+        let examples = self.examples.extended(&origins, |row, view| &values[row][view]);
+        Ok(DataSet { rows, examples, ..self.clone() })
     }
 
     /// The same data without some rows.

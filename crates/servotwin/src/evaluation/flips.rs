@@ -99,7 +99,7 @@ impl Moving<'_> {
     }
 
     /// The windows of a row as they might have been.
-    fn moved(&self, row: usize) -> Vec<Window> {
+    pub fn moved(&self, row: usize) -> Vec<Window> {
         let seed = self.seed ^ (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mut random = Random::new(seed);
         let window = &self.windows[row];

@@ -30,8 +30,11 @@ use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
 
-/// How often each window is moved within its uncertainty.
-const DRAWS: usize = 4;
+/// How often each training window is moved within its uncertainty, and the seed.
+const LEARNED: (usize, u64) = (2, 1);
+
+/// How often each judged window is, and the seed.
+const JUDGED: (usize, u64) = (4, 2);
 
 /// The error of the solver that a campaign promises, in parts of scale.
 const SOLVER_ERROR: f64 = 1e-4;
@@ -89,6 +92,8 @@ pub fn train(
     workers: Workers,
 ) -> Result<Trained, JobError> {
     let data = data_set(folder, study, subject)?;
+    let windows = windows(folder, study, subject, &data)?;
+    let data = with_moved(study, subject, data, &windows, workers)?;
     let trained = evaluation::train(&data, &subject.settings(), &pools(study), workers)?;
     let sensors = &study.sensors.0[..study.base_sensors()];
     let half_width = |sensor: usize| {
@@ -130,7 +135,8 @@ pub fn evaluate_all(
         let data = data_set(folder, study, subject)?;
         let trained = trained(folder, subject)?;
         let windows = windows(folder, study, subject, &data)?;
-        let moving = moving(study, subject, &windows);
+        let moving = moving(study, subject, &windows, JUDGED);
+        let data = with_moved(study, subject, data, &windows, workers)?;
         let told = |what: &str, share: f64| {
             let done = (place as f64 + share) / (subjects.len() as f64 + 0.2);
             progress(&format!("{}: {what}", subject.name()), done);
@@ -166,16 +172,27 @@ fn windows(
     subject: Subject,
     data: &DataSet,
 ) -> Result<Vec<Window>, JobError> {
+    let mut windows = vec![];
     if !data.has_training() {
-        return Ok(vec![]);
+        return Ok(windows);
     }
-    let rows = Campaign::stored(folder.path(), study, subject.setting(), Role::Judged).windows()?;
-    let of_setting = rows.into_iter().next().unwrap_or_default();
-    // The judged rows come first, and those that failed are no rows.
-    Ok(of_setting.into_iter().filter(|row| row.failure.is_empty()).map(|row| row.window).collect())
+    for role in study.roles() {
+        let stored = Campaign::stored(folder.path(), study, subject.setting(), role);
+        for rows in stored.windows()? {
+            // Variants that failed are no rows.
+            let ran = rows.into_iter().filter(|row| row.failure.is_empty());
+            windows.extend(ran.map(|row| row.window));
+        }
+    }
+    Ok(windows)
 }
 
-fn moving<'w>(study: &'w Study, subject: Subject, windows: &'w [Window]) -> Option<Moving<'w>> {
+fn moving<'w>(
+    study: &'w Study,
+    subject: Subject,
+    windows: &'w [Window],
+    (draws, seed): (usize, u64),
+) -> Option<Moving<'w>> {
     let has_noise = subject.setting().has_noise();
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
     let features = data_features(study).into_iter().enumerate();
@@ -186,9 +203,23 @@ fn moving<'w>(study: &'w Study, subject: Subject, windows: &'w [Window]) -> Opti
         noise: noise.collect(),
         lasting: SOLVER_ERROR,
         columns: own.map(|(place, _)| place).collect(),
-        draws: DRAWS,
-        seed: 1,
+        draws,
+        seed,
     })
+}
+
+/// The data with moved training rows, where there are windows to move.
+fn with_moved(
+    study: &Study,
+    subject: Subject,
+    data: DataSet,
+    windows: &[Window],
+    workers: Workers,
+) -> Result<DataSet, JobError> {
+    match moving(study, subject, windows, LEARNED) {
+        Some(moving) => Ok(data.with_moved(&moving, workers)?),
+        None => Ok(data),
+    }
 }
 
 /// Reads what was trained for a subject.

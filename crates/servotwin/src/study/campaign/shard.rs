@@ -3,6 +3,7 @@
 use super::{CampaignError, Role, Setting, Study};
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::residual::Window;
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -50,6 +51,21 @@ impl Row {
     }
 }
 
+/// What the rows of a shard add up to, so that a flipped bit is seen.
+fn checksum(table: &Table) -> String {
+    let mut digest = Sha256::new();
+    for column in table.columns() {
+        digest.update(column.name.as_bytes());
+        match &column.values {
+            Values::Float(values) => values.iter().for_each(|v| digest.update(v.to_le_bytes())),
+            Values::Unsigned(values) => values.iter().for_each(|v| digest.update(v.to_le_bytes())),
+            Values::Text(values) => values.iter().for_each(|v| digest.update(v.as_bytes())),
+            _ => {}
+        }
+    }
+    digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// The column of one of the window's values.
 fn window_column(place: usize) -> String {
     format!("w:{place:03}")
@@ -95,14 +111,16 @@ impl Shards {
     pub fn pending(&self) -> Vec<usize> {
         let is_done = |shard: usize| {
             let path = self.path(shard);
-            path.exists()
-                && table::read(&path).is_ok_and(|t| {
-                    t.metadata.get("fingerprint") == Some(&self.fingerprint)
-                        && t.row_count() == self.variants_of(shard).len()
-                })
+            path.exists() && table::read(&path).is_ok_and(|table| self.is_sound(shard, &table))
         };
         let missing = (0..self.count()).filter(|&shard| !is_done(shard));
         missing.flat_map(|shard| self.variants_of(shard)).collect()
+    }
+
+    fn is_sound(&self, shard: usize, table: &Table) -> bool {
+        table.metadata.get("fingerprint") == Some(&self.fingerprint)
+            && table.row_count() == self.variants_of(shard).len()
+            && table.metadata.get("checksum") == Some(&checksum(table))
     }
 
     /// The rows of all shards.
@@ -144,6 +162,8 @@ impl Collector {
             let rows = self.open.remove(&shard).expect("just filled");
             let fingerprint = self.shards.fingerprint.clone();
             let table = Row::to_table(&rows)?.with_metadata("fingerprint", fingerprint);
+            let sum = checksum(&table);
+            let table = table.with_metadata("checksum", sum);
             table::write(self.shards.path(shard), &table)?;
         }
         Ok(true)
