@@ -36,7 +36,7 @@ fn of_subject(result: &SubjectResult, is_papers: bool) -> String {
     let mut text = format!("Setting: {}\n{}", result.title, grid.text());
     text += &format!("{} of faults detectable", share(Some(detection.detected)));
     if let Some(alarms) = &evaluation.false_alarms {
-        let (all, shutdowns) = (share(Some(alarms.alarms)), share(Some(alarms.shutdowns)));
+        let (all, shutdowns) = (share(Some(alarms.alarms)), share(Some(alarms.tree_shutdowns)));
         text += &format!("; {all} of healthy specimens give an alarm, {shutdowns} a shutdown");
     }
     text + "\n"
