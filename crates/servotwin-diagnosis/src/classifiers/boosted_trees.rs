@@ -164,6 +164,14 @@ struct Candidate {
     bin: usize,
 }
 
+/// A node that has been split.
+struct Divided {
+    feature: usize,
+    threshold: f64,
+    /// Where the rows on the right begin.
+    middle: usize,
+}
+
 /// Grows one tree after the other.
 struct Grower<'a> {
     settings: &'a Settings,
@@ -268,16 +276,16 @@ impl<'a> Grower<'a> {
             self.make_leaf(node, range, &totals);
             return node;
         };
-        let Some(best) = self.best_split(&totals, &sums) else {
+        let best = self.best_split(&totals, &sums);
+        let divided = best.and_then(|best| self.divide(range.clone(), best));
+        let Some(Divided { feature, threshold, middle }) = divided else {
             self.idle.push(sums);
             self.make_leaf(node, range, &totals);
             return node;
         };
-        let (middle, threshold) = self.divide(range.clone(), &best);
         let [of_left, of_right] = self.sums_of_children(&range, middle, depth + 1, sums);
         let left = self.grow_node(range.start..middle, depth + 1, of_left);
         let right = self.grow_node(middle..range.end, depth + 1, of_right);
-        let feature = self.bins.feature(best.column);
         self.tree.branches.ask(node, feature, threshold, left, right);
         node
     }
@@ -384,10 +392,11 @@ impl<'a> Grower<'a> {
         best
     }
 
-    /// Moves the rows of a node to their sides; returns where those on the right begin, and the
-    /// threshold in the middle of the gap between both.
-    fn divide(&mut self, range: Range<usize>, split: &Candidate) -> (usize, f64) {
-        let values = self.samples.column(self.bins.feature(split.column));
+    /// Moves the rows of a node to their sides; the threshold is in the middle of the gap between
+    /// them. `None` where a side has no rows: its sums were the rounding of others.
+    fn divide(&mut self, range: Range<usize>, split: Candidate) -> Option<Divided> {
+        let feature = self.bins.feature(split.column);
+        let values = self.samples.column(feature);
         let bins = self.bins.column(split.column);
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut middle = range.start;
@@ -405,7 +414,8 @@ impl<'a> Grower<'a> {
             }
         }
         self.rows[middle..range.end].copy_from_slice(&self.moving);
-        (middle, separate(low, high))
+        let both = middle > range.start && middle < range.end;
+        both.then(|| Divided { feature, threshold: separate(low, high), middle })
     }
 }
 
