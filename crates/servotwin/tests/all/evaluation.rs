@@ -5,7 +5,8 @@ use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
     Context, DataSet, Evaluation, EvaluationError, FeatureInfo, Settings, Trained,
 };
-use servotwin::evaluation::{bands, evaluate, model_file, train};
+use servotwin::evaluation::bands::{self, Watched};
+use servotwin::evaluation::{evaluate, model_file, train};
 use servotwin::study::Role;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::Kind;
@@ -108,8 +109,11 @@ fn flown(noise: f64, cases: &[&str], seed: u64) -> Table {
     Table::from_columns(columns).unwrap()
 }
 
+/// The two sensors, which are alike.
+const WATCHED: [Watched; 2] = [Watched { pool: 0, noise: 0.0, samples: 100 }; 2];
+
 fn settings() -> Settings {
-    let few = Holding { repeats: 2, folds: 3, seed: 3 };
+    let few = Holding { repeats: 2, folds: 3, seed: 3, ..Holding::default() };
     Settings {
         holding: few,
         comparison_holding: few,
@@ -137,11 +141,11 @@ fn evaluated(noise: f64, threads: usize) -> (Evaluation, Trained, DataSet) {
 
 fn evaluated_with(data: &DataSet, settings: &Settings, threads: usize) -> (Evaluation, Trained) {
     let workers = Workers::new(threads);
-    let pools = [0, 0];
-    let trained = train(data, settings, &pools, workers).unwrap();
+    let watched = WATCHED;
+    let trained = train(data, settings, &watched, workers).unwrap();
     let context = Context {
         trained: &trained,
-        pools: &pools,
+        watched: &watched,
         moving: None,
         workers,
         progress: &|_, _| (),
@@ -287,7 +291,7 @@ fn what_cannot_be_learnt_is_said() {
     assert!(message(&healthy).contains("no faults"));
     let hidden = read(&replaced("detectable", vec![false; rows].into()));
     assert!(matches!(
-        train(&hidden.unwrap(), &settings(), &[0, 0], Workers::new(1)),
+        train(&hidden.unwrap(), &settings(), &WATCHED, Workers::new(1)),
         Err(EvaluationError::NothingDetectable { faults: 300 })
     ));
     let mut broken = table.f64("f:y_1").unwrap().into_owned();
@@ -351,17 +355,32 @@ fn what_is_held_out_is_in_no_training_row() {
 }
 
 #[test]
-fn a_band_is_the_largest_that_healthy_training_specimens_showed() {
+fn bands_are_learned_from_healthy_training_specimens_alone() {
     let mut data = with_training(0.1);
+    let mut random = Random::new(8);
     let healthy = data.rows_where(Role::Training, |row| row.is_healthy);
-    data.rows[healthy[3]].largest = vec![0.02, 0.07];
+    for &row in &healthy {
+        // Log-normal around 2 % and 1 %.
+        let mut size = |middle: f64| {
+            let normal: f64 = (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
+            middle * (0.3 * normal).exp()
+        };
+        data.rows[row].largest = vec![size(0.02), size(0.01)];
+    }
     let judged = data.rows_where(Role::Judged, |row| row.is_healthy);
     data.rows[judged[0]].largest = vec![9.0, 9.0];
-    let learned = bands::learn(&data, &[0, 0]).unwrap();
-    assert!(learned.iter().all(|band| band.half_width == 0.07 && band.records == 80));
-    assert!((learned[0].exceeded_at_most - 0.0367).abs() < 1e-4);
-    let alone = bands::learn(&data, &[0, 1]).unwrap();
-    assert_eq!([alone[0].half_width, alone[1].half_width], [0.02, 0.07]);
-    let banded = data.with_bands(&[0.02, 0.07]);
-    assert!(banded.rows[judged[0]].detectable && !banded.rows[healthy[3]].detectable);
+    let apart = [Watched { pool: 0, ..WATCHED[0] }, Watched { pool: 1, ..WATCHED[1] }];
+    let learned = bands::learn(&data, &apart).unwrap();
+    // exp(0.3 k) with k from 3.4 (many records) upwards, and nothing of the judged specimen.
+    for (band, middle) in learned.iter().zip([0.02, 0.01]) {
+        let ratio = band.half_width / middle;
+        assert!((2.2..5.0).contains(&ratio), "{band:?}");
+        assert_eq!((band.records, band.exceeded), (40, 0));
+    }
+    let pooled = bands::learn(&data, &WATCHED).unwrap();
+    assert_eq!(pooled[0].half_width, pooled[1].half_width);
+    let noisy = [Watched { noise: 1.0, ..apart[0] }, apart[1]];
+    assert!(bands::learn(&data, &noisy).unwrap()[0].half_width > 4.0);
+    let banded = data.with_bands(&[0.1, 0.1]);
+    assert!(banded.rows[judged[0]].is_detected() && !banded.rows[healthy[3]].is_detected());
 }
