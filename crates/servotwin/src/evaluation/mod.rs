@@ -1,7 +1,7 @@
 //! How good the diagnosis is, measured so that it cannot fool us.
 //!
 //! [`evaluate`] takes a campaign's data set and gives an [`Evaluation`]: what is detected at all,
-//! the hierarchy of trees under every protocol, the seed paper's own trees beside it, the eight
+//! the hierarchy of trees under every protocol, the seed paper's own trees beside it, all
 //! classifiers, which features carry the result, which faults are taken for each other; and it looks
 //! into the [`Hierarchy`] that [`train`] makes of all detectable rows. The same data set, settings and seeds give the
 //! same bytes, on any number of threads.
