@@ -48,16 +48,8 @@ impl Family for Pressure {
                 "1",
                 "correlation of r_pA − r_pB with the twin's spool",
             );
-            push(
-                "common_spool_corr",
-                "1",
-                "correlation of (r_pA + r_pB)/2 with the twin's spool",
-            );
-            push(
-                "spool_over_common",
-                "1",
-                "mean spool residual over mean common-mode residual",
-            );
+            push("common_spool_corr", "1", "correlation of (r_pA + r_pB)/2 with the twin's spool");
+            push("spool_over_common", "1", "mean spool residual over mean common-mode residual");
         }
         features
     }

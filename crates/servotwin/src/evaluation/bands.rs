@@ -67,7 +67,8 @@ pub fn learn(data: &DataSet, watched: &[Watched]) -> Option<Vec<Band>> {
         let own = watched[sensor];
         let alike = (0..data.sensors.len()).filter(|&other| watched[other].pool == own.pool);
         let alike: Vec<usize> = alike.collect();
-        let of = |row: &usize| alike.iter().map(|&s| data.rows[*row].largest[s]).collect::<Vec<_>>();
+        let of =
+            |row: &usize| alike.iter().map(|&s| data.rows[*row].largest[s]).collect::<Vec<_>>();
         let sizes: Vec<f64> = rows.iter().flat_map(of).collect();
         let half_width = between_records(&sizes).max(within_a_record(own));
         Band {

@@ -304,8 +304,7 @@ impl DataSet {
 
     /// The same data without some rows.
     pub fn without(&self, drop: impl Fn(&Row) -> bool) -> Self {
-        let kept: Vec<usize> =
-            (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
+        let kept: Vec<usize> = (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
         DataSet {
             examples: self.examples.select_rows(&kept),
             rows: kept.iter().map(|&row| self.rows[row].clone()).collect(),
@@ -445,9 +444,8 @@ fn coded_numbers(numbers: &[f64]) -> (Vec<f64>, Vec<u32>) {
     let mut names = numbers.to_vec();
     names.sort_by(f64::total_cmp);
     names.dedup();
-    let code = |number: &f64| {
-        names.binary_search_by(|known| known.total_cmp(number)).unwrap_or(0) as u32
-    };
+    let code =
+        |number: &f64| names.binary_search_by(|known| known.total_cmp(number)).unwrap_or(0) as u32;
     let codes = numbers.iter().map(code).collect();
     (names, codes)
 }

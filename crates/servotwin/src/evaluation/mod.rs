@@ -1,8 +1,8 @@
 //! How good the diagnosis is, measured so that it cannot fool us.
 //!
 //! [`evaluate`] takes the data sets of a setting and gives an [`Evaluation`]: what is detected at all,
-//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, the
-//! eight classifiers, which features carry the result, which faults are taken for each other, what
+//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, all
+//! classifiers, which features carry the result, which faults are taken for each other, what
 //! silence buys, and which answers hang on less than a sensor shows; and it looks
 //! into the [`Hierarchy`] that [`train`] makes. The same data sets, settings and seeds give the
 //! same bytes, on any number of threads.
@@ -200,12 +200,8 @@ const OF_COMMITTEE: [Protocol; 4] = [
 ];
 
 /// The protocols under which the seed paper's trees are judged.
-const OF_BASELINE: [Protocol; 4] = [
-    Protocol::RandomThird,
-    Protocol::Grouped,
-    Protocol::LeaveCaseOut,
-    Protocol::LeaveCommandOut,
-];
+const OF_BASELINE: [Protocol; 4] =
+    [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut, Protocol::LeaveCommandOut];
 
 /// Numbers of training commands for the curve.
 const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
@@ -222,7 +218,11 @@ pub struct Trained {
 }
 
 /// The data with the band that the settings want, and the bands that can be learned from it.
-pub fn banded(data: &DataSet, settings: &Settings, watched: &[Watched]) -> (DataSet, Option<Vec<Band>>) {
+pub fn banded(
+    data: &DataSet,
+    settings: &Settings,
+    watched: &[Watched],
+) -> (DataSet, Option<Vec<Band>>) {
     let bands = bands::learn(data, watched);
     match bands.as_ref().filter(|_| settings.learned_bands) {
         None if data.sensors.is_empty() => (data.clone(), bands),
@@ -292,7 +292,9 @@ pub fn evaluate(
     let mut ambiguity = ambiguity::evaluate(data, &[]);
     for (place, &protocol) in settings.protocols.iter().enumerate() {
         progress(protocol.title(), 0.025 * place as f64);
-        let Some((result, outcomes)) = judged(protocol, data, &training, of_trees)? else { continue };
+        let Some((result, outcomes)) = judged(protocol, data, &training, of_trees)? else {
+            continue;
+        };
         protocols.push(result);
         if protocol.scope() == Scope::AllTracing {
             ambiguity = ambiguity::evaluate(data, &outcomes);
@@ -312,7 +314,8 @@ pub fn evaluate(
     let paper_band = match settings.learned_bands && bands.is_some() {
         true => {
             let both = [(&settings.training, of_trees), (&settings.committee, of_boosted)];
-            let of = |(training, lessons)| judged(Protocol::NewCommand, unbanded, training, lessons);
+            let of =
+                |(training, lessons)| judged(Protocol::NewCommand, unbanded, training, lessons);
             let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
             found?.into_iter().flatten().map(|(result, _)| result).collect()
         }
@@ -387,8 +390,7 @@ fn silence(
     let commands = &data.examples.names().commands;
     let shutdown = commands.iter().position(|name| *name == settings.shutdown).map(|c| c as u32);
     let least = trained.committee.least_confidence;
-    let is_right =
-        |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
+    let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
     let reliability = committee::reliability(&committee, is_right);
     Ok(Some((abstention::evaluate(data, &committee, &trees, least, shutdown), reliability)))
 }

@@ -1,11 +1,11 @@
 //! The evaluation on a made-up campaign whose answers are known.
 
+use servotwin::evaluation::bands::{self, Watched};
 use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
     Context, DataSet, Evaluation, EvaluationError, FeatureInfo, Settings, Trained,
 };
-use servotwin::evaluation::bands::{self, Watched};
 use servotwin::evaluation::{evaluate, model_file, train};
 use servotwin::study::Role;
 use servotwin::table::{Column, Table};
