@@ -11,6 +11,7 @@
 #![no_std]
 extern crate alloc;
 
+pub mod calibration;
 pub mod classifiers;
 pub mod data;
 pub mod error;

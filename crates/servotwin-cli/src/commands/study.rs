@@ -10,7 +10,7 @@ use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::job::{self, Folder, report};
-use servotwin::study::{Setting, Study};
+use servotwin::study::Setting;
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.

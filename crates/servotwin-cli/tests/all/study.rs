@@ -40,6 +40,13 @@ title = "third stroke sensor"
 [realistic]
 seed = 3
 healthy = 4
+[training]
+duration_s = 2
+healthy = 3
+load = [0.5, 1.0]
+intensity_spread = 0.05
+draws = [{{ count = 3, signal = "noise:rms={{3..6}}deg,bandwidth=1Hz,seed=1{{n}}" }}]
+signals.step = "step:size=5deg,at=0.5s"
 "#
     )
 }

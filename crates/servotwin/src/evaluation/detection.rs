@@ -46,8 +46,8 @@ pub struct Least {
 pub fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
     Detection {
-        detected: Rate::of(&faults, |&row| data.rows[row].detectable),
-        excluded: Rate::of(&faults, |&row| !data.rows[row].detectable),
+        detected: Rate::of(&faults, |&row| data.rows[row].is_detected()),
+        excluded: Rate::of(&faults, |&row| !data.rows[row].is_detected()),
         failed: data.failed,
         curves: kinds(data, &faults).into_iter().map(|kind| curve(data, &faults, kind)).collect(),
         least: least(data, &faults),
@@ -70,7 +70,7 @@ fn curve(data: &DataSet, faults: &[usize], kind: u32) -> Curve {
         if row.kind == kind {
             let (detected, all) = &mut counts[row.intensity as usize];
             *all += 1;
-            *detected += u64::from(row.detectable);
+            *detected += u64::from(row.is_detected());
             detail.clone_from(&data.examples.names().details[label.detail as usize]);
         }
     }
@@ -85,7 +85,7 @@ fn least(data: &DataSet, faults: &[usize]) -> Vec<Least> {
         faults.iter().map(|&row| &data.rows[row]).collect();
     order.sort_by_key(|row| (row.fault, row.case, row.intensity));
     let of_run = |run: &[&super::data_set::Row]| {
-        let detected = run.iter().rev().take_while(|row| row.detectable).last();
+        let detected = run.iter().rev().take_while(|row| row.is_detected()).last();
         Least {
             fault: data.faults[run[0].fault as usize].clone(),
             case: data.cases[run[0].case as usize].clone(),

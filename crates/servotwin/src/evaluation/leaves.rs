@@ -1,6 +1,6 @@
 //! The least pure leaves of the trees.
 
-use super::data_set::DataSet;
+use super::data_set::{DataSet, Lessons};
 use super::error::EvaluationError;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
@@ -57,9 +57,10 @@ pub fn worst(
     data: &DataSet,
     settings: &Settings,
     hierarchy: &Hierarchy,
+    lessons: Lessons,
     count: usize,
 ) -> Result<Vec<WorstLeaf>, EvaluationError> {
-    let rows = &data.learnt_from()?;
+    let rows = &data.learnt_from(lessons)?;
     let mut worst = vec![];
     for stage in &hierarchy.stages {
         let Model::Cart(tree) = &stage.model else {

@@ -27,11 +27,11 @@ pub mod run;
 pub mod score;
 pub mod traces;
 
-pub use data_set::{DataSet, FeatureInfo};
+pub use data_set::{DataSet, FeatureInfo, Lessons};
 pub use error::EvaluationError;
 
 use abstention::Abstention;
-use bands::Band;
+use bands::{Band, Watched};
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
 use parallel::Workers;
@@ -41,6 +41,7 @@ use score::Rate;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings as Training};
+use servotwin_diagnosis::residual::BAND;
 
 use crate::study::Role;
 
@@ -51,6 +52,8 @@ pub struct Settings {
     pub training: Training,
     /// How the committee is trained.
     pub committee: Training,
+    /// Which training rows teach the committee; `holding` says which teach the trees.
+    pub committee_lessons: Lessons,
     /// How rows are held out.
     pub holding: Holding,
     /// How rows are held out where classifiers are compared.
@@ -62,6 +65,10 @@ pub struct Settings {
     pub learned_bands: bool,
     /// The family of features that the seed paper has.
     pub baseline_family: String,
+    /// The protocols of the nine trees.
+    pub protocols: Vec<Protocol>,
+    /// The protocols of the committee.
+    pub committee_protocols: Vec<Protocol>,
     /// The classifiers to compare; none for no comparison.
     pub classifiers: Vec<classifiers::Settings>,
     /// Whether to take parts away.
@@ -74,12 +81,15 @@ impl Default for Settings {
         Settings {
             training: Training::default(),
             committee: Training::all(boosted),
+            committee_lessons: Lessons { faults: 0.8, healthy: 0.0 },
             holding: Holding::default(),
             // Folds of a third: as much to learn from as in the random third.
             comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
             shutdown: "shut_down".into(),
             learned_bands: false,
             baseline_family: "moments".into(),
+            protocols: protocol::ALL.into(),
+            committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
             ablation: true,
         }
@@ -212,14 +222,15 @@ pub struct Trained {
 }
 
 /// The data with the band that the settings want, and the bands that can be learned from it.
-pub fn banded(data: &DataSet, settings: &Settings, pools: &[usize]) -> (DataSet, Option<Vec<Band>>) {
-    let bands = bands::learn(data, pools);
+pub fn banded(data: &DataSet, settings: &Settings, watched: &[Watched]) -> (DataSet, Option<Vec<Band>>) {
+    let bands = bands::learn(data, watched);
     match bands.as_ref().filter(|_| settings.learned_bands) {
+        None if data.sensors.is_empty() => (data.clone(), bands),
         Some(learned) => {
             let limits: Vec<f64> = learned.iter().map(|band| band.half_width).collect();
             (data.with_bands(&limits), bands)
         }
-        None => (data.clone(), bands),
+        None => (data.with_bands(&vec![BAND; data.sensors.len()]), bands),
     }
 }
 
@@ -231,12 +242,13 @@ pub fn banded(data: &DataSet, settings: &Settings, pools: &[usize]) -> (DataSet,
 pub fn train(
     data: &DataSet,
     settings: &Settings,
-    pools: &[usize],
+    watched: &[Watched],
     workers: Workers,
 ) -> Result<Trained, EvaluationError> {
-    let (data, bands) = banded(data, settings, pools);
-    let rows = data.learnt_from()?;
+    let (data, bands) = banded(data, settings, watched);
+    let rows = data.learnt_from(settings.holding.lessons)?;
     let trees = run::settled(&data, &settings.training).fit(&data.examples, &rows)?;
+    let rows = data.learnt_from(settings.committee_lessons)?;
     let committee = committee::train(&data, &settings.committee, &rows, workers)?;
     Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
 }
@@ -245,8 +257,8 @@ pub fn train(
 pub struct Context<'c> {
     /// The diagnosis that was trained with all rows.
     pub trained: &'c Trained,
-    /// For each sensor of the data set a number that is the same for like sensors.
-    pub pools: &'c [usize],
+    /// The sensors of the data set.
+    pub watched: &'c [Watched],
     /// The windows, to be moved within their uncertainty.
     pub moving: Option<&'c Moving<'c>>,
     /// Who works.
@@ -265,17 +277,22 @@ pub fn evaluate(
     context: &Context,
 ) -> Result<Evaluation, EvaluationError> {
     let Context { trained, workers, progress, .. } = *context;
-    let unbanded = data;
-    let (data, bands) = &banded(data, settings, context.pools);
-    let training = run::settled(data, &settings.training);
-    let judged = |protocol, data, training: &Training| {
-        protocol::evaluate(protocol, data, training, settings.holding, &settings.shutdown, workers)
+    let unbanded = &match data.sensors.is_empty() {
+        true => data.clone(),
+        false => data.with_bands(&vec![BAND; data.sensors.len()]),
     };
+    let (data, bands) = &banded(data, settings, context.watched);
+    let training = run::settled(data, &settings.training);
+    let judged = |protocol, data, training: &Training, lessons| {
+        let holding = Holding { lessons, ..settings.holding };
+        protocol::evaluate(protocol, data, training, holding, &settings.shutdown, workers)
+    };
+    let (of_trees, of_boosted) = (settings.holding.lessons, settings.committee_lessons);
     let mut protocols = vec![];
     let mut ambiguity = ambiguity::evaluate(data, &[]);
-    for (place, protocol) in protocol::ALL.into_iter().enumerate() {
+    for (place, &protocol) in settings.protocols.iter().enumerate() {
         progress(protocol.title(), 0.025 * place as f64);
-        let Some((result, outcomes)) = judged(protocol, data, &training)? else { continue };
+        let Some((result, outcomes)) = judged(protocol, data, &training, of_trees)? else { continue };
         protocols.push(result);
         if protocol.scope() == Scope::AllTracing {
             ambiguity = ambiguity::evaluate(data, &outcomes);
@@ -283,29 +300,39 @@ pub fn evaluate(
     }
     progress("committee", 0.3);
     let mut of_committee = vec![];
-    for protocol in OF_COMMITTEE {
-        let found = judged(protocol, data, &settings.committee)?;
+    for &protocol in &settings.committee_protocols {
+        let found = judged(protocol, data, &settings.committee, of_boosted)?;
         of_committee.extend(found.map(|(result, _)| result));
     }
     progress("fewer commands", 0.4);
-    let commands = commands(data, settings, workers)?;
+    let commands = match settings.protocols.len() > 1 {
+        true => commands(data, settings, workers)?,
+        false => vec![],
+    };
     let paper_band = match settings.learned_bands && bands.is_some() {
         true => {
-            let both = [&settings.training, &settings.committee];
-            let of = |training| judged(Protocol::NewCommand, unbanded, training);
+            let both = [(&settings.training, of_trees), (&settings.committee, of_boosted)];
+            let of = |(training, lessons)| judged(Protocol::NewCommand, unbanded, training, lessons);
             let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
             found?.into_iter().flatten().map(|(result, _)| result).collect()
         }
         false => vec![],
     };
     progress("the paper's trees", 0.5);
-    let baseline = baseline(unbanded, settings, workers)?;
+    let baseline = match settings.protocols.len() > 1 {
+        true => baseline(unbanded, settings, workers)?,
+        false => vec![],
+    };
     progress("comparing classifiers", 0.55);
     let (list, compared) = (&settings.classifiers, settings.comparison_holding);
     let classifiers = comparison::evaluate(data, &training, list, compared, workers)?;
     progress("taking parts away", 0.8);
     let ablation = match settings.ablation {
-        true => ablation::evaluate(data, &training, settings.holding, workers)?,
+        // A family less is a family less, with moved windows or without.
+        true => {
+            let still = data.without(|row| row.is_moved);
+            ablation::evaluate(&still, &training, settings.holding, workers)?
+        }
         false => vec![],
     };
     progress("moving windows", 0.9);
@@ -314,10 +341,10 @@ pub fn evaluate(
     let faults = data.faults();
     Ok(Evaluation {
         detection: detection::evaluate(data),
-        paper_detection: Rate::of(&faults, |&row| unbanded.rows[row].detectable),
+        paper_detection: Rate::of(&faults, |&row| unbanded.rows[row].is_detected()),
         features: data.features.len(),
         constant_features: data.constant.clone(),
-        worst_leaves: leaves::worst(data, &training, &trained.trees, WORST_LEAVES)?,
+        worst_leaves: leaves::worst(data, &training, &trained.trees, of_trees, WORST_LEAVES)?,
         stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
         false_alarms: false_alarms(unbanded, data, trained, &settings.shutdown)?,
         flips: flips(data, trained, context)?,
@@ -341,7 +368,7 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     if !data.has_training() {
         return vec![];
     }
-    let wanted = |row: &data_set::Row| !row.is_healthy && row.detectable && !row.reflected;
+    let wanted = |row: &data_set::Row| !row.is_healthy && row.is_detected() && !row.reflected;
     data.rows_where(Role::Judged, wanted)
 }
 
@@ -453,7 +480,7 @@ fn false_alarms(
         return Ok(None);
     }
     let alarms: Vec<usize> =
-        healthy.iter().copied().filter(|&row| data.rows[row].detectable).collect();
+        healthy.iter().copied().filter(|&row| data.rows[row].is_detected()).collect();
     let commands = &data.examples.names().commands;
     let shutdown = commands.iter().position(|name| name == shutdown).map(|c| c as u32);
     let of = healthy.len() as u64;
@@ -467,7 +494,7 @@ fn false_alarms(
     let (trees, tree_shutdowns) = said(&trained.trees)?;
     let (committee, committee_shutdowns) = said(&trained.committee.hierarchy)?;
     Ok(Some(FalseAlarms {
-        paper_alarms: Rate::of(&healthy, |&row| unbanded.rows[row].detectable),
+        paper_alarms: Rate::of(&healthy, |&row| unbanded.rows[row].is_detected()),
         alarms: Rate::new(alarms.len() as u64, of),
         trees,
         tree_shutdowns,

@@ -16,7 +16,7 @@
 //! - a new command and a fault never seen at its intensity, or at its neighbours' either;
 //! - a new command, with only weak faults to learn from and strong ones to judge, and the reverse.
 
-use super::data_set::{DataSet, Row};
+use super::data_set::{DataSet, Lessons, Row};
 use super::error::EvaluationError;
 use super::parallel::Workers;
 use super::run::{Outcome, Scope, first_error, run};
@@ -77,8 +77,11 @@ pub const ALL: [Protocol; 12] = [
 /// The strongest of the weak faults.
 pub const WEAK: f64 = 0.5;
 
+/// The weakest of the strong ones.
+pub const STRONG: f64 = 0.6;
+
 /// How often and how finely rows are held out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Holding {
     /// Number of random thirds.
     pub repeats: usize,
@@ -86,11 +89,13 @@ pub struct Holding {
     pub folds: usize,
     /// The seed.
     pub seed: u64,
+    /// Which training rows teach.
+    pub lessons: Lessons,
 }
 
 impl Default for Holding {
     fn default() -> Self {
-        Holding { repeats: 3, folds: 5, seed: 1 }
+        Holding { repeats: 3, folds: 5, seed: 1, lessons: Lessons::default() }
     }
 }
 
@@ -162,7 +167,7 @@ impl Protocol {
         holding: Holding,
     ) -> Result<Vec<Split>, EvaluationError> {
         let rows = data.detectable()?;
-        let Holding { repeats, folds, seed } = holding;
+        let Holding { repeats, folds, seed, .. } = holding;
         let groups =
             |key: &dyn Fn(&Row) -> u32| rows.iter().map(|&r| key(&data.rows[r])).collect::<Vec<_>>();
         let kind_at = |row: &Row| cluster(data, row);
@@ -191,7 +196,7 @@ impl Protocol {
         if !data.has_training() {
             return Ok(vec![]);
         }
-        let (train, test) = (data.learnt_from()?, data.detectable()?);
+        let (train, test) = (data.learnt_from(holding.lessons)?, data.detectable()?);
         let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
         let split = |is_train: &dyn Fn(&Row, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
             let healthy_or = |&row: &usize| {
@@ -203,8 +208,10 @@ impl Protocol {
             }
         };
         let splits = match self {
-            Protocol::WeakToStrong => vec![split(&|_, row| !strong(row), &strong)],
-            Protocol::StrongToWeak => vec![split(&|_, row| strong(row), &|row| !strong(row))],
+            Protocol::WeakToStrong => vec![split(&|row, _| row.own_intensity <= WEAK, &strong)],
+            Protocol::StrongToWeak => {
+                vec![split(&|row, _| row.own_intensity >= STRONG, &|row| !strong(row))]
+            }
             Protocol::NewCommand => vec![split(&|_, _| true, &|_| true)],
             _ => {
                 let reach = u32::from(self == Protocol::NewCommandAndNeighbours);
@@ -426,7 +433,7 @@ pub fn summary(
     let acted =
         |outcome: &Outcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
     let judged = data.rows_where(Role::Judged, |r| !r.is_healthy && protocol.judges(data, r));
-    let detected = Rate::of(&judged, |&row| data.rows[row].detectable).share;
+    let detected = Rate::of(&judged, |&row| data.rows[row].is_detected()).share;
     ProtocolResult {
         protocol,
         title: protocol.title().into(),
@@ -529,7 +536,7 @@ impl<'a> Counting<'a> {
         let counts_once = self.outcomes.iter().all(|outcome| !self.data.rows[outcome.row].reflected);
         let hidden = self.data.rows_where(Role::Judged, |row| {
             let counted = !(counts_once && row.reflected);
-            !row.is_healthy && !row.detectable && counted && self.protocol.judges(self.data, row)
+            !row.is_healthy && !row.is_detected() && counted && self.protocol.judges(self.data, row)
         });
         let hidden = hidden.into_iter().filter(|&row| Some(labels[row].command) == self.shutdown);
         let mut trials = missed.to_vec();

@@ -36,7 +36,7 @@ pub fn evaluate(
     for (trained, _, model) in settings {
         for (tested, data, _) in settings {
             let wanted =
-                |row: &super::data_set::Row| !row.is_healthy && row.detectable && !row.reflected;
+                |row: &super::data_set::Row| !row.is_healthy && row.is_detected() && !row.reflected;
             let rows = data.rows_where(Role::Judged, wanted);
             let of = |hierarchy| -> Result<ProtocolResult, EvaluationError> {
                 let outcomes = [run::ask(data, hierarchy, &rows)?];

@@ -19,6 +19,7 @@ pub mod heatmap;
 pub mod histogram;
 mod legend;
 pub mod lines;
+mod outline;
 mod png;
 mod style;
 mod svg;

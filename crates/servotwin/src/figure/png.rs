@@ -1,10 +1,11 @@
 //! SVG to PNG, with the embedded font.
 
 use std::fmt;
-use std::sync::{Arc, OnceLock};
 
 use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg::{self, fontdb};
+use resvg::usvg;
+
+use super::outline::outlined;
 
 /// No side of a picture has more pixels than this.
 const MAX_PIXELS: f64 = 16_000.0;
@@ -41,8 +42,8 @@ impl std::error::Error for PngError {
 
 /// Draws SVG text into a PNG file's bytes.
 pub(super) fn render(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
-    let options = usvg::Options { fontdb: fonts(), ..usvg::Options::default() };
-    let tree = usvg::Tree::from_str(svg, &options).map_err(PngError::Svg)?;
+    let svg = outlined(svg).map_err(|error| PngError::Svg(error.into()))?;
+    let tree = usvg::Tree::from_str(&svg, &usvg::Options::default()).map_err(PngError::Svg)?;
     let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
     let scale = scale.min(MAX_PIXELS / width.max(height));
     let pixels = |length: f64| (length * scale).round().max(1.0) as u32;
@@ -50,17 +51,4 @@ pub(super) fn render(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
     let transform = Transform::from_scale(scale as f32, scale as f32);
     resvg::render(&tree, transform, &mut pixmap.as_mut());
     pixmap.encode_png().map_err(|_| PngError::Encoding)
-}
-
-/// The embedded fonts only: what the machine has installed shall not change a picture.
-fn fonts() -> Arc<fontdb::Database> {
-    static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
-    let load = || {
-        let mut fonts = fontdb::Database::new();
-        fonts.load_font_data(dejavu::sans::regular().to_vec());
-        fonts.load_font_data(dejavu::sans::bold().to_vec());
-        fonts.set_sans_serif_family("DejaVu Sans");
-        Arc::new(fonts)
-    };
-    FONTS.get_or_init(load).clone()
 }

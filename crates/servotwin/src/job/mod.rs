@@ -17,6 +17,7 @@ pub use folder::Folder;
 pub use results::Results;
 pub use subject::Subject;
 
+use crate::evaluation::bands::Watched;
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::parallel::Workers;
@@ -71,14 +72,18 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
     DataSet::new(&tables, features, &study.units).map_err(wrong)
 }
 
-/// For each sensor with a band a number that is the same for like sensors of all units.
-fn pools(study: &Study) -> Vec<usize> {
+/// The sensors that have a band.
+fn watched(study: &Study, subject: Subject) -> Vec<Watched> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let like = |sensor: usize| sensors.iter().position(|s| s.quantity == sensors[sensor].quantity);
-    let other = |sensor: usize| sensors[sensor].quantity == Quantity::Other;
-    (0..sensors.len())
-        .map(|sensor| like(sensor).filter(|_| !other(sensor)).unwrap_or(sensor))
-        .collect()
+    let is_other = |sensor: usize| sensors[sensor].quantity == Quantity::Other;
+    let has_noise = subject.setting().has_noise();
+    let watched = |sensor: usize| Watched {
+        pool: like(sensor).filter(|_| !is_other(sensor)).unwrap_or(sensor),
+        noise: if has_noise { sensors[sensor].noise } else { 0.0 },
+        samples: (study.duration_s / study.sample_period_s) as usize + 1,
+    };
+    (0..sensors.len()).map(watched).collect()
 }
 
 /// Trains trees and committee of a subject with everything there is to learn from, and writes them.
@@ -94,7 +99,7 @@ pub fn train(
     let data = data_set(folder, study, subject)?;
     let windows = windows(folder, study, subject, &data)?;
     let data = with_moved(study, subject, data, &windows, workers)?;
-    let trained = evaluation::train(&data, &subject.settings(), &pools(study), workers)?;
+    let trained = evaluation::train(&data, &subject.settings(), &watched(study, subject), workers)?;
     let sensors = &study.sensors.0[..study.base_sensors()];
     let half_width = |sensor: usize| {
         let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
@@ -130,20 +135,20 @@ pub fn evaluate_all(
     let mut list = vec![];
     let subjects = subjects(folder, study)?;
     let mut read = vec![];
-    let pools = pools(study);
     for (place, &subject) in subjects.iter().enumerate() {
         let data = data_set(folder, study, subject)?;
         let trained = trained(folder, subject)?;
         let windows = windows(folder, study, subject, &data)?;
         let moving = moving(study, subject, &windows, JUDGED);
         let data = with_moved(study, subject, data, &windows, workers)?;
+        let watched = watched(study, subject);
         let told = |what: &str, share: f64| {
             let done = (place as f64 + share) / (subjects.len() as f64 + 0.2);
             progress(&format!("{}: {what}", subject.name()), done);
         };
         let context = Context {
             trained: &trained,
-            pools: &pools,
+            watched: &watched,
             moving: moving.as_ref(),
             workers,
             progress: &told,
@@ -152,7 +157,7 @@ pub fn evaluate_all(
         let evaluation = evaluation::evaluate(&data, &settings, &context)?;
         list.push(SubjectResult::new(subject, study, settings.clone(), evaluation));
         if !subject.extra_sensor() {
-            let (data, _) = evaluation::banded(&data, &settings, &pools);
+            let (data, _) = evaluation::banded(&data, &settings, &watched);
             read.push((subject.name().to_owned(), data, trained));
         }
     }

@@ -1,6 +1,7 @@
 //! What is diagnosed: a data set, with or without the extra sensor.
 
 use crate::evaluation::Settings;
+use crate::evaluation::protocol::Protocol;
 use crate::study::{Setting, Study};
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +69,12 @@ impl Subject {
         };
         match self {
             Subject::Ideal => settings,
+            Subject::ExtraSensor => Settings {
+                classifiers: vec![],
+                protocols: vec![Protocol::Grouped, Protocol::NewCommand],
+                committee_protocols: vec![Protocol::NewCommand],
+                ..settings
+            },
             _ => Settings { classifiers: vec![], ..settings },
         }
     }

@@ -7,14 +7,17 @@
 //! duration_s = 30
 //! healthy = 30
 //! load = [0.4, 1.1]
-//! draws = { count = 20, signal = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}" }
+//! intensity_spread = 0.05
+//! draws = [{ count = 10, signal = "noise:rms={2..6}deg,bandwidth={0.3..1.1}Hz,seed=10{n}" }]
 //! signals.sweep = "sweep:amplitude=4deg,from=0.1Hz,to=3Hz"
 //! ```
 //!
 //! Every `{a..b}` of a pattern becomes a number between a and b, `{n}` the number of the draw from
 //! 1. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960), which fill
 //! the box of all ranges evenly however many are drawn; a range whose ends differ more than
-//! threefold is filled evenly on a logarithmic scale. The load of every command is drawn alike.
+//! threefold is filled evenly on a logarithmic scale. The load of every command is drawn alike, and so
+//! is the intensity of every fault, around each of the study's intensities: what changes abruptly
+//! between two of them is then seen.
 
 use super::{OperatingCase, Reader, StudyError};
 use crate::signal::Signal;
@@ -31,7 +34,10 @@ pub(super) struct Text {
     #[serde(default)]
     healthy: usize,
     load: Option<[f64; 2]>,
-    draws: Option<DrawsText>,
+    #[serde(default)]
+    intensity_spread: f64,
+    #[serde(default)]
+    draws: Vec<DrawsText>,
     #[serde(default)]
     signals: BTreeMap<String, Signal>,
 }
@@ -52,6 +58,8 @@ pub struct Training {
     pub duration_s: f64,
     /// Fault-free specimens of each case.
     pub healthy: usize,
+    /// By how much the intensity of a fault may differ from the study's.
+    intensity_spread: f64,
 }
 
 /// The bases of Halton's sequence: one for each range of a pattern, the first for the load.
@@ -69,6 +77,9 @@ impl Training {
         reader.range("training.duration_s", d, (0.1..=1e5).contains(&d), "0.1 … 100,000 s")?;
         let healthy = text.healthy as f64;
         reader.range("training.healthy", healthy, text.healthy <= MOST, "0 … 10,000")?;
+        let spread = text.intensity_spread;
+        let range = (0.0..0.5).contains(&spread);
+        reader.range("training.intensity_spread", spread, range, "0 … 0.5")?;
         let signals = text.commands(reader)?;
         if signals.is_empty() {
             let path = reader.path.into();
@@ -90,26 +101,36 @@ impl Training {
                 inputs,
             });
         }
-        Ok(Training { cases, duration_s: d, healthy: text.healthy })
+        let intensity_spread = spread;
+        Ok(Training { cases, duration_s: d, healthy: text.healthy, intensity_spread })
+    }
+
+    /// The intensity of the n-th variant of a fault of this intensity.
+    pub fn intensity(&self, of_study: f64, n: usize) -> f64 {
+        let offset = self.intensity_spread * (2.0 * halton(n as u64 + 1, 2) - 1.0);
+        rounded((of_study + offset).clamp(LEAST_INTENSITY, 1.0))
     }
 }
+
+/// No fault is weaker than this in training.
+const LEAST_INTENSITY: f64 = 0.01;
 
 impl Text {
     /// The commands with their names: those drawn, then those named.
     fn commands(&self, reader: &Reader) -> Result<Vec<(String, Signal)>, StudyError> {
         let mut commands = vec![];
-        if let Some(draws) = &self.draws {
-            let count = draws.count as f64;
+        for draws in &self.draws {
+            let (first, count) = (commands.len(), draws.count as f64);
             reader.range("training.draws.count", count, draws.count <= MOST, "0 … 10,000")?;
             for draw in 1..=draws.count {
-                let name = format!("T{draw:02}");
+                let name = format!("T{:02}", first + draw);
                 let signal = filled(&draws.signal, draw).parse::<Signal>();
                 let wrong = |error| StudyError::Signal {
                     path: reader.path.into(),
-                    name: format!("training.draws.signal, draw {draw}"),
+                    name: format!("training.draws.signal, {name}"),
                     error: Box::new(error),
                 };
-                commands.push((name, signal.map_err(wrong)?));
+                commands.push((name.clone(), signal.map_err(wrong)?));
             }
         }
         commands.extend(self.signals.iter().map(|(name, signal)| (name.clone(), signal.clone())));

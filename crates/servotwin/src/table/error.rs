@@ -143,7 +143,7 @@ pub enum ContentError {
     UnsupportedType {
         /// The column.
         column: String,
-        /// The type's name in Arrow.
+        /// The type's name in Parquet.
         found: String,
     },
     /// A column is compressed in a way that is not known here.
@@ -176,6 +176,12 @@ pub enum ContentError {
     },
     /// The Parquet library gave up in the middle of a damaged file.
     Unreadable,
+}
+
+impl From<::parquet::errors::ParquetError> for ContentError {
+    fn from(source: ::parquet::errors::ParquetError) -> Self {
+        ContentError::Damaged { source }
+    }
 }
 
 impl From<FileError> for TableError {
@@ -260,10 +266,8 @@ impl fmt::Display for ContentError {
             }
             ContentError::UnknownCodec { column, codec } => {
                 write!(out, "column '{column}' is compressed with {codec}; ")?;
-                write!(
-                    out,
-                    "known are Snappy, gzip, LZ4 and none: write the file with one of these"
-                )
+                write!(out, "known are Snappy, gzip, LZ4, Zstandard and none: ")?;
+                write!(out, "write the file with one of these")
             }
             ContentError::Null { column, row } => {
                 write!(out, "column '{column}', row {row}: no value (null)")

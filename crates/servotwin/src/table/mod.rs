@@ -12,6 +12,7 @@ pub mod parquet;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use crate::nearest::nearest;
@@ -135,6 +136,17 @@ impl Values {
         self.len() == 0
     }
 
+    /// The values of some rows.
+    pub(crate) fn rows(&self, rows: Range<usize>) -> Self {
+        match self {
+            Values::Float(values) => Values::Float(values[rows].to_vec()),
+            Values::Integer(values) => Values::Integer(values[rows].to_vec()),
+            Values::Unsigned(values) => Values::Unsigned(values[rows].to_vec()),
+            Values::Flag(values) => Values::Flag(values[rows].to_vec()),
+            Values::Text(values) => Values::Text(values[rows].to_vec()),
+        }
+    }
+
     /// Appends values of the same kind; `false`, and nothing done, if the kinds differ.
     pub(crate) fn append(&mut self, other: Values) -> bool {
         match (self, other) {
@@ -248,6 +260,16 @@ impl Table {
             ..Column::new(&column.name, &column.unit, Vec::<f64>::new())
         };
         Table { columns: self.columns.iter().map(empty).collect(), metadata: self.metadata.clone() }
+    }
+
+    /// Some rows of the table, with its columns and metadata.
+    pub(crate) fn rows(&self, rows: Range<usize>) -> Table {
+        let cut = |column: &Column| Column {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            values: column.values.rows(rows.clone()),
+        };
+        Table { columns: self.columns.iter().map(cut).collect(), metadata: self.metadata.clone() }
     }
 
     /// Adds the rows of a table with the same column names and kinds in the same order.

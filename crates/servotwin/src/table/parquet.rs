@@ -1,37 +1,42 @@
 //! Tables as Apache Parquet files, whole or streamed.
 //!
-//! Columns are written as required (never null) Arrow fields that carry their unit under the
-//! metadata key `unit`; the table's metadata becomes the file's key-value metadata. The bytes
-//! depend on nothing but the table: no time stamp, no version but our own format's. Compression is
-//! Snappy, in pure Rust.
+//! Columns are written as required (never null). The file's key-value metadata holds the table's
+//! own and each column's unit, under `unit:` and the column's name. The bytes depend on nothing but
+//! the table: no time stamp, no version but our own format's. Compression is Snappy, in pure Rust.
 //!
 //! [`ParquetWriter`] appends rows without holding more than one row group in memory, and
 //! [`ParquetReader`] gives them back table by table. Files of other writers are read if their
 //! columns are numbers, booleans, text or dictionaries of these, without nulls; the codecs known
-//! are Snappy, gzip and LZ4.
+//! are Snappy, gzip, LZ4 and Zstandard.
+//!
+//! The library's Arrow layer is left out: it would take longer to compile than everything else
+//! that a table needs.
 
-use std::collections::{BTreeSet, HashMap};
+mod zstd;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ::parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
-use ::parquet::arrow::{ArrowWriter, ProjectionMask};
-use ::parquet::basic::Compression;
+use ::parquet::basic::{Compression, ConvertedType, LogicalType, Repetition, Type as Physical};
+use ::parquet::column::page::PageReader;
+use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
+use ::parquet::data_type::{
+    BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FixedLenByteArray, Int32Type,
+    Int64Type,
+};
 use ::parquet::errors::ParquetError;
-use ::parquet::file::metadata::{KeyValue, ParquetMetaData};
+use ::parquet::file::metadata::{
+    ColumnChunkMetaData, KeyValue, ParquetMetaData, ParquetMetaDataReader,
+};
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
-use arrow_array::cast::AsArray;
-use arrow_array::types::{
-    Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type,
-    UInt16Type, UInt32Type, UInt64Type,
-};
-use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array,
-};
-use arrow_schema::{DataType, Field, Schema};
+use ::parquet::file::serialized_reader::SerializedPageReader;
+use ::parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
+use ::parquet::schema::types::{BasicTypeInfo, Type, TypePtr};
+use half::f16;
 
 use super::{Column, ContentError, Format, Kind, Table, TableError, Values, unknown_column};
 use crate::files::{AtomicFile, FileError};
@@ -45,10 +50,10 @@ const GROUP_ROWS: usize = 1 << 17;
 /// Rows in a table that [`ParquetReader`] gives at a time.
 const BATCH_ROWS: usize = 1 << 16;
 
-/// The key of a field's metadata under which its unit is kept.
-const UNIT_KEY: &str = "unit";
+/// A column's unit is kept in the file's metadata under this and the column's name.
+const UNIT_PREFIX: &str = "unit:";
 
-/// The key under which Arrow keeps its own schema.
+/// The key under which writers with an Arrow layer keep its schema.
 const ARROW_KEY: &str = "ARROW:schema";
 
 /// Reads a whole Parquet file.
@@ -77,10 +82,10 @@ pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
 /// Writes a Parquet file piece by piece; the file appears only when finished.
 #[derive(Debug)]
 pub struct ParquetWriter {
-    schema: Table,
-    arrow_schema: Arc<Schema>,
     path: PathBuf,
-    writer: ArrowWriter<AtomicFile>,
+    /// The rows of the row group begun.
+    begun: Table,
+    writer: SerializedFileWriter<AtomicFile>,
 }
 
 impl ParquetWriter {
@@ -88,37 +93,42 @@ impl ParquetWriter {
     pub fn create(path: impl AsRef<Path>, schema: &Table) -> Result<Self, TableError> {
         let path = path.as_ref().to_path_buf();
         let file = AtomicFile::create(&path)?;
-        let arrow_schema =
-            Arc::new(Schema::new(schema.columns().iter().map(field_of).collect::<Vec<_>>()));
-        let entry = |(key, value): (&String, &String)| KeyValue::new(key.clone(), value.clone());
         let properties = WriterProperties::builder()
             .set_created_by("servotwin".to_owned())
             .set_compression(Compression::SNAPPY)
             .set_statistics_enabled(EnabledStatistics::Chunk)
-            .set_max_row_group_row_count(Some(GROUP_ROWS))
-            .set_key_value_metadata(Some(schema.metadata.iter().map(entry).collect()))
+            .set_key_value_metadata(Some(notes_of(schema)))
             .build();
-        let writer = ArrowWriter::try_new(file, arrow_schema.clone(), Some(properties))
+        let writer = schema_of(schema)
+            .and_then(|fields| SerializedFileWriter::new(file, fields, Arc::new(properties)))
             .map_err(|error| parquet_error(&path, error))?;
-        Ok(Self { schema: schema.without_rows(), arrow_schema, path, writer })
+        Ok(Self { path, begun: schema.without_rows(), writer })
     }
 
     /// Appends the rows of a table with the same columns. A row group is closed when full.
     pub fn append(&mut self, table: &Table) -> Result<(), TableError> {
-        self.schema.require_same_columns(table)?;
-        if table.row_count() == 0 {
-            return Ok(());
+        self.begun.require_same_columns(table)?;
+        let mut first = 0;
+        while first < table.row_count() {
+            let fitting = GROUP_ROWS - self.begun.row_count();
+            let end = table.row_count().min(first + fitting);
+            self.begun.append(table.rows(first..end))?;
+            first = end;
+            if self.begun.row_count() == GROUP_ROWS {
+                self.end_group()?;
+            }
         }
-        let arrays = table.columns().iter().map(|column| array_of(&column.values)).collect();
-        RecordBatch::try_new(self.arrow_schema.clone(), arrays)
-            .map_err(ParquetError::from)
-            .and_then(|batch| self.writer.write(&batch))
-            .map_err(|error| self.unwritten(error))
+        Ok(())
     }
 
     /// Closes the row group begun: what was appended so far leaves the memory.
     pub fn end_group(&mut self) -> Result<(), TableError> {
-        self.writer.flush().map_err(|error| self.unwritten(error))
+        if self.begun.row_count() == 0 {
+            return Ok(());
+        }
+        write_group(&mut self.writer, &self.begun).map_err(|error| self.unwritten(error))?;
+        self.begun = self.begun.without_rows();
+        Ok(())
     }
 
     /// Writes the file's end and puts it in its place.
@@ -137,13 +147,90 @@ impl ParquetWriter {
     }
 }
 
+/// The table's metadata and the units of its columns.
+fn notes_of(table: &Table) -> Vec<KeyValue> {
+    let own = table.metadata.iter().map(|(key, note)| KeyValue::new(key.clone(), note.clone()));
+    let measured = table.columns().iter().filter(|column| !column.unit.is_empty());
+    let units = measured
+        .map(|column| KeyValue::new(format!("{UNIT_PREFIX}{}", column.name), column.unit.clone()));
+    own.chain(units).collect()
+}
+
+fn schema_of(table: &Table) -> Result<TypePtr, ParquetError> {
+    let fields = table.columns().iter().map(field_of).collect::<Result<_, _>>()?;
+    Ok(Arc::new(Type::group_type_builder("schema").with_fields(fields).build()?))
+}
+
+fn field_of(column: &Column) -> Result<TypePtr, ParquetError> {
+    let (physical, logical) = match column.values.kind() {
+        Kind::Float => (Physical::DOUBLE, None),
+        Kind::Integer => (Physical::INT64, None),
+        Kind::Unsigned => (Physical::INT32, Some(LogicalType::integer(32, false))),
+        Kind::Flag => (Physical::BOOLEAN, None),
+        Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+    };
+    let field = Type::primitive_type_builder(&column.name, physical)
+        .with_logical_type(logical)
+        .with_repetition(Repetition::REQUIRED);
+    field.build().map(Arc::new)
+}
+
+fn write_group(
+    file: &mut SerializedFileWriter<AtomicFile>,
+    table: &Table,
+) -> Result<(), ParquetError> {
+    let mut group = file.next_row_group()?;
+    for column in table.columns() {
+        let Some(mut writer) = group.next_column()? else {
+            return Err(ParquetError::General("a column that the schema has not".to_owned()));
+        };
+        write_values(&mut writer, &column.values)?;
+        writer.close()?;
+    }
+    group.close().map(|_| ())
+}
+
+fn write_values(
+    writer: &mut SerializedColumnWriter,
+    values: &Values,
+) -> Result<usize, ParquetError> {
+    match values {
+        Values::Float(values) => writer.typed::<DoubleType>().write_batch(values, None, None),
+        Values::Integer(values) => writer.typed::<Int64Type>().write_batch(values, None, None),
+        Values::Unsigned(values) => {
+            // The same 32 bits: Parquet has no type of its own for numbers without sign.
+            let bits: Vec<i32> = values.iter().map(|value| value.cast_signed()).collect();
+            writer.typed::<Int32Type>().write_batch(&bits, None, None)
+        }
+        Values::Flag(values) => writer.typed::<BoolType>().write_batch(values, None, None),
+        Values::Text(values) => {
+            let bytes: Vec<ByteArray> =
+                values.iter().map(|text| ByteArray::from(text.as_str())).collect();
+            writer.typed::<ByteArrayType>().write_batch(&bytes, None, None)
+        }
+    }
+}
+
 /// Reads a Parquet file as a sequence of tables, in the order of the rows.
 pub struct ParquetReader {
     path: PathBuf,
+    file: Arc<File>,
+    metadata: ParquetMetaData,
     schema: Table,
-    row_count: usize,
+    sources: Vec<Source>,
+    next_group: usize,
+    /// The columns of the row group being read.
+    columns: Vec<ColumnReader>,
+    /// How many rows are left in that group.
+    rows_left: usize,
     rows_read: usize,
-    batches: ParquetRecordBatchReader,
+}
+
+/// Where a table's column comes from.
+struct Source {
+    /// The column's place in the file.
+    place: usize,
+    meaning: Meaning,
 }
 
 impl ParquetReader {
@@ -158,32 +245,35 @@ impl ParquetReader {
     }
 
     fn open_selected(path: &Path, names: Option<&[&str]>) -> Result<Self, TableError> {
-        let content = |problem| TableError::Content { path: path.to_path_buf(), problem };
+        let content = |problem| content_error(path, problem);
         let file = open_marked(path)?;
-        let builder = guarded(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
-        let fields = builder.schema().fields().clone();
-        require_different_names(&fields).map_err(content)?;
-        let places = match names {
-            None => (0..fields.len()).collect(),
-            Some(names) => places_of(&fields, names)?,
-        };
-        let mut schema = Table::new();
-        for place in &places {
-            schema.push(empty_column(&fields[*place]).map_err(content)?)?;
+        let parse = || Ok(ParquetMetaDataReader::new().parse_and_finish(&file)?);
+        let metadata = guarded(parse).map_err(content)?;
+        let fields = metadata.file_metadata().schema().get_fields();
+        require_different_names(fields).map_err(content)?;
+        let mut schema = Table { metadata: notes_in(&metadata), ..Table::new() };
+        let mut sources = Vec::new();
+        for field in chosen(fields, names)? {
+            let (kind, meaning) = kind_of(field).map_err(content)?;
+            let unit = schema.metadata.get(&format!("{UNIT_PREFIX}{}", field.name()));
+            let unit = unit.cloned().unwrap_or_default();
+            schema.push(Column::new(field.name(), unit, Values::empty(kind)))?;
+            let place = leaf_of(&metadata, field.name()).map_err(content)?;
+            sources.push(Source { place, meaning });
         }
-        let file_metadata = builder.metadata().file_metadata();
-        for entry in file_metadata.key_value_metadata().into_iter().flatten() {
-            if entry.key != ARROW_KEY {
-                let value = entry.value.clone().unwrap_or_default();
-                schema.metadata.insert(entry.key.clone(), value);
-            }
-        }
-        require_known_codecs(builder.metadata()).map_err(content)?;
-        let row_count = usize::try_from(file_metadata.num_rows()).unwrap_or(0);
-        let mask = ProjectionMask::roots(builder.parquet_schema(), places);
-        let builder = builder.with_projection(mask).with_batch_size(BATCH_ROWS);
-        let batches = guarded(path, || builder.build())?;
-        Ok(Self { path: path.to_path_buf(), schema, row_count, rows_read: 0, batches })
+        schema.metadata.retain(|key, _| key != ARROW_KEY && !key.starts_with(UNIT_PREFIX));
+        require_known_codecs(&metadata).map_err(content)?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            file: Arc::new(file),
+            metadata,
+            schema,
+            sources,
+            next_group: 0,
+            columns: Vec::new(),
+            rows_left: 0,
+            rows_read: 0,
+        })
     }
 
     /// The columns, without rows, and the metadata.
@@ -193,24 +283,38 @@ impl ParquetReader {
 
     /// The number of rows in the file.
     pub fn row_count(&self) -> usize {
-        self.row_count
+        usize::try_from(self.metadata.file_metadata().num_rows()).unwrap_or(0)
     }
 
-    fn table_of(&self, batch: &RecordBatch) -> Result<Table, TableError> {
-        let mut table = Table { metadata: self.schema.metadata.clone(), ..Table::new() };
-        for column in self.schema.columns() {
-            let Some(array) = batch.column_by_name(&column.name) else {
-                return Err(unknown_column(&column.name, []));
-            };
-            let place = Place { column: &column.name, first_row: self.rows_read };
-            let values = values_of(array, place).map_err(|problem| self.content(problem))?;
-            table.push(Column { values, ..column.clone() })?;
+    fn next_part(&mut self) -> Result<Option<Table>, ContentError> {
+        while self.rows_left == 0 {
+            if self.next_group == self.metadata.num_row_groups() {
+                return Ok(None);
+            }
+            self.open_group()?;
         }
-        Ok(table)
+        let rows = self.rows_left.min(BATCH_ROWS);
+        let mut part = self.schema.without_rows();
+        let readers = self.columns.iter_mut().zip(&self.sources);
+        for (column, (reader, source)) in part.columns.iter_mut().zip(readers) {
+            let place = Place { column: &column.name, first_row: self.rows_read };
+            column.values = guarded(|| values_of(reader, source.meaning, rows, place))?;
+        }
+        self.rows_left -= rows;
+        self.rows_read += rows;
+        Ok(Some(part))
     }
 
-    fn content(&self, problem: ContentError) -> TableError {
-        TableError::Content { path: self.path.clone(), problem }
+    fn open_group(&mut self) -> Result<(), ContentError> {
+        let group = self.metadata.row_group(self.next_group);
+        let rows = usize::try_from(group.num_rows()).map_err(|_| ContentError::Unreadable)?;
+        let open = |source: &Source| {
+            let chunk = group.column(source.place);
+            Ok(get_column_reader(chunk.column_descr_ptr(), pages_of(&self.file, chunk, rows)?))
+        };
+        self.columns = guarded(|| self.sources.iter().map(open).collect())?;
+        (self.rows_left, self.next_group) = (rows, self.next_group + 1);
+        Ok(())
     }
 }
 
@@ -218,16 +322,25 @@ impl Iterator for ParquetReader {
     type Item = Result<Table, TableError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let batches = &mut self.batches;
-        let batch = guarded(&self.path, || Ok(batches.next().transpose()?)).transpose()?;
-        let batch = match batch {
-            Ok(batch) => batch,
-            Err(error) => return Some(Err(error)),
-        };
-        let table = self.table_of(&batch);
-        self.rows_read += batch.num_rows();
-        Some(table)
+        let part = self.next_part();
+        if part.is_err() {
+            // Nothing behind a mistake is read.
+            (self.rows_left, self.next_group) = (0, self.metadata.num_row_groups());
+        }
+        part.map_err(|problem| content_error(&self.path, problem)).transpose()
     }
+}
+
+fn pages_of(
+    file: &Arc<File>,
+    chunk: &ColumnChunkMetaData,
+    rows: usize,
+) -> Result<Box<dyn PageReader>, ParquetError> {
+    let pages = |chunk| SerializedPageReader::new(file.clone(), chunk, rows, None);
+    if zstd::is_packed(chunk) {
+        return Ok(Box::new(zstd::Unpacked::new(pages(&zstd::as_stored(chunk)?)?, chunk)));
+    }
+    Ok(Box::new(pages(chunk)?))
 }
 
 /// Opens a file that begins and ends with Parquet's mark.
@@ -252,10 +365,15 @@ fn has_marks(file: &mut File) -> io::Result<bool> {
     Ok(&first == b"PAR1" && &last == b"PAR1")
 }
 
-fn require_different_names(fields: &arrow_schema::Fields) -> Result<(), ContentError> {
+fn notes_in(metadata: &ParquetMetaData) -> BTreeMap<String, String> {
+    let notes = metadata.file_metadata().key_value_metadata().into_iter().flatten();
+    notes.map(|note| (note.key.clone(), note.value.clone().unwrap_or_default())).collect()
+}
+
+fn require_different_names(fields: &[TypePtr]) -> Result<(), ContentError> {
     let mut known = BTreeSet::new();
     match fields.iter().find(|field| !known.insert(field.name())) {
-        Some(twice) => Err(ContentError::DuplicateColumn { column: twice.name().clone() }),
+        Some(twice) => Err(ContentError::DuplicateColumn { column: twice.name().to_owned() }),
         None => Ok(()),
     }
 }
@@ -265,7 +383,7 @@ fn require_known_codecs(file: &ParquetMetaData) -> Result<(), ContentError> {
     let unknown = columns.map(|column| (column, column.compression())).find(|(_, codec)| {
         use Compression as Codec;
         let known = [Codec::UNCOMPRESSED, Codec::SNAPPY, Codec::LZ4, Codec::LZ4_RAW];
-        !known.contains(codec) && !matches!(codec, Codec::GZIP(_))
+        !known.contains(codec) && !matches!(codec, Codec::GZIP(_) | Codec::ZSTD(_))
     });
     match unknown {
         Some((column, codec)) => Err(ContentError::UnknownCodec {
@@ -276,63 +394,95 @@ fn require_known_codecs(file: &ParquetMetaData) -> Result<(), ContentError> {
     }
 }
 
-fn places_of(fields: &arrow_schema::Fields, names: &[&str]) -> Result<Vec<usize>, TableError> {
-    let known = || fields.iter().map(|field| field.name().as_str());
-    let place = |name: &&str| {
-        known().position(|field| field == *name).ok_or_else(|| unknown_column(name, known()))
+/// The fields asked for, or all.
+fn chosen<'a>(
+    fields: &'a [TypePtr],
+    names: Option<&[&str]>,
+) -> Result<Vec<&'a TypePtr>, TableError> {
+    let Some(names) = names else { return Ok(fields.iter().collect()) };
+    let find = |name: &&str| {
+        let known = || fields.iter().map(|field| field.name());
+        let found = fields.iter().find(|field| field.name() == *name);
+        found.ok_or_else(|| unknown_column(name, known()))
     };
-    names.iter().map(place).collect()
+    names.iter().map(find).collect()
 }
 
-fn empty_column(field: &Field) -> Result<Column, ContentError> {
-    let kind = kind_of(field.data_type()).ok_or_else(|| ContentError::UnsupportedType {
-        column: field.name().clone(),
-        found: field.data_type().to_string(),
-    })?;
-    let unit = field.metadata().get(UNIT_KEY).cloned().unwrap_or_default();
-    Ok(Column::new(field.name(), unit, Values::empty(kind)))
+/// The place of a simple column among those that are stored.
+fn leaf_of(file: &ParquetMetaData, name: &str) -> Result<usize, ContentError> {
+    let stored = file.file_metadata().schema_descr().columns();
+    let place = stored.iter().position(|column| column.path().parts() == [name]);
+    place.ok_or(ContentError::Unreadable)
 }
 
-fn field_of(column: &Column) -> Field {
-    let data_type = match column.values.kind() {
-        Kind::Float => DataType::Float64,
-        Kind::Integer => DataType::Int64,
-        Kind::Unsigned => DataType::UInt32,
-        Kind::Flag => DataType::Boolean,
-        Kind::Text => DataType::Utf8,
+/// What a column's values stand for, beside the type in which they are stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Meaning {
+    /// Just what is stored.
+    Stored,
+    Signed,
+    Unsigned,
+    Text,
+    /// A number of 16 bits.
+    Half,
+    /// Something that has no place in a table, such as a time.
+    Other,
+}
+
+fn meaning_of(info: &BasicTypeInfo) -> Meaning {
+    use ConvertedType as Old;
+    use LogicalType as New;
+    match (info.logical_type_ref(), info.converted_type()) {
+        (Some(New::Integer(integer)), _) if integer.is_signed => Meaning::Signed,
+        (Some(New::Integer(_)), _) => Meaning::Unsigned,
+        (Some(New::String | New::Enum | New::Json), _) => Meaning::Text,
+        (Some(New::Float16), _) => Meaning::Half,
+        (Some(_), _) => Meaning::Other,
+        (None, Old::NONE) => Meaning::Stored,
+        (None, Old::INT_8 | Old::INT_16 | Old::INT_32 | Old::INT_64) => Meaning::Signed,
+        (None, Old::UINT_8 | Old::UINT_16 | Old::UINT_32 | Old::UINT_64) => Meaning::Unsigned,
+        (None, Old::UTF8 | Old::ENUM | Old::JSON) => Meaning::Text,
+        (None, _) => Meaning::Other,
+    }
+}
+
+/// The kind of column that holds a field's values, and what they stand for.
+fn kind_of(field: &Type) -> Result<(Kind, Meaning), ContentError> {
+    let unsupported = || ContentError::UnsupportedType {
+        column: field.name().to_owned(),
+        found: type_name(field),
     };
-    let field = Field::new(&column.name, data_type, false);
-    if column.unit.is_empty() {
-        return field;
+    let info = field.get_basic_info();
+    if !field.is_primitive() || info.repetition() == Repetition::REPEATED {
+        return Err(unsupported());
     }
-    field.with_metadata(HashMap::from([(UNIT_KEY.to_owned(), column.unit.clone())]))
+    let meaning = meaning_of(info);
+    let kind = match (field.get_physical_type(), meaning) {
+        (Physical::BOOLEAN, Meaning::Stored) => Kind::Flag,
+        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => Kind::Integer,
+        (Physical::INT32, Meaning::Unsigned) => Kind::Unsigned,
+        (Physical::INT64, Meaning::Unsigned) => Kind::Integer,
+        (Physical::FLOAT | Physical::DOUBLE, Meaning::Stored) => Kind::Float,
+        (Physical::FIXED_LEN_BYTE_ARRAY, Meaning::Half) => Kind::Float,
+        (Physical::BYTE_ARRAY, Meaning::Text) => Kind::Text,
+        _ => return Err(unsupported()),
+    };
+    Ok((kind, meaning))
 }
 
-fn array_of(values: &Values) -> ArrayRef {
-    match values {
-        Values::Float(values) => Arc::new(Float64Array::from_iter_values(values.iter().copied())),
-        Values::Integer(values) => Arc::new(Int64Array::from_iter_values(values.iter().copied())),
-        Values::Unsigned(values) => Arc::new(UInt32Array::from_iter_values(values.iter().copied())),
-        Values::Flag(values) => Arc::new(BooleanArray::from(values.clone())),
-        Values::Text(values) => Arc::new(StringArray::from_iter_values(values)),
-    }
+/// A type's name in Parquet, without its details.
+fn type_name(field: &Type) -> String {
+    let info = field.get_basic_info();
+    let name = match (info.logical_type_ref(), info.converted_type()) {
+        (Some(logical), _) => format!("{logical:?}"),
+        (None, ConvertedType::NONE) if field.is_group() => "group".to_owned(),
+        (None, ConvertedType::NONE) => format!("{:?}", field.get_physical_type()),
+        (None, converted) => format!("{converted:?}"),
+    };
+    name.split('(').next().unwrap_or_default().to_owned()
 }
 
-/// The kind of column that holds an Arrow type, if any does.
-fn kind_of(data_type: &DataType) -> Option<Kind> {
-    use DataType as Type;
-    Some(match data_type {
-        Type::Float16 | Type::Float32 | Type::Float64 => Kind::Float,
-        Type::Int8 | Type::Int16 | Type::Int32 | Type::Int64 | Type::UInt64 => Kind::Integer,
-        Type::UInt8 | Type::UInt16 | Type::UInt32 => Kind::Unsigned,
-        Type::Boolean => Kind::Flag,
-        Type::Utf8 | Type::LargeUtf8 | Type::Utf8View => Kind::Text,
-        Type::Dictionary(_, values) => return kind_of(values),
-        _ => return None,
-    })
-}
-
-/// Where an array stands in its file, for messages.
+/// Where rows stand in their file, for messages.
 #[derive(Clone, Copy)]
 struct Place<'a> {
     column: &'a str,
@@ -346,100 +496,87 @@ impl Place<'_> {
     }
 }
 
-macro_rules! numbers {
-    ($array:expr, $native:ty, $target:ty) => {
-        $array
-            .as_primitive::<$native>()
-            .values()
-            .iter()
-            .map(|value| <$target>::from(*value))
-            .collect()
-    };
+/// The next rows of a column.
+fn values_of(
+    reader: &mut ColumnReader,
+    meaning: Meaning,
+    rows: usize,
+    place: Place,
+) -> Result<Values, ContentError> {
+    use ColumnReader as Stored;
+    Ok(match reader {
+        Stored::BoolColumnReader(reader) => Values::Flag(stored(reader, rows, place)?),
+        Stored::Int32ColumnReader(reader) if meaning == Meaning::Unsigned => {
+            Values::Unsigned(converted(stored(reader, rows, place)?, i32::cast_unsigned))
+        }
+        Stored::Int32ColumnReader(reader) => {
+            Values::Integer(converted(stored(reader, rows, place)?, i64::from))
+        }
+        Stored::Int64ColumnReader(reader) => {
+            let values = stored(reader, rows, place)?;
+            if meaning == Meaning::Unsigned {
+                require_63_bits(&values, place)?;
+            }
+            Values::Integer(values)
+        }
+        Stored::FloatColumnReader(reader) => {
+            Values::Float(converted(stored(reader, rows, place)?, f64::from))
+        }
+        Stored::DoubleColumnReader(reader) => Values::Float(stored(reader, rows, place)?),
+        Stored::ByteArrayColumnReader(reader) => {
+            let texts = stored(reader, rows, place)?;
+            let text = |bytes: &ByteArray| Ok(bytes.as_utf8()?.to_owned());
+            Values::Text(texts.iter().map(text).collect::<Result<_, ParquetError>>()?)
+        }
+        Stored::FixedLenByteArrayColumnReader(reader) => {
+            let half = |bytes: &FixedLenByteArray| match *bytes.data() {
+                [low, high] => Ok(f16::from_le_bytes([low, high]).to_f64()),
+                _ => Err(ContentError::Unreadable),
+            };
+            let halves = stored(reader, rows, place)?;
+            Values::Float(halves.iter().map(half).collect::<Result<_, _>>()?)
+        }
+        Stored::Int96ColumnReader(_) => return Err(ContentError::Unreadable),
+    })
 }
 
-fn values_of(array: &dyn Array, place: Place) -> Result<Values, ContentError> {
-    use DataType as Type;
-    if let Some(index) = first_null(array) {
+fn converted<A, B>(values: Vec<A>, convert: impl Fn(A) -> B) -> Vec<B> {
+    values.into_iter().map(convert).collect()
+}
+
+/// The next rows as they are stored; all of them must be there.
+fn stored<T: DataType>(
+    reader: &mut ColumnReaderImpl<T>,
+    rows: usize,
+    place: Place,
+) -> Result<Vec<T::T>, ContentError> {
+    let (mut values, mut levels) = (Vec::new(), Vec::new());
+    let (found, ..) = reader.read_records(rows, Some(&mut levels), None, &mut values)?;
+    if let Some(index) = levels.iter().position(|level| *level == 0) {
         let column = place.column.to_owned();
         return Err(ContentError::Null { column, row: place.row(index) });
     }
-    Ok(match array.data_type() {
-        Type::Float16 => Values::Float(numbers!(array, Float16Type, f64)),
-        Type::Float32 => Values::Float(numbers!(array, Float32Type, f64)),
-        Type::Float64 => Values::Float(numbers!(array, Float64Type, f64)),
-        Type::Int8 => Values::Integer(numbers!(array, Int8Type, i64)),
-        Type::Int16 => Values::Integer(numbers!(array, Int16Type, i64)),
-        Type::Int32 => Values::Integer(numbers!(array, Int32Type, i64)),
-        Type::Int64 => Values::Integer(numbers!(array, Int64Type, i64)),
-        Type::UInt8 => Values::Unsigned(numbers!(array, UInt8Type, u32)),
-        Type::UInt16 => Values::Unsigned(numbers!(array, UInt16Type, u32)),
-        Type::UInt32 => Values::Unsigned(numbers!(array, UInt32Type, u32)),
-        Type::UInt64 => large_values(array, place)?,
-        Type::Boolean => Values::Flag(array.as_boolean().values().iter().collect()),
-        Type::Utf8 => Values::Text(texts(array.as_string::<i32>().iter())),
-        Type::LargeUtf8 => Values::Text(texts(array.as_string::<i64>().iter())),
-        Type::Utf8View => Values::Text(texts(array.as_string_view().iter())),
-        Type::Dictionary(..) => dictionary_values(array, place)?,
-        other => {
-            let (column, found) = (place.column.to_owned(), other.to_string());
-            return Err(ContentError::UnsupportedType { column, found });
-        }
-    })
+    if found < rows {
+        return Err(ParquetError::EOF("a column ends before its row group".to_owned()).into());
+    }
+    Ok(values)
 }
 
-fn first_null(array: &dyn Array) -> Option<usize> {
-    let nulls = array.logical_nulls()?;
-    (0..nulls.len()).find(|index| nulls.is_null(*index))
-}
-
-fn texts<'a>(values: impl Iterator<Item = Option<&'a str>>) -> Vec<String> {
-    values.map(|value| value.unwrap_or_default().to_owned()).collect()
-}
-
-fn large_values(array: &dyn Array, place: Place) -> Result<Values, ContentError> {
-    let convert = |(index, value): (usize, &u64)| {
-        i64::try_from(*value).map_err(|_| ContentError::TooLarge {
+fn require_63_bits(values: &[i64], place: Place) -> Result<(), ContentError> {
+    match values.iter().position(|value| *value < 0) {
+        Some(index) => Err(ContentError::TooLarge {
             column: place.column.to_owned(),
             row: place.row(index),
-            value: *value,
-        })
-    };
-    let values = array.as_primitive::<UInt64Type>().values();
-    values.iter().enumerate().map(convert).collect::<Result<_, _>>().map(Values::Integer)
-}
-
-/// The values of a dictionary, looked up. Its own entries may hold nulls that nobody uses.
-fn dictionary_values(array: &dyn Array, place: Place) -> Result<Values, ContentError> {
-    fn pick<T: Clone>(entries: &[T], keys: &[usize]) -> Vec<T> {
-        keys.iter().map(|key| entries[*key].clone()).collect()
+            value: values[index].cast_unsigned(),
+        }),
+        None => Ok(()),
     }
-    let dictionary = array.as_any_dictionary();
-    if array.is_empty() {
-        return Ok(kind_of(dictionary.values().data_type())
-            .map_or_else(|| Values::Float(Vec::new()), Values::empty));
-    }
-    let keys = dictionary.normalized_keys();
-    Ok(match values_of(dictionary.values(), place)? {
-        Values::Float(entries) => Values::Float(pick(&entries, &keys)),
-        Values::Integer(entries) => Values::Integer(pick(&entries, &keys)),
-        Values::Unsigned(entries) => Values::Unsigned(pick(&entries, &keys)),
-        Values::Flag(entries) => Values::Flag(pick(&entries, &keys)),
-        Values::Text(entries) => Values::Text(pick(&entries, &keys)),
-    })
 }
 
 /// Calls the Parquet library so that a panic in it, which damaged lengths and offsets in a file
 /// can cause (seen with version 60.1), becomes an error. What it worked on is not used again.
-fn guarded<T>(
-    path: &Path,
-    call: impl FnOnce() -> Result<T, ParquetError>,
-) -> Result<T, TableError> {
-    match catch_unwind(AssertUnwindSafe(call)) {
-        Ok(result) => result.map_err(|error| parquet_error(path, error)),
-        Err(_) => {
-            Err(TableError::Content { path: path.to_path_buf(), problem: ContentError::Unreadable })
-        }
-    }
+fn guarded<T>(call: impl FnOnce() -> Result<T, ContentError>) -> Result<T, ContentError> {
+    catch_unwind(AssertUnwindSafe(call)).unwrap_or(Err(ContentError::Unreadable))
 }
 
 /// The operating system's error inside a Parquet error, if that is what it is.
@@ -453,9 +590,17 @@ fn system_error(error: ParquetError) -> Result<io::Error, ParquetError> {
 }
 
 fn parquet_error(path: &Path, error: ParquetError) -> TableError {
+    content_error(path, error.into())
+}
+
+fn content_error(path: &Path, problem: ContentError) -> TableError {
     let path = path.to_path_buf();
-    match system_error(error) {
-        Ok(cause) => TableError::File(FileError::from_io(&path, cause)),
-        Err(source) => TableError::Content { path, problem: ContentError::Damaged { source } },
-    }
+    let problem = match problem {
+        ContentError::Damaged { source } => match system_error(source) {
+            Ok(cause) => return TableError::File(FileError::from_io(&path, cause)),
+            Err(source) => ContentError::Damaged { source },
+        },
+        other => other,
+    };
+    TableError::Content { path, problem }
 }

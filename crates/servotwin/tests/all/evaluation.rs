@@ -2,8 +2,12 @@
 
 use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::protocol::{Holding, Protocol};
-use servotwin::evaluation::{DataSet, Evaluation, EvaluationError, FeatureInfo, Settings};
+use servotwin::evaluation::{
+    Context, DataSet, Evaluation, EvaluationError, FeatureInfo, Settings, Trained,
+};
+use servotwin::evaluation::bands::{self, Watched};
 use servotwin::evaluation::{evaluate, model_file, train};
+use servotwin::study::Role;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::Kind;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -23,7 +27,7 @@ fn infos() -> Vec<FeatureInfo> {
         name: name.into(),
         family: family.into(),
         units: units.into(),
-        resolution: 0.0,
+        unit: "1".into(),
     };
     vec![
         info("x_1", "moments", &[0]),
@@ -49,9 +53,17 @@ fn mirrored(f: [f64; 6]) -> [f64; 6] {
     [f[2], f[3], f[0], f[1], -f[4], f[5]]
 }
 
+const JUDGED: &[&str] = &["S1/50", "S1/100", "S2/50"];
+const TRAINING: &[&str] = &["T1/60", "T2/70", "T3/80", "T4/90"];
+
 /// A campaign: kinds × two actuators × ten intensities × three cases, and ten healthy specimens.
 fn campaign(noise: f64) -> Table {
-    let mut random = Random::new(5);
+    flown(noise, JUDGED, 5)
+}
+
+/// The same with other cases.
+fn flown(noise: f64, cases: &[&str], seed: u64) -> Table {
+    let mut random = Random::new(seed);
     let mut texts: [Vec<String>; 6] = Default::default();
     let (mut intensities, mut detectable, mut values) = (vec![], vec![], vec![]);
     let mut add = |text: [&str; 6], intensity: f64, seen: [f64; 6]| {
@@ -60,7 +72,7 @@ fn campaign(noise: f64) -> Table {
         detectable.push(intensity > 0.15);
         values.push(seen);
     };
-    for case in ["S1/50", "S1/100", "S2/50"] {
+    for &case in cases {
         for (kind, detail, command, direction) in KINDS {
             for actuator in ["actuator_1", "actuator_2"] {
                 for step in 1..=10 {
@@ -78,8 +90,15 @@ fn campaign(noise: f64) -> Table {
         }
     }
     let names = ["case", "fault", "kind", "actuator", "command", "detail"];
+    let command = |case: &String| case.split('/').next().unwrap().to_owned();
+    let flown: Vec<String> = texts[0].iter().map(command).collect();
     let mut columns: Vec<Column> =
         names.into_iter().zip(texts).map(|(name, text)| Column::new(name, "", text)).collect();
+    columns.push(Column::new("flown", "", flown));
+    for (name, place) in [("x_1", 0), ("x_2", 2)] {
+        let largest: Vec<f64> = values.iter().map(|v| v[place].abs()).collect();
+        columns.push(Column::new(format!("largest:{name}"), "", largest));
+    }
     columns.push(Column::new("intensity", "", intensities));
     columns.push(Column::new("detectable", "", detectable));
     for (place, info) in infos().iter().enumerate() {
@@ -90,28 +109,49 @@ fn campaign(noise: f64) -> Table {
     Table::from_columns(columns).unwrap()
 }
 
+/// The two sensors, which are alike.
+const WATCHED: [Watched; 2] = [Watched { pool: 0, noise: 0.0, samples: 100 }; 2];
+
 fn settings() -> Settings {
-    let few = Holding { repeats: 2, folds: 3, deals: 1, seed: 3 };
+    let few = Holding { repeats: 2, folds: 3, seed: 3, ..Holding::default() };
     Settings {
         holding: few,
-        short_holding: few,
         comparison_holding: few,
         classifiers: [Kind::Cart, Kind::NaiveBayes].map(Kind::default_settings).into(),
         ..Settings::default()
     }
 }
 
-fn evaluated(noise: f64, threads: usize) -> (Evaluation, Hierarchy, DataSet) {
-    let data = DataSet::new(&campaign(noise), infos(), &[]).unwrap();
-    let (evaluation, hierarchy) = evaluated_with(&data, threads);
-    (evaluation, hierarchy, data)
+/// The judged cases alone.
+fn judged(table: Table) -> DataSet {
+    DataSet::new(&[(Role::Judged, table)], infos(), &[]).unwrap()
 }
 
-fn evaluated_with(data: &DataSet, threads: usize) -> (Evaluation, Hierarchy) {
-    let hierarchy = train(data, &settings().training).unwrap();
+/// With four training commands.
+fn with_training(noise: f64) -> DataSet {
+    let tables = [(Role::Judged, campaign(noise)), (Role::Training, flown(noise, TRAINING, 6))];
+    DataSet::new(&tables, infos(), &[]).unwrap()
+}
+
+fn evaluated(noise: f64, threads: usize) -> (Evaluation, Trained, DataSet) {
+    let data = judged(campaign(noise));
+    let (evaluation, trained) = evaluated_with(&data, &settings(), threads);
+    (evaluation, trained, data)
+}
+
+fn evaluated_with(data: &DataSet, settings: &Settings, threads: usize) -> (Evaluation, Trained) {
     let workers = Workers::new(threads);
-    let evaluation = evaluate(data, &hierarchy, &settings(), workers, &|_, _| ()).unwrap();
-    (evaluation, hierarchy)
+    let watched = WATCHED;
+    let trained = train(data, settings, &watched, workers).unwrap();
+    let context = Context {
+        trained: &trained,
+        watched: &watched,
+        moving: None,
+        workers,
+        progress: &|_, _| (),
+    };
+    let evaluation = evaluate(data, settings, &context).unwrap();
+    (evaluation, trained)
 }
 
 fn share(rate: Option<servotwin::evaluation::score::Rate>) -> f64 {
@@ -120,8 +160,10 @@ fn share(rate: Option<servotwin::evaluation::score::Rate>) -> f64 {
 
 #[test]
 fn an_easy_campaign_is_solved_under_every_protocol() {
-    let (evaluation, hierarchy, _) = evaluated(0.01, 2);
-    assert_eq!(evaluation.protocols.len(), 5);
+    let (evaluation, trained, _) = evaluated(0.01, 2);
+    let hierarchy = trained.trees;
+    assert_eq!(evaluation.protocols.len(), 7, "no training commands, no protocol with them");
+    assert!(evaluation.committee.is_empty() && evaluation.abstention.is_none());
     for protocol in [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut] {
         let result = evaluation.protocol(protocol).unwrap();
         assert!(share(result.end_to_end) > 0.93, "{protocol:?} {:?}", result.end_to_end);
@@ -147,8 +189,8 @@ fn detection_is_counted_against_the_known_threshold() {
     assert_eq!(detection.least.len(), 5 * 2 * 3);
     assert!(detection.least.iter().all(|least| least.intensity == Some(0.2)));
     assert_eq!(evaluation.constant_features, ["nothing"]);
-    assert_eq!(detection.false_alarms.unwrap().of, 30);
-    assert_eq!(evaluation.false_alarms.as_ref().unwrap().shutdowns.count, 0);
+    let alarms = evaluation.false_alarms.as_ref().unwrap();
+    assert_eq!((alarms.alarms.count, alarms.alarms.of, alarms.tree_shutdowns.count), (0, 30, 0));
 }
 
 #[test]
@@ -171,13 +213,14 @@ fn the_bytes_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn the_model_is_the_same_after_reading() {
-    let (_, hierarchy, _) = evaluated(0.3, 2);
+    let (_, trained, _) = evaluated(0.3, 2);
+    let hierarchy = trained.trees;
     let folder = std::env::temp_dir().join(format!("servotwin-model-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join("hierarchy.json");
     model_file::write(&path, &hierarchy).unwrap();
     assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy);
-    let broken = std::fs::read_to_string(&path).unwrap().replace("hierarchy 1", "hierarchy 9");
+    let broken = std::fs::read_to_string(&path).unwrap().replace("hierarchy 2", "hierarchy 9");
     std::fs::write(&path, broken).unwrap();
     assert!(matches!(model_file::read_hierarchy(&path), Err(EvaluationError::CorruptModel { .. })));
     std::fs::write(&path, "{").unwrap();
@@ -187,7 +230,7 @@ fn the_model_is_the_same_after_reading() {
 
 #[test]
 fn groups_never_stand_on_both_sides() {
-    let data = DataSet::new(&campaign(0.1), infos(), &[]).unwrap();
+    let data = judged(campaign(0.1));
     let key = |row: &usize| (data.rows[*row].kind, data.rows[*row].intensity);
     for split in Protocol::Grouped.splits(&data, Holding::default()).unwrap() {
         let train: std::collections::BTreeSet<_> = split.train.iter().map(key).collect();
@@ -196,7 +239,7 @@ fn groups_never_stand_on_both_sides() {
 }
 
 #[test]
-fn a_single_actuator_needs_no_stage_for_it() {
+fn a_single_actuator_is_told_from_a_healthy_one() {
     let table = campaign(0.05);
     let rows: Vec<usize> = (0..table.row_count())
         .filter(|&row| table.text("actuator").unwrap()[row] == "actuator_1")
@@ -217,10 +260,10 @@ fn a_single_actuator_needs_no_stage_for_it() {
         Column { values, ..column.clone() }
     };
     let table = Table::from_columns(table.columns().iter().map(one).collect()).unwrap();
-    let data = DataSet::new(&table, infos(), &[]).unwrap();
-    let (evaluation, hierarchy) = evaluated_with(&data, 1);
-    let ids: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
-    assert_eq!(ids, ["B", "C", "D", "E"]);
+    let (evaluation, trained) = evaluated_with(&judged(table), &settings(), 1);
+    let ids: Vec<&str> = trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();
+    // The first stage tells the one actuator from a healthy specimen.
+    assert_eq!(ids, ["A", "B", "C", "D", "E"]);
     assert!(evaluation.protocol(Protocol::LeaveKindOut).is_none());
     assert!(share(evaluation.protocol(Protocol::Grouped).unwrap().end_to_end) > 0.9);
 }
@@ -232,7 +275,8 @@ fn what_cannot_be_learnt_is_said() {
         let columns = table.columns().iter().filter(|column| column.name != name).cloned();
         Table::from_columns(columns.collect()).unwrap()
     };
-    let message = |table: &Table| DataSet::new(table, infos(), &[]).unwrap_err().to_string();
+    let read = |table: &Table| DataSet::new(&[(Role::Judged, table.clone())], infos(), &[]);
+    let message = |table: &Table| read(table).unwrap_err().to_string();
     assert!(message(&without("kind")).contains("'kind'"));
     assert!(message(&without("f:x_1")).contains("did you mean"), "{}", message(&without("f:x_1")));
     let replaced = |name: &str, values: servotwin::table::Values| {
@@ -245,14 +289,98 @@ fn what_cannot_be_learnt_is_said() {
     let rows = table.row_count();
     let healthy = replaced("kind", vec!["healthy".to_owned(); rows].into());
     assert!(message(&healthy).contains("no faults"));
-    let hidden = DataSet::new(&replaced("detectable", vec![false; rows].into()), infos(), &[]);
+    let hidden = read(&replaced("detectable", vec![false; rows].into()));
     assert!(matches!(
-        train(&hidden.unwrap(), &settings().training),
+        train(&hidden.unwrap(), &settings(), &WATCHED, Workers::new(1)),
         Err(EvaluationError::NothingDetectable { faults: 300 })
     ));
     let mut broken = table.f64("f:y_1").unwrap().into_owned();
     broken[17] = f64::NAN;
     let broken = message(&replaced("f:y_1", broken.into()));
     assert!(broken.contains("f:y_1") && broken.contains("18"), "{broken}");
-    assert!(matches!(DataSet::new(&table, vec![], &[]), Err(EvaluationError::NoFeatures)));
+    let none = DataSet::new(&[(Role::Judged, table)], vec![], &[]);
+    assert!(matches!(none, Err(EvaluationError::NoFeatures)));
+}
+
+#[test]
+fn new_commands_are_judged_with_what_training_commands_teach() {
+    let data = with_training(0.01);
+    let (evaluation, trained) = evaluated_with(&data, &settings(), 2);
+    assert_eq!(evaluation.protocols.len(), 12);
+    let new = evaluation.protocol(Protocol::NewCommand).unwrap();
+    assert!(share(new.end_to_end) > 0.95, "{:?}", new.end_to_end);
+    let all = new.safety.as_ref().unwrap().missed_shutdown_of_all.unwrap();
+    // One intensity of ten is never detected: those shutdowns are missed.
+    assert_eq!(all.of, 2 * 2 * 10 * 3);
+    assert!(share(Some(all)) >= 0.1);
+    let curve: Vec<usize> = evaluation.commands.iter().map(|(count, _)| *count).collect();
+    assert_eq!(curve, [1, 2]);
+    assert!(trained.committee.least_confidence.is_some());
+    let silence = evaluation.abstention.unwrap();
+    let right = |level: &servotwin::evaluation::abstention::Level| share(Some(level.right_action));
+    assert!(right(&silence.levels[5]) >= right(&silence.levels[0]));
+}
+
+#[test]
+fn what_is_held_out_is_in_no_training_row() {
+    let data = with_training(0.1);
+    let rows = |protocol: Protocol| protocol.splits(&data, settings().holding).unwrap();
+    let row = |place: &usize| &data.rows[*place];
+    for protocol in [Protocol::NewCommand, Protocol::WeakToStrong, Protocol::StrongToWeak] {
+        for split in rows(protocol) {
+            assert!(split.train.iter().all(|r| row(r).role == Role::Training));
+            assert!(split.test.iter().all(|r| row(r).role == Role::Judged));
+        }
+    }
+    let intensity = |place: &usize| data.intensities[row(place).intensity as usize];
+    let faulty = |place: &&usize| !row(place).is_healthy;
+    let weak = &rows(Protocol::WeakToStrong)[0];
+    assert!(weak.train.iter().filter(faulty).all(|r| intensity(r) <= 0.5));
+    assert!(weak.test.iter().all(|r| intensity(r) > 0.5));
+    for split in rows(Protocol::NewCommandAndNeighbours) {
+        for test in &split.test {
+            let near = |r: &&usize| {
+                row(r).kind == row(test).kind && row(r).intensity.abs_diff(row(test).intensity) <= 1
+            };
+            assert_eq!(split.train.iter().filter(faulty).filter(near).count(), 0);
+        }
+    }
+    for split in rows(Protocol::LeaveCommandAndLoadOut) {
+        let apart = |a: &usize, b: &usize| {
+            let [a, b] = [a, b].map(|r| data.cases[row(r).case as usize].split_once('/').unwrap());
+            a.0 != b.0 && a.1 != b.1
+        };
+        assert!(split.test.iter().all(|test| split.train.iter().all(|train| apart(train, test))));
+    }
+}
+
+#[test]
+fn bands_are_learned_from_healthy_training_specimens_alone() {
+    let mut data = with_training(0.1);
+    let mut random = Random::new(8);
+    let healthy = data.rows_where(Role::Training, |row| row.is_healthy);
+    for &row in &healthy {
+        // Log-normal around 2 % and 1 %.
+        let mut size = |middle: f64| {
+            let normal: f64 = (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
+            middle * (0.3 * normal).exp()
+        };
+        data.rows[row].largest = vec![size(0.02), size(0.01)];
+    }
+    let judged = data.rows_where(Role::Judged, |row| row.is_healthy);
+    data.rows[judged[0]].largest = vec![9.0, 9.0];
+    let apart = [Watched { pool: 0, ..WATCHED[0] }, Watched { pool: 1, ..WATCHED[1] }];
+    let learned = bands::learn(&data, &apart).unwrap();
+    // exp(0.3 k) with k from 3.4 (many records) upwards, and nothing of the judged specimen.
+    for (band, middle) in learned.iter().zip([0.02, 0.01]) {
+        let ratio = band.half_width / middle;
+        assert!((2.2..5.0).contains(&ratio), "{band:?}");
+        assert_eq!((band.records, band.exceeded), (40, 0));
+    }
+    let pooled = bands::learn(&data, &WATCHED).unwrap();
+    assert_eq!(pooled[0].half_width, pooled[1].half_width);
+    let noisy = [Watched { noise: 1.0, ..apart[0] }, apart[1]];
+    assert!(bands::learn(&data, &noisy).unwrap()[0].half_width > 4.0);
+    let banded = data.with_bands(&[0.1, 0.1]);
+    assert!(banded.rows[judged[0]].is_detected() && !banded.rows[healthy[3]].is_detected());
 }

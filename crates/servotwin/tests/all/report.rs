@@ -53,8 +53,12 @@ fn sections_have_names_and_stand_a_study_without_results() {
     let is_anchor = |id: &&str| !id.is_empty() && id.bytes().all(|b| b.is_ascii_lowercase());
     assert!(ids.iter().all(is_anchor), "{ids:?}");
     let study = Study::default();
-    let results =
-        Results { format: results::FORMAT.into(), study: "paper".into(), subjects: vec![] };
+    let results = Results {
+        format: results::FORMAT.into(),
+        study: "paper".into(),
+        subjects: vec![],
+        robustness: vec![],
+    };
     let manifest = manifest();
     let material = Material {
         study: &study,

@@ -23,7 +23,7 @@ pd.DataFrame(
 frame = pl.DataFrame(
     {"x_m": [1.0, 2.5], "s": ["a", "b"], "c": pl.Series(["b", "a"], dtype=pl.Categorical)}
 )
-for codec in ["snappy", "gzip", "lz4", "zstd"]:
+for codec in ["snappy", "gzip", "lz4", "zstd", "brotli"]:
     frame.write_parquet(f"polars_{codec}.parquet", compression=codec)
 
 pq.write_table(pa.table({"a": [1.0, None]}), "null.parquet")
@@ -31,3 +31,43 @@ pq.write_table(
     pa.table({"a": [1.0, 2.0], "when": pa.array([1, 2], pa.timestamp("ms"))}), "when.parquet"
 )
 pq.write_table(pa.table({"a": pa.array([1, 2**63], pa.uint64())}), "large.parquet")
+
+# Every type, in several row groups and pages, with what newer writers use.
+n = np.arange(600)
+every = pa.table(
+    {
+        "i8": pa.array(n % 256 - 128, pa.int8()),
+        "i16": pa.array(n * 100 - 30000, pa.int16()),
+        "i32": pa.array(n * 3500000 - 10**9, pa.int32()),
+        "i64": pa.array(n * 10**15, pa.int64()),
+        "u8": pa.array(n % 256, pa.uint8()),
+        "u16": pa.array(n * 100, pa.uint16()),
+        "u32": pa.array(n * 7000000, pa.uint32()),
+        "u64": pa.array(n * 10**15, pa.uint64()),
+        "f16": pa.array((n / 8 - 10).astype("float16")),
+        "f32": pa.array(n / 8, pa.float32()),
+        "f64": pa.array(n / 3, pa.float64()),
+        "ok": pa.array(n % 3 == 0),
+        "s": pa.array([f"row {i}" for i in n]),
+        "large": pa.array([f"row {i}" for i in n], pa.large_string()),
+        "chosen": pa.array([f"{i % 7}" for i in n]).dictionary_encode(),
+        "level": pa.array(n % 5, pa.int16()).dictionary_encode(),
+    }
+)
+pq.write_table(every, "every_plain.parquet", compression="gzip", row_group_size=250)
+pq.write_table(
+    every,
+    "every_version_2.parquet",
+    compression="zstd",
+    row_group_size=220,
+    data_page_size=500,
+    write_batch_size=100,
+    data_page_version="2.0",
+    use_dictionary=["chosen", "level"],
+    column_encoding={
+        "i32": "DELTA_BINARY_PACKED",
+        "f64": "BYTE_STREAM_SPLIT",
+        "s": "DELTA_BYTE_ARRAY",
+        "large": "DELTA_LENGTH_BYTE_ARRAY",
+    },
+)

@@ -100,7 +100,8 @@ impl Maker<'_> {
         let study = self.study;
         let fault = |planned: &Planned| planned.fault.map(|f| &study.faults[f]);
         let class = |planned: &Planned| fault(planned).map(|f| &study.classes[f.class]);
-        let intensity = |planned: &Planned| fault(planned).map_or(0.0, |f| f.at.intensity);
+        let intensity = |planned: &Planned| planned.intensity;
+        let grade = |planned: &Planned| fault(planned).map_or(0.0, |f| f.at.intensity);
         let healthy = "healthy";
         let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
         let variants = (0..plan.len() as u32).collect();
@@ -119,6 +120,7 @@ impl Maker<'_> {
             Column::new("fault", "", id),
             Column::new("kind", "", kind),
             Column::new("intensity", "", Values::Float(plan.iter().map(intensity).collect())),
+            Column::new("grade", "", Values::Float(plan.iter().map(grade).collect())),
             Column::new("actuator", "", actuator),
             Column::new("command", "", command),
             Column::new("detail", "", detail),

@@ -28,7 +28,7 @@ use crate::table::{self, Column, Table, TableError, Values};
 use data_set::Maker;
 use images::Images;
 use servotwin_model::c_source;
-use servotwin_model::program::Slot;
+use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use shard::{Collector, Shards};
 use std::collections::BTreeSet;
@@ -69,6 +69,8 @@ pub struct Planned {
     pub case: usize,
     /// The fault; `None` for a healthy specimen.
     pub fault: Option<usize>,
+    /// Its intensity, which in training may differ from that of the study; 0 without one.
+    pub intensity: f64,
 }
 
 /// What a campaign has done.
@@ -188,14 +190,22 @@ impl Campaign<'_> {
                 Role::Judged => (0..self.study.faults.len()).collect(),
                 Role::Training => self.in_turn(case),
             };
-            plan.extend(faults.into_iter().map(|fault| Planned { case, fault: Some(fault) }));
+            plan.extend(faults.into_iter().map(|fault| {
+                let of_study = self.study.faults[fault].at.intensity;
+                let intensity = match (self.role, &self.study.training) {
+                    // Another place of the sequence from fault to fault, the next from case to case.
+                    (Role::Training, Some(training)) => training.intensity(of_study, case + 7 * fault),
+                    _ => of_study,
+                };
+                Planned { case, fault: Some(fault), intensity }
+            }));
         }
         let healthy = match self.role {
             Role::Judged => self.study.realism.as_ref().map_or(0, |r| r.healthy),
             Role::Training => self.study.training.as_ref().map_or(0, |t| t.healthy),
         };
         if self.settings.iter().any(|setting| setting.has_noise()) {
-            let specimens = |case| (0..healthy).map(move |_| Planned { case, fault: None });
+            let specimens = |case| (0..healthy).map(move |_| Planned { case, fault: None, intensity: 0.0 });
             plan.extend((0..cases.len()).flat_map(specimens));
         }
         plan
@@ -396,8 +406,8 @@ impl Campaign<'_> {
             text.push_str(&realism.canonical());
         }
         for planned in &plan[..setting.planned(plan)] {
-            let fault = planned.fault.map(|f| (study.faults[f].id.as_str(), study.faults[f].at));
-            text.push_str(&format!("{} {fault:?} ", planned.case));
+            let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
+            text.push_str(&format!("{} {fault} {} ", planned.case, planned.intensity));
         }
         for case in self.cases() {
             text.push_str(&format!("{:?} ", case.inputs));
@@ -443,7 +453,8 @@ impl Campaign<'_> {
     }
 
     fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
-        let fault = planned.fault.map(|f| self.study.faults[f].at);
+        let intensity = planned.intensity;
+        let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
         let has_tolerances = self.settings.iter().any(|setting| setting.has_tolerances());
         let overrides = match self.study.realism.as_ref().filter(|_| has_tolerances) {
             Some(realism) => realism.specimen(self.study, self.role, index),

@@ -1,0 +1,203 @@
+//! Feature values in bins, and sums over the rows of each bin: how boosted trees find their splits.
+//!
+//! Source: Ke et al., "LightGBM: A Highly Efficient Gradient Boosting Decision Tree", NIPS 2017.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::data::Samples;
+
+/// So many columns are summed at once: their sums do not wait for each other.
+const TOGETHER: usize = 4;
+
+/// The bin of every row in every feature that is not constant.
+pub(crate) struct Bins {
+    rows: usize,
+    max_bins: usize,
+    /// The feature of each binned column.
+    features: Vec<usize>,
+    /// How many bins each column has.
+    counts: Vec<usize>,
+    /// Column-major: the bin of every row.
+    table: Vec<u8>,
+}
+
+impl Bins {
+    /// Puts the values of `rows` into at most `max_bins` bins a feature (2 to 256), each with as
+    /// many distinct values as the others.
+    pub fn new(samples: &Samples, rows: &[u32], max_bins: usize) -> Self {
+        let (features, counts, table) = (vec![], vec![], vec![]);
+        let mut bins = Bins { rows: samples.rows(), max_bins, features, counts, table };
+        let mut values = Vec::with_capacity(rows.len());
+        for feature in 0..samples.features() {
+            let column = samples.column(feature);
+            values.clear();
+            values.extend(rows.iter().map(|&row| column[row as usize]));
+            values.sort_unstable_by(f64::total_cmp);
+            values.dedup();
+            if values.len() > 1 {
+                let bounds = upper_bounds(&values, max_bins);
+                let bin = |value: &f64| bounds.partition_point(|bound| bound < value) as u8;
+                bins.table.extend(column.iter().map(bin));
+                bins.features.push(feature);
+                bins.counts.push(bounds.len() + 1);
+            }
+        }
+        bins
+    }
+
+    /// How many columns are binned.
+    pub fn columns(&self) -> usize {
+        self.features.len()
+    }
+
+    /// The feature of a binned column.
+    pub fn feature(&self, column: usize) -> usize {
+        self.features[column]
+    }
+
+    /// How many bins a column has, at least 2.
+    pub fn count(&self, column: usize) -> usize {
+        self.counts[column]
+    }
+
+    /// The bins of all rows in a column, ascending with the feature's values.
+    pub fn column(&self, column: usize) -> &[u8] {
+        &self.table[column * self.rows..(column + 1) * self.rows]
+    }
+
+    /// Sums over `rows` in every bin of some columns. `parts` holds `width` numbers for each of
+    /// these rows; `sums` is filled with `width` numbers for each of `max_bins` bins of each column.
+    pub fn sum_into(
+        &self,
+        columns: &[usize],
+        rows: &[u32],
+        parts: &[f64],
+        width: usize,
+        sums: &mut [f64],
+    ) {
+        sums.fill(0.0);
+        let stride = self.max_bins * width;
+        let groups = sums.chunks_mut(TOGETHER * stride).zip(columns.chunks(TOGETHER));
+        for (sums, columns) in groups {
+            match width {
+                // The widths of two, three and four classes are worth code of their own.
+                2 => self.add_group::<2>(columns, rows, parts, sums),
+                6 => self.add_group::<6>(columns, rows, parts, sums),
+                8 => self.add_group::<8>(columns, rows, parts, sums),
+                _ => {
+                    for (sums, &column) in sums.chunks_mut(stride).zip(columns) {
+                        add(self.column(column), rows, parts, width, sums);
+                    }
+                }
+            }
+        }
+    }
+
+    fn add_group<const WIDTH: usize>(
+        &self,
+        columns: &[usize],
+        rows: &[u32],
+        parts: &[f64],
+        sums: &mut [f64],
+    ) {
+        let (parts, _) = parts.as_chunks::<WIDTH>();
+        let (sums, _) = sums.as_chunks_mut::<WIDTH>();
+        match *columns {
+            [a, b, c, d] => {
+                let columns = [a, b, c, d].map(|column| self.column(column));
+                add_together(columns, rows, parts, sums, self.max_bins);
+            }
+            _ => {
+                for (sums, &column) in sums.chunks_mut(self.max_bins).zip(columns) {
+                    add_together([self.column(column)], rows, parts, sums, 0);
+                }
+            }
+        }
+    }
+}
+
+/// The last values of all bins but the last; `values` are distinct and ascending.
+fn upper_bounds(values: &[f64], max_bins: usize) -> Vec<f64> {
+    let bins = values.len().min(max_bins);
+    (1..bins).map(|bin| values[bin * values.len() / bins - 1]).collect()
+}
+
+/// Adds the parts of rows to the bins of columns whose sums lie `stride` places apart.
+fn add_together<const WIDTH: usize, const COLUMNS: usize>(
+    columns: [&[u8]; COLUMNS],
+    rows: &[u32],
+    parts: &[[f64; WIDTH]],
+    sums: &mut [[f64; WIDTH]],
+    stride: usize,
+) {
+    for (&row, parts) in rows.iter().zip(parts) {
+        for (place, column) in columns.iter().enumerate() {
+            let sum = &mut sums[place * stride + usize::from(column[row as usize])];
+            for (sum, part) in sum.iter_mut().zip(parts) {
+                *sum += part;
+            }
+        }
+    }
+}
+
+/// Adds the parts of rows to the bins of one column.
+fn add(column: &[u8], rows: &[u32], parts: &[f64], width: usize, sums: &mut [f64]) {
+    for (&row, parts) in rows.iter().zip(parts.chunks_exact(width)) {
+        let first = usize::from(column[row as usize]) * width;
+        for (sum, part) in sums[first..first + width].iter_mut().zip(parts) {
+            *sum += part;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::string::ToString;
+
+    fn samples(columns: &[&[f64]]) -> Samples {
+        let names = (0..columns.len()).map(|column| column.to_string()).collect();
+        let labels = vec![0; columns[0].len()];
+        Samples::from_columns(names, vec!["a".into()], columns.concat(), labels).unwrap()
+    }
+
+    #[test]
+    fn bins_hold_equal_numbers_of_distinct_values() {
+        assert_eq!(upper_bounds(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 3), [2.0, 4.0]);
+        assert_eq!(upper_bounds(&[1.0, 2.0, 3.0], 8), [1.0, 2.0]);
+        let samples = samples(&[&[3.0, -1.0, 3.0, 9.0], &[5.0, 5.0, 5.0, 5.0]]);
+        let bins = Bins::new(&samples, &[0, 1, 2, 3], 8);
+        assert_eq!((bins.columns(), bins.feature(0), bins.count(0)), (1, 0, 3));
+        assert_eq!(bins.column(0), [1, 0, 1, 2]);
+        // A row that is not learnt from makes no bin, but falls into one.
+        assert_eq!(Bins::new(&samples, &[0, 1, 2], 8).column(0), [1, 0, 1, 1]);
+    }
+
+    #[test]
+    fn sums_of_every_width_and_number_of_columns_are_those_of_the_bins() {
+        let columns: Vec<Vec<f64>> =
+            (1..=6).map(|k| (0..40).map(|row| f64::from(row * k % 7)).collect()).collect();
+        let samples = samples(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let all: Vec<u32> = (0..40).collect();
+        let bins = Bins::new(&samples, &all, 7);
+        let rows: Vec<u32> = all.iter().copied().filter(|row| row % 3 > 0).collect();
+        for width in [2, 4, 6, 8, 10] {
+            let parts: Vec<f64> = (0..rows.len() * width).map(|part| part as f64).collect();
+            let mut sums = vec![f64::NAN; 5 * 7 * width];
+            bins.sum_into(&[0, 1, 2, 4, 5], &rows, &parts, width, &mut sums);
+            for (place, column) in [0, 1, 2, 4, 5].into_iter().enumerate() {
+                for bin in 0..7 {
+                    for part in 0..width {
+                        let of_bin = |&at: &usize| {
+                            usize::from(bins.column(column)[rows[at] as usize]) == bin
+                        };
+                        let expected: f64 =
+                            (0..rows.len()).filter(of_bin).map(|at| parts[at * width + part]).sum();
+                        assert_eq!(sums[(place * 7 + bin) * width + part], expected);
+                    }
+                }
+            }
+        }
+    }
+}
