@@ -1,43 +1,42 @@
-//! The end of the main job on a terminal: safety first, then accuracies.
+//! The end of the main job on a terminal: safety first, then what is right; settings side by side.
 
 use crate::render::{Grid, Side};
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::job::Results;
-use servotwin::job::results::SubjectResult;
-use servotwin::report::lines::{ACCURACY, PAPER, PROTOCOLS, SAFETY};
+use servotwin::job::{Results, Subject};
+use servotwin::report::lines::{self, OF_PAPER, PAPER};
 use servotwin::report::words::{percent, share};
 
-/// A table for each subject.
+/// One table for trees and committee.
 pub fn text(results: &Results) -> String {
-    let is_papers = results.study == PAPER;
-    let of = |subject| of_subject(subject, is_papers);
-    results.subjects.iter().map(of).collect::<Vec<_>>().join("\n")
+    let settings = lines::settings(results);
+    let mut heads = vec![("", Side::Left), ("by", Side::Left)];
+    heads.extend(settings.iter().map(|result| (result.subject.name(), Side::Right)));
+    let mut grid = Grid::new(&heads);
+    let mut last = "";
+    for row in lines::headline(&settings) {
+        let title = if row.title == last { "" } else { row.title };
+        last = row.title;
+        let mut cells = vec![title.to_owned(), row.who.to_owned()];
+        cells.extend(row.rates.iter().map(|rate| share(*rate)));
+        grid.push(cells);
+    }
+    let judged = settings.last().and_then(|result| result.evaluation.headline());
+    let held_out = judged.map_or(String::new(), |judged| format!("{}\n", judged.title));
+    held_out + &grid.text() + &seed_paper(results) + "Intervals and everything else: the report\n"
 }
 
-fn of_subject(result: &SubjectResult, is_papers: bool) -> String {
-    let evaluation = &result.evaluation;
-    let mut heads = vec![("", Side::Left)];
-    heads.extend(PROTOCOLS.map(|(_, head)| (head, Side::Right)));
-    heads.push(("paper's features", Side::Right));
-    if is_papers {
-        heads.push(("paper", Side::Right));
-    }
-    let mut grid = Grid::new(&heads);
-    for line in SAFETY.iter().chain(&ACCURACY) {
-        let mut row = vec![line.title.to_owned()];
-        row.extend(PROTOCOLS.map(|(protocol, _)| share(line.of(evaluation, protocol))));
-        row.push(share(line.of_baseline(evaluation, Protocol::RandomThird)));
-        if is_papers {
-            row.push(line.paper.map(|paper| percent(Some(paper))).unwrap_or_default());
-        }
-        grid.push(row);
-    }
-    let detection = &evaluation.detection;
-    let mut text = format!("Setting: {}\n{}", result.title, grid.text());
-    text += &format!("{} of faults detectable", share(Some(detection.detected)));
-    if let Some(alarms) = &evaluation.false_alarms {
-        let (all, shutdowns) = (share(Some(alarms.alarms)), share(Some(alarms.tree_shutdowns)));
-        text += &format!("; {all} of healthy specimens give an alarm, {shutdowns} a shutdown");
-    }
-    text + "\n"
+/// The seed paper's own test, in a line apart.
+fn seed_paper(results: &Results) -> String {
+    let third = Protocol::RandomThird;
+    let ideal = results.of(Subject::Ideal).filter(|_| results.study == PAPER);
+    let baseline = ideal.and_then(|i| i.evaluation.baseline.iter().find(|r| r.protocol == third));
+    let Some(baseline) = baseline else { return String::new() };
+    let one = |(stage, paper): (&str, f64)| {
+        let own = baseline.stage(stage).map(|score| score.accuracy);
+        format!("{stage} {} ({})", share(own), percent(Some(paper)))
+    };
+    format!(
+        "Apart, the seed paper's features without noise, a random third held out (the paper's): {}\n",
+        OF_PAPER.map(one).join(", ")
+    )
 }

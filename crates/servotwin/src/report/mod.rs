@@ -54,12 +54,17 @@ pub static ALL: &[&dyn Section] = &[
     &sections::system::System,
     &sections::faults::Faults,
     &sections::commands::Commands,
+    &sections::commands_curve::CommandsCurve,
     &sections::residuals::Residuals,
     &sections::detectability::Detectability,
+    &sections::bands::Bands,
     &sections::actuator_tree::ActuatorTree,
     &sections::macrostructure::Macrostructure,
     &sections::protocols::Protocols,
     &sections::safety::Safety,
+    &sections::committee::Committee,
+    &sections::robustness::Robustness,
+    &sections::uncertainty::Uncertainty,
     &sections::confusion::Confusion,
     &sections::classifiers::Classifiers,
     &sections::ablation::Ablation,
@@ -71,9 +76,10 @@ pub static ALL: &[&dyn Section] = &[
 ];
 
 impl Material<'_> {
-    /// The subject that most sections are about: the first.
+    /// The subject whose trees are drawn: those that learned with noise, because trees that never
+    /// saw any ask for what no sensor shows. Without a setting of noise, the first.
     pub fn main(&self) -> Option<&SubjectResult> {
-        self.results.subjects.first()
+        self.results.of(Subject::Noise).or(self.results.subjects.first())
     }
 
     /// The hierarchy of a subject.

@@ -89,6 +89,16 @@ impl Page {
         let _ = writeln!(self.html, "<p class=\"note\">{}</p>", escaped(text));
     }
 
+    /// A list of findings: what each is about, and what was found.
+    pub fn findings(&mut self, findings: &[(String, String)]) {
+        self.html += "<ul class=\"findings\">\n";
+        for (about, text) in findings {
+            let (about, text) = (escaped(about), escaped(text));
+            let _ = writeln!(self.html, "<li><b>{about}.</b> {text}</li>");
+        }
+        self.html += "</ul>\n";
+    }
+
     /// A list of links to sections: (id, title).
     pub fn contents(&mut self, entries: &[(String, String)]) {
         self.html += "<nav><ul>\n";
@@ -124,7 +134,8 @@ impl Page {
         self.html += "</div>\n";
     }
 
-    /// A table with one sentence of what it shows; a line feed in a cell begins a new line.
+    /// A table with one sentence of what it shows; a line feed in a cell begins a new line, in small
+    /// type.
     pub fn table(&mut self, grid: &Grid, caption: &str) {
         let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
         self.html += "<div class=\"sheet\"><table>\n";
@@ -137,8 +148,14 @@ impl Page {
         for (row, strong) in &grid.rows {
             self.html += if *strong { "<tr class=\"strong\">" } else { "<tr>" };
             for (cell, (_, side)) in row.iter().zip(&grid.heads) {
-                let lines = escaped(cell).replace('\n', "<br>");
-                let _ = write!(self.html, "<td{}>{lines}</td>", class(*side));
+                let text = escaped(cell);
+                let (text, below) = match text.split_once('\n') {
+                    Some((text, below)) => {
+                        (text, format!("<br><small>{}</small>", below.replace('\n', "<br>")))
+                    }
+                    None => (&*text, String::new()),
+                };
+                let _ = write!(self.html, "<td{}>{text}{below}</td>", class(*side));
             }
             self.html += "</tr>\n";
         }

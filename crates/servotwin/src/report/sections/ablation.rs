@@ -1,4 +1,4 @@
-//! What carries the result: the grouped protocol with parts taken away.
+//! What carries the result: new commands with parts taken away.
 
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{NONE, rate, share, spoken};

@@ -28,6 +28,12 @@ impl Section for ActuatorTree {
         };
         let features: Vec<Feature> =
             data_features(material.study).into_iter().map(|known| known.feature).collect();
+        page.text(&format!(
+            "Setting: {}, trained with everything there is to learn from. How often the answer to each \
+             question hangs on less than a sensor shows stands under “Answers that hang on less than a \
+             sensor shows”.",
+            result.title
+        ));
         for stage in &hierarchy.stages {
             let Some(drawing) = stages::drawing(hierarchy, stage, &features) else {
                 continue;

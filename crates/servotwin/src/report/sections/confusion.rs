@@ -1,6 +1,6 @@
 //! Confusion matrices.
 
-use crate::evaluation::protocol::{Protocol, StageScore};
+use crate::evaluation::protocol::StageScore;
 use crate::figure::heatmap::ConfusionMatrix;
 use crate::report::page::Page;
 use crate::report::words::spoken;
@@ -20,7 +20,7 @@ impl Section for Confusion {
 
     fn write(&self, material: &Material, page: &mut Page) {
         for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {
-            let Some(grouped) = result.evaluation.protocol(Protocol::Grouped) else {
+            let Some(judged) = result.evaluation.headline() else {
                 continue;
             };
             page.heading(&format!("Setting: {}", result.title));
@@ -28,7 +28,7 @@ impl Section for Confusion {
             let shown =
                 |stage: &&StageScore| stage.actuator.is_none() && stage.score.classes.len() > 1;
             page.beside(|page| {
-                for stage in grouped.stages.iter().filter(shown) {
+                for stage in judged.stages.iter().filter(shown) {
                     let classes = stage.score.classes.iter().map(|class| spoken(class)).collect();
                     let counts = stage.score.confusion.clone();
                     let within = match &stage.command {
@@ -40,8 +40,8 @@ impl Section for Confusion {
                     ConfusionMatrix::new("", classes, counts).draw(),
                     &format!(
                         "Tree {}{within}: rows are the truth, columns what was said of variants \
-                         not seen in training (grouped, {} splits).",
-                        stage.id, grouped.splits
+                         not seen in training ({}).",
+                        stage.id, judged.title
                     ),
                 );
                 }

@@ -4,6 +4,7 @@ use crate::evaluation::detection::Detection;
 use crate::figure::Figure;
 use crate::figure::lines::{Curve, Lines};
 use crate::figure::value_map::ValueMap;
+use crate::report::lines;
 use crate::report::page::Page;
 use crate::report::words::{rate, spoken};
 use crate::report::{Material, Section};
@@ -27,9 +28,19 @@ impl Section for Detectability {
             let name = result.subject.name();
             page.heading(&format!("Setting: {}", result.title));
             page.text(&format!(
-                "{} of all faults leave the band of healthy residuals at least once; the others \
-                 are invisible to these sensors in these operating cases and are not diagnosed.",
+                "{} of all faults leave {} at least once; the others are invisible to these sensors \
+                 in these operating cases and are not diagnosed.{}",
                 rate(Some(detection.detected)),
+                match lines::learned(result) {
+                    Some(_) => "the bands learned from healthy specimens",
+                    None => "the seed paper's band of ±3 %",
+                },
+                match result.subject.setting().has_tolerances() {
+                    true => {
+                        " Tolerances help some over the edge: the specimen is already away from the twin."
+                    }
+                    false => "",
+                }
             ));
             let curves = curves(material, detection);
             page.figure(

@@ -22,17 +22,19 @@ impl Section for Exclusions {
     fn write(&self, material: &Material, page: &mut Page) {
         let mut grid = Grid::new([
             ("data set", Side::Left),
+            ("for", Side::Left),
             ("variants", Side::Right),
             ("mirror images", Side::Right),
             ("without a fault", Side::Right),
             ("undetectable", Side::Right),
             ("not simulated to the end", Side::Right),
-            ("used in training and test", Side::Right),
+            ("faults left", Side::Right),
         ]);
         for set in &material.manifest.data_sets {
             let used = set.variants - set.healthy - set.undetectable - set.failed.len();
             grid.push(vec![
                 set.setting.clone(),
+                if set.is_training { "learning" } else { "judging" }.into(),
                 set.variants.to_string(),
                 set.reflected.to_string(),
                 set.healthy.to_string(),
@@ -43,7 +45,7 @@ impl Section for Exclusions {
         }
         page.table(
             &grid,
-            "Variants by what became of them. Mirror images were not simulated: their signals are those \
+            "Variants by what became of them; undetectable by the seed paper's band of ±3 %. Mirror images were not simulated: their signals are those \
              of the same fault of the other actuator, which probes have confirmed.",
         );
         for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {

@@ -1,6 +1,6 @@
 //! How the trees hang together (figure 10 of the seed paper).
 
-use crate::evaluation::protocol::{Protocol, ProtocolResult};
+use crate::evaluation::protocol::ProtocolResult;
 use crate::figure::diagram::{Block, Diagram, Wire};
 use crate::report::page::Page;
 use crate::report::words::{share, spoken};
@@ -26,7 +26,7 @@ impl Section for Macrostructure {
         let Some(hierarchy) = material.hierarchy(result.subject) else {
             return;
         };
-        let grouped = result.evaluation.protocol(Protocol::Grouped);
+        let judged = result.evaluation.headline();
         let shared = hierarchy.stages.iter().any(|stage| {
             stage.place.question != Question::Actuator && stage.place.actuator.is_none()
         });
@@ -35,14 +35,16 @@ impl Section for Macrostructure {
             true => " Both actuators share the trees below A: what one learns serves the other.",
             false => "",
         };
-        page.figure("macrostructure", diagram(hierarchy, grouped).draw(), &format!(
-            "From residuals to the failure (figure 10 of the seed paper), with the accuracy of each \
-             tree on variants it has not seen (grouped).{remark}"
+        page.figure("macrostructure", diagram(hierarchy, judged).draw(), &format!(
+            "Setting: {}. From residuals to the failure (figure 10 of the seed paper), with the accuracy \
+             of each tree on variants it has not seen ({}).{remark}",
+            result.title,
+            judged.map_or("–", |judged| judged.title.as_str()),
         ));
     }
 }
 
-fn diagram(hierarchy: &Hierarchy, grouped: Option<&ProtocolResult>) -> Diagram {
+fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>) -> Diagram {
     let mut diagram = Diagram::default();
     let names = &hierarchy.names;
     let sensors = Block::new("residuals", "features of\nresiduals", "residuals", "");
@@ -50,14 +52,14 @@ fn diagram(hierarchy: &Hierarchy, grouped: Option<&ProtocolResult>) -> Diagram {
     let first = match names.actuators.len() {
         0 | 1 => "residuals",
         _ => {
-            let text = format!("A  actuator\n{}", accuracy(grouped, "A"));
+            let text = format!("A  actuator\n{}", accuracy(judged, "A"));
             diagram.blocks.push(Block { layer: Some(1), ..Block::new("A", &text, "tree", "") });
             diagram.wires.push(arrow("residuals", "A"));
             "A"
         }
     };
     for (actuator, name) in names.actuators.iter().enumerate() {
-        add_actuator(&mut diagram, hierarchy, grouped, first, (actuator as u32, name));
+        add_actuator(&mut diagram, hierarchy, judged, first, (actuator as u32, name));
     }
     diagram
 }
@@ -65,7 +67,7 @@ fn diagram(hierarchy: &Hierarchy, grouped: Option<&ProtocolResult>) -> Diagram {
 fn add_actuator(
     diagram: &mut Diagram,
     hierarchy: &Hierarchy,
-    grouped: Option<&ProtocolResult>,
+    judged: Option<&ProtocolResult>,
     first: &str,
     (actuator, name): (u32, &str),
 ) {
@@ -75,7 +77,7 @@ fn add_actuator(
         Place { question, actuator: several.then_some(actuator), command }.id()
     };
     let command_id = own(Question::Command, None);
-    let text = format!("{command_id}  command\n{}", accuracy(grouped, &command_id));
+    let text = format!("{command_id}  command\n{}", accuracy(judged, &command_id));
     diagram.blocks.push(Block { layer: Some(2), ..Block::new(&command_id, &text, "tree", &group) });
     diagram.wires.push(arrow(first, &command_id));
     for (command, title) in hierarchy.names.commands.iter().enumerate() {
@@ -83,7 +85,7 @@ fn add_actuator(
             continue;
         };
         let id = own(Question::Detail, Some(command as u32));
-        let text = format!("{id}  {}\n{}", spoken(title), accuracy(grouped, &id));
+        let text = format!("{id}  {}\n{}", spoken(title), accuracy(judged, &id));
         diagram.blocks.push(Block { layer: Some(3), ..Block::new(&id, &text, "tree", &group) });
         diagram.wires.push(arrow(&command_id, &id));
         let leaves = format!("{id} details");
@@ -102,6 +104,6 @@ fn arrow(from: &str, to: &str) -> Wire {
     Wire { arrow: true, ..Wire::new(from, to, "decision") }
 }
 
-fn accuracy(grouped: Option<&ProtocolResult>, id: &str) -> String {
-    share(grouped.and_then(|result| result.stage(id)).map(|score| score.accuracy))
+fn accuracy(judged: Option<&ProtocolResult>, id: &str) -> String {
+    share(judged.and_then(|result| result.stage(id)).map(|score| score.accuracy))
 }

@@ -1,11 +1,14 @@
-//! The subjects side by side: realistic against ideal, and the change by a third sensor.
+//! What the settings are, and what a third sensor changes.
 
-use crate::evaluation::protocol::Protocol;
+use crate::evaluation::protocol::ProtocolResult;
 use crate::evaluation::score::Rate;
-use crate::report::lines::{ACCURACY, SAFETY};
+use crate::job::Subject;
+use crate::job::results::SubjectResult;
+use crate::report::lines::{RIGHT, SAFETY, STAGES, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, rate};
+use crate::report::words::{change, percent, rate};
 use crate::report::{Material, Section};
+use crate::study::campaign::data_features;
 
 /// See the module.
 pub struct Settings;
@@ -16,56 +19,109 @@ impl Section for Settings {
     }
 
     fn title(&self) -> &'static str {
-        "Realistic against ideal, and a third sensor"
+        "Settings, and a third sensor"
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        let subjects = &material.results.subjects;
-        let [first, others @ ..] = &subjects[..] else {
-            return;
-        };
-        if others.is_empty() {
-            return;
-        }
-        let mut heads = vec![(String::new(), Side::Left), (first.title.clone(), Side::Right)];
-        for other in others {
-            heads.push((other.title.clone(), Side::Right));
-            heads.push(("change, points".into(), Side::Right));
-        }
-        let mut grid = Grid::new(heads);
-        for line in SAFETY.iter().chain(&ACCURACY) {
-            let of = |result: &crate::job::results::SubjectResult| {
-                line.of(&result.evaluation, Protocol::Grouped)
-            };
-            let mut row = vec![line.title.to_owned(), rate(of(first))];
-            for other in others {
-                row.push(rate(of(other)));
-                row.push(change(of(first), of(other)));
-            }
-            grid.push(row);
-        }
-        page.table(
-            &grid,
-            "Grouped protocol. Intervals are 95 %; a change inside them may be chance.",
-        );
-        if subjects.iter().any(|result| result.subject.extra_sensor()) {
-            page.text(
-                "The additional sensor measures the stroke a third time, so that a majority vote \
-                 can tell which stroke sensor errs: the change of design that the seed paper suggests.",
-            );
-        }
         if let Some(realism) = &material.study.realism {
-            page.note(&format!(
-                "Realistic: sensor noise and quantisation as the system declares them, and another \
-                 specimen for every variant, whose parameters differ by the tolerances of the study \
-                 file (seed {}); {} fault-free specimens in each operating case.",
+            page.text(&format!(
+                "Ideal: the plant is the twin with one fault, and sensors are perfect. Noise: the same \
+                 plant, with the noise and quantisation of the sensors that the system declares. \
+                 Realistic: sensors likewise, and another specimen for every variant, whose parameters \
+                 differ from the twin's by the tolerances of the study file (seed {}); the twin is not \
+                 fitted to the specimen. There are {} fault-free specimens in each judged operating case.",
                 realism.seed, realism.healthy
             ));
+        }
+        let of = |subject| material.results.of(subject);
+        if let Some((without, with)) = of(Subject::Realistic).zip(of(Subject::ExtraSensor)) {
+            third_sensor(material, without, with, page);
         }
     }
 }
 
-fn change(before: Option<Rate>, after: Option<Rate>) -> String {
-    let shares = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
-    shares.map_or(NONE.into(), |(before, after)| format!("{:+.2}", 100.0 * (after - before)))
+fn third_sensor(
+    material: &Material,
+    without: &SubjectResult,
+    with: &SubjectResult,
+    page: &mut Page,
+) {
+    let under = |result: &SubjectResult, who: Who| who.headline(&result.evaluation).cloned();
+    let title = material.study.extra_sensor.as_deref().unwrap_or("an additional sensor");
+    page.heading(&format!("With {title}"));
+    if let Some((before, after)) = under(without, Who::Trees).zip(under(with, Who::Trees)) {
+        page.text(&verdict(&before, &after, &used(material, with)));
+    }
+    let mut grid = Grid::new([
+        ("", Side::Left),
+        ("by", Side::Left),
+        (&without.title, Side::Right),
+        (&with.title, Side::Right),
+        ("change, points", Side::Right),
+    ]);
+    let mut push = |title: &str, who: Who, of: &dyn Fn(&ProtocolResult) -> Option<Rate>| {
+        let both = [without, with].map(|result| under(result, who).as_ref().and_then(of));
+        if both.iter().any(Option::is_some) {
+            let [before, after] = both;
+            let (who, change) = (who.title().to_owned(), change(before, after));
+            grid.push(vec![title.to_owned(), who, rate(before), rate(after), change]);
+        }
+    };
+    for measure in SAFETY.iter().chain(&RIGHT) {
+        Who::ALL.into_iter().for_each(|who| push(measure.title, who, &measure.rate));
+    }
+    for (letter, title) in STAGES {
+        let of = |result: &ProtocolResult| result.stage(letter).map(|score| score.accuracy);
+        push(&format!("{letter}  {title}"), Who::Trees, &of);
+    }
+    page.table(&grid, "The same faults, specimens and protocol with and without the sensor. Intervals are \
+        95 %; both columns are of the same rows, so that a change well inside them is still measured, but \
+        need not hold for other specimens.");
+}
+
+/// The features of the additional sensor that the trees ask for, with the share of the impurity that
+/// they remove in their tree.
+fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
+    let extra: Vec<String> = data_features(material.study)
+        .into_iter()
+        .filter(|known| known.extra)
+        .map(|known| known.feature.name)
+        .collect();
+    let mut used = vec![];
+    for stage in &with.evaluation.stages {
+        let own = stage.importances.iter().filter(|(name, _)| extra.contains(name));
+        used.extend(own.map(|(name, share)| {
+            format!("{name} in tree {} ({})", stage.stage, percent(Some(*share)))
+        }));
+    }
+    used
+}
+
+/// What the sensor brings, in words.
+fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> String {
+    let (first, second) = (before.end_to_end, after.end_to_end);
+    let overlap = match first.zip(second) {
+        Some((first, second)) => first.low <= second.high && second.low <= first.high,
+        None => true,
+    };
+    let mut text = format!(
+        "The trees are right end to end in {} without the sensor and in {} with it ({} points). ",
+        rate(first).replace('(', "[").replace(')', "]"),
+        rate(second).replace('(', "[").replace(')', "]"),
+        change(first, second)
+    );
+    text += &match used {
+        [] => "They ask for none of its features. ".to_owned(),
+        used => format!("Of its features they ask for {}. ", used.join(", ")),
+    };
+    text += match overlap {
+        true => {
+            "The intervals overlap: no gain is shown. The reason is the twin: it already computes the \
+             stroke that a third sensor would measure, so that the residual of each stroke sensor is \
+             itself the comparison with an independent stroke; a vote of three adds only what the twin \
+             does not know, the specimen's own deviation from it."
+        }
+        false => "The intervals do not overlap.",
+    };
+    text
 }

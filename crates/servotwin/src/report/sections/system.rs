@@ -43,7 +43,7 @@ impl Section for System {
         page.table(
             &grid,
             "Sensors. A residual is the measured value less the twin's, divided by the scale; a \
-             fault is detectable if any residual ever leaves ±3 %.",
+             fault is detected if any residual ever leaves its band (±3 %, or one learned for the sensor).",
         );
     }
 }

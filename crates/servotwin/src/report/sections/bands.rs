@@ -1,0 +1,151 @@
+//! The bands that healthy residuals stay in: learned sensor by sensor, beside the seed paper's 3 %.
+
+use crate::evaluation::bands::Band;
+use crate::evaluation::protocol::Protocol;
+use crate::figure::Figure;
+use crate::figure::bars::{Bar, Bars};
+use crate::job::results::SubjectResult;
+use crate::report::lines::{self, Measure, RIGHT, SAFETY, Who};
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::{NONE, number, percent, stacked};
+use crate::report::{Material, Section};
+use crate::study::Study;
+use servotwin_diagnosis::residual::BAND;
+
+/// See the module.
+pub struct Bands;
+
+impl Section for Bands {
+    fn id(&self) -> &'static str {
+        "bands"
+    }
+
+    fn title(&self) -> &'static str {
+        "Bands"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
+            .into_iter()
+            .filter_map(|result| Some((result, lines::learned(result)?)))
+            .collect();
+        if results.is_empty() {
+            return;
+        }
+        page.text(
+            "The seed paper lets every scaled residual stay within ±3 %, whatever the sensor. Where \
+             sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
+             wide for others. Here each kind of sensor has a band of its own: the largest residual that \
+             any healthy specimen showed on the training commands; like sensors of the actuators are \
+             pooled. A fault counts as detected where any residual leaves its band.",
+        );
+        let names: Vec<String> =
+            results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
+        page.figure("bands", figure(&results, &names), "Half width of the learned bands in percent of each \
+            sensor's scale; the seed paper's band is 3 % for all.");
+        page.table(&widths(&results, &names), "Half widths in percent of scale. With 95 % confidence at \
+            most the last share of healthy records exceeds a band (of n records the largest: \
+            1 − 0.05^(1/n)); records of like sensors are counted together.");
+        page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
+            healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
+        compared(&results, page);
+    }
+}
+
+/// The label of a sensor in the system file.
+fn label(study: &Study, sensor: &str) -> String {
+    let place = study.sensors.0.iter().position(|known| known.name == sensor);
+    let known = place.and_then(|place| study.measured.get(place));
+    known.map_or_else(|| sensor.to_owned(), |&place| study.system.sensors[place].label.clone())
+}
+
+fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
+    let titles: Vec<&str> = results.iter().map(|(result, _)| result.title.as_str()).collect();
+    let mut bars = Bars::new("", "half width (% of scale)", &titles);
+    bars.digits = 2;
+    for (place, name) in names.iter().enumerate() {
+        let bar = |(_, bands): &(_, &[Band])| {
+            bands.get(place).map(|band| Bar::new(100.0 * band.half_width))
+        };
+        bars = bars.with(name, results.iter().map(bar).collect());
+    }
+    bars.draw()
+}
+
+fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
+    let mut heads = vec![("sensor".to_owned(), Side::Left), ("seed paper".into(), Side::Right)];
+    heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
+    heads.push(("healthy records".into(), Side::Right));
+    heads.push(("exceeded by at most".into(), Side::Right));
+    let mut grid = Grid::new(heads);
+    for (place, name) in names.iter().enumerate() {
+        let mut row = vec![name.clone(), number(100.0 * BAND)];
+        let width = |band: Option<&Band>| {
+            band.map_or_else(|| NONE.into(), |band| format!("{:.2}", 100.0 * band.half_width))
+        };
+        row.extend(results.iter().map(|(_, bands)| width(bands.get(place))));
+        let list = |of: &dyn Fn(&Band) -> String| {
+            let mut all: Vec<String> =
+                results.iter().filter_map(|(_, bands)| bands.get(place).map(of)).collect();
+            all.dedup();
+            all.join(", ")
+        };
+        row.push(list(&|band| band.records.to_string()));
+        row.push(list(&|band| percent(Some(band.exceeded_at_most))));
+        grid.push(row);
+    }
+    grid
+}
+
+/// Detection and false alarms with either band.
+fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
+    let mut grid = Grid::new([
+        ("setting", Side::Left),
+        ("band", Side::Left),
+        ("faults detected", Side::Right),
+        ("healthy specimens that alarm", Side::Right),
+    ]);
+    for (result, _) in results {
+        let evaluation = &result.evaluation;
+        let alarms = evaluation.false_alarms.as_ref();
+        grid.push(vec![
+            result.title.clone(),
+            "seed paper's ±3 %".into(),
+            stacked(Some(evaluation.paper_detection)),
+            stacked(alarms.map(|alarms| alarms.paper_alarms)),
+        ]);
+        grid.push_strong(vec![
+            String::new(),
+            "learned, in use".into(),
+            stacked(Some(evaluation.detection.detected)),
+            stacked(alarms.map(|alarms| alarms.alarms)),
+        ]);
+    }
+    grid
+}
+
+/// The diagnosis on new commands with either band.
+fn compared(results: &[(&SubjectResult, &[Band])], page: &mut Page) {
+    let measures: Vec<&Measure> = SAFETY.iter().chain(&RIGHT).collect();
+    let mut heads = vec![("setting", Side::Left), ("by", Side::Left), ("band", Side::Left)];
+    heads.extend(measures.iter().map(|measure| (measure.title, Side::Right)));
+    let mut grid = Grid::new(heads);
+    for (result, _) in results {
+        // The trees come first, then the committee.
+        for (who, paper) in Who::ALL.into_iter().zip(&result.evaluation.paper_band) {
+            let own = who.under(&result.evaluation, Protocol::NewCommand);
+            for (band, judged) in [("±3 %", Some(paper)), ("learned", own)] {
+                let Some(judged) = judged else { continue };
+                let is_first = who == Who::Trees && band == "±3 %";
+                let title = if is_first { result.title.clone() } else { String::new() };
+                let mut row = vec![title, who.title().to_owned(), band.to_owned()];
+                row.extend(measures.iter().map(|measure| stacked((measure.rate)(judged))));
+                grid.push(row);
+            }
+        }
+    }
+    if !grid.is_empty() {
+        page.table(&grid, "The diagnosis of new commands with either band. Rates of detected faults are of \
+            other faults with each band; only “of all faults” compares directly.");
+    }
+}

@@ -1,0 +1,182 @@
+//! The commands from which the diagnosis learned, and what fewer of them would be worth.
+
+use crate::evaluation::protocol::{Protocol, ProtocolResult};
+use crate::evaluation::score::Rate;
+use crate::figure::Figure;
+use crate::figure::lines::{Curve, Lines};
+use crate::job::results::SubjectResult;
+use crate::report::lines;
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::{number, stacked};
+use crate::report::{Material, Section};
+use crate::signal::Signal;
+use crate::study::{OperatingCase, Study, Training};
+
+/// See the module.
+pub struct CommandsCurve;
+
+impl Section for CommandsCurve {
+    fn id(&self) -> &'static str {
+        "training-commands"
+    }
+
+    fn title(&self) -> &'static str {
+        "Commands to learn from"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let study = material.study;
+        let Some(training) = &study.training else {
+            return;
+        };
+        page.text(&format!(
+            "Trees and committee learn from {} commands that are not among those on which they are \
+             judged, flown for {} s each at a load of its own; of every command there are {} healthy \
+             specimens, which fly {} s.",
+            commands(training).len(),
+            number(training.duration_s),
+            training.healthy,
+            number(study.duration_s),
+        ));
+        page.table(&list(study, training), "The training commands as the study file has them. Of a \
+            pattern every range is filled evenly by the draws, wide ones on a logarithmic scale.");
+        let curves: Vec<(&SubjectResult, Vec<(usize, &ProtocolResult)>)> =
+            lines::settings(material.results)
+                .into_iter()
+                .map(|result| (result, curve(result, training)))
+                .filter(|(_, curve)| curve.len() > 1)
+                .collect();
+        if curves.is_empty() {
+            return;
+        }
+        page.figure("training_commands", figure(&curves), "Accuracy of the trees on new commands, end to \
+            end, against the number of commands that they learned from (the first of the list); \
+            whiskers: 95 %, from drawing kinds of fault at their intensities.");
+        page.table(&table(&curves), "The same in numbers, with the missed shutdowns of detected faults.");
+    }
+}
+
+/// The names of the training commands.
+fn commands(training: &Training) -> Vec<&str> {
+    let mut names: Vec<&str> = vec![];
+    for case in &training.cases {
+        if !names.contains(&case.command.as_str()) {
+            names.push(&case.command);
+        }
+    }
+    names
+}
+
+/// Results by the number of training commands, those with all of them last.
+fn curve<'r>(result: &'r SubjectResult, training: &Training) -> Vec<(usize, &'r ProtocolResult)> {
+    let evaluation = &result.evaluation;
+    let fewer = evaluation.commands.iter().map(|(count, result)| (*count, result));
+    let all = evaluation.protocol(Protocol::NewCommand);
+    fewer.chain(all.map(|result| (commands(training).len(), result))).collect()
+}
+
+fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure {
+    let mut lines = Lines::new("", "training commands", "end to end right (%)");
+    lines.x_log = true;
+    for (result, curve) in curves {
+        let known = curve.iter().filter_map(|(count, result)| Some((*count, result.end_to_end?)));
+        let known: Vec<(usize, Rate)> = known.filter(|(_, rate)| rate.share.is_some()).collect();
+        let point = |(count, rate): &(usize, Rate)| {
+            (*count as f64, 100.0 * rate.share.unwrap_or_default())
+        };
+        let ends = known.iter().map(|(_, rate)| (100.0 * rate.low, 100.0 * rate.high)).collect();
+        let points = known.iter().map(point).collect();
+        lines = lines.with(Curve::new(&result.title, points).with_intervals(ends));
+    }
+    lines.draw()
+}
+
+fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Grid {
+    let mut heads = vec![("training commands".to_owned(), Side::Right)];
+    for what in ["end to end right", "shutdown missed"] {
+        let head = |(result, _): &(&SubjectResult, _)| {
+            (format!("{what}, {}", result.title), Side::Right)
+        };
+        heads.extend(curves.iter().map(head));
+    }
+    let mut grid = Grid::new(heads);
+    let mut counts: Vec<usize> =
+        curves.iter().flat_map(|(_, curve)| curve.iter().map(|(count, _)| *count)).collect();
+    counts.sort_unstable();
+    counts.dedup();
+    for count in counts {
+        let of = |curve: &[(usize, &ProtocolResult)], rate: fn(&ProtocolResult) -> Option<Rate>| {
+            let own = curve.iter().find(|(own, _)| *own == count);
+            stacked(own.and_then(|(_, result)| rate(result)))
+        };
+        let mut row = vec![count.to_string()];
+        row.extend(curves.iter().map(|(_, curve)| of(curve, |result| result.end_to_end)));
+        let missed = |result: &ProtocolResult| Some(result.safety.as_ref()?.missed_shutdown);
+        row.extend(curves.iter().map(|(_, curve)| of(curve, missed)));
+        grid.push(row);
+    }
+    grid
+}
+
+/// The training commands with what they are; draws of one pattern share a row.
+fn list(study: &Study, training: &Training) -> Grid {
+    let mut grid =
+        Grid::new([("command", Side::Left), ("what it is", Side::Left), ("load", Side::Right)]);
+    let text: toml::Table = study.text.parse().unwrap_or_default();
+    let section = text.get("training");
+    let named = section.and_then(|section| section.get("signals")).and_then(toml::Value::as_table);
+    let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
+    let is_drawn = |case: &&OperatingCase| signal(&case.command).is_none();
+    let drawn: Vec<&OperatingCase> = training.cases.iter().filter(is_drawn).collect();
+    if let [first, .., last] = drawn[..] {
+        let pattern = section.and_then(|section| section.get("draws")?.get("signal"));
+        let names = format!("{} … {}", first.command, last.command);
+        grid.push(vec![names, pattern.map(in_words).unwrap_or_default(), loads(&drawn)]);
+    }
+    let alone = if drawn.len() == 1 { &drawn[..] } else { &[] };
+    for case in alone.iter().copied().chain(training.cases.iter().filter(|case| !is_drawn(case))) {
+        let words = signal(&case.command).unwrap_or_default();
+        grid.push(vec![case.command.clone(), words, loads(&[case])]);
+    }
+    grid
+}
+
+/// The loads of cases, as their names have them; nothing where a study has no load.
+fn loads(cases: &[&OperatingCase]) -> String {
+    let load = |case: &&OperatingCase| case.name.rsplit_once('/')?.1.parse::<u32>().ok();
+    let loads: Vec<u32> = cases.iter().filter_map(load).collect();
+    match loads.iter().min().zip(loads.iter().max()) {
+        Some((least, most)) if least == most => format!("{least} %"),
+        Some((least, most)) => format!("{least} … {most} %"),
+        None => String::new(),
+    }
+}
+
+/// A signal as people read it: `noise:rms={1.8..6}deg,seed=1{n}` → `noise: rms 1.8 … 6 deg`.
+fn in_words(signal: &toml::Value) -> String {
+    let text = match signal.as_str() {
+        Some(text) => text.to_owned(),
+        None => signal.clone().try_into().map_or_else(|_| String::new(), |s: Signal| s.to_string()),
+    };
+    let term = |term: &str| {
+        let (kind, parameters) = term.split_once(':').unwrap_or((term, ""));
+        let shown = parameters.split(',').filter(|one| !one.trim().starts_with("seed="));
+        let shown: Vec<String> = shown.map(|one| one.replace('=', " ")).collect();
+        let parameters = shown.join(", ").replace("..", " … ").replace(['{', '}'], "");
+        format!("{}: {parameters}", kind.trim()).trim_end_matches([':', ' ']).to_owned()
+    };
+    text.split(" + ").map(term).collect::<Vec<_>>().join("; plus ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_is_read_without_its_seed() {
+        let words = |text: &str| in_words(&toml::Value::String(text.into()));
+        let pattern = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}";
+        assert_eq!(words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
+        assert_eq!(words("step:size=6deg + ramp:rate=1deg/s"), "step: size 6deg; plus ramp: rate 1deg/s");
+    }
+}

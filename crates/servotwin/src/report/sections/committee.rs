@@ -1,0 +1,214 @@
+//! The committee beside the trees: what it gets right, how far its confidence can be believed, and
+//! what its silence buys.
+
+use crate::evaluation::abstention::{Abstention, Level};
+use crate::evaluation::protocol::ALL;
+use crate::evaluation::score::Rate;
+use crate::figure::Figure;
+use crate::figure::lines::{Curve, Lines};
+use crate::job::results::SubjectResult;
+use crate::report::lines::{self, RIGHT, STAGES, Who};
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::{by_kind, number, percent, stacked};
+use crate::report::{Material, Section};
+
+/// See the module.
+pub struct Committee;
+
+impl Section for Committee {
+    fn id(&self) -> &'static str {
+        "committee"
+    }
+
+    fn title(&self) -> &'static str {
+        "The committee"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let results: Vec<&SubjectResult> = lines::settings(material.results)
+            .into_iter()
+            .filter(|result| !result.evaluation.committee.is_empty())
+            .collect();
+        if results.is_empty() {
+            return;
+        }
+        page.text(
+            "Beside the trees stands a committee: boosted shallow trees at the same places, over the \
+             same features. It cannot be read as a tree can, but it errs less, and it says how sure it \
+             is. Its probabilities are calibrated on training commands that were left out of training. \
+             The trees remain the first answer, the one that explains itself; where the committee says \
+             something else, or is not sure enough, the outcome is “detected, not isolated”.",
+        );
+        for result in &results {
+            page.table(&beside_trees(result), &format!(
+                "Setting: {}. Trees and committee under the same protocols, with 95 % intervals from \
+                 drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
+                result.title
+            ));
+        }
+        believed(&results, page);
+        silence(&results, page);
+    }
+}
+
+fn beside_trees(result: &SubjectResult) -> Grid {
+    let heads = [("held out", Side::Left), ("by", Side::Left)];
+    let letters = STAGES[..2].iter().map(|stage| (stage.0, Side::Right));
+    let measures = RIGHT.iter().map(|measure| (measure.title, Side::Right));
+    let last = [("end to end, by kind", Side::Right)];
+    let mut grid = Grid::new(heads.into_iter().chain(letters).chain(measures).chain(last));
+    for protocol in ALL {
+        let Some(committee) = result.evaluation.committee(protocol) else { continue };
+        for who in Who::ALL {
+            let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
+            let title = if who == Who::Trees { committee.title.clone() } else { String::new() };
+            let mut row = vec![title, who.title().to_owned()];
+            let accuracy = |letter| stacked(judged.stage(letter).map(|score| score.accuracy));
+            row.extend(STAGES[..2].iter().map(|stage| accuracy(stage.0)));
+            row.extend(RIGHT.iter().map(|measure| stacked((measure.rate)(judged))));
+            row.push(by_kind(judged.end_to_end));
+            match who {
+                Who::Trees => grid.push(row),
+                Who::Committee => grid.push_strong(row),
+            }
+        }
+    }
+    grid
+}
+
+/// How far the confidence can be believed.
+fn believed(results: &[&SubjectResult], page: &mut Page) {
+    let mut lines = Lines::new("", "confidence", "share of right answers");
+    lines.y_range = Some((0.0, 1.0));
+    let mut grid = Grid::new([
+        ("setting", Side::Left),
+        ("answers", Side::Right),
+        ("in the most confident tenth", Side::Right),
+        ("Brier score", Side::Right),
+        ("calibration error", Side::Right),
+    ]);
+    for result in results {
+        let Some(reliability) = &result.evaluation.reliability else { continue };
+        let points = reliability.bins.iter().map(|&(mean, share, _)| (mean, share)).collect();
+        lines = lines.with(Curve::new(&result.title, points));
+        let answers: u64 = reliability.bins.iter().map(|bin| bin.2).sum();
+        let sure = reliability.bins.iter().filter(|bin| bin.0 >= 0.9).map(|bin| bin.2).sum::<u64>();
+        grid.push(vec![
+            result.title.clone(),
+            answers.to_string(),
+            percent((answers > 0).then(|| sure as f64 / answers as f64)),
+            number(reliability.brier),
+            number(reliability.calibration_error),
+        ]);
+    }
+    if grid.is_empty() {
+        return;
+    }
+    page.heading("How far its confidence can be believed");
+    let ideal = Curve::new("as sure as right", vec![(0.0, 0.0), (1.0, 1.0)]).unmarked();
+    page.figure(
+        "reliability",
+        lines.with(ideal).draw(),
+        "Reliability: answers about actuator and command on new commands, gathered by tenths of \
+         confidence. On the straight line what is said with 90 % is right nine times in ten; points \
+         below it are too sure. Points of low confidence stand for few answers.",
+    );
+    page.table(
+        &grid,
+        "The Brier score is the mean squared distance of confidence from being right (1) or wrong (0); \
+         the calibration error the mean distance of confidence from the share of right answers over \
+         the tenths. Both are best at zero.",
+    );
+}
+
+/// What silence buys.
+fn silence(results: &[&SubjectResult], page: &mut Page) {
+    let mut begun = false;
+    for result in results {
+        let Some(abstention) = &result.evaluation.abstention else { continue };
+        if !begun {
+            page.heading("What its silence buys");
+            page.text(
+                "An answer that is withheld leaves the fault detected but not isolated: the flight \
+                 control computer knows that something is wrong, and not what. The least certain \
+                 answers go first; rates are of the answers that are left.",
+            );
+            begun = true;
+        }
+        page.figure(
+            &format!("silence_{}", result.subject.name()),
+            trade(abstention),
+            &format!(
+                "Setting: {}. Errors of the committee on new commands among the answers that are left, \
+                 against the share withheld; whiskers: 95 %.",
+                result.title
+            ),
+        );
+        page.table(&levels(abstention), &format!(
+            "Setting: {}. The same in numbers. The fixed confidence is the one that {} % of the answers \
+             did not reach on training commands left out of training: chosen without looking at these.",
+            result.title,
+            100.0 * crate::evaluation::committee::WITHHELD
+        ));
+    }
+}
+
+fn trade(abstention: &Abstention) -> Figure {
+    let mut lines = Lines::new("", "answers withheld (%)", "of the answers that are left (%)");
+    let curve = |name: &str, of: &dyn Fn(&Level) -> Option<(f64, f64, f64)>| {
+        let known = abstention.levels.iter().filter_map(|level| Some((level, of(level)?)));
+        let known: Vec<_> = known
+            .filter_map(|(level, values)| Some((100.0 * level.abstained.share?, values)))
+            .collect();
+        let percent = |share: f64| 100.0 * share;
+        let points = known.iter().map(|&(at, (value, ..))| (at, percent(value))).collect();
+        let ends = known.iter().map(|&(_, (_, low, high))| (percent(low), percent(high)));
+        Curve::new(name, points).with_intervals(ends.collect())
+    };
+    let shown = |rate: Rate| Some((rate.share?, rate.low, rate.high));
+    let missed = |level: &Level| shown(level.shutdown_answered_wrongly);
+    let wrong_shutdown = |level: &Level| shown(level.wrong_actuator_shutdown);
+    let wrong = |level: &Level| {
+        let right = level.right_action;
+        Some((1.0 - right.share?, 1.0 - right.high, 1.0 - right.low))
+    };
+    lines = lines
+        .with(curve("fault that needs a shutdown answered wrongly", &missed))
+        .with(curve("actuator or command wrong", &wrong))
+        .with(curve("wrong actuator shut down", &wrong_shutdown));
+    lines.draw()
+}
+
+fn levels(abstention: &Abstention) -> Grid {
+    let mut grid = Grid::new([
+        ("answers only", Side::Left),
+        ("withheld", Side::Right),
+        ("actuator and command right", Side::Right),
+        ("wrong actuator shut down", Side::Right),
+        ("shutdown fault answered wrongly", Side::Right),
+    ]);
+    let mut push = |title: String, level: &Level| {
+        grid.push(vec![
+            title,
+            stacked(Some(level.abstained)),
+            stacked(Some(level.right_action)),
+            stacked(Some(level.wrong_actuator_shutdown)),
+            stacked(Some(level.shutdown_answered_wrongly)),
+        ]);
+    };
+    for (share, level) in crate::evaluation::abstention::SHARES.iter().zip(&abstention.levels) {
+        let title = match *share {
+            0.0 => "always".to_owned(),
+            share => format!("but for the least certain {} %", number(100.0 * share)),
+        };
+        push(title, level);
+    }
+    if let Some((least, level)) = &abstention.fixed {
+        push(format!("with a confidence of at least {}", number(*least)), level);
+    }
+    push("where the trees say the same".into(), &abstention.agreement);
+    if let Some(both) = &abstention.both {
+        push("with that confidence, and the trees agree".into(), both);
+    }
+    grid
+}

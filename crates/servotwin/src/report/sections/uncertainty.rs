@@ -1,0 +1,121 @@
+//! Answers that hang on less than a sensor shows.
+
+use crate::evaluation::flips::{Flips, Share, SplitFlips};
+use crate::job::results::SubjectResult;
+use crate::report::lines::{self, Who};
+use crate::report::page::{Grid, Page, Side};
+use crate::report::words::{of_unit, percent};
+use crate::report::{Material, Section};
+use crate::study::campaign::{DataFeature, data_features};
+
+/// See the module.
+pub struct Uncertainty;
+
+/// Questions that are shown of each setting.
+const SHOWN: usize = 15;
+
+impl Section for Uncertainty {
+    fn id(&self) -> &'static str {
+        "uncertainty"
+    }
+
+    fn title(&self) -> &'static str {
+        "Answers that hang on less than a sensor shows"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::settings(material.results)
+            .into_iter()
+            .filter_map(|result| Some((result, result.evaluation.flips.as_ref()?)))
+            .collect();
+        let Some((_, (first, _))) = results.first() else {
+            return;
+        };
+        page.text(&format!(
+            "A question is only as good as what its feature can show. A window holds the means and \
+             covariances of residuals and of the twin's signals; their uncertainty follows from the noise \
+             and quantisation of a sample and the number of samples, and from the solver's error, which \
+             stays the same throughout. Each window of a detected fault on the judged commands is moved \
+             {} times within it, all statistics together (means by their standard error, covariances by \
+             what such errors happen to have in common with each signal), its features are computed \
+             anew, and trees and committee are asked again. The share of answers that change is the \
+             flip rate. In the setting without noise only the solver's error moves a window.",
+            first.draws
+        ));
+        page.table(&answers(&results), "Share of moves after which the answer is another one: the actuator; \
+            actuator or command, which is what is acted on; any part of the answer.");
+        let features = data_features(material.study);
+        for (result, (trees, _)) in &results {
+            worst(result, trees, &features, page);
+        }
+    }
+}
+
+fn answers(results: &[(&SubjectResult, &(Flips, Flips))]) -> Grid {
+    let mut grid = Grid::new([
+        ("setting", Side::Left),
+        ("by", Side::Left),
+        ("moves", Side::Right),
+        ("actuator", Side::Right),
+        ("actuator or command", Side::Right),
+        ("any part", Side::Right),
+    ]);
+    for (result, (trees, committee)) in results {
+        for (who, flips) in Who::ALL.into_iter().zip([trees, committee]) {
+            let title = if who == Who::Trees { result.title.clone() } else { String::new() };
+            let mut row = vec![title, who.title().to_owned(), flips.answer.of.to_string()];
+            let shares = [flips.actuator, flips.action, flips.answer];
+            row.extend(shares.iter().map(changed));
+            grid.push(row);
+        }
+    }
+    grid
+}
+
+fn changed(share: &Share) -> String {
+    percent((share.of > 0).then(|| share.share()))
+}
+
+/// The questions whose answers change most often.
+fn worst(result: &SubjectResult, trees: &Flips, features: &[DataFeature], page: &mut Page) {
+    let asked = trees.splits.iter().filter(|split| split.flips.of > 0);
+    let (all, flipping): (usize, usize) = asked
+        .clone()
+        .fold((0, 0), |(all, some), split| (all + 1, some + usize::from(split.flips.count > 0)));
+    let mut grid = Grid::new([
+        ("tree", Side::Left),
+        ("asks", Side::Left),
+        ("uncertainty there", Side::Right),
+        ("asked", Side::Right),
+        ("another answer", Side::Right),
+    ]);
+    for split in asked.filter(|split| split.flips.count > 0).take(SHOWN) {
+        grid.push(row(split, features));
+    }
+    if grid.is_empty() {
+        page.text(&format!(
+            "Setting: {}. None of the {all} questions of the trees ever gets another answer.",
+            result.title
+        ));
+    } else {
+        page.table(&grid, &format!(
+            "Setting: {}. Of the {all} questions that the trees ask of these faults {flipping} ever get \
+             another answer; the worst first (at most {SHOWN}). The uncertainty is the feature's standard \
+             deviation over the moves, the median of the windows that are asked; “asked” counts windows \
+             times moves.",
+            result.title
+        ));
+    }
+}
+
+fn row(split: &SplitFlips, features: &[DataFeature]) -> Vec<String> {
+    let known = features.iter().find(|known| known.feature.name == split.feature);
+    let unit = known.map_or("", |known| known.feature.unit);
+    vec![
+        split.stage.clone(),
+        format!("{} ≤ {}", split.feature, of_unit(split.threshold, unit)),
+        of_unit(split.uncertainty, unit),
+        split.flips.of.to_string(),
+        changed(&split.flips),
+    ]
+}
