@@ -37,6 +37,7 @@ impl Family for Comparison {
                     unit,
                     meaning: format!("{meaning} of {name}, actuator 1 against 2"),
                     units: vec![0, 1],
+                    teaches: true,
                 });
             };
             push("mean_excess", "of scale", "|mean| difference");

@@ -124,6 +124,9 @@ pub struct Feature {
     pub meaning: String,
     /// The units (actuators) that the feature looks at.
     pub units: Vec<usize>,
+    /// Whether a diagnosis should learn from it. The seed paper's variances and indicators say what
+    /// logarithms say better, and the largest size grows with the length of a record.
+    pub teaches: bool,
 }
 
 /// A family of features.

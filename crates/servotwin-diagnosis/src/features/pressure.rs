@@ -34,6 +34,7 @@ impl Family for Pressure {
                     unit: in_unit,
                     meaning: format!("{meaning}, actuator {}", unit + 1),
                     units: vec![unit],
+                    teaches: true,
                 });
             };
             push("mean_common", "of scale", "mean of (r_pA + r_pB)/2");

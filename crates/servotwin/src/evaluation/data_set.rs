@@ -31,6 +31,8 @@ pub struct FeatureInfo {
     pub units: Vec<usize>,
     /// Its unit.
     pub unit: String,
+    /// Whether a diagnosis should learn from it ([`servotwin_diagnosis::features::Feature::teaches`]).
+    pub teaches: bool,
 }
 
 impl FeatureInfo {
@@ -42,6 +44,7 @@ impl FeatureInfo {
             family: f.family.into(),
             units: f.feature.units,
             unit: f.feature.unit.into(),
+            teaches: f.feature.teaches,
         };
         features.map(info).collect()
     }
@@ -330,6 +333,14 @@ impl DataSet {
             examples: self.examples.select_columns(&columns)?,
             ..self.clone()
         })
+    }
+
+    /// The same data set with the features only that a diagnosis should learn from.
+    ///
+    /// # Errors
+    /// [`EvaluationError::NoFeatures`].
+    pub fn taught(&self) -> Result<Self, EvaluationError> {
+        self.with_features(|feature| feature.teaches)
     }
 
     /// The same data set with the stages below A reading the sensors of both

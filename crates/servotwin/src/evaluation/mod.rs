@@ -31,7 +31,7 @@ pub use data_set::{DataSet, FeatureInfo, Lessons};
 pub use error::EvaluationError;
 
 use abstention::Abstention;
-use bands::{Band, Watched};
+use bands::Band;
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
 use parallel::Workers;
@@ -221,9 +221,9 @@ pub struct Trained {
 pub fn banded(
     data: &DataSet,
     settings: &Settings,
-    watched: &[Watched],
+    pools: &[usize],
 ) -> (DataSet, Option<Vec<Band>>) {
-    let bands = bands::learn(data, watched);
+    let bands = bands::learn(data, pools);
     match bands.as_ref().filter(|_| settings.learned_bands) {
         None if data.sensors.is_empty() => (data.clone(), bands),
         Some(learned) => {
@@ -242,10 +242,10 @@ pub fn banded(
 pub fn train(
     data: &DataSet,
     settings: &Settings,
-    watched: &[Watched],
+    pools: &[usize],
     workers: Workers,
 ) -> Result<Trained, EvaluationError> {
-    let (data, bands) = banded(data, settings, watched);
+    let (data, bands) = banded(data, settings, pools);
     let rows = data.learnt_from(settings.holding.lessons)?;
     let trees = run::settled(&data, &settings.training).fit(&data.examples, &rows)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
@@ -257,8 +257,10 @@ pub fn train(
 pub struct Context<'c> {
     /// The diagnosis that was trained with all rows.
     pub trained: &'c Trained,
-    /// The sensors of the data set.
-    pub watched: &'c [Watched],
+    /// For each sensor with a band a number that is the same for like sensors.
+    pub pools: &'c [usize],
+    /// The same data with every feature, also those that teach nothing, for the paper's trees.
+    pub all_features: &'c DataSet,
     /// The windows, to be moved within their uncertainty.
     pub moving: Option<&'c Moving<'c>>,
     /// Who works.
@@ -281,7 +283,7 @@ pub fn evaluate(
         true => data.clone(),
         false => data.with_bands(&vec![BAND; data.sensors.len()]),
     };
-    let (data, bands) = &banded(data, settings, context.watched);
+    let (data, bands) = &banded(data, settings, context.pools);
     let training = run::settled(data, &settings.training);
     let judged = |protocol, data, training: &Training, lessons| {
         let holding = Holding { lessons, ..settings.holding };
@@ -323,7 +325,7 @@ pub fn evaluate(
     };
     progress("the paper's trees", 0.5);
     let baseline = match settings.protocols.len() > 1 {
-        true => baseline(unbanded, settings, workers)?,
+        true => baseline(context.all_features, settings, workers)?,
         false => vec![],
     };
     progress("comparing classifiers", 0.55);

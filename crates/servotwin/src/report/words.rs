@@ -29,18 +29,22 @@ pub fn stacked(value: Option<Rate>) -> String {
 /// The interval of a rate that comes from drawing whole kinds of fault: `90.50 … 95.10`.
 pub fn by_kind(rate: Option<Rate>) -> String {
     let interval = rate.filter(|rate| rate.of > 0).and_then(|rate| rate.by_kind);
-    interval.map_or_else(|| NONE.into(), |(low, high)| {
-        format!("{:.2} … {:.2}", 100.0 * low, 100.0 * high)
-    })
+    interval.map_or_else(
+        || NONE.into(),
+        |(low, high)| format!("{:.2} … {:.2}", 100.0 * low, 100.0 * high),
+    )
 }
 
 /// The change from one rate to another in points: `+0.12`.
 pub fn change(before: Option<Rate>, after: Option<Rate>) -> String {
     let shares = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
-    shares.map_or_else(|| NONE.into(), |(before, after)| {
-        let points = format!("{:+.2}", 100.0 * (after - before));
-        if points == "-0.00" { "+0.00".into() } else { points }
-    })
+    shares.map_or_else(
+        || NONE.into(),
+        |(before, after)| {
+            let points = format!("{:+.2}", 100.0 * (after - before));
+            if points == "-0.00" { "+0.00".into() } else { points }
+        },
+    )
 }
 
 /// The share of a rate in percent.
@@ -103,11 +107,11 @@ mod tests {
         let of_kinds = Rate { by_kind: Some((0.905, 0.951)), ..Rate::new(99, 100) };
         assert_eq!(by_kind(Some(of_kinds)), "90.50 … 95.10");
         assert_eq!(by_kind(Some(Rate::new(1, 2))), "–");
-        let change = |before, after| change(Some(Rate::new(before, 100)), Some(Rate::new(after, 100)));
-        assert_eq!((change(90, 91), change(91, 90), change(7, 7)), (
-            "+1.00".into(),
-            "-1.00".into(),
-            "+0.00".into()
-        ));
+        let change =
+            |before, after| change(Some(Rate::new(before, 100)), Some(Rate::new(after, 100)));
+        assert_eq!(
+            (change(90, 91), change(91, 90), change(7, 7)),
+            ("+1.00".into(), "-1.00".into(), "+0.00".into())
+        );
     }
 }

@@ -7,7 +7,7 @@ use crate::figure::bars::{Bar, Bars};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, RIGHT, SAFETY, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, number, percent, stacked};
+use crate::report::words::{NONE, number, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -35,17 +35,24 @@ impl Section for Bands {
         page.text(
             "The seed paper lets every scaled residual stay within ±3 %, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
-             wide for others. Here each kind of sensor has a band of its own: the largest residual that \
-             any healthy specimen showed on the training commands; like sensors of the actuators are \
-             pooled. A fault counts as detected where any residual leaves its band.",
+             wide for others. Here each kind of sensor has a band of its own, learned from healthy specimens \
+             on the training commands: as many standard deviations above the mean logarithm of their \
+             largest residuals as leave 1.5 % of these records outside of any band; like sensors of \
+             the actuators are pooled. A fault counts as detected where any residual leaves its band.",
         );
         let names: Vec<String> =
             results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
-        page.figure("bands", figure(&results, &names), "Half width of the learned bands in percent of each \
-            sensor's scale; the seed paper's band is 3 % for all.");
-        page.table(&widths(&results, &names), "Half widths in percent of scale. With 95 % confidence at \
-            most the last share of healthy records exceeds a band (of n records the largest: \
-            1 − 0.05^(1/n)); records of like sensors are counted together.");
+        page.figure(
+            "bands",
+            figure(&results, &names),
+            "Half width of the learned bands in percent of each \
+            sensor's scale; the seed paper's band is 3 % for all.",
+        );
+        page.table(
+            &widths(&results, &names),
+            "Half widths in percent of scale, and how many healthy \
+            training records leave the band; records of like sensors are counted together.",
+        );
         page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
             healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
         compared(&results, page);
@@ -76,7 +83,7 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
     let mut heads = vec![("sensor".to_owned(), Side::Left), ("seed paper".into(), Side::Right)];
     heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
     heads.push(("healthy records".into(), Side::Right));
-    heads.push(("exceeded by at most".into(), Side::Right));
+    heads.push(("outside".into(), Side::Right));
     let mut grid = Grid::new(heads);
     for (place, name) in names.iter().enumerate() {
         let mut row = vec![name.clone(), number(100.0 * BAND)];
@@ -91,7 +98,7 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
             all.join(", ")
         };
         row.push(list(&|band| band.records.to_string()));
-        row.push(list(&|band| percent(Some(band.exceeded_at_most))));
+        row.push(list(&|band| band.exceeded.to_string()));
         grid.push(row);
     }
     grid
@@ -145,7 +152,10 @@ fn compared(results: &[(&SubjectResult, &[Band])], page: &mut Page) {
         }
     }
     if !grid.is_empty() {
-        page.table(&grid, "The diagnosis of new commands with either band. Rates of detected faults are of \
-            other faults with each band; only “of all faults” compares directly.");
+        page.table(
+            &grid,
+            "The diagnosis of new commands with either band. Rates of detected faults are of \
+            other faults with each band; only “of all faults” compares directly.",
+        );
     }
 }

@@ -38,8 +38,11 @@ impl Section for CommandsCurve {
             training.healthy,
             number(study.duration_s),
         ));
-        page.table(&list(study, training), "The training commands as the study file has them. Of a \
-            pattern every range is filled evenly by the draws, wide ones on a logarithmic scale.");
+        page.table(
+            &list(study, training),
+            "The training commands as the study file has them. Of a \
+            pattern every range is filled evenly by the draws, wide ones on a logarithmic scale.",
+        );
         let curves: Vec<(&SubjectResult, Vec<(usize, &ProtocolResult)>)> =
             lines::settings(material.results)
                 .into_iter()
@@ -49,10 +52,17 @@ impl Section for CommandsCurve {
         if curves.is_empty() {
             return;
         }
-        page.figure("training_commands", figure(&curves), "Accuracy of the trees on new commands, end to \
+        page.figure(
+            "training_commands",
+            figure(&curves),
+            "Accuracy of the trees on new commands, end to \
             end, against the number of commands that they learned from (the first of the list); \
-            whiskers: 95 %, from drawing kinds of fault at their intensities.");
-        page.table(&table(&curves), "The same in numbers, with the missed shutdowns of detected faults.");
+            whiskers: 95 %, from drawing kinds of fault at their intensities.",
+        );
+        page.table(
+            &table(&curves),
+            "The same in numbers, with the missed shutdowns of detected faults.",
+        );
     }
 }
 
@@ -81,9 +91,8 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
     for (result, curve) in curves {
         let known = curve.iter().filter_map(|(count, result)| Some((*count, result.end_to_end?)));
         let known: Vec<(usize, Rate)> = known.filter(|(_, rate)| rate.share.is_some()).collect();
-        let point = |(count, rate): &(usize, Rate)| {
-            (*count as f64, 100.0 * rate.share.unwrap_or_default())
-        };
+        let point =
+            |(count, rate): &(usize, Rate)| (*count as f64, 100.0 * rate.share.unwrap_or_default());
         let ends = known.iter().map(|(_, rate)| (100.0 * rate.low, 100.0 * rate.high)).collect();
         let points = known.iter().map(point).collect();
         lines = lines.with(Curve::new(&result.title, points).with_intervals(ends));
@@ -94,9 +103,8 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
 fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Grid {
     let mut heads = vec![("training commands".to_owned(), Side::Right)];
     for what in ["end to end right", "shutdown missed"] {
-        let head = |(result, _): &(&SubjectResult, _)| {
-            (format!("{what}, {}", result.title), Side::Right)
-        };
+        let head =
+            |(result, _): &(&SubjectResult, _)| (format!("{what}, {}", result.title), Side::Right);
         heads.extend(curves.iter().map(head));
     }
     let mut grid = Grid::new(heads);
@@ -177,6 +185,9 @@ mod tests {
         let words = |text: &str| in_words(&toml::Value::String(text.into()));
         let pattern = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}";
         assert_eq!(words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
-        assert_eq!(words("step:size=6deg + ramp:rate=1deg/s"), "step: size 6deg; plus ramp: rate 1deg/s");
+        assert_eq!(
+            words("step:size=6deg + ramp:rate=1deg/s"),
+            "step: size 6deg; plus ramp: rate 1deg/s"
+        );
     }
 }

@@ -76,59 +76,77 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
     let mut list = vec![];
     let mut push = |about: &str, text: String| list.push((about.to_owned(), text));
     let detection = &evaluation.detection;
-    push("Detection", format!(
-        "{} of all faults leave the bands; the others show in no sensor and are not diagnosed.",
-        rate(Some(detection.detected)),
-    ));
+    push(
+        "Detection",
+        format!(
+            "{} of all faults leave the bands; the others show in no sensor and are not diagnosed.",
+            rate(Some(detection.detected)),
+        ),
+    );
     let about = match evaluation.headline().map(|result| result.protocol) {
         Some(Protocol::NewCommand) => "Commands never seen",
         _ => "Faults never seen at their intensity",
     };
     let both = |measure: &Measure| both(evaluation, measure);
-    push(about, format!(
-        "of the detected faults actuator, command and failure are right for {}; actuator and command, \
+    push(
+        about,
+        format!(
+            "of the detected faults actuator, command and failure are right for {}; actuator and command, \
          which are all that is acted on, for {}.",
-        both(&RIGHT[1]),
-        both(&RIGHT[0]),
-    ));
+            both(&RIGHT[1]),
+            both(&RIGHT[0]),
+        ),
+    );
     let [wrong, missed, missed_of_all, needless] = &SAFETY;
     push("Wrong actuator shut down", format!("{} of the detected faults.", both(wrong)));
-    push("Shutdown missed", format!(
-        "{} of the detected faults that need one; of all such faults, those never detected \
+    push(
+        "Shutdown missed",
+        format!(
+            "{} of the detected faults that need one; of all such faults, those never detected \
          included, {}.",
-        both(missed),
-        both(missed_of_all),
-    ));
+            both(missed),
+            both(missed_of_all),
+        ),
+    );
     push("Needless shutdown", format!("{} of the faults that need less.", both(needless)));
     if let Some(alarms) = &evaluation.false_alarms {
-        push("False alarms", format!(
-            "{} of {} healthy specimens leave the bands; the trees would shut an actuator down in {}, \
+        push(
+            "False alarms",
+            format!(
+                "{} of {} healthy specimens leave the bands; the trees would shut an actuator down in {}, \
              the committee in {}.",
-            rate(Some(alarms.alarms)),
-            alarms.alarms.of,
-            rate(Some(alarms.tree_shutdowns)),
-            rate(Some(alarms.committee_shutdowns)),
-        ));
+                rate(Some(alarms.alarms)),
+                alarms.alarms.of,
+                rate(Some(alarms.tree_shutdowns)),
+                rate(Some(alarms.committee_shutdowns)),
+            ),
+        );
     }
     if let Some(level) = silent(evaluation) {
-        push("Silence", format!(
-            "a committee that withholds the least certain {} of its answers is right about actuator \
+        push(
+            "Silence",
+            format!(
+                "a committee that withholds the least certain {} of its answers is right about actuator \
              and command in {} of the others, shuts the wrong actuator down in {} and answers a fault \
              that needs a shutdown wrongly in {}.",
-            percent(level.abstained.share),
-            rate(Some(level.right_action)),
-            rate(Some(level.wrong_actuator_shutdown)),
-            rate(Some(level.shutdown_answered_wrongly)),
-        ));
+                percent(level.abstained.share),
+                rate(Some(level.right_action)),
+                rate(Some(level.wrong_actuator_shutdown)),
+                rate(Some(level.shutdown_answered_wrongly)),
+            ),
+        );
     }
     if let Some((trees, committee)) = &evaluation.flips {
         let changed = |share: &Share| percent(Some(share.share()));
-        push("What sensors cannot show", format!(
-            "moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
+        push(
+            "What sensors cannot show",
+            format!(
+                "moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
              command change, and {} of the committee's.",
-            changed(&trees.action),
-            changed(&committee.action),
-        ));
+                changed(&trees.action),
+                changed(&committee.action),
+            ),
+        );
     }
     list
 }
