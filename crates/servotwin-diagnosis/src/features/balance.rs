@@ -94,7 +94,7 @@ impl Family for Balance {
         let means = [&sum, &fight, &gap].map(|c| mean(window, c));
         let variances = [&sum, &fight, &gap].map(|c| covariance(window, c, c));
         values.extend(means);
-        let noise = [&sum, &fight, &gap].map(|c| sensors.noise_variance(c));
+        let noise = [&sum, &fight, &gap].map(|c| sensors.noise(c));
         let errors = [&sum, &fight, &gap].map(|c| sensors.error_of_mean(window, c));
         values.extend([0, 1, 2].map(|i| log_deviation(variances[i], noise[i])));
         values.push(ratio(means[0], means[2], errors[2]));
@@ -103,7 +103,7 @@ impl Family for Balance {
         let pairs = [(&sum, &fight, 0, 1), (&sum, &gap, 0, 2), (&fight, &gap, 1, 2)];
         for (a, b, i, j) in pairs {
             let both = covariance(window, a, b);
-            values.push(correlation(both, variances[i], variances[j], noise[i], noise[j]));
+            values.push(correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]));
         }
     }
 }

@@ -11,7 +11,7 @@ fn two_actuators() -> Sensors {
             Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
             let name = format!("{name}_{}", unit + 1);
-            sensors.push(Sensor { name, quantity: *quantity, unit, noise: 0.002 });
+            sensors.push(Sensor { name, quantity: *quantity, unit, noise: 0.002, is_noisy: true });
         }
     }
     Sensors(sensors)

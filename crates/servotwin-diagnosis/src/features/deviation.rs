@@ -47,7 +47,7 @@ impl Family for Deviation {
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         for i in 0..sensors.0.len() {
-            let noise = sensors.noise_variance(&[(i, 1.0)]);
+            let noise = sensors.noise(&[(i, 1.0)]);
             values.push(log_deviation(window.covariance(i, i), noise));
             values.push(window.largest(i));
         }

@@ -3,7 +3,7 @@
 //! A calibration error of a sensor has a gain and a correlation near ±1; a bias
 //! has an offset and no correlation; a hydraulic fault has neither cleanly.
 
-use super::{Family, Feature, Sensors, correlation};
+use super::{Family, Feature, Noise, Sensors, correlation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec;
@@ -49,9 +49,9 @@ impl Family for Gain {
             let gain = covariance / (variance + LEAST_DEVIATION * LEAST_DEVIATION);
             values.push(gain);
             values.push(window.mean(i) - gain * window.twin_mean(i));
-            let noise = sensors.noise_variance(&[(i, 1.0)]);
+            let noise = [sensors.noise(&[(i, 1.0)]), Noise::default()];
             let own = window.covariance(i, i);
-            values.push(correlation(covariance, own, variance, noise, 0.0));
+            values.push(correlation(covariance, [own, variance], noise));
         }
     }
 }

@@ -69,6 +69,8 @@ pub struct Sensor {
     /// Standard deviation that noise and quantisation give a sample, in parts of scale; zero
     /// where it is not known.
     pub noise: f64,
+    /// Whether the samples carry it: those of a simulation with perfect sensors do not.
+    pub is_noisy: bool,
 }
 
 /// The sensors of a system, in the order of the window.
@@ -183,6 +185,13 @@ impl Sensors {
         combination.iter().map(|&(sensor, weight)| square(weight * self.0[sensor].noise)).sum()
     }
 
+    /// What noise has to do with the variance of a combination of residuals.
+    fn noise(&self, combination: Combination) -> Noise {
+        let is_noisy = combination.iter().any(|&(sensor, _)| self.0[sensor].is_noisy);
+        let resolved = self.noise_variance(combination);
+        Noise { carried: if is_noisy { resolved } else { 0.0 }, resolved }
+    }
+
     /// The standard error of a combination's mean over a window: noise averaged over its samples,
     /// and the solver's error, which stays.
     fn error_of_mean(&self, window: &Window, combination: Combination) -> f64 {
@@ -196,10 +205,30 @@ fn square(value: f64) -> f64 {
     value * value
 }
 
-/// The logarithm of a standard deviation (base ten). What noise alone would give is the least that is
-/// told apart: twice its variance, because a signal as large as the noise lies within its scatter.
-fn log_deviation(variance: f64, noise_variance: f64) -> f64 {
-    0.5 * libm::log10(variance.max(2.0 * noise_variance) + square(FLOOR))
+/// The variance that noise gives a sample.
+#[derive(Clone, Copy, Default)]
+struct Noise {
+    /// In these samples.
+    carried: f64,
+    /// In those of a real sensor.
+    resolved: f64,
+}
+
+impl Noise {
+    /// The part of a deviation that noise alone does not give is known to so much of the noise.
+    const KNOWN: f64 = 0.25;
+
+    /// A variance without what the noise of its samples adds, and with a floor where nothing else is
+    /// left: the same for perfect and for real sensors.
+    fn taken_from(self, variance: f64) -> f64 {
+        let own = (variance - self.carried).max(0.0);
+        own + square(Self::KNOWN) * self.resolved + square(FLOOR)
+    }
+}
+
+/// The logarithm of a standard deviation (base ten).
+fn log_deviation(variance: f64, noise: Noise) -> f64 {
+    0.5 * libm::log10(noise.taken_from(variance))
 }
 
 /// `(a − b)/(a + b)` of two sizes: −1 … 1, zero where both are nothing but error.
@@ -212,17 +241,10 @@ fn ratio(a: f64, b: f64, error_of_b: f64) -> f64 {
     a * b / (b * b + square(SURE * error_of_b))
 }
 
-/// Correlation from covariances, zero where a deviation is nothing but error. `floor_a` and
-/// `floor_b` are the variances that noise alone gives.
-fn correlation(
-    covariance: f64,
-    variance_a: f64,
-    variance_b: f64,
-    floor_a: f64,
-    floor_b: f64,
-) -> f64 {
-    let sure = |variance: f64, floor: f64| variance.max(0.0) + floor + square(FLOOR);
-    covariance / libm::sqrt(sure(variance_a, floor_a) * sure(variance_b, floor_b))
+/// Correlation from covariances, zero where a deviation is nothing but error.
+fn correlation(covariance: f64, variances: [f64; 2], noise: [Noise; 2]) -> f64 {
+    let [a, b] = [0, 1].map(|i| noise[i].taken_from(variances[i]));
+    covariance / libm::sqrt(a * b)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! a force moves them apart (differential); a pressure sensor moves one alone.
 //! The ratios say which it is without regard to the intensity.
 
-use super::{Family, Feature, Quantity, Sensors, correlation, log_deviation, ratio};
+use super::{Family, Feature, Noise, Quantity, Sensors, correlation, log_deviation, ratio};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec;
@@ -68,12 +68,15 @@ impl Family for Pressure {
                 (window.cross_covariance(a, spool), window.cross_covariance(b, spool));
             let var_spool = window.twin_covariance(spool, spool);
             let of_common = [(a, 0.5), (b, 0.5)];
-            let noise = |combination: &[(usize, f64)]| sensors.noise_variance(combination);
-            let (noise_a, noise_b) = (noise(&[(a, 1.0)]), noise(&[(b, 1.0)]));
+            let noise = |combination: &[(usize, f64)]| sensors.noise(combination);
+            let chambers = [noise(&[(a, 1.0)]), noise(&[(b, 1.0)])];
             let noise_common = noise(&of_common);
-            let noise_differential = noise_a + noise_b;
+            let noise_differential = noise(&[(a, 1.0), (b, -1.0)]);
             let deviation_common = log_deviation(var_common, noise_common);
             let deviation_differential = log_deviation(var_differential, noise_differential);
+            let with_spool = |covariance, variance, noise| {
+                correlation(covariance, [variance, var_spool], [noise, Noise::default()])
+            };
             let error = |combination: &[(usize, f64)]| sensors.error_of_mean(window, combination);
             values.extend([
                 common,
@@ -81,10 +84,10 @@ impl Family for Pressure {
                 deviation_common,
                 deviation_differential,
                 ratio(mean_b, mean_a, error(&[(a, 1.0)])),
-                correlation(both, var_a, var_b, noise_a, noise_b),
+                correlation(both, [var_a, var_b], chambers),
                 deviation_common - deviation_differential,
-                correlation(with_a - with_b, var_differential, var_spool, noise_differential, 0.0),
-                correlation(0.5 * (with_a + with_b), var_common, var_spool, noise_common, 0.0),
+                with_spool(with_a - with_b, var_differential, noise_differential),
+                with_spool(0.5 * (with_a + with_b), var_common, noise_common),
                 ratio(window.mean(spool), common, error(&of_common)),
             ]);
         }

@@ -60,7 +60,7 @@ impl Family for Proportion {
         let log_rms = |sensor: usize| {
             let mean = window.mean(sensor);
             let mean_square = mean * mean + window.covariance(sensor, sensor);
-            log_deviation(mean_square, sensors.noise_variance(&[(sensor, 1.0)]))
+            log_deviation(mean_square, sensors.noise(&[(sensor, 1.0)]))
         };
         values.extend(pairs(sensors).into_iter().map(|(a, b)| log_rms(a) - log_rms(b)));
     }

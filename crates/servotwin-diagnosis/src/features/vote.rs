@@ -67,7 +67,7 @@ impl Family for Vote {
         let deviation = rams.map(|ram| {
             let both = window.covariance(ram, surface);
             let own = window.covariance(ram, ram) + window.covariance(surface, surface);
-            let noise = sensors.noise_variance(&[(ram, 1.0), (surface, -1.0)]);
+            let noise = sensors.noise(&[(ram, 1.0), (surface, -1.0)]);
             log_deviation(own - 2.0 * both, noise)
         });
         values.extend([mean[0], deviation[0], mean[1], deviation[1]]);

@@ -44,7 +44,7 @@ struct Spread {
 /// Learns the bands; `pools[i]` is the same for sensors that are alike. `None` without healthy
 /// specimens to learn from.
 pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
-    let rows = data.rows_where(Role::Training, |row| row.is_healthy && !row.is_moved);
+    let rows = data.rows_where(Role::Training, |row| row.is_healthy && row.moved == 0);
     if rows.len() < 2 || data.sensors.is_empty() || pools.len() < data.sensors.len() {
         return None;
     }

@@ -66,7 +66,7 @@ pub fn train(
     let mut seen = BTreeMap::new();
     let still = |split: &Split, wanted: &dyn Fn(&Row) -> bool| -> Vec<usize> {
         let rows = of(&split.test).into_iter();
-        rows.filter(|&row| !data.rows[row].is_moved && wanted(&data.rows[row])).collect()
+        rows.filter(|&row| data.rows[row].moved == 0 && wanted(&data.rows[row])).collect()
     };
     for (part, split) in parts.iter().zip(&folds) {
         collect(data, part, &still(split, &|_| true), &mut seen);

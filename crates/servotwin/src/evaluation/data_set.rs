@@ -69,9 +69,9 @@ pub struct Row {
     pub intensity: u32,
     /// Its own intensity.
     pub own_intensity: f64,
-    /// Whether its window was moved within its uncertainty: such rows are learned from, never
-    /// judged.
-    pub is_moved: bool,
+    /// Which of several moves of its window within its uncertainty it is, from 1; 0 for the window as it
+    /// was. Moved rows are learned from, never judged.
+    pub moved: usize,
     /// Whether it has no fault.
     pub is_healthy: bool,
     /// Whether it shows the signals of another row with the actuators exchanged.
@@ -97,18 +97,21 @@ pub struct Lessons {
     pub faults: f64,
     /// Healthy specimens above this do.
     pub healthy: f64,
+    /// How many moves of each window teach beside it.
+    pub moves: usize,
 }
 
 impl Default for Lessons {
-    /// Detected faults, and healthy specimens that nearly were.
+    /// Detected faults, and healthy specimens that nearly were, with all their moves.
     fn default() -> Self {
-        Lessons { faults: 1.0, healthy: 0.8 }
+        Lessons { faults: 1.0, healthy: 0.8, moves: usize::MAX }
     }
 }
 
 impl Lessons {
     fn teaches(self, row: &Row) -> bool {
-        row.excess > if row.is_healthy { self.healthy } else { self.faults }
+        let least = if row.is_healthy { self.healthy } else { self.faults };
+        row.excess > least && row.moved <= self.moves
     }
 }
 
@@ -209,7 +212,7 @@ impl DataSet {
             kind: kind[place],
             intensity: intensity[place],
             own_intensity: own_intensity[place],
-            is_moved: false,
+            moved: 0,
             is_healthy: kinds[place] == HEALTHY,
             reflected: reflected[place],
             largest: largest.iter().map(|column| column[place]).collect(),
@@ -299,8 +302,12 @@ impl DataSet {
         let pairs = rows.iter().zip(&moved);
         let pairs = pairs.flat_map(|(&row, draws)| draws.iter().map(move |views| (row, views)));
         let (origins, values): (Vec<usize>, Vec<&Vec<Vec<f64>>>) = pairs.unzip();
-        let copy = |&row: &usize| Row { is_moved: true, ..self.rows[row].clone() };
-        let rows = self.rows.iter().cloned().chain(origins.iter().map(copy)).collect();
+        let copy = |(place, &row): (usize, &usize)| Row {
+            moved: 1 + place % moving.draws,
+            ..self.rows[row].clone()
+        };
+        let copies = origins.iter().enumerate().map(copy);
+        let rows = self.rows.iter().cloned().chain(copies).collect();
         let examples = self.examples.extended(&origins, |row, view| &values[row][view]);
         Ok(DataSet { rows, examples, ..self.clone() })
     }

@@ -18,7 +18,7 @@ use servotwin_diagnosis::residual::Window;
 /// Windows of the rows of a data set, and how they may move.
 pub struct Moving<'w> {
     /// The sensors, in the order of the windows.
-    pub sensors: &'w Sensors,
+    pub sensors: Sensors,
     /// The window of every row.
     pub windows: &'w [Window],
     /// What a sample carries of noise and quantisation, in parts of scale, for each sensor.
@@ -92,7 +92,7 @@ impl Moving<'_> {
         let of = |view: usize| {
             let order = self.sensors.exchanged(0, view).filter(|_| view > 0);
             let seen = order.map(|order| window.reordered(&order));
-            let all = features::values(self.sensors, seen.as_ref().unwrap_or(window));
+            let all = features::values(&self.sensors, seen.as_ref().unwrap_or(window));
             self.columns.iter().map(|&column| all[column]).collect()
         };
         (0..views).map(of).collect()

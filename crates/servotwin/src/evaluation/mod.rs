@@ -81,7 +81,7 @@ impl Default for Settings {
         Settings {
             training: Training::default(),
             committee: Training::all(boosted),
-            committee_lessons: Lessons { faults: 0.8, healthy: 0.0 },
+            committee_lessons: Lessons { faults: 0.8, healthy: 0.0, moves: 2 },
             holding: Holding::default(),
             // Folds of a third: as much to learn from as in the random third.
             comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
@@ -335,7 +335,7 @@ pub fn evaluate(
     let ablation = match settings.ablation {
         // A family less is a family less, with moved windows or without.
         true => {
-            let still = data.without(|row| row.is_moved);
+            let still = data.without(|row| row.moved > 0);
             ablation::evaluate(&still, &training, settings.holding, workers)?
         }
         false => vec![],

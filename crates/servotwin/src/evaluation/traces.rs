@@ -186,7 +186,7 @@ impl TraceStudy {
                 unknown("quantity", &sensor.quantity, words)
             })?;
             let (name, unit) = (sensor.name.clone(), sensor.unit - 1);
-            Ok(Sensor { name, quantity: *quantity, unit, noise: 0.0 })
+            Ok(Sensor { name, quantity: *quantity, unit, noise: 0.0, is_noisy: false })
         };
         Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, TraceError>>()?))
     }

@@ -31,7 +31,7 @@ use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
 
 /// How often each training window is moved within its uncertainty, and the seed.
-const LEARNED: (usize, u64) = (2, 1);
+const LEARNED: (usize, u64) = (4, 1);
 
 /// How often each judged window is, and the seed.
 const JUDGED: (usize, u64) = (4, 2);
@@ -200,7 +200,7 @@ fn moving<'w>(
     let own = features
         .filter(|(_, known)| known.feature.teaches && (subject.extra_sensor() || !known.extra));
     (!windows.is_empty()).then(|| Moving {
-        sensors: &study.sensors,
+        sensors: study.sensors_in(subject.setting()),
         windows,
         noise: noise.collect(),
         lasting: SOLVER_ERROR,

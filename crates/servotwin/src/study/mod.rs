@@ -319,6 +319,12 @@ impl Study {
         Role::ALL.into_iter().filter(there).collect()
     }
 
+    /// The sensors as features see them in a setting.
+    pub fn sensors_in(&self, setting: Setting) -> Sensors {
+        let is_noisy = setting.has_noise();
+        Sensors(self.sensors.0.iter().map(|s| Sensor { is_noisy, ..s.clone() }).collect())
+    }
+
     /// Number of sensors without the extra one.
     pub fn base_sensors(&self) -> usize {
         self.measured.len() - usize::from(self.extra_sensor.is_some())
@@ -434,7 +440,7 @@ impl Reader<'_> {
                 position.ok_or_else(|| self.unknown("sensor in the system", &extra.id, ids()))?;
             measured.push(position);
             let (name, noise) = (list[position].label.clone(), self.noise(position));
-            seen.push(Sensor { name, quantity: Quantity::Surface, unit: 0, noise });
+            seen.push(Sensor { name, quantity: Quantity::Surface, unit: 0, noise, is_noisy: true });
         }
         Ok((measured, Sensors(seen)))
     }
@@ -449,7 +455,7 @@ impl Reader<'_> {
         self.range(format!("unit of {label}"), text.unit as f64, known, "0 … number of units")?;
         let unit = text.unit.saturating_sub(1);
         let (name, noise) = (label.clone(), self.noise(position));
-        Ok(Sensor { name, quantity: *quantity, unit, noise })
+        Ok(Sensor { name, quantity: *quantity, unit, noise, is_noisy: true })
     }
 
     /// What a sample of a sensor carries of noise and quantisation, in parts of its scale.

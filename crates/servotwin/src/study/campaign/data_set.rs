@@ -1,6 +1,6 @@
 //! The data set of a campaign: labels, detection and features, one row for each variant.
 
-use super::{Images, Planned, Row, Study};
+use super::{Images, Planned, Row, Setting, Study};
 use crate::study::OperatingCase;
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
@@ -42,6 +42,7 @@ pub(super) struct Maker<'m> {
     pub study: &'m Study,
     pub cases: &'m [OperatingCase],
     pub images: &'m Images,
+    pub setting: Setting,
 }
 
 impl Maker<'_> {
@@ -76,7 +77,7 @@ impl Maker<'_> {
 
     /// Each feature, and where the units correspond also its mirror image.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
-        let sensors = &self.study.sensors;
+        let sensors = &self.study.sensors_in(self.setting);
         let own: Vec<Vec<f64>> =
             rows.iter().map(|row| features::values(sensors, &row.window)).collect();
         let mirrored: Option<Vec<Vec<f64>>> = sensors.exchanged(0, 1).map(|order| {

@@ -373,12 +373,12 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         outcome.images = images.count();
         outcome.failed.clear();
-        let maker = Maker { study: self.study, cases: self.cases(), images };
         for (&setting, rows) in self.settings.iter().zip(rows) {
             let failed = rows.iter().enumerate().filter(|(_, row)| !row.failure.is_empty());
             let failed = failed.map(|(index, row)| (setting, index, row.failure.clone()));
             outcome.failed.extend(failed);
-            let table = maker
+            let (study, cases) = (self.study, self.cases());
+            let table = Maker { study, cases, images, setting }
                 .table(&plan[..rows.len()], rows)
                 .with_metadata(
                     "fingerprint",
