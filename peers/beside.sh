@@ -5,7 +5,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 commit=$1
-stride=${2:-8}
+stride=${2:-2}
 duration_s=${3:-90}
 before=target/beside/$commit
 example=crates/servotwin/examples/seconds.rs

@@ -18,7 +18,7 @@ pub struct Ensemble<'p> {
     pub program: &'p Program,
     /// The solver's settings.
     pub settings: Settings,
-    /// The lanes.
+    /// The lanes for few variants; see [`Level::for_many`].
     pub level: Level,
     /// Number of threads, at least one.
     pub threads: usize,
@@ -98,8 +98,10 @@ impl<'p> Ensemble<'p> {
     ) {
         let next = AtomicUsize::new(0);
         let done = Mutex::new(done);
+        let threads = self.threads.clamp(1, count.max(1));
+        let level = self.level.for_many(count / threads);
         std::thread::scope(|scope| {
-            for _ in 0..self.threads.clamp(1, count.max(1)) {
+            for _ in 0..threads {
                 scope.spawn(|| {
                     let mut worker = Worker {
                         ensemble: self,
@@ -110,7 +112,7 @@ impl<'p> Ensemble<'p> {
                         done: &done,
                         open: Vec::new(),
                     };
-                    run(self.program, self.settings, &self.record, self.level, &mut worker);
+                    run(self.program, self.settings, &self.record, level, &mut worker);
                 });
             }
         });
@@ -123,8 +125,7 @@ impl<'p> Ensemble<'p> {
     /// Where the solver could not go on.
     pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
         let mut result = None;
-        let level = Level::narrow();
-        Ensemble { cancel: None, record: self.record.clone(), level, ..*self }.run(
+        Ensemble { cancel: None, record: self.record.clone(), ..*self }.run(
             1,
             |_| variant.clone(),
             |_| vec![Vec::new(); self.record.len()],

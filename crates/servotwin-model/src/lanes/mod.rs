@@ -26,12 +26,18 @@ pub enum Level {
     Portable,
     /// Two times four lanes of 256 bits.
     Avx2,
-    /// Two times eight lanes of 512 bits.
+    /// Eight lanes of 512 bits.
     Avx512,
+    /// Two times eight lanes of 512 bits.
+    Avx512Twice,
 }
 
 /// Every level, slowest first.
-pub const ALL: [Level; 3] = [Level::Portable, Level::Avx2, Level::Avx512];
+pub const ALL: [Level; 4] = [Level::Portable, Level::Avx2, Level::Avx512, Level::Avx512Twice];
+
+/// Variants for each of sixteen lanes from which on these are faster in all: a step of
+/// theirs takes longer, and at the end most of them have nothing to do.
+const MANY_PER_LANE: usize = 8;
 
 impl Level {
     /// The name on the command line.
@@ -40,6 +46,7 @@ impl Level {
             Level::Portable => "portable",
             Level::Avx2 => "avx2",
             Level::Avx512 => "avx512",
+            Level::Avx512Twice => "avx512x2",
         }
     }
 
@@ -47,8 +54,8 @@ impl Level {
     pub fn width(self) -> usize {
         match self {
             Level::Portable => 4,
-            Level::Avx2 => 8,
-            Level::Avx512 => 16,
+            Level::Avx2 | Level::Avx512 => 8,
+            Level::Avx512Twice => 16,
         }
     }
 
@@ -61,26 +68,32 @@ impl Level {
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => detected::AVX2.get(detected::avx2),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => detected::AVX512.get(detected::avx512),
+            Level::Avx512 | Level::Avx512Twice => detected::AVX512.get(detected::avx512),
             #[cfg(not(target_arch = "x86_64"))]
             _ => false,
         }
     }
 
-    /// The level for a variant alone, which waits for all lanes beside it.
-    pub fn narrow() -> Level {
-        if Level::Avx2.available() { Level::Avx2 } else { Level::Portable }
-    }
-
-    /// The widest level that this processor can run.
+    /// The level that this processor takes a step with soonest.
     pub fn best() -> Level {
         let mut best = Level::Portable;
-        for level in ALL {
+        for level in [Level::Avx2, Level::Avx512] {
             if level.available() {
                 best = level;
             }
         }
         best
+    }
+
+    /// The level that is through with as many variants soonest, where this one is the
+    /// best.
+    pub fn for_many(self, variants: usize) -> Level {
+        match self {
+            Level::Avx512 if variants >= MANY_PER_LANE * Level::Avx512Twice.width() => {
+                Level::Avx512Twice
+            }
+            level => level,
+        }
     }
 }
 
@@ -156,6 +169,9 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
         // SAFETY: the level is available.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe { run_avx512(kernel) },
+        // SAFETY: the level is available.
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512Twice => unsafe { run_avx512_twice(kernel) },
         #[cfg(not(target_arch = "x86_64"))]
         _ => unreachable!(),
     }
@@ -170,6 +186,12 @@ fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq")]
 fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Avx512>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq")]
+fn run_avx512_twice<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Pair<Avx512>>()
 }
 
