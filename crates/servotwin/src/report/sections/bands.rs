@@ -1,13 +1,13 @@
 //! The bands that healthy residuals stay in: learned sensor by sensor, beside the seed paper's 3 %.
 
-use crate::evaluation::bands::Band;
+use crate::evaluation::bands::{Band, EXCEEDED};
 use crate::evaluation::protocol::Protocol;
 use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, RIGHT, SAFETY, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, number, percent, stacked};
+use crate::report::words::{NONE, number, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -32,20 +32,24 @@ impl Section for Bands {
         if results.is_empty() {
             return;
         }
-        page.text(
+        page.text(&format!(
             "The seed paper lets every scaled residual stay within ±3 %, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
-             wide for others. Here each kind of sensor has a band of its own: the largest residual that \
-             any healthy specimen showed on the training commands; like sensors of the actuators are \
-             pooled. A fault counts as detected where any residual leaves its band.",
-        );
+             wide for others. Here each kind of sensor has a band of its own, learned from the largest \
+             residuals of healthy specimens on the training commands: the larger of two bounds, each \
+             meant to be left by one sensor in {} % of healthy records. The first is the upper 95 % \
+             confidence bound of that quantile between records, whose largest residuals vary with \
+             specimen and command nearly as a log-normal variable; the second is what noise alone \
+             reaches within a record. Like sensors of the actuators are pooled. A fault counts as \
+             detected where any residual leaves its band.",
+            number(100.0 * EXCEEDED)
+        ));
         let names: Vec<String> =
             results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
         page.figure("bands", figure(&results, &names), "Half width of the learned bands in percent of each \
             sensor's scale; the seed paper's band is 3 % for all.");
-        page.table(&widths(&results, &names), "Half widths in percent of scale. With 95 % confidence at \
-            most the last share of healthy records exceeds a band (of n records the largest: \
-            1 − 0.05^(1/n)); records of like sensors are counted together.");
+        page.table(&widths(&results, &names), "Half widths in percent of scale; below them how many of the \
+            healthy training records (those of like sensors together) leave the band.");
         page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
             healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
         compared(&results, page);
@@ -75,23 +79,16 @@ fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
 fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
     let mut heads = vec![("sensor".to_owned(), Side::Left), ("seed paper".into(), Side::Right)];
     heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
-    heads.push(("healthy records".into(), Side::Right));
-    heads.push(("exceeded by at most".into(), Side::Right));
     let mut grid = Grid::new(heads);
     for (place, name) in names.iter().enumerate() {
         let mut row = vec![name.clone(), number(100.0 * BAND)];
         let width = |band: Option<&Band>| {
-            band.map_or_else(|| NONE.into(), |band| format!("{:.2}", 100.0 * band.half_width))
+            band.map_or_else(|| NONE.into(), |band| {
+                let width = 100.0 * band.half_width;
+                format!("{width:.2}\n{} of {}", band.exceeded, band.records)
+            })
         };
         row.extend(results.iter().map(|(_, bands)| width(bands.get(place))));
-        let list = |of: &dyn Fn(&Band) -> String| {
-            let mut all: Vec<String> =
-                results.iter().filter_map(|(_, bands)| bands.get(place).map(of)).collect();
-            all.dedup();
-            all.join(", ")
-        };
-        row.push(list(&|band| band.records.to_string()));
-        row.push(list(&|band| percent(Some(band.exceeded_at_most))));
         grid.push(row);
     }
     grid

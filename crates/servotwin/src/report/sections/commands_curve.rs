@@ -126,15 +126,20 @@ fn list(study: &Study, training: &Training) -> Grid {
     let section = text.get("training");
     let named = section.and_then(|section| section.get("signals")).and_then(toml::Value::as_table);
     let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
-    let is_drawn = |case: &&OperatingCase| signal(&case.command).is_none();
-    let drawn: Vec<&OperatingCase> = training.cases.iter().filter(is_drawn).collect();
-    if let [first, .., last] = drawn[..] {
-        let pattern = section.and_then(|section| section.get("draws")?.get("signal"));
-        let names = format!("{} … {}", first.command, last.command);
-        grid.push(vec![names, pattern.map(in_words).unwrap_or_default(), loads(&drawn)]);
+    let drawn = section.and_then(|section| section.get("draws")).and_then(toml::Value::as_array);
+    // The draws of all patterns come first, in their order.
+    let mut cases: Vec<&OperatingCase> = training.cases.iter().collect();
+    for draws in drawn.into_iter().flatten() {
+        let count = draws.get("count").and_then(toml::Value::as_integer).unwrap_or(0);
+        let own: Vec<&OperatingCase> = cases.drain(..(count as usize).min(cases.len())).collect();
+        let Some((first, last)) = own.first().zip(own.last()) else { continue };
+        let names = match own.len() {
+            1 => first.command.clone(),
+            _ => format!("{} … {}", first.command, last.command),
+        };
+        grid.push(vec![names, draws.get("signal").map(in_words).unwrap_or_default(), loads(&own)]);
     }
-    let alone = if drawn.len() == 1 { &drawn[..] } else { &[] };
-    for case in alone.iter().copied().chain(training.cases.iter().filter(|case| !is_drawn(case))) {
+    for case in cases {
         let words = signal(&case.command).unwrap_or_default();
         grid.push(vec![case.command.clone(), words, loads(&[case])]);
     }
