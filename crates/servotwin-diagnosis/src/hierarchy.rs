@@ -27,6 +27,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::calibration;
 use crate::classifiers::{self, Classifier, Fit, Model, Scores};
 use crate::data::Samples;
 use crate::error::{Error, same_length};
@@ -589,18 +590,14 @@ impl Stage {
         let own = &scratch.row[..self.columns.len()];
         let scores = &mut scratch.scores[..self.classes.len()];
         let class = self.model.predict_with(own, scores) as usize;
-        self.model.scores_into(own, scores);
-        Answer { class: self.classes[class], probability: self.probability(scores, class) }
-    }
-
-    /// The calibrated probability of a class: shares to the power 1/T, normalised. Margins are no
-    /// shares, and give no probability.
-    fn probability(&self, scores: &[f64], class: usize) -> f64 {
-        if self.model.scores() != Scores::Shares {
-            return 1.0;
+        let mut probability = 1.0;
+        // Margins are no shares, and give no probability.
+        if self.model.scores() == Scores::Shares {
+            self.model.scores_into(own, scores);
+            calibration::scale(scores, self.temperature);
+            probability = scores[class];
         }
-        let power = |share: &f64| libm::pow(share.max(0.0), 1.0 / self.temperature);
-        power(&scores[class]) / scores.iter().map(power).sum::<f64>()
+        Answer { class: self.classes[class], probability }
     }
 
     /// The nodes from the root to the leaf of a row of all features; empty unless the model is a

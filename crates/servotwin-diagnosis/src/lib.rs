@@ -2,8 +2,8 @@
 //!
 //! `no_std` with `alloc`. What is here, from the bottom up:
 //! [`data`] holds validated training samples, [`tree`] the decision tree that CART, random forest
-//! and AdaBoost share, [`classifiers`] the eight classifiers behind one trait, [`evaluation`] the
-//! splits and scores they are judged with, [`hierarchy`] the trees that follow each other from the
+//! and AdaBoost share, [`classifiers`] the classifiers behind one trait, [`calibration`] what their
+//! probabilities are worth, [`evaluation`] the splits and scores they are judged with, [`hierarchy`] the trees that follow each other from the
 //! actuator to the detail.
 //!
 //! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the

@@ -220,12 +220,7 @@ impl Window {
     ///
     /// with C the covariances of all residuals and twin signals: g_j is the covariance that an error of
     /// sensor j happens to have with each of them.
-    pub fn disturbed(
-        &self,
-        noise: &[f64],
-        lasting: f64,
-        normal: &mut impl FnMut() -> f64,
-    ) -> Self {
+    pub fn disturbed(&self, noise: &[f64], lasting: f64, normal: &mut impl FnMut() -> f64) -> Self {
         let (n, channels) = (self.sensors, 2 * self.sensors);
         let count = (self.count as f64).max(1.0);
         let mut result = self.clone();

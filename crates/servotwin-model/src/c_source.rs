@@ -206,7 +206,7 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     }
     for (index, clock) in program.clocks().iter().enumerate() {
         let mut ticked = variables.clone();
-        clock.sequence.run(&constants, &mut ticked);
+        clock.sequence.trace(&constants, &mut ticked);
         for &(from, to) in &clock.exchanges {
             ticked[to as usize] = ticked[from as usize];
         }
@@ -237,7 +237,7 @@ fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> 
             *variable = graph.variable(array, index);
         }
     }
-    program.evaluate(constants, &mut variables);
+    program.trace(constants, &mut variables);
     variables
 }
 

@@ -11,7 +11,8 @@ use crate::dual::Partial;
 use crate::lu::Plan;
 use crate::place::Place;
 use crate::program::{Dependence, Sequence, Target};
-use crate::scalar::Lanes;
+use crate::runs::{Run, in_runs, runs, unrolled};
+use crate::scalar::{Lanes, Work};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -24,13 +25,8 @@ struct Term {
     source: Place,
 }
 
-/// One entry of a row: how many of its terms add, and how many then subtract.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    target: Place,
-    add: u16,
-    subtract: u16,
-}
+/// How many terms of an entry add, and how many then subtract.
+type Shape = (usize, usize);
 
 /// The terms of one entry while they are collected: (adding, subtracting).
 type Terms = (Vec<Term>, Vec<Term>);
@@ -44,13 +40,12 @@ pub struct Rows {
     first_slope: usize,
     /// Where the blocks' partial derivatives begin, after the rows.
     first_partial: usize,
+    /// The entries in the order of their making, and their terms.
+    runs: Vec<Run<Shape>>,
+    targets: Vec<Place>,
     terms: Vec<Term>,
-    entries: Vec<Entry>,
     /// (row, column, place) of the Jacobian's entries.
     jacobian: Vec<(u16, u16, Place)>,
-    /// For each place in the factors the gradient that stands there in the
-    /// Jacobian.
-    in_plan: Vec<Place>,
     /// (row, place) of the time derivatives.
     time: Vec<(u16, Place)>,
 }
@@ -92,10 +87,10 @@ impl Rows {
             slots: next,
             first_slope,
             first_partial: next,
+            runs: Vec::new(),
+            targets: Vec::new(),
             terms: Vec::new(),
-            entries: Vec::new(),
             jacobian: Vec::new(),
-            in_plan: Vec::new(),
             time: Vec::new(),
         };
         let stands = rows.list_terms(sequence, externals, &patterns, &places);
@@ -152,6 +147,7 @@ impl Rows {
         order.sort_unstable();
         // Where an entry already stands that is one number and no sum.
         let mut stands = BTreeMap::new();
+        let mut entries = Vec::new();
         for (_, target) in order {
             let (mut add, mut subtract) = terms.remove(&target).expect("a pattern is of terms");
             for term in add.iter_mut().chain(&mut subtract) {
@@ -161,14 +157,30 @@ impl Rows {
                 stands.insert(target, place);
                 continue;
             }
-            self.entries.push(Entry {
-                target,
-                add: add.len() as u16,
-                subtract: subtract.len() as u16,
-            });
-            self.terms.extend(add.into_iter().chain(subtract));
+            entries.push((target, add, subtract));
         }
+        self.list_entries(&entries);
         stands
+    }
+
+    /// Lists the entries (target, terms that add, that subtract) in runs.
+    fn list_entries(&mut self, entries: &[(Place, Vec<Term>, Vec<Term>)]) {
+        let index: BTreeMap<Place, usize> =
+            entries.iter().enumerate().map(|(index, entry)| (entry.0, index)).collect();
+        let shape = |entry: &usize| (entries[*entry].1.len(), entries[*entry].2.len());
+        let shapes: Vec<Shape> = (0..entries.len()).map(|entry| shape(&entry)).collect();
+        let needs = |(_, add, subtract): &(Place, Vec<Term>, Vec<Term>)| {
+            let terms = add.iter().chain(subtract);
+            terms.filter_map(|term| index.get(&term.source).copied()).collect()
+        };
+        let needs: Vec<Vec<usize>> = entries.iter().map(needs).collect();
+        let order = in_runs(&shapes, &needs);
+        self.runs = runs(order.iter().map(shape));
+        for entry in order {
+            let (target, add, subtract) = &entries[entry];
+            self.targets.push(*target);
+            self.terms.extend(add.iter().chain(subtract));
+        }
     }
 
     /// The gradient of a block's input: (column, where the entry stands).
@@ -191,12 +203,11 @@ impl Rows {
         }
     }
 
-    pub(crate) fn with_plan(mut self, plan: &Plan) -> Self {
-        self.in_plan = vec![ZERO; plan.slots()];
-        for &(i, j, gradient) in &self.jacobian {
-            self.in_plan[plan.slot(i, j) as usize] = gradient;
-        }
-        self
+    /// The plan of the factorisation of `diagonal · I − J`.
+    pub(crate) fn plan(&self) -> Plan {
+        let entries = self.jacobian.iter();
+        let entries: Vec<_> = entries.map(|&(i, j, place)| (i, j, place.index() as u16)).collect();
+        Plan::new(self.states, &entries, ZERO.index() as u16)
     }
 
     /// Row and column of every entry of the Jacobian.
@@ -228,29 +239,29 @@ impl Rows {
     }
 
     /// The rows from the blocks' partial derivatives.
-    #[inline(always)]
     pub(crate) fn chain<V: Lanes>(&self, gradients: &mut [V]) {
+        V::outline(Chain { rows: self, gradients });
+    }
+
+    #[inline(always)]
+    fn multiply<V: Lanes>(&self, gradients: &mut [V]) {
         assert!(gradients.len() >= self.slots);
         gradients[ONE.index()] = V::constant(1.0);
         gradients[ZERO.index()] = V::constant(0.0);
-        let gradients = gradients.as_mut_ptr();
-        let mut terms = self.terms.as_ptr();
-        for entry in &self.entries {
-            let mut sum = V::constant(0.0);
-            // SAFETY: the entries' terms stand one after the other in the list, and all
-            // places of terms and entries are below `slots`.
+        let mut lists = Multiplying {
+            gradients: gradients.as_mut_ptr(),
+            targets: self.targets.as_ptr(),
+            terms: self.terms.as_ptr(),
+        };
+        for &Run { shape: (add, subtract), count } in &self.runs {
+            // SAFETY: a target and its terms are listed for everything in the runs, and
+            // all places are below `slots`.
             unsafe {
-                let end = terms.add(entry.add as usize);
-                while terms != end {
-                    sum = sum + (*terms).value(gradients);
-                    terms = terms.add(1);
+                match subtract {
+                    0 => unrolled!(add, |n| lists.multiply(n, 0, count)),
+                    1 => unrolled!(add, |n| lists.multiply(n, 1, count)),
+                    _ => lists.multiply(add, subtract, count),
                 }
-                let end = terms.add(entry.subtract as usize);
-                while terms != end {
-                    sum = sum - (*terms).value(gradients);
-                    terms = terms.add(1);
-                }
-                *entry.target.among(gradients) = sum;
             }
         }
     }
@@ -264,25 +275,68 @@ impl Rows {
         entries.map(|&(i, j, place)| (i as usize, j as usize, gradients[place.index()]))
     }
 
-    /// Writes `diagonal · I − J` into the factors' place.
-    #[inline(always)]
-    pub fn shifted<V: Lanes>(&self, plan: &Plan, diagonal: V, gradients: &[V], values: &mut [V]) {
-        assert!(gradients.len() >= self.slots && values.len() >= plan.slots());
-        let zero = V::constant(0.0);
-        for (value, gradient) in values.iter_mut().zip(&self.in_plan) {
-            // SAFETY: all places of gradients are below `slots`.
-            *value = zero - unsafe { gradient.read(gradients) };
-        }
-        for place in plan.diagonals() {
-            values[place.index()] = diagonal + values[place.index()];
-        }
-    }
-
     /// Adds `factor · ∂f/∂t` to a vector over the states.
     #[inline(always)]
     pub fn add_time_derivative<V: Lanes>(&self, factor: V, gradients: &[V], x: &mut [V]) {
         for &(row, place) in &self.time {
             x[row as usize] = x[row as usize] + factor * gradients[place.index()];
+        }
+    }
+}
+
+/// [`Rows::chain`].
+struct Chain<'a, V> {
+    rows: &'a Rows,
+    gradients: &'a mut [V],
+}
+
+impl<V: Lanes> Work<V> for Chain<'_, V> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.rows.multiply(self.gradients);
+    }
+}
+
+/// Where the making of the rows stands in its lists.
+struct Multiplying<V> {
+    gradients: *mut V,
+    targets: *const Place,
+    terms: *const Term,
+}
+
+impl<V: Lanes> Multiplying<V> {
+    /// Makes a run of entries.
+    ///
+    /// # Safety
+    /// The lists must go on for as many entries, with places that there are.
+    #[inline(always)]
+    unsafe fn multiply(&mut self, add: usize, subtract: usize, count: usize) {
+        // SAFETY: promised by the caller.
+        unsafe {
+            for _ in 0..count {
+                let mut sum = V::constant(0.0);
+                for _ in 0..add {
+                    sum = sum + self.next_term();
+                }
+                for _ in 0..subtract {
+                    sum = sum - self.next_term();
+                }
+                *(*self.targets).among(self.gradients) = sum;
+                self.targets = self.targets.add(1);
+            }
+        }
+    }
+
+    /// # Safety
+    /// The list must go on.
+    #[inline(always)]
+    unsafe fn next_term(&mut self) -> V {
+        // SAFETY: promised by the caller.
+        unsafe {
+            let term = *self.terms;
+            self.terms = self.terms.add(1);
+            term.value(self.gradients)
         }
     }
 }

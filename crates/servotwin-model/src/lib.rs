@@ -15,6 +15,7 @@ pub mod math;
 pub mod network;
 mod place;
 pub mod program;
+mod runs;
 pub mod scalar;
 pub mod signal;
 pub mod solver;

@@ -2,32 +2,51 @@
 //!
 //! The order of elimination is found once per system by least Markowitz cost
 //! (the number of updates that a pivot causes) on the diagonal. The numeric
-//! work then follows flat lists, the same for every lane. There is no
+//! work then follows flat lists, the same for every lane, in [`crate::runs`]: every
+//! entry of the factors, and every unknown, is a number less a sum of products. There is no
 //! pivoting for size: the matrix `I/(γh) − J` of a dissipative system has a
 //! dominant diagonal for small steps, and the error control of the solver
 //! rejects a step that bad factors have spoilt.
 
 use crate::place::Place;
+use crate::runs::{Run, in_runs, runs, unrolled};
 use crate::scalar::Lanes;
 use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// One unknown that is eliminated.
+/// A product that is subtracted from an entry of the factors.
 #[derive(Clone, Copy, Debug)]
-struct Pivot {
-    diagonal: Place,
-    /// How many entries of its row of the upper factor stand before the diagonal.
-    columns: u16,
-    /// How many rows are eliminated.
-    rows: u16,
+struct Product {
+    lower: Place,
+    upper: Place,
 }
 
-/// One unknown of a triangular solution, and the number of its products.
+/// An entry of the factors.
 #[derive(Clone, Copy, Debug)]
-struct Unknown {
+struct Entry {
     target: Place,
-    products: u32,
+    /// Where the entry of the Jacobian stands.
+    source: Place,
+    /// For an entry of the lower factor its column's diagonal.
+    diagonal: Place,
+}
+
+/// What an entry of the factors is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Part {
+    Lower,
+    Diagonal,
+    Upper,
+}
+
+/// One of the two substitutions of a solution: its unknowns in order, and the
+/// unknowns that their products read.
+#[derive(Clone, Debug, Default)]
+struct Substitution {
+    runs: Vec<Run<usize>>,
+    targets: Vec<Place>,
+    sources: Vec<Place>,
 }
 
 /// The plan of a factorisation of one sparsity pattern.
@@ -39,49 +58,60 @@ struct Unknown {
 pub struct Plan {
     size: usize,
     positions: BTreeMap<(u16, u16), u16>,
-    pivots: Vec<Pivot>,
-    /// Of every pivot and eliminated row the entry that becomes a factor.
-    factors: Vec<Place>,
-    /// Of every factor what its products with the pivot's row are subtracted from.
-    targets: Vec<Place>,
-    /// The unknowns of both substitutions, in their order.
-    forward: Vec<Unknown>,
-    backward: Vec<Unknown>,
-    /// The unknowns that the products read.
-    sources: Vec<Place>,
+    /// The entries of the factors in the order of their making: what they are, and of
+    /// how many products.
+    runs: Vec<Run<(Part, usize)>>,
+    entries: Vec<Entry>,
+    products: Vec<Product>,
+    /// Length of the array that the Jacobian stands in.
+    gradients: usize,
+    forward: Substitution,
+    backward: Substitution,
+}
+
+/// The order of elimination, and the pattern with its fill.
+struct Elimination {
+    rows: Vec<Vec<bool>>,
+    order: Vec<u16>,
+    /// The place of every unknown in the order.
+    rank: Vec<usize>,
 }
 
 impl Plan {
-    /// Plans the factorisation of a `size × size` matrix with the given entries
-    /// (row, column); the diagonal is always part of it.
+    /// Plans the factorisation of `diagonal · I − J` for a `size × size` matrix J of
+    /// the given entries (row, column, where it stands in an array); `absent` is where
+    /// that array holds zero.
     ///
     /// # Panics
     /// Where the factors have more than 65,536 entries.
-    pub fn new(size: usize, entries: &[(u16, u16)]) -> Self {
+    pub fn new(size: usize, entries: &[(u16, u16, u16)], absent: u16) -> Self {
         let mut rows: Vec<Vec<bool>> = vec![vec![false; size]; size];
-        for &(i, j) in entries {
+        for &(i, j, _) in entries {
             rows[i as usize][j as usize] = true;
         }
         for (i, row) in rows.iter_mut().enumerate() {
             row[i] = true;
         }
         let order = eliminate(&mut rows);
-        let mut plan = Self {
-            size,
-            positions: BTreeMap::new(),
-            pivots: Vec::new(),
-            factors: Vec::new(),
-            targets: Vec::new(),
-            forward: Vec::new(),
-            backward: Vec::new(),
-            sources: Vec::new(),
-        };
         let mut rank = vec![0; size];
         for (position, &index) in order.iter().enumerate() {
             rank[index as usize] = position;
         }
-        plan.list_solution(&rows, &order, &rank);
-        plan.list_eliminations(&order, &rank);
+        let elimination = Elimination { rows, order, rank };
+        let mut plan = Self {
+            size,
+            positions: BTreeMap::new(),
+            runs: Vec::new(),
+            entries: Vec::new(),
+            products: Vec::new(),
+            gradients: 1 + entries.iter().fold(absent, |most, entry| most.max(entry.2)) as usize,
+            forward: Substitution::default(),
+            backward: Substitution::default(),
+        };
+        plan.forward = plan.substitution(&elimination, Part::Lower);
+        plan.backward = plan.substitution(&elimination, Part::Upper);
+        let sources = entries.iter().map(|&(i, j, source)| ((i, j), source)).collect();
+        plan.list_entries(&elimination, &sources, absent);
         plan
     }
 
@@ -92,109 +122,116 @@ impl Plan {
 
     /// Number of multiply-subtract operations of one factorisation.
     pub fn updates(&self) -> usize {
-        self.targets.len()
+        self.products.len()
     }
 
-    /// Where the diagonal entries are stored.
-    #[inline(always)]
-    pub(crate) fn diagonals(&self) -> impl Iterator<Item = Place> {
-        self.pivots.iter().map(|pivot| pivot.diagonal)
-    }
-
-    /// Where an entry is stored.
-    ///
-    /// # Panics
-    /// Where the entry is not part of the pattern.
-    pub fn slot(&self, row: u16, column: u16) -> u16 {
-        self.positions[&(row, column)]
-    }
-
-    fn list_solution(&mut self, rows: &[Vec<bool>], order: &[u16], rank: &[usize]) {
-        for &target in order {
-            let unknown = self.unknown(target, rows, |s| rank[s] < rank[target as usize]);
-            if unknown.products > 0 {
-                self.forward.push(unknown);
+    /// Lists one of the substitutions, and gives its factors their places.
+    fn substitution(&mut self, elimination: &Elimination, part: Part) -> Substitution {
+        let sources: Vec<Vec<usize>> = (0..self.size)
+            .map(|target| {
+                let of_part = |&source: &usize| elimination.part(target, source) == part;
+                let row = &elimination.rows[target];
+                (0..self.size).filter(|&source| row[source]).filter(of_part).collect()
+            })
+            .collect();
+        let lengths: Vec<usize> = sources.iter().map(Vec::len).collect();
+        let mut order = in_runs(&lengths, &sources);
+        if part == Part::Lower {
+            // Nothing is done to an unknown without products.
+            order.retain(|&target| lengths[target] > 0);
+        }
+        let mut listed = Substitution {
+            runs: runs(order.iter().map(|&target| lengths[target])),
+            ..Substitution::default()
+        };
+        for &target in &order {
+            for &source in &sources[target] {
+                self.place(target, source);
+                listed.sources.push(Place::new(source as u16));
             }
+            if part == Part::Upper {
+                self.place(target, target);
+            }
+            listed.targets.push(Place::new(target as u16));
         }
-        for &target in order.iter().rev() {
-            let unknown = self.unknown(target, rows, |s| rank[s] > rank[target as usize]);
-            self.backward.push(unknown);
-            self.place(target, target);
-        }
-    }
-
-    /// Lists the products of an unknown with the wanted sources.
-    fn unknown(
-        &mut self,
-        target: u16,
-        rows: &[Vec<bool>],
-        wanted: impl Fn(usize) -> bool,
-    ) -> Unknown {
-        let row = &rows[target as usize];
-        let before = self.sources.len();
-        for source in (0..self.size).filter(|&s| row[s] && wanted(s)) {
-            self.place(target, source as u16);
-            self.sources.push(Place::new(source as u16));
-        }
-        Unknown { target: Place::new(target), products: (self.sources.len() - before) as u32 }
+        listed
     }
 
     /// Gives an entry the next place.
-    fn place(&mut self, row: u16, column: u16) {
+    fn place(&mut self, row: usize, column: usize) {
         let place = u16::try_from(self.positions.len()).expect("at most 65,536 entries");
-        self.positions.insert((row, column), place);
+        self.positions.insert((row as u16, column as u16), place);
     }
 
-    fn list_eliminations(&mut self, order: &[u16], rank: &[usize]) {
-        let size = self.size as u16;
-        for &pivot in order {
-            let later = |&index: &u16| rank[index as usize] > rank[pivot as usize];
-            let used = |&column: &u16| self.positions.contains_key(&(pivot, column));
-            let columns: Vec<u16> = (0..size).filter(later).filter(used).collect();
-            let before = self.factors.len();
-            for row in (0..size).filter(later) {
-                if let Some(&factor) = self.positions.get(&(row, pivot)) {
-                    self.factors.push(Place::new(factor));
-                    self.targets
-                        .extend(columns.iter().map(|&c| Place::new(self.positions[&(row, c)])));
-                }
-            }
-            self.pivots.push(Pivot {
-                diagonal: Place::new(self.positions[&(pivot, pivot)]),
-                columns: columns.len() as u16,
-                rows: (self.factors.len() - before) as u16,
+    /// Lists how the entries of the factors are made from those of J, which stand in
+    /// `sources`.
+    fn list_entries(
+        &mut self,
+        elimination: &Elimination,
+        sources: &BTreeMap<(u16, u16), u16>,
+        absent: u16,
+    ) {
+        let all: Vec<(u16, u16)> = self.positions.keys().copied().collect();
+        let index = |entry: (u16, u16)| all.binary_search(&entry).expect("an entry");
+        let (mut shapes, mut needs, mut pivots) = (Vec::new(), Vec::new(), Vec::new());
+        for &(row, column) in &all {
+            let part = elimination.part(row as usize, column as usize);
+            let between = self.pivots(elimination, row, column);
+            let factors = between.iter().flat_map(|&k| [index((row, k)), index((k, column))]);
+            let diagonal = (part == Part::Lower).then(|| index((column, column)));
+            needs.push(factors.chain(diagonal).collect());
+            shapes.push((part, between.len()));
+            pivots.push(between);
+        }
+        let order = in_runs(&shapes, &needs);
+        self.runs = runs(order.iter().map(|&entry| shapes[entry]));
+        for entry in order {
+            let (row, column) = all[entry];
+            let position = |row, column| Place::new(self.positions[&(row, column)]);
+            self.products.extend(
+                pivots[entry]
+                    .iter()
+                    .map(|&k| Product { lower: position(row, k), upper: position(k, column) }),
+            );
+            self.entries.push(Entry {
+                target: position(row, column),
+                source: Place::new(*sources.get(&(row, column)).unwrap_or(&absent)),
+                diagonal: position(column, column),
             });
         }
     }
 
-    /// Factors in place. Afterwards the diagonal holds reciprocal pivots.
+    /// The pivots whose products are subtracted from an entry, in their order.
+    fn pivots(&self, elimination: &Elimination, row: u16, column: u16) -> Vec<u16> {
+        let rank = |k: u16| elimination.rank[k as usize];
+        let earlier = rank(row).min(rank(column));
+        let pivots = elimination.order[..earlier].iter().copied();
+        let used = |entry| self.positions.contains_key(&entry);
+        pivots.filter(|&k| used((row, k)) && used((k, column))).collect()
+    }
+
+    /// Makes the factors of `diagonal · I − J`, where J stands in `gradients`. The
+    /// diagonal of the factors holds reciprocal pivots.
     ///
     /// A zero pivot gives infinities or NaN in its own lane only.
     #[inline(always)]
-    pub fn factor<V: Lanes>(&self, values: &mut [V]) {
-        assert!(values.len() >= self.slots());
-        let values = values.as_mut_ptr();
-        let mut factors = self.factors.as_ptr();
-        let mut targets = self.targets.as_ptr();
-        for pivot in &self.pivots {
-            // SAFETY: the plan lists a factor for every row of a pivot and a target for
-            // every column of every row, and all places are below `slots`.
+    pub fn factor<V: Lanes>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
+        assert!(gradients.len() >= self.gradients && values.len() >= self.slots());
+        let mut lists = Factoring {
+            diagonal,
+            gradients: gradients.as_ptr(),
+            values: values.as_mut_ptr(),
+            entries: self.entries.as_ptr(),
+            products: self.products.as_ptr(),
+        };
+        for &Run { shape: (part, products), count } in &self.runs {
+            // SAFETY: the plan lists an entry for everything in its runs, and every
+            // entry's products; all places are below `slots` and `gradients`.
             unsafe {
-                let diagonal = pivot.diagonal.among(values);
-                let right = diagonal.sub(pivot.columns as usize);
-                let reciprocal = V::constant(1.0) / *diagonal;
-                *diagonal = reciprocal;
-                let last = factors.add(pivot.rows as usize);
-                while factors != last {
-                    let place = (*factors).among(values);
-                    let factor = *place * reciprocal;
-                    *place = factor;
-                    for column in 0..pivot.columns as usize {
-                        let target = (*targets).among(values);
-                        *target = *target - factor * *right.add(column);
-                        targets = targets.add(1);
-                    }
-                    factors = factors.add(1);
+                match part {
+                    Part::Lower => unrolled!(products, |n| lists.make::<LOWER>(n, count)),
+                    Part::Diagonal => unrolled!(products, |n| lists.make::<DIAGONAL>(n, count)),
+                    Part::Upper => unrolled!(products, |n| lists.make::<UPPER>(n, count)),
                 }
             }
         }
@@ -204,46 +241,128 @@ impl Plan {
     #[inline(always)]
     pub fn solve<V: Lanes>(&self, values: &[V], x: &mut [V]) {
         assert!(values.len() >= self.slots() && x.len() >= self.size);
-        let mut sources = self.sources.as_ptr();
         let mut values = values.as_ptr();
         let x = x.as_mut_ptr();
-        // SAFETY: the plan lists a source for every product, and a value for every
-        // product and every diagonal, in this order; all unknowns are below `size`.
+        // SAFETY: the plan lists a value and a source for every product, and behind
+        // the products of the second substitution a value for the diagonal, in the
+        // order of the runs; all unknowns are below `size`.
         unsafe {
-            for unknown in &self.forward {
-                let sum = substitute(*unknown, &mut sources, &mut values, x);
-                *unknown.target.among(x) = sum;
-            }
-            for unknown in &self.backward {
-                let sum = substitute(*unknown, &mut sources, &mut values, x);
-                *unknown.target.among(x) = sum * *values;
-                values = values.add(1);
+            values = self.forward.run::<V, false>(values, x);
+            self.backward.run::<V, true>(values, x);
+        }
+    }
+}
+
+impl Elimination {
+    fn part(&self, row: usize, column: usize) -> Part {
+        match self.rank[row].cmp(&self.rank[column]) {
+            core::cmp::Ordering::Less => Part::Upper,
+            core::cmp::Ordering::Equal => Part::Diagonal,
+            core::cmp::Ordering::Greater => Part::Lower,
+        }
+    }
+}
+
+/// [`Part`] as a constant.
+const LOWER: u8 = 0;
+const DIAGONAL: u8 = 1;
+const UPPER: u8 = 2;
+
+/// Where a factorisation stands in its lists.
+struct Factoring<V> {
+    diagonal: V,
+    gradients: *const V,
+    values: *mut V,
+    entries: *const Entry,
+    products: *const Product,
+}
+
+impl<V: Lanes> Factoring<V> {
+    /// Makes a run of entries of as many products.
+    ///
+    /// # Safety
+    /// The lists must go on for as many entries, with places that there are.
+    #[inline(always)]
+    unsafe fn make<const PART: u8>(&mut self, products: usize, count: usize) {
+        // SAFETY: promised by the caller.
+        unsafe {
+            for _ in 0..count {
+                let entry = *self.entries;
+                self.entries = self.entries.add(1);
+                let mut sum = V::constant(0.0) - *entry.source.among(self.gradients.cast_mut());
+                if PART == DIAGONAL {
+                    sum = self.diagonal + sum;
+                }
+                for _ in 0..products {
+                    let Product { lower, upper } = *self.products;
+                    sum = sum - *lower.among(self.values) * *upper.among(self.values);
+                    self.products = self.products.add(1);
+                }
+                *entry.target.among(self.values) = match PART {
+                    LOWER => sum * *entry.diagonal.among(self.values),
+                    DIAGONAL => V::constant(1.0) / sum,
+                    _ => sum,
+                };
             }
         }
     }
 }
 
-/// `x[target]` less the unknown's products; moves on to the next unknown's.
-///
-/// # Safety
-/// There must be a source and a value for every product, and all unknowns in `x`.
-#[inline(always)]
-unsafe fn substitute<V: Lanes>(
-    unknown: Unknown,
-    sources: &mut *const Place,
-    values: &mut *const V,
-    x: *mut V,
-) -> V {
-    // SAFETY: promised by the caller.
-    unsafe {
-        let mut sum = *unknown.target.among(x);
-        let end = values.add(unknown.products as usize);
-        while *values != end {
-            sum = sum - **values * *(**sources).among(x);
-            *values = values.add(1);
-            *sources = sources.add(1);
+impl Substitution {
+    /// Substitutes, and gives the place behind the factors.
+    ///
+    /// # Safety
+    /// There must be a factor for every product and, where the sums are `SCALED`,
+    /// behind those of every unknown one for the diagonal; and all unknowns in `x`.
+    #[inline(always)]
+    unsafe fn run<V: Lanes, const SCALED: bool>(&self, values: *const V, x: *mut V) -> *const V {
+        let mut lists = Substituting {
+            values,
+            targets: self.targets.as_ptr(),
+            sources: self.sources.as_ptr(),
+            x,
+        };
+        for &Run { shape: products, count } in &self.runs {
+            // SAFETY: promised by the caller.
+            unsafe { unrolled!(products, |n| lists.solve::<SCALED>(n, count)) }
         }
-        sum
+        lists.values
+    }
+}
+
+/// Where a substitution stands in its lists.
+struct Substituting<V> {
+    values: *const V,
+    targets: *const Place,
+    sources: *const Place,
+    x: *mut V,
+}
+
+impl<V: Lanes> Substituting<V> {
+    /// Solves for a run of unknowns of as many products.
+    ///
+    /// # Safety
+    /// The lists must go on for as many unknowns, with places that there are.
+    #[inline(always)]
+    unsafe fn solve<const SCALED: bool>(&mut self, products: usize, count: usize) {
+        // SAFETY: promised by the caller.
+        unsafe {
+            for _ in 0..count {
+                let target = (*self.targets).among(self.x);
+                self.targets = self.targets.add(1);
+                let mut sum = *target;
+                for _ in 0..products {
+                    sum = sum - *self.values * *(*self.sources).among(self.x);
+                    self.values = self.values.add(1);
+                    self.sources = self.sources.add(1);
+                }
+                if SCALED {
+                    sum = sum * *self.values;
+                    self.values = self.values.add(1);
+                }
+                *target = sum;
+            }
+        }
     }
 }
 
@@ -278,22 +397,26 @@ mod tests {
 
     #[test]
     fn a_sparse_system_is_solved() {
-        let entries = [(0, 3), (3, 0), (1, 0), (2, 1), (1, 2), (3, 2), (0, 1)];
-        let plan = Plan::new(4, &entries);
+        let entries = [(0, 3), (3, 0), (1, 0), (2, 1), (1, 2), (3, 2), (0, 1), (2, 2)];
+        let placed: Vec<(u16, u16, u16)> =
+            entries.iter().enumerate().map(|(k, &(i, j))| (i, j, k as u16 + 1)).collect();
+        let plan = Plan::new(4, &placed, 0);
         let mut dense = [[0.0; 4]; 4];
-        let mut values = vec![0.0; plan.slots()];
-        let all = entries.iter().copied().chain((0..4).map(|i| (i, i)));
-        for (k, (i, j)) in all.enumerate() {
-            let value = if i == j { 5.0 + i as f64 } else { 0.3 * (k as f64 + 1.0) };
-            dense[i as usize][j as usize] = value;
-            values[plan.slot(i, j) as usize] = value;
+        let mut jacobian = vec![0.0; entries.len() + 1];
+        for &(i, j, place) in &placed {
+            jacobian[place as usize] = 0.3 * f64::from(place);
+            dense[i as usize][j as usize] -= jacobian[place as usize];
+        }
+        for (i, row) in dense.iter_mut().enumerate() {
+            row[i] += 5.0;
         }
         let expected = [1.0, -2.0, 0.5, 4.0];
         let mut x = [0.0; 4];
         for i in 0..4 {
             x[i] = (0..4).map(|j| dense[i][j] * expected[j]).sum();
         }
-        plan.factor(&mut values);
+        let mut values = vec![0.0; plan.slots()];
+        plan.factor(5.0, &jacobian, &mut values);
         plan.solve(&values, &mut x);
         for i in 0..4 {
             assert!((x[i] - expected[i]).abs() < 1e-14, "{x:?}");

@@ -1,22 +1,25 @@
 //! Where something stands in an array, in a form that needs no arithmetic.
 //!
 //! Half of what a step reads it finds through lists of places. Processors multiply
-//! an address' offset by up to eight for nothing, but lanes are up to 64 bytes long;
-//! so a place holds eight times the index.
+//! an address' offset by up to eight for nothing, but lanes are up to 128 bytes long;
+//! so a place holds sixteen times the index.
 
 /// A place in an array of lanes of any width, or of single numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Place(u32);
 
+/// What a place is for every index.
+const STEP: u32 = 16;
+
 impl Place {
     /// The place of an index.
     pub const fn new(index: u16) -> Self {
-        Self(index as u32 * 8)
+        Self(index as u32 * STEP)
     }
 
     /// The index.
     pub fn index(self) -> usize {
-        (self.0 / 8) as usize
+        (self.0 / STEP) as usize
     }
 
     /// The element in this place of an array that begins at `first`.
@@ -27,8 +30,8 @@ impl Place {
     pub unsafe fn among<T>(self, first: *mut T) -> *mut T {
         // SAFETY: promised by the caller.
         unsafe {
-            if size_of::<T>().is_multiple_of(8) {
-                first.byte_add(self.0 as usize * (size_of::<T>() / 8))
+            if size_of::<T>().is_multiple_of(STEP as usize) {
+                first.byte_add(self.0 as usize * (size_of::<T>() / STEP as usize))
             } else {
                 first.add(self.index())
             }

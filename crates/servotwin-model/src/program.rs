@@ -14,14 +14,16 @@ use crate::jacobian::Rows;
 use crate::lu::Plan;
 use crate::network::{Mistake, Network, PortOf};
 use crate::place::Place;
-use crate::scalar::{Lanes, Scalar};
+use crate::scalar::{Lanes, Scalar, Work};
 use crate::spec::{PortKind, Start, Unit};
+use crate::symbol::Symbol;
 use crate::wiring::{Block, Collected, Role, Variable};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;
 use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
+use core::marker::PhantomData;
 use core::ops::Range;
 
 /// A place in the variable array.
@@ -188,10 +190,15 @@ impl Program {
     /// Evaluates all continuous equations: fills the sums and the derivatives
     /// from the states, inputs and stand-ins in `variables`, which are
     /// [`Program::memory`] long.
-    #[inline(always)]
-    pub fn evaluate<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
+    pub fn evaluate<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
         self.motion.run(constants, variables);
         self.readings.run(constants, variables);
+    }
+
+    /// As [`Program::evaluate`], with symbols.
+    pub(crate) fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
+        self.motion.trace(constants, variables);
+        self.readings.trace(constants, variables);
     }
 
     /// The equations that the derivatives depend on.
@@ -202,7 +209,6 @@ impl Program {
     /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
     /// and the time derivatives stand in `gradients` where [`Program::rows`]
     /// says.
-    #[inline(always)]
     pub fn evaluate_with_jacobian<V: Lanes>(
         &self,
         constants: &[V],
@@ -212,13 +218,12 @@ impl Program {
         assert!(variables.len() >= self.memory() && constants.len() >= self.motion.constants);
         let mut partials = self.rows.partials(gradients);
         for group in &self.motion.groups {
-            group.kind.visit(Differentiate {
-                group,
-                sequence: &self.motion,
-                constants,
-                variables: &mut *variables,
-                partials: &mut partials,
-            });
+            let count = group.count * group.kind.visit(Partials);
+            let (own, later) = partials.split_at_mut(count);
+            partials = later;
+            let (sequence, variables) = (&self.motion, &mut *variables);
+            let evaluate = Evaluate { group, sequence, constants, variables };
+            group.kind.visit(Differentiate { evaluate, partials: own });
         }
         self.rows.chain(gradients);
         self.readings.run(constants, variables);
@@ -362,11 +367,18 @@ impl Sequence {
     }
 
     /// Runs all blocks once.
-    #[inline(always)]
-    pub fn run<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
+    pub fn run<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
         assert!(variables.len() >= self.memory && constants.len() >= self.constants);
         for group in &self.groups {
             group.kind.visit(Evaluate { group, sequence: self, constants, variables });
+        }
+    }
+
+    /// As [`Sequence::run`], with symbols.
+    pub fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        for group in &self.groups {
+            group.kind.visit(Trace(Evaluate { group, sequence: self, constants, variables }));
         }
     }
 
@@ -464,6 +476,7 @@ impl Visitor for Dependence {
     }
 }
 
+/// Runs a group of blocks.
 struct Evaluate<'a, V> {
     group: &'a Group,
     sequence: &'a Sequence,
@@ -505,29 +518,67 @@ unsafe fn arrays<T, const N: usize>(slice: &[T], first: usize, count: usize) -> 
     unsafe { core::slice::from_raw_parts(slice.as_ptr().add(first).cast(), count) }
 }
 
-impl<V: Scalar<Base = V>> Visitor for Evaluate<'_, V> {
+impl<V: Lanes> Visitor for Evaluate<'_, V> {
     type Output = ();
-    #[inline(always)]
     fn visit<E, const I: usize, const O: usize, const C: usize>(self)
     where
         E: Equation<I, O, C>,
     {
-        let v = self.variables;
+        V::outline(OfKind::<_, E, I, O, C>(self, PhantomData));
+    }
+}
+
+/// The same with symbols.
+struct Trace<'a, 'g>(Evaluate<'a, Symbol<'g>>);
+
+impl Visitor for Trace<'_, '_> {
+    type Output = ();
+    #[inline(never)]
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        OfKind::<_, E, I, O, C>(self.0, PhantomData).evaluate();
+    }
+}
+
+/// What is done with a group whose blocks are of one kind, in a function of its own:
+/// all kinds in one would take the compiler minutes.
+struct OfKind<T, E, const I: usize, const O: usize, const C: usize>(T, PhantomData<E>);
+
+impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: usize> Work<V>
+    for OfKind<Evaluate<'_, V>, E, I, O, C>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.evaluate();
+    }
+}
+
+impl<V, E, const I: usize, const O: usize, const C: usize> OfKind<Evaluate<'_, V>, E, I, O, C>
+where
+    V: Scalar<Base = V>,
+    E: Equation<I, O, C>,
+{
+    #[inline(always)]
+    fn evaluate(self) {
+        let Evaluate { group, sequence, constants, variables } = self.0;
         // SAFETY: `Sequence::run` asserts the constants.
-        let blocks = unsafe { lists::<V, I, O, C>(self.group, self.sequence, self.constants) };
+        let blocks = unsafe { lists::<V, I, O, C>(group, sequence, constants) };
         for (inputs, outputs, constants) in blocks {
             let mut values = [V::constant(0.0); I];
             for (value, &input) in values.iter_mut().zip(inputs) {
                 // SAFETY: all slots of a sequence are below the length that its
                 // caller asserts.
-                *value = unsafe { input.read(v) };
+                *value = unsafe { input.read(variables) };
             }
             let results = E::evaluate::<V>(constants, values);
-            let first = v.as_mut_ptr();
+            let first = variables.as_mut_ptr();
             // SAFETY: as above.
             let at = |place: Place| unsafe { place.among(first) };
             // SAFETY: as above.
-            unsafe { scatter(self.group, outputs, &results, at) };
+            unsafe { scatter(group, outputs, &results, at) };
         }
     }
 }
@@ -558,31 +609,51 @@ unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
     }
 }
 
-struct Differentiate<'a, 'g, V> {
-    group: &'a Group,
-    sequence: &'a Sequence,
-    constants: &'a [V],
-    variables: &'a mut [V],
-    /// Places for the partial derivatives of this group and all later ones.
-    partials: &'a mut &'g mut [V],
+/// As [`Evaluate`], with the partial derivatives.
+struct Differentiate<'a, V> {
+    evaluate: Evaluate<'a, V>,
+    /// Places for the group's partial derivatives.
+    partials: &'a mut [V],
 }
 
-impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
+/// How many partial derivatives a block has.
+struct Partials;
+
+impl Visitor for Partials {
+    type Output = usize;
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> usize
+    where
+        E: Equation<I, O, C>,
+    {
+        I * O
+    }
+}
+
+impl<V: Lanes> Visitor for Differentiate<'_, V> {
     type Output = ();
-    #[inline(always)]
     fn visit<E, const I: usize, const O: usize, const C: usize>(self)
     where
         E: Equation<I, O, C>,
     {
-        let partials = core::mem::take(self.partials);
-        let (own, later) = partials.split_at_mut(self.group.count * I * O);
-        *self.partials = later;
-        let mut own = own.as_mut_ptr().cast::<V::Register>();
+        V::outline(OfKind::<_, E, I, O, C>(self, PhantomData));
+    }
+}
+
+impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: usize> Work<V>
+    for OfKind<Differentiate<'_, V>, E, I, O, C>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Differentiate { evaluate, partials } = self.0;
+        let Evaluate { group, sequence, constants, variables } = evaluate;
+        assert!(partials.len() >= group.count * I * O);
+        let mut own = partials.as_mut_ptr().cast::<V::Register>();
         // SAFETY: `Program::evaluate_with_jacobian` asserts the constants.
-        let blocks = unsafe { lists::<V, I, O, C>(self.group, self.sequence, self.constants) };
+        let blocks = unsafe { lists::<V, I, O, C>(group, sequence, constants) };
         for (inputs, outputs, constants) in blocks {
             let all_held = constants.as_ptr().cast::<V::Register>();
-            let first = self.variables.as_mut_ptr();
+            let first = variables.as_mut_ptr();
             for register in 0..V::REGISTERS {
                 // SAFETY: a slot's registers stand one after the other, and all slots
                 // of a sequence are below the length that its caller asserts.
@@ -613,7 +684,7 @@ impl<V: Lanes> Visitor for Differentiate<'_, '_, V> {
                     }
                 }
                 // SAFETY: as above.
-                unsafe { scatter(self.group, outputs, &plain, at) };
+                unsafe { scatter(group, outputs, &plain, at) };
             }
             // SAFETY: as above.
             own = unsafe { own.add(I * O * V::REGISTERS) };
@@ -664,7 +735,7 @@ pub(crate) fn schedule(
     let sums = layout.sums.clone();
     let inputs = network.inputs.len();
     let rows = Rows::new(&motion, layout.states, inputs, sums.clone(), &needed);
-    let plan = Plan::new(layout.states, &rows.entries());
+    let plan = rows.plan();
     Ok(Program {
         states: layout.list_states(network, &collected),
         observables: observables(network, &collected, &layout),
@@ -675,7 +746,7 @@ pub(crate) fn schedule(
         readings,
         clocks,
         constants,
-        rows: rows.with_plan(&plan),
+        rows,
         plan,
         circuits,
         network: network.clone(),

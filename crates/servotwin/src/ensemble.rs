@@ -123,7 +123,8 @@ impl<'p> Ensemble<'p> {
     /// Where the solver could not go on.
     pub fn run_one(&self, variant: &Variant) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
         let mut result = None;
-        Ensemble { cancel: None, record: self.record.clone(), ..*self }.run(
+        let level = Level::narrow();
+        Ensemble { cancel: None, record: self.record.clone(), level, ..*self }.run(
             1,
             |_| variant.clone(),
             |_| vec![Vec::new(); self.record.len()],

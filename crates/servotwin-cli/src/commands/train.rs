@@ -2,9 +2,9 @@
 
 use super::TableOptions;
 use super::evaluate::workers;
-use crate::{Global, stop};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
+use crate::{Global, stop};
 use clap::ValueEnum;
 use serde_json::json;
 use servotwin::evaluation::comparison::default_classifiers;
@@ -98,7 +98,8 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
     for subject in job::subjects(folder, &study)? {
         let trained = job::train(folder, &study, subject, workers(None))?;
         let path = folder.panel(subject);
-        let stages: Vec<&str> = trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();
+        let stages: Vec<&str> =
+            trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();
         text += &format!(
             "{}: {} trees and a committee: {}\n",
             path.display(),

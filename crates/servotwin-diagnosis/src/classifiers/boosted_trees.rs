@@ -93,17 +93,16 @@ impl Settings {
 pub struct Model {
     features: usize,
     classes: usize,
-    /// The first of two classes, or the only one: its sum is always 0.
-    reference: Option<u32>,
-    /// The classes for which the trees add numbers.
-    outputs: Vec<u32>,
-    /// Where the sum of each of these begins: the logarithm of the class's share.
+    /// The classes with training rows, ascending.
+    present: Vec<u32>,
+    /// Where the sum of each of these begins: the logarithm of the class's share. Of up to two
+    /// classes the first has none, because its sum is always 0.
     priors: Vec<f64>,
     trees: Vec<AddingTree>,
 }
 
 /// A tree with what it adds for each output.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AddingTree {
     branches: Branches,
@@ -113,18 +112,23 @@ struct AddingTree {
 
 impl Model {
     fn without_trees(samples: &Samples, present: &PresentClasses) -> Self {
-        let free = usize::from(present.len() <= 2);
-        let reference = (free == 1).then(|| present.labels[0]);
-        let of_reference = if free == 1 { present.weights[0] } else { present.total_weight() };
-        let prior = |weight: &f64| libm::log(*weight) - libm::log(of_reference);
+        let (fixed, whole) = match present.len() {
+            0..=2 => (1, present.weights[0]),
+            _ => (0, present.total_weight()),
+        };
+        let prior = |weight: &f64| libm::log(*weight) - libm::log(whole);
         Model {
             features: samples.features(),
             classes: samples.classes(),
-            reference,
-            outputs: present.labels[free..].to_vec(),
-            priors: present.weights[free..].iter().map(prior).collect(),
+            present: present.labels.clone(),
+            priors: present.weights[fixed..].iter().map(prior).collect(),
             trees: vec![],
         }
+    }
+
+    /// The classes for which the trees add numbers.
+    fn outputs(&self) -> &[u32] {
+        &self.present[self.present.len() - self.priors.len()..]
     }
 
     /// Number of trees; none where no feature varies or there is one class.
@@ -142,7 +146,7 @@ impl Fit for Settings {
         let has_weight = |row: &u32| samples.weight(*row as usize) > 0.0;
         let rows: Vec<u32> = (0..samples.rows() as u32).filter(has_weight).collect();
         let bins = Bins::new(samples, &rows, self.max_bins);
-        if bins.columns() == 0 || model.outputs.is_empty() {
+        if bins.columns() == 0 || model.outputs().is_empty() {
             return Ok(model);
         }
         let mut random = Random::new(self.seed);
@@ -203,7 +207,7 @@ impl<'a> Grower<'a> {
         rows: Vec<u32>,
         model: &Model,
     ) -> Self {
-        let outputs = model.outputs.len();
+        let outputs = model.outputs().len();
         Grower {
             settings,
             samples,
@@ -213,7 +217,7 @@ impl<'a> Grower<'a> {
             parts: vec![0.0; samples.rows() * 2 * outputs],
             columns: vec![],
             rows,
-            tree: AddingTree { branches: Branches::default(), values: vec![] },
+            tree: AddingTree::default(),
             moving: vec![],
             gathered: vec![],
             idle: vec![],
@@ -228,18 +232,18 @@ impl<'a> Grower<'a> {
     /// Computes the derivatives of the loss.
     fn derive(&mut self, samples: &Samples, model: &Model) {
         let outputs = self.outputs;
-        let free = usize::from(model.reference.is_some());
-        let mut shares = vec![0.0; free + outputs];
+        let fixed = model.present.len() - outputs;
+        let mut shares = vec![0.0; model.present.len()];
         for &row in &self.rows {
             let row = row as usize;
             shares[0] = 0.0;
-            shares[free..].copy_from_slice(&self.scores[row * outputs..][..outputs]);
+            shares[fixed..].copy_from_slice(&self.scores[row * outputs..][..outputs]);
             softmax(&mut shares);
             let (weight, label) = (samples.weight(row), samples.labels()[row]);
             let (gradients, curvatures) =
                 self.parts[row * 2 * outputs..][..2 * outputs].split_at_mut(outputs);
-            for (output, share) in shares[free..].iter().enumerate() {
-                let is_label = f64::from(model.outputs[output] == label);
+            for (output, share) in shares[fixed..].iter().enumerate() {
+                let is_label = f64::from(model.present[fixed + output] == label);
                 gradients[output] = weight * (share - is_label);
                 curvatures[output] = weight * share * (1.0 - share);
             }
@@ -261,10 +265,7 @@ impl<'a> Grower<'a> {
         let all = 0..self.rows.len();
         let sums = self.sums_of(all.clone());
         self.grow_node(all, 0, Some(sums));
-        core::mem::replace(
-            &mut self.tree,
-            AddingTree { branches: Branches::default(), values: vec![] },
-        )
+        core::mem::take(&mut self.tree)
     }
 
     /// Adds the node of a range of rows and all below it; a node without histogram is a leaf.
@@ -431,15 +432,14 @@ impl Classifier for Model {
     /// The probabilities; 0 for a class without training rows.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         scores.fill(f64::NEG_INFINITY);
-        if let Some(class) = self.reference {
-            scores[class as usize] = 0.0;
-        }
-        for (&class, prior) in self.outputs.iter().zip(&self.priors) {
+        self.present.iter().for_each(|&class| scores[class as usize] = 0.0);
+        let outputs = self.outputs();
+        for (&class, prior) in outputs.iter().zip(&self.priors) {
             scores[class as usize] = *prior;
         }
         for tree in &self.trees {
-            let values = &tree.values[tree.branches.leaf_of(row) * self.outputs.len()..];
-            for (&class, value) in self.outputs.iter().zip(values) {
+            let values = &tree.values[tree.branches.leaf_of(row) * outputs.len()..];
+            for (&class, value) in outputs.iter().zip(values) {
                 scores[class as usize] += value;
             }
         }
@@ -447,17 +447,20 @@ impl Classifier for Model {
     }
 
     fn check(&self) -> Result<(), Error> {
-        same_length("priors", self.outputs.len(), self.priors.len())?;
+        let known = self.present.iter().all(|&class| (class as usize) < self.classes);
+        let ascending = self.present.windows(2).all(|pair| pair[0] < pair[1]);
+        if !known || !ascending || self.present.is_empty() {
+            return Err(Error::CorruptModel {
+                broken: "boosted trees must know ascending classes",
+            });
+        }
+        let fixed = usize::from(self.present.len() <= 2);
+        same_length("priors", self.present.len() - fixed, self.priors.len())?;
         for tree in &self.trees {
             tree.branches.check(self.features)?;
-            let values = tree.branches.len() * self.outputs.len();
+            let values = tree.branches.len() * self.priors.len();
             same_length("values of leaves", values, tree.values.len())?;
         }
-        let mut known = self.reference.iter().chain(&self.outputs);
-        if known.clone().count() > 0 && known.all(|&class| (class as usize) < self.classes) {
-            Ok(())
-        } else {
-            Err(Error::CorruptModel { broken: "trees must add to known classes" })
-        }
+        Ok(())
     }
 }

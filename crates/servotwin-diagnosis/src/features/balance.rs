@@ -69,6 +69,7 @@ impl Family for Balance {
             unit,
             meaning: meaning.to_string(),
             units: vec![0, 1],
+            teaches: true,
         };
         vec![
             feature("mean_sum", "of scale", "mean change of load: d1 + d2"),

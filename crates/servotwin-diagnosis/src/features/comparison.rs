@@ -37,6 +37,7 @@ impl Family for Comparison {
                     unit,
                     meaning: format!("{meaning} of {name}, actuator 1 against 2"),
                     units: vec![0, 1],
+                    teaches: true,
                 });
             };
             push("mean_excess", "of scale", "|mean| difference");
@@ -49,9 +50,8 @@ impl Family for Comparison {
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         for (_, a, b) in pairs(sensors) {
             let (mean_a, mean_b) = (window.mean(a).abs(), window.mean(b).abs());
-            let deviation = |i| {
-                log_deviation(window.covariance(i, i), sensors.noise_variance(&[(i, 1.0)]))
-            };
+            let deviation =
+                |i| log_deviation(window.covariance(i, i), sensors.noise_variance(&[(i, 1.0)]));
             let error = sensors.error_of_mean(window, &[(a, 1.0), (b, 1.0)]);
             values.push(mean_a - mean_b);
             values.push(contrast(mean_a, mean_b, error));

@@ -19,7 +19,12 @@ fn two_actuators() -> Sensors {
 
 fn with_surface() -> Sensors {
     let mut sensors = two_actuators();
-    sensors.0.push(Sensor { name: "x_3".into(), quantity: Quantity::Surface, unit: 0, noise: 0.002 });
+    sensors.0.push(Sensor {
+        name: "x_3".into(),
+        quantity: Quantity::Surface,
+        unit: 0,
+        noise: 0.002,
+    });
     sensors
 }
 
@@ -102,8 +107,12 @@ fn no_family_is_inert() {
 
 #[test]
 fn unlike_sensors_give_only_what_needs_no_partner() {
-    let sensors =
-        Sensors(alloc::vec![Sensor { name: "flow".into(), quantity: Quantity::Other, unit: 0, noise: 0.002 }]);
+    let sensors = Sensors(alloc::vec![Sensor {
+        name: "flow".into(),
+        quantity: Quantity::Other,
+        unit: 0,
+        noise: 0.002
+    }]);
     let window = some_window(&sensors);
     for family in ALL {
         assert_eq!(family.features(&sensors).len(), compute(*family, &sensors, &window).len());

@@ -31,12 +31,14 @@ impl Family for Deviation {
                         s.name
                     ),
                     units: vec![s.unit],
+                    teaches: true,
                 },
                 Feature {
                     name: format!("largest_{}", s.name),
                     unit: "of scale",
                     meaning: format!("largest size of the residual of {}", s.name),
                     units: vec![s.unit],
+                    teaches: false,
                 },
             ]
         };

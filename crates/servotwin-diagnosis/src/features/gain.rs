@@ -31,6 +31,7 @@ impl Family for Gain {
                 unit,
                 meaning: format!("{meaning} {}", s.name),
                 units: vec![s.unit],
+                teaches: true,
             };
             [
                 feature("gain", "1", "slope of the residual over the twin's signal of"),

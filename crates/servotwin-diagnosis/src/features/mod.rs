@@ -124,6 +124,9 @@ pub struct Feature {
     pub meaning: String,
     /// The units (actuators) that the feature looks at.
     pub units: Vec<usize>,
+    /// Whether a diagnosis should learn from it. The seed paper's variances and indicators say what
+    /// logarithms say better, and the largest size grows with the length of a record.
+    pub teaches: bool,
 }
 
 /// A family of features.
@@ -211,7 +214,13 @@ fn ratio(a: f64, b: f64, error_of_b: f64) -> f64 {
 
 /// Correlation from covariances, zero where a deviation is nothing but error. `floor_a` and
 /// `floor_b` are the variances that noise alone gives.
-fn correlation(covariance: f64, variance_a: f64, variance_b: f64, floor_a: f64, floor_b: f64) -> f64 {
+fn correlation(
+    covariance: f64,
+    variance_a: f64,
+    variance_b: f64,
+    floor_a: f64,
+    floor_b: f64,
+) -> f64 {
     let sure = |variance: f64, floor: f64| variance.max(0.0) + floor + square(FLOOR);
     covariance / libm::sqrt(sure(variance_a, floor_a) * sure(variance_b, floor_b))
 }

@@ -28,18 +28,21 @@ impl Family for Moments {
                     unit: "of scale",
                     meaning: format!("mean of the residual of {}", s.name),
                     units: units.clone(),
+                    teaches: true,
                 },
                 Feature {
                     name: format!("var_{}", s.name),
                     unit: "of scale²",
                     meaning: format!("variance of the residual of {}", s.name),
                     units: units.clone(),
+                    teaches: false,
                 },
                 Feature {
                     name: format!("no_dev_{}", s.name),
                     unit: "0 or 1",
                     meaning: format!("one where {} stays inside ±3 % and 1 % deviation", s.name),
                     units,
+                    teaches: false,
                 },
             ]
         };

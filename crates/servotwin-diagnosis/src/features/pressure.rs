@@ -34,6 +34,7 @@ impl Family for Pressure {
                     unit: in_unit,
                     meaning: format!("{meaning}, actuator {}", unit + 1),
                     units: vec![unit],
+                    teaches: true,
                 });
             };
             push("mean_common", "of scale", "mean of (r_pA + r_pB)/2");
@@ -48,16 +49,8 @@ impl Family for Pressure {
                 "1",
                 "correlation of r_pA − r_pB with the twin's spool",
             );
-            push(
-                "common_spool_corr",
-                "1",
-                "correlation of (r_pA + r_pB)/2 with the twin's spool",
-            );
-            push(
-                "spool_over_common",
-                "1",
-                "mean spool residual over mean common-mode residual",
-            );
+            push("common_spool_corr", "1", "correlation of (r_pA + r_pB)/2 with the twin's spool");
+            push("spool_over_common", "1", "mean spool residual over mean common-mode residual");
         }
         features
     }

@@ -50,6 +50,7 @@ impl Family for Proportion {
                 unit: "log10",
                 meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
                 units: [a.unit].into(),
+                teaches: true,
             }
         };
         pairs(sensors).into_iter().map(feature).collect()

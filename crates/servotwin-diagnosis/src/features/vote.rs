@@ -41,6 +41,7 @@ impl Family for Vote {
                     unit: in_unit,
                     meaning: format!("{meaning} of ram sensor {} from the third", unit + 1),
                     units: vec![unit],
+                    teaches: true,
                 });
             };
             push("mean_vote", "of scale", "mean disagreement");
@@ -52,6 +53,7 @@ impl Family for Vote {
                 unit,
                 meaning: meaning.into(),
                 units: vec![0, 1],
+                teaches: true,
             });
         };
         push("vote_contrast", "1", "mean disagreement with the third sensor, ram 1 against 2");

@@ -8,7 +8,7 @@ use super::{ALL, BlockKind, Component, Visitor};
 use crate::dual::{Dual, Partial};
 use crate::equation::{Equation, Given};
 use crate::fluid::Fluid;
-use crate::lanes::{Kernel, Level, dispatch};
+use crate::lanes::{self, Kernel, dispatch};
 use crate::network::PortOf;
 use crate::scalar::Lanes;
 use crate::spec::{PortKind, Spec, Start, Unit};
@@ -401,7 +401,7 @@ fn lanes_equal_scalars_bit_for_bit() {
         let (kind, which) = (block.kind, block.which);
         let one = OneBlock { kind, which, parameters: &alone.parameters, samples: &samples };
         let (constants, outputs) = one.run::<f64>();
-        for level in [Level::Portable, Level::best()] {
+        for level in lanes::ALL.into_iter().filter(|level| level.available()) {
             let (lane_constants, lane_outputs) = dispatch(level, one);
             let name = alone.name(block);
             assert_eq!(bits(&constants), bits(&lane_constants), "{name} {level:?}");

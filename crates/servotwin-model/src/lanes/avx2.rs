@@ -51,6 +51,17 @@ impl Scalar for Avx2 {
         unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0) }
     }
     #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: see the type. The instruction's rule for equal numbers and NaN is the
+        // trait's.
+        Self(unsafe { _mm256_min_pd(self.0, other.0) })
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm256_max_pd(self.0, other.0) })
+    }
+    #[inline(always)]
     fn select(mask: __m256d, yes: Self, no: Self) -> Self {
         // SAFETY: see the type.
         Self(unsafe { _mm256_blendv_pd(no.0, yes.0, mask) })

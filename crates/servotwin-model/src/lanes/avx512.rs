@@ -51,6 +51,17 @@ impl Scalar for Avx512 {
         unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) }
     }
     #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: see the type. The instruction's rule for equal numbers and NaN is the
+        // trait's.
+        Self(unsafe { _mm512_min_pd(self.0, other.0) })
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm512_max_pd(self.0, other.0) })
+    }
+    #[inline(always)]
     fn select(mask: __mmask8, yes: Self, no: Self) -> Self {
         // SAFETY: see the type.
         Self(unsafe { _mm512_mask_blend_pd(mask, no.0, yes.0) })
@@ -70,13 +81,8 @@ impl Primitive for Avx512 {
     }
     #[inline(always)]
     fn scale_by_power_of_two(self, exponent: Self) -> Self {
-        let held = exponent + Self::constant(bits::ROUNDING);
         // SAFETY: see the type.
-        let factor = Self(unsafe {
-            let shifted = _mm512_slli_epi64::<52>(_mm512_castpd_si512(held.0));
-            _mm512_castsi512_pd(_mm512_add_epi64(shifted, integers(bits::ONE)))
-        });
-        self * factor
+        Self(unsafe { _mm512_scalef_pd(self.0, exponent.0) })
     }
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {

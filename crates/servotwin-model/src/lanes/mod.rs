@@ -26,7 +26,7 @@ pub enum Level {
     Portable,
     /// Two times four lanes of 256 bits.
     Avx2,
-    /// Eight lanes of 512 bits.
+    /// Two times eight lanes of 512 bits.
     Avx512,
 }
 
@@ -47,7 +47,8 @@ impl Level {
     pub fn width(self) -> usize {
         match self {
             Level::Portable => 4,
-            Level::Avx2 | Level::Avx512 => 8,
+            Level::Avx2 => 8,
+            Level::Avx512 => 16,
         }
     }
 
@@ -64,6 +65,11 @@ impl Level {
             #[cfg(not(target_arch = "x86_64"))]
             _ => false,
         }
+    }
+
+    /// The level for a variant alone, which waits for all lanes beside it.
+    pub fn narrow() -> Level {
+        if Level::Avx2.available() { Level::Avx2 } else { Level::Portable }
     }
 
     /// The widest level that this processor can run.
@@ -164,7 +170,7 @@ fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq")]
 fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx512>()
+    kernel.run::<Pair<Avx512>>()
 }
 
 /// The parts of [`Scalar`](crate::scalar::Scalar) that are the same for all
@@ -238,4 +244,41 @@ mod bits {
     pub const INTEGER: u64 = 0x4330_0000_0000_0000;
     /// 2⁵² plus the exponent's bias.
     pub const INTEGER_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+
+    /// What instructions of their own do in some lanes, on a pair of numbers.
+    struct Chosen(f64, f64);
+
+    impl Kernel for Chosen {
+        type Output = Vec<u64>;
+        fn run<V: Lanes>(self) -> Vec<u64> {
+            let (a, b) = (V::constant(self.0), V::constant(self.1));
+            let scaled = a.scale_by_power_of_two(V::constant(-37.0));
+            let mantissa = a.split_exponent().0;
+            let results = [a.min(b), a.max(b), b.min(a), b.max(a), scaled, a.round(), mantissa];
+            results.iter().map(|r| r.lane(V::WIDTH - 1).to_bits()).collect()
+        }
+    }
+
+    #[test]
+    fn every_level_chooses_and_scales_as_single_numbers_do() {
+        let numbers = [0.0, -0.0, 1.5, -2.5, 1e300, 3e-290, f64::NAN, f64::INFINITY];
+        for (a, b) in numbers.iter().flat_map(|&a| numbers.map(|b| (a, b))) {
+            let single = Chosen(a, b).run::<f64>();
+            for level in ALL.into_iter().filter(|level| level.available()) {
+                let lanes = dispatch(level, Chosen(a, b));
+                let same = |i: usize| {
+                    let both_nan =
+                        f64::from_bits(lanes[i]).is_nan() && f64::from_bits(single[i]).is_nan();
+                    both_nan || lanes[i] == single[i]
+                };
+                assert!((0..single.len()).all(same), "{a} {b} {}", level.name());
+            }
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The memory of a few variants side by side, and one step of them.
 
 use super::tableau::Tableau;
-use crate::program::{Program, Sequence};
+use crate::program::Program;
 use crate::scalar::{Lanes, Work};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -29,7 +29,7 @@ pub struct Batch<'p, V> {
 }
 
 /// The largest number of lanes of any level.
-pub(super) const MOST_LANES: usize = 8;
+pub(super) const MOST_LANES: usize = 16;
 /// The largest number of stages of any method.
 const MOST_STAGES: usize = 8;
 
@@ -122,7 +122,8 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
-        differentiate(self.program, &self.constants, &mut self.variables, &mut self.gradients);
+        let Self { program, constants, variables, gradients, .. } = self;
+        program.evaluate_with_jacobian(constants, variables, gradients);
     }
 
     /// Evaluates everything at the beginning of the step, without the Jacobian.
@@ -131,7 +132,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         self.variables[..n].copy_from_slice(&self.y);
         self.load_inputs(V::constant(0.0));
-        evaluate(self.program, &self.constants, &mut self.variables);
+        self.program.evaluate(&self.constants, &mut self.variables);
     }
 
     /// Runs the sampled equations of a clock in the lanes of the mask; needs
@@ -139,7 +140,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     pub fn tick(&mut self, clock: usize, lanes: V::Mask) {
         let clock = &self.program.clocks()[clock];
-        run_blocks(&clock.sequence, &self.constants, &mut self.variables);
+        clock.sequence.run(&self.constants, &mut self.variables);
         for &(from, to) in &clock.exchanges {
             let (from, to) = (from as usize, to as usize);
             self.variables[to] = V::select(lanes, self.variables[from], self.variables[to]);
@@ -150,17 +151,15 @@ impl<'p, V: Lanes> Batch<'p, V> {
     /// largest error of any state over its scale.
     #[inline(always)]
     pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
-        let n = self.y.len();
         let reciprocal = V::constant(1.0) / h;
         self.factorise(method, reciprocal);
         for stage in 0..method.stages() {
+            self.stage_sums(method, stage, reciprocal);
             if stage > 0 {
-                self.stage_states(method, stage);
                 self.load_inputs(h * V::constant(method.alpha[stage]));
-                run_blocks(self.program.motion(), &self.constants, &mut self.variables);
+                self.program.motion().run(&self.constants, &mut self.variables);
             }
-            self.stage_right(method, stage, h, reciprocal);
-            solve(self.program, &self.factors, &mut self.stages[stage * n..][..n]);
+            self.solve_stage(h * V::constant(method.gamma_sum[stage]), stage);
         }
         self.combine(method)
     }
@@ -171,32 +170,24 @@ impl<'p, V: Lanes> Batch<'p, V> {
         factorise(self.program, diagonal, &self.gradients, &mut self.factors);
     }
 
-    /// `y + Σ a_ij U_j` into the variable array.
+    /// `y + Σ a_ij U_j` into the variable array, and `(Σ c_ij U_j)/h` where `U_i` will
+    /// stand.
     #[inline(always)]
-    fn stage_states(&mut self, method: &Tableau, stage: usize) {
+    fn stage_sums(&mut self, method: &Tableau, stage: usize, reciprocal: V) {
         let n = self.y.len();
-        let row = method.a[stage];
-        let states = &mut self.variables[..n];
-        if method.adds_one(stage) {
-            // The row before plus the last stage: the array still holds it.
-            add(states, &self.stages[(stage - 1) * n..][..n]);
-        } else {
-            weighted(states, &self.y, row, V::constant(1.0), &self.stages);
-        }
+        let (before, right) = self.stages.split_at_mut(stage * n);
+        let (states, right) = (&mut self.variables[..n], &mut right[..n]);
+        let (a, c) = (method.a[stage], method.c[stage]);
+        stage_sums(states, &self.y, a, right, c, reciprocal, before);
     }
 
-    /// `f + (Σ c_ij U_j)/h + h γ_i ∂f/∂t`, where `U_i` will stand.
+    /// The solution of (R1) in the place of its sum.
     #[inline(always)]
-    fn stage_right(&mut self, method: &Tableau, stage: usize, h: V, reciprocal: V) {
+    fn solve_stage(&mut self, slope_factor: V, stage: usize) {
         let n = self.y.len();
         let derivatives = &self.variables[self.program.derivatives()];
-        let (before, right) = self.stages.split_at_mut(stage * n);
-        weighted(&mut right[..n], derivatives, method.c[stage], reciprocal, before);
-        let gamma = method.gamma_sum[stage];
-        if gamma != 0.0 {
-            let rows = self.program.rows();
-            rows.add_time_derivative(h * V::constant(gamma), &self.gradients, right);
-        }
+        let right = &mut self.stages[stage * n..][..n];
+        solve(self.program, derivatives, slope_factor, &self.gradients, &self.factors, right);
     }
 
     /// (R2): the variable array still holds the argument of the last stage.
@@ -249,7 +240,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
                     self.variables[k] = self.y[k] + self.stages[(stage - 1) * n + k] * offset;
                 }
                 self.load_inputs(offset);
-                run_blocks(self.program.motion(), &self.constants, &mut self.variables);
+                self.program.motion().run(&self.constants, &mut self.variables);
             }
             let derivatives = &self.variables[self.program.derivatives()];
             self.stages[stage * n..][..n].copy_from_slice(derivatives);
@@ -333,7 +324,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
             self.variables[k] = rest * self.y[k] + fraction * (self.y_new[k] + rest * bend);
         }
         self.load_inputs(h * fraction);
-        evaluate(self.program, &self.constants, &mut self.variables);
+        self.program.evaluate(&self.constants, &mut self.variables);
     }
 }
 
@@ -362,26 +353,6 @@ macro_rules! outlined {
 }
 
 outlined! {
-    /// [`Program::evaluate`].
-    fn evaluate<'a, V>(program: &'a Program, constants: &'a [V], variables: &'a mut [V]) {
-        program.evaluate(constants, variables);
-    }
-
-    /// Runs the blocks of a sequence.
-    fn run_blocks<'a, V>(sequence: &'a Sequence, constants: &'a [V], variables: &'a mut [V]) {
-        sequence.run(constants, variables);
-    }
-
-    /// [`Program::evaluate_with_jacobian`].
-    fn differentiate<'a, V>(
-        program: &'a Program,
-        constants: &'a [V],
-        variables: &'a mut [V],
-        gradients: &'a mut [V],
-    ) {
-        program.evaluate_with_jacobian(constants, variables, gradients);
-    }
-
     /// The factors of `diagonal · I − J`.
     fn factorise<'a, V>(
         program: &'a Program,
@@ -389,38 +360,51 @@ outlined! {
         gradients: &'a [V],
         factors: &'a mut [V],
     ) {
-        let plan = program.plan();
-        program.rows().shifted(plan, diagonal, gradients, factors);
-        plan.factor(factors);
+        program.plan().factor(diagonal, gradients, factors);
     }
 
-    /// Solves with the factors, in place.
-    fn solve<'a, V>(program: &'a Program, factors: &'a [V], right: &'a mut [V]) {
+    /// Adds the derivatives and `slope_factor · ∂f/∂t`, then solves in place.
+    fn solve<'a, V>(
+        program: &'a Program,
+        derivatives: &'a [V],
+        slope_factor: V,
+        gradients: &'a [V],
+        factors: &'a [V],
+        right: &'a mut [V],
+    ) {
+        for (r, &derivative) in right.iter_mut().zip(derivatives) {
+            *r = *r + derivative;
+        }
+        program.rows().add_time_derivative(slope_factor, gradients, right);
         program.plan().solve(factors, right);
     }
 
-    /// `target = base + factor Σ weights_j · vectors_j`.
-    fn weighted<'a, V>(
-        target: &'a mut [V],
-        base: &'a [V],
-        weights: &'a [f64],
+    /// The arguments of the equations in a stage, and the rest of its right side:
+    /// `states = y + Σ a_j U_j`, `right = factor Σ c_j U_j`.
+    fn stage_sums<'a, V>(
+        states: &'a mut [V],
+        y: &'a [V],
+        a: &'a [f64],
+        right: &'a mut [V],
+        c: &'a [f64],
         factor: V,
-        vectors: &'a [V],
+        stages: &'a [V],
     ) {
-        match weights.len() {
-            0 => target.copy_from_slice(base),
-            1 => weighted_by::<V, 1>(target, base, weights, factor, vectors),
-            2 => weighted_by::<V, 2>(target, base, weights, factor, vectors),
-            3 => weighted_by::<V, 3>(target, base, weights, factor, vectors),
-            4 => weighted_by::<V, 4>(target, base, weights, factor, vectors),
-            5 => weighted_by::<V, 5>(target, base, weights, factor, vectors),
-            6 => weighted_by::<V, 6>(target, base, weights, factor, vectors),
-            7 => weighted_by::<V, 7>(target, base, weights, factor, vectors),
+        let sums = StageSums { states, y, right, stages };
+        match c.len() {
+            0 => sums.of::<0>(a, c, factor),
+            1 => sums.of::<1>(a, c, factor),
+            2 => sums.of::<2>(a, c, factor),
+            3 => sums.of::<3>(a, c, factor),
+            4 => sums.of::<4>(a, c, factor),
+            5 => sums.of::<5>(a, c, factor),
+            6 => sums.of::<6>(a, c, factor),
+            7 => sums.of::<7>(a, c, factor),
             _ => unreachable!("no method has more stages"),
         }
     }
 
-    /// `target += vectors`.
+    /// `target += vector`.
     fn add<'a, V>(target: &'a mut [V], vector: &'a [V]) {
         for (t, &v) in target.iter_mut().zip(vector) {
             *t = *t + v;
@@ -428,25 +412,38 @@ outlined! {
     }
 }
 
-/// [`weighted`] with the number of weights known, so that sums and weights stay
-/// in registers.
-#[inline(always)]
-fn weighted_by<V: Lanes, const N: usize>(
-    target: &mut [V],
-    base: &[V],
-    weights: &[f64],
-    factor: V,
-    vectors: &[V],
-) {
-    let n = base.len();
-    assert!(target.len() == n && vectors.len() >= N * n);
-    let weights: [V; N] = core::array::from_fn(|j| V::constant(weights[j]) * factor);
-    for (k, (t, &b)) in target.iter_mut().zip(base).enumerate() {
-        let mut sum = b;
-        for (j, &weight) in weights.iter().enumerate() {
-            // SAFETY: j < N and k < n; the length is asserted above.
-            sum = sum + unsafe { *vectors.get_unchecked(j * n + k) } * weight;
+/// What a stage's sums are made of and where they go.
+struct StageSums<'a, V> {
+    states: &'a mut [V],
+    y: &'a [V],
+    right: &'a mut [V],
+    stages: &'a [V],
+}
+
+impl<V: Lanes> StageSums<'_, V> {
+    /// Both sums at once, so that the stages are read once; their number is known, so
+    /// that sums and weights stay in registers.
+    #[inline(always)]
+    fn of<const N: usize>(self, a: &[f64], c: &[f64], factor: V) {
+        let Self { states, y, right, stages } = self;
+        let n = y.len();
+        assert!(states.len() == n && right.len() == n && stages.len() >= N * n);
+        let mut of_states = [V::constant(0.0); N];
+        let mut of_right = [V::constant(0.0); N];
+        for j in 0..N {
+            of_states[j] = V::constant(a[j]);
+            of_right[j] = V::constant(c[j]) * factor;
         }
-        *t = sum;
+        for (k, ((state, right), &y)) in states.iter_mut().zip(right).zip(y).enumerate() {
+            let (mut argument, mut sum) = (y, V::constant(0.0));
+            for j in 0..N {
+                // SAFETY: j < N and k < n; the length is asserted above.
+                let stage = unsafe { *stages.get_unchecked(j * n + k) };
+                argument = argument + stage * of_states[j];
+                sum = if j == 0 { stage * of_right[j] } else { sum + stage * of_right[j] };
+            }
+            *state = argument;
+            *right = sum;
+        }
     }
 }

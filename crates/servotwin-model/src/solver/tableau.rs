@@ -34,13 +34,6 @@ impl Tableau {
     pub fn stages(&self) -> usize {
         self.a.len()
     }
-
-    /// Whether the argument of a stage is that of the stage before plus its
-    /// `U`.
-    pub fn adds_one(&self, stage: usize) -> bool {
-        let row = self.a[stage];
-        stage > 1 && row[..stage - 1] == *self.a[stage - 1] && row[stage - 1] == 1.0
-    }
 }
 
 /// Four stages, order 3(2): Sandu, Verwer, Blom, Spee, Carmichael, Potra,

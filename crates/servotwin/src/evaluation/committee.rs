@@ -9,8 +9,8 @@ use super::error::EvaluationError;
 use super::parallel::{self, Workers};
 use super::run::{self, Outcome, settled};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::calibration;
-use servotwin_diagnosis::classifiers::{Scores, Classifier};
+use servotwin_diagnosis::calibration::Forecasts;
+use servotwin_diagnosis::classifiers::{Classifier, Scores};
 use servotwin_diagnosis::evaluation::{Split, grouped_k_fold};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings, Stage};
 use std::collections::BTreeMap;
@@ -72,8 +72,10 @@ pub fn train(
         collect(data, part, &still(split, &|_| true), &mut seen);
     }
     for stage in parts.iter_mut().flat_map(|part| &mut part.stages).chain(&mut hierarchy.stages) {
-        if let Some((scores, labels)) = seen.get(&stage.id) {
-            stage.temperature = calibration::temperature(scores, stage.classes.len(), labels);
+        if let Some((scores, labels)) = seen.get(&stage.id).filter(|(_, labels)| !labels.is_empty())
+        {
+            let forecasts = Forecasts::new(stage.classes.len(), scores, labels)?;
+            stage.temperature = forecasts.temperature();
         }
     }
     let mut confidences = vec![];
@@ -139,8 +141,10 @@ pub fn reliability(outcomes: &[Outcome], is_right: impl Fn(&Outcome) -> bool) ->
     }
     let count = outcomes.len().max(1) as f64;
     bins.retain(|(_, _, of)| *of > 0);
-    let bins: Vec<(f64, f64, u64)> =
-        bins.iter().map(|&(sum, right, of)| (sum / of as f64, right as f64 / of as f64, of)).collect();
+    let bins: Vec<(f64, f64, u64)> = bins
+        .iter()
+        .map(|&(sum, right, of)| (sum / of as f64, right as f64 / of as f64, of))
+        .collect();
     let errors = bins.iter().map(|(mean, share, of)| (mean - share).abs() * *of as f64);
     Reliability { brier: squares / count, calibration_error: errors.sum::<f64>() / count, bins }
 }

@@ -1,4 +1,4 @@
-//! The eight classifiers by the same protocols, for the actuator (A) and the command (B).
+//! All classifiers by the same protocols, for the actuator (A) and the command (B).
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;

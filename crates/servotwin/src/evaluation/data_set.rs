@@ -31,6 +31,8 @@ pub struct FeatureInfo {
     pub units: Vec<usize>,
     /// Its unit.
     pub unit: String,
+    /// Whether a diagnosis should learn from it ([`servotwin_diagnosis::features::Feature::teaches`]).
+    pub teaches: bool,
 }
 
 impl FeatureInfo {
@@ -42,6 +44,7 @@ impl FeatureInfo {
             family: f.family.into(),
             units: f.feature.units,
             unit: f.feature.unit.into(),
+            teaches: f.feature.teaches,
         };
         features.map(info).collect()
     }
@@ -304,8 +307,7 @@ impl DataSet {
 
     /// The same data without some rows.
     pub fn without(&self, drop: impl Fn(&Row) -> bool) -> Self {
-        let kept: Vec<usize> =
-            (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
+        let kept: Vec<usize> = (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
         DataSet {
             examples: self.examples.select_rows(&kept),
             rows: kept.iter().map(|&row| self.rows[row].clone()).collect(),
@@ -331,6 +333,14 @@ impl DataSet {
             examples: self.examples.select_columns(&columns)?,
             ..self.clone()
         })
+    }
+
+    /// The same data set with the features only that a diagnosis should learn from.
+    ///
+    /// # Errors
+    /// [`EvaluationError::NoFeatures`].
+    pub fn taught(&self) -> Result<Self, EvaluationError> {
+        self.with_features(|feature| feature.teaches)
     }
 
     /// The same data set with the stages below A reading the sensors of both
@@ -445,9 +455,8 @@ fn coded_numbers(numbers: &[f64]) -> (Vec<f64>, Vec<u32>) {
     let mut names = numbers.to_vec();
     names.sort_by(f64::total_cmp);
     names.dedup();
-    let code = |number: &f64| {
-        names.binary_search_by(|known| known.total_cmp(number)).unwrap_or(0) as u32
-    };
+    let code =
+        |number: &f64| names.binary_search_by(|known| known.total_cmp(number)).unwrap_or(0) as u32;
     let codes = numbers.iter().map(code).collect();
     (names, codes)
 }

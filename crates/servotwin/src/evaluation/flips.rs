@@ -214,7 +214,8 @@ fn splits(hierarchy: &Hierarchy, seen: &[Seen]) -> Vec<SplitFlips> {
         let Model::Cart(tree) = &stage.model else { continue };
         for node in 0..tree.nodes() {
             let Some((column, threshold)) = tree.split(node) else { continue };
-            let own = |question: &&(usize, usize, Share, f64)| (question.0, question.1) == (place, node);
+            let own =
+                |question: &&(usize, usize, Share, f64)| (question.0, question.1) == (place, node);
             let own = seen.iter().flat_map(|seen| seen.questions.iter().filter(own));
             let (mut flips, mut widths) = (Share::default(), vec![]);
             for (_, _, share, width) in own {

@@ -1,8 +1,8 @@
 //! How good the diagnosis is, measured so that it cannot fool us.
 //!
 //! [`evaluate`] takes the data sets of a setting and gives an [`Evaluation`]: what is detected at all,
-//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, the
-//! eight classifiers, which features carry the result, which faults are taken for each other, what
+//! the nine trees and the committee under every protocol, the seed paper's own trees beside them, all
+//! classifiers, which features carry the result, which faults are taken for each other, what
 //! silence buys, and which answers hang on less than a sensor shows; and it looks
 //! into the [`Hierarchy`] that [`train`] makes. The same data sets, settings and seeds give the
 //! same bytes, on any number of threads.
@@ -31,7 +31,7 @@ pub use data_set::{DataSet, FeatureInfo, Lessons};
 pub use error::EvaluationError;
 
 use abstention::Abstention;
-use bands::{Band, Watched};
+use bands::Band;
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
 use parallel::Workers;
@@ -200,12 +200,8 @@ const OF_COMMITTEE: [Protocol; 4] = [
 ];
 
 /// The protocols under which the seed paper's trees are judged.
-const OF_BASELINE: [Protocol; 4] = [
-    Protocol::RandomThird,
-    Protocol::Grouped,
-    Protocol::LeaveCaseOut,
-    Protocol::LeaveCommandOut,
-];
+const OF_BASELINE: [Protocol; 4] =
+    [Protocol::RandomThird, Protocol::Grouped, Protocol::LeaveCaseOut, Protocol::LeaveCommandOut];
 
 /// Numbers of training commands for the curve.
 const COMMANDS: [usize; 6] = [1, 2, 4, 8, 12, 16];
@@ -222,8 +218,12 @@ pub struct Trained {
 }
 
 /// The data with the band that the settings want, and the bands that can be learned from it.
-pub fn banded(data: &DataSet, settings: &Settings, watched: &[Watched]) -> (DataSet, Option<Vec<Band>>) {
-    let bands = bands::learn(data, watched);
+pub fn banded(
+    data: &DataSet,
+    settings: &Settings,
+    pools: &[usize],
+) -> (DataSet, Option<Vec<Band>>) {
+    let bands = bands::learn(data, pools);
     match bands.as_ref().filter(|_| settings.learned_bands) {
         None if data.sensors.is_empty() => (data.clone(), bands),
         Some(learned) => {
@@ -242,10 +242,10 @@ pub fn banded(data: &DataSet, settings: &Settings, watched: &[Watched]) -> (Data
 pub fn train(
     data: &DataSet,
     settings: &Settings,
-    watched: &[Watched],
+    pools: &[usize],
     workers: Workers,
 ) -> Result<Trained, EvaluationError> {
-    let (data, bands) = banded(data, settings, watched);
+    let (data, bands) = banded(data, settings, pools);
     let rows = data.learnt_from(settings.holding.lessons)?;
     let trees = run::settled(&data, &settings.training).fit(&data.examples, &rows)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
@@ -257,8 +257,10 @@ pub fn train(
 pub struct Context<'c> {
     /// The diagnosis that was trained with all rows.
     pub trained: &'c Trained,
-    /// The sensors of the data set.
-    pub watched: &'c [Watched],
+    /// For each sensor with a band a number that is the same for like sensors.
+    pub pools: &'c [usize],
+    /// The same data with every feature, also those that teach nothing, for the paper's trees.
+    pub all_features: &'c DataSet,
     /// The windows, to be moved within their uncertainty.
     pub moving: Option<&'c Moving<'c>>,
     /// Who works.
@@ -281,7 +283,7 @@ pub fn evaluate(
         true => data.clone(),
         false => data.with_bands(&vec![BAND; data.sensors.len()]),
     };
-    let (data, bands) = &banded(data, settings, context.watched);
+    let (data, bands) = &banded(data, settings, context.pools);
     let training = run::settled(data, &settings.training);
     let judged = |protocol, data, training: &Training, lessons| {
         let holding = Holding { lessons, ..settings.holding };
@@ -292,7 +294,9 @@ pub fn evaluate(
     let mut ambiguity = ambiguity::evaluate(data, &[]);
     for (place, &protocol) in settings.protocols.iter().enumerate() {
         progress(protocol.title(), 0.025 * place as f64);
-        let Some((result, outcomes)) = judged(protocol, data, &training, of_trees)? else { continue };
+        let Some((result, outcomes)) = judged(protocol, data, &training, of_trees)? else {
+            continue;
+        };
         protocols.push(result);
         if protocol.scope() == Scope::AllTracing {
             ambiguity = ambiguity::evaluate(data, &outcomes);
@@ -312,7 +316,8 @@ pub fn evaluate(
     let paper_band = match settings.learned_bands && bands.is_some() {
         true => {
             let both = [(&settings.training, of_trees), (&settings.committee, of_boosted)];
-            let of = |(training, lessons)| judged(Protocol::NewCommand, unbanded, training, lessons);
+            let of =
+                |(training, lessons)| judged(Protocol::NewCommand, unbanded, training, lessons);
             let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
             found?.into_iter().flatten().map(|(result, _)| result).collect()
         }
@@ -320,7 +325,7 @@ pub fn evaluate(
     };
     progress("the paper's trees", 0.5);
     let baseline = match settings.protocols.len() > 1 {
-        true => baseline(unbanded, settings, workers)?,
+        true => baseline(context.all_features, settings, workers)?,
         false => vec![],
     };
     progress("comparing classifiers", 0.55);
@@ -387,8 +392,7 @@ fn silence(
     let commands = &data.examples.names().commands;
     let shutdown = commands.iter().position(|name| *name == settings.shutdown).map(|c| c as u32);
     let least = trained.committee.least_confidence;
-    let is_right =
-        |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
+    let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
     let reliability = committee::reliability(&committee, is_right);
     Ok(Some((abstention::evaluate(data, &committee, &trees, least, shutdown), reliability)))
 }

@@ -168,8 +168,9 @@ impl Protocol {
     ) -> Result<Vec<Split>, EvaluationError> {
         let rows = data.detectable()?;
         let Holding { repeats, folds, seed, .. } = holding;
-        let groups =
-            |key: &dyn Fn(&Row) -> u32| rows.iter().map(|&r| key(&data.rows[r])).collect::<Vec<_>>();
+        let groups = |key: &dyn Fn(&Row) -> u32| {
+            rows.iter().map(|&r| key(&data.rows[r])).collect::<Vec<_>>()
+        };
         let kind_at = |row: &Row| cluster(data, row);
         let splits = match self {
             Protocol::RandomThird => {
@@ -199,9 +200,8 @@ impl Protocol {
         let (train, test) = (data.learnt_from(holding.lessons)?, data.detectable()?);
         let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
         let split = |is_train: &dyn Fn(&Row, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
-            let healthy_or = |&row: &usize| {
-                data.rows[row].is_healthy || is_train(&data.rows[row], row)
-            };
+            let healthy_or =
+                |&row: &usize| data.rows[row].is_healthy || is_train(&data.rows[row], row);
             Split {
                 train: train.iter().copied().filter(healthy_or).collect(),
                 test: test.iter().copied().filter(|&row| is_test(row)).collect(),
@@ -224,9 +224,13 @@ impl Protocol {
                         let last = data.intensities.len() as u32 - 1;
                         let low = row.intensity.saturating_sub(reach);
                         let mut near = low..=(row.intensity + reach).min(last);
-                        near.any(|i| held.contains(&cluster(data, &Row { intensity: i, ..row.clone() })))
+                        near.any(|i| {
+                            held.contains(&cluster(data, &Row { intensity: i, ..row.clone() }))
+                        })
                     };
-                    split(&|row, _| !is_held(row), &|row| held.contains(&cluster(data, &data.rows[row])))
+                    split(&|row, _| !is_held(row), &|row| {
+                        held.contains(&cluster(data, &data.rows[row]))
+                    })
                 };
                 folds.iter().map(of_fold).collect()
             }
@@ -533,7 +537,8 @@ impl<'a> Counting<'a> {
             return None;
         }
         let labels = self.data.examples.labels();
-        let counts_once = self.outcomes.iter().all(|outcome| !self.data.rows[outcome.row].reflected);
+        let counts_once =
+            self.outcomes.iter().all(|outcome| !self.data.rows[outcome.row].reflected);
         let hidden = self.data.rows_where(Role::Judged, |row| {
             let counted = !(counts_once && row.reflected);
             !row.is_healthy && !row.is_detected() && counted && self.protocol.judges(self.data, row)

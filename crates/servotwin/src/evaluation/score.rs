@@ -168,7 +168,8 @@ mod tests {
     #[test]
     fn a_missing_prediction_is_wrong() {
         let said = |cluster, truth, said| Prediction { cluster, kind: 0, truth, said };
-        let split = vec![said(0, 0, Some(0)), said(1, 1, None), said(2, 1, Some(1)), said(3, 1, Some(0))];
+        let split =
+            vec![said(0, 0, Some(0)), said(1, 1, None), said(2, 1, Some(1)), said(3, 1, Some(0))];
         let score = Score::of(vec!["a".into(), "b".into()], &[split]);
         assert_eq!(score.accuracy.share, Some(0.5));
         assert_eq!(score.confusion, [[1, 0], [1, 1]]);

@@ -14,7 +14,7 @@ const WIDTHS: [u16; 95] = [
 ];
 
 /// How much wider bold text is, at most, on the average of a word.
-const BOLD: f64 = 1.12;
+const BOLD: f64 = 1.14;
 
 /// The width of a text at a font size.
 pub(super) fn width(text: &str, size: f64, bold: bool) -> f64 {

@@ -2,8 +2,8 @@
 
 use super::{Folder, JobError, Subject, hierarchy};
 use crate::evaluation::EvaluationError;
-use crate::study::{Role, Study};
 use crate::study::campaign::data_features;
+use crate::study::{Role, Study};
 use crate::table::{self, Table, TableError};
 use serde::Serialize;
 use servotwin_diagnosis::classifiers::Model;

@@ -97,7 +97,9 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Holding::default().seed,
         solver: format!("{:?}", solver::Settings::campaign()),
-        data_sets: data_sets.map(|(s, role)| data_set(folder, s, role)).collect::<Result<_, _>>()?,
+        data_sets: data_sets
+            .map(|(s, role)| data_set(folder, s, role))
+            .collect::<Result<_, _>>()?,
         outputs: hashes(folder, &folder.results_there()?)?,
     })
 }

@@ -17,7 +17,6 @@ pub use folder::Folder;
 pub use results::Results;
 pub use subject::Subject;
 
-use crate::evaluation::bands::Watched;
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::parallel::Workers;
@@ -72,18 +71,13 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
     DataSet::new(&tables, features, &study.units).map_err(wrong)
 }
 
-/// The sensors that have a band.
-fn watched(study: &Study, subject: Subject) -> Vec<Watched> {
+/// For each sensor with a band a number that is the same for like sensors of all units.
+fn pools(study: &Study) -> Vec<usize> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let like = |sensor: usize| sensors.iter().position(|s| s.quantity == sensors[sensor].quantity);
     let is_other = |sensor: usize| sensors[sensor].quantity == Quantity::Other;
-    let has_noise = subject.setting().has_noise();
-    let watched = |sensor: usize| Watched {
-        pool: like(sensor).filter(|_| !is_other(sensor)).unwrap_or(sensor),
-        noise: if has_noise { sensors[sensor].noise } else { 0.0 },
-        samples: (study.duration_s / study.sample_period_s) as usize + 1,
-    };
-    (0..sensors.len()).map(watched).collect()
+    let pool = |sensor: usize| like(sensor).filter(|_| !is_other(sensor)).unwrap_or(sensor);
+    (0..sensors.len()).map(pool).collect()
 }
 
 /// Trains trees and committee of a subject with everything there is to learn from, and writes them.
@@ -98,8 +92,8 @@ pub fn train(
 ) -> Result<Trained, JobError> {
     let data = data_set(folder, study, subject)?;
     let windows = windows(folder, study, subject, &data)?;
-    let data = with_moved(study, subject, data, &windows, workers)?;
-    let trained = evaluation::train(&data, &subject.settings(), &watched(study, subject), workers)?;
+    let data = with_moved(study, subject, data.taught()?, &windows, workers)?;
+    let trained = evaluation::train(&data, &subject.settings(), &pools(study), workers)?;
     let sensors = &study.sensors.0[..study.base_sensors()];
     let half_width = |sensor: usize| {
         let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
@@ -140,15 +134,17 @@ pub fn evaluate_all(
         let trained = trained(folder, subject)?;
         let windows = windows(folder, study, subject, &data)?;
         let moving = moving(study, subject, &windows, JUDGED);
-        let data = with_moved(study, subject, data, &windows, workers)?;
-        let watched = watched(study, subject);
+        let all_features = data;
+        let data = with_moved(study, subject, all_features.taught()?, &windows, workers)?;
+        let pools = pools(study);
         let told = |what: &str, share: f64| {
             let done = (place as f64 + share) / (subjects.len() as f64 + 0.2);
             progress(&format!("{}: {what}", subject.name()), done);
         };
         let context = Context {
             trained: &trained,
-            watched: &watched,
+            pools: &pools,
+            all_features: &all_features,
             moving: moving.as_ref(),
             workers,
             progress: &told,
@@ -157,7 +153,7 @@ pub fn evaluate_all(
         let evaluation = evaluation::evaluate(&data, &settings, &context)?;
         list.push(SubjectResult::new(subject, study, settings.clone(), evaluation));
         if !subject.extra_sensor() {
-            let (data, _) = evaluation::banded(&data, &settings, &watched);
+            let (data, _) = evaluation::banded(&data, &settings, &pools);
             read.push((subject.name().to_owned(), data, trained));
         }
     }
@@ -201,7 +197,8 @@ fn moving<'w>(
     let has_noise = subject.setting().has_noise();
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
     let features = data_features(study).into_iter().enumerate();
-    let own = features.filter(|(_, feature)| subject.extra_sensor() || !feature.extra);
+    let own = features
+        .filter(|(_, known)| known.feature.teaches && (subject.extra_sensor() || !known.extra));
     (!windows.is_empty()).then(|| Moving {
         sensors: &study.sensors,
         windows,

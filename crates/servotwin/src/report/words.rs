@@ -21,6 +21,11 @@ pub fn rate(rate: Option<Rate>) -> String {
     }
 }
 
+/// A rate with its interval in square brackets, where round ones follow.
+pub fn bracketed(value: Option<Rate>) -> String {
+    rate(value).replace('(', "[").replace(')', "]")
+}
+
 /// A rate with its interval below it: a line feed begins what stands in small type.
 pub fn stacked(value: Option<Rate>) -> String {
     rate(value).replace(" (", "\n").replace(')', "")
@@ -29,18 +34,22 @@ pub fn stacked(value: Option<Rate>) -> String {
 /// The interval of a rate that comes from drawing whole kinds of fault: `90.50 … 95.10`.
 pub fn by_kind(rate: Option<Rate>) -> String {
     let interval = rate.filter(|rate| rate.of > 0).and_then(|rate| rate.by_kind);
-    interval.map_or_else(|| NONE.into(), |(low, high)| {
-        format!("{:.2} … {:.2}", 100.0 * low, 100.0 * high)
-    })
+    interval.map_or_else(
+        || NONE.into(),
+        |(low, high)| format!("{:.2} … {:.2}", 100.0 * low, 100.0 * high),
+    )
 }
 
 /// The change from one rate to another in points: `+0.12`.
 pub fn change(before: Option<Rate>, after: Option<Rate>) -> String {
     let shares = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
-    shares.map_or_else(|| NONE.into(), |(before, after)| {
-        let points = format!("{:+.2}", 100.0 * (after - before));
-        if points == "-0.00" { "+0.00".into() } else { points }
-    })
+    shares.map_or_else(
+        || NONE.into(),
+        |(before, after)| {
+            let points = format!("{:+.2}", 100.0 * (after - before));
+            if points == "-0.00" { "+0.00".into() } else { points }
+        },
+    )
 }
 
 /// The share of a rate in percent.
@@ -64,6 +73,11 @@ pub fn number(value: f64) -> String {
     }
     let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
     format!("{value:.decimals$}")
+}
+
+/// A number that somebody chose, as it was written: without digits that say nothing.
+pub fn chosen(value: f64) -> String {
+    ((value * 1e6).round() / 1e6).to_string()
 }
 
 /// A value or threshold of a feature in the unit that people read.
@@ -96,6 +110,7 @@ mod tests {
             assert_eq!(number(value), text);
         }
         assert_eq!(number(1234.5), "1234");
+        assert_eq!((chosen(100.0 * 3e-4), chosen(90.0)), ("0.03".into(), "90".into()));
         assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
         assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % (94.55 … 99.82)");
         assert_eq!(rate(None), "–");
@@ -103,11 +118,11 @@ mod tests {
         let of_kinds = Rate { by_kind: Some((0.905, 0.951)), ..Rate::new(99, 100) };
         assert_eq!(by_kind(Some(of_kinds)), "90.50 … 95.10");
         assert_eq!(by_kind(Some(Rate::new(1, 2))), "–");
-        let change = |before, after| change(Some(Rate::new(before, 100)), Some(Rate::new(after, 100)));
-        assert_eq!((change(90, 91), change(91, 90), change(7, 7)), (
-            "+1.00".into(),
-            "-1.00".into(),
-            "+0.00".into()
-        ));
+        let change =
+            |before, after| change(Some(Rate::new(before, 100)), Some(Rate::new(after, 100)));
+        assert_eq!(
+            (change(90, 91), change(91, 90), change(7, 7)),
+            ("+1.00".into(), "-1.00".into(), "+0.00".into())
+        );
     }
 }

@@ -135,12 +135,7 @@ impl Realism {
 
     /// The parameters of one specimen: (component, parameter, value), inside
     /// the ranges that the components declare.
-    pub fn specimen(
-        &self,
-        study: &Study,
-        role: Role,
-        variant: usize,
-    ) -> Vec<(usize, usize, f64)> {
+    pub fn specimen(&self, study: &Study, role: Role, variant: usize) -> Vec<(usize, usize, f64)> {
         let mut random = Random::new(mix(self.seed, variant, 1 + 2 * role as u64));
         let components = &study.system.network().components;
         let mut values = Vec::new();

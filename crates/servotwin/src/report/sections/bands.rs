@@ -1,13 +1,13 @@
 //! The bands that healthy residuals stay in: learned sensor by sensor, beside the seed paper's 3 %.
 
-use crate::evaluation::bands::{Band, EXCEEDED};
+use crate::evaluation::bands::{ALARMS, Band};
 use crate::evaluation::protocol::Protocol;
 use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, RIGHT, SAFETY, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, number, stacked};
+use crate::report::words::{NONE, chosen, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -35,21 +35,27 @@ impl Section for Bands {
         page.text(&format!(
             "The seed paper lets every scaled residual stay within ±3 %, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
-             wide for others. Here each kind of sensor has a band of its own, learned from the largest \
-             residuals of healthy specimens on the training commands: the larger of two bounds, each \
-             meant to be left by one sensor in {} % of healthy records. The first is the upper 95 % \
-             confidence bound of that quantile between records, whose largest residuals vary with \
-             specimen and command nearly as a log-normal variable; the second is what noise alone \
-             reaches within a record. Like sensors of the actuators are pooled. A fault counts as \
-             detected where any residual leaves its band.",
-            number(100.0 * EXCEEDED)
+             wide for others. Here each kind of sensor has a band of its own, learned from healthy \
+             specimens on the training commands: as many standard deviations above the mean logarithm \
+             of their largest residuals as leave {} % of these records outside of any band, the same \
+             number for all sensors; like sensors of the actuators are pooled. What is promised is the \
+             rate of false alarms of all sensors together, on flights like those of training. A fault \
+             counts as detected where any residual leaves its band.",
+            chosen(100.0 * ALARMS)
         ));
         let names: Vec<String> =
             results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
-        page.figure("bands", figure(&results, &names), "Half width of the learned bands in percent of each \
-            sensor's scale; the seed paper's band is 3 % for all.");
-        page.table(&widths(&results, &names), "Half widths in percent of scale; below them how many of the \
-            healthy training records (those of like sensors together) leave the band.");
+        page.figure(
+            "bands",
+            figure(&results, &names),
+            "Half width of the learned bands in percent of each \
+            sensor's scale; the seed paper's band is 3 % for all.",
+        );
+        page.table(
+            &widths(&results, &names),
+            "Half widths in percent of scale; below them how many of the \
+            healthy training records (those of like sensors together) leave the band.",
+        );
         page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
             healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
         compared(&results, page);
@@ -81,12 +87,15 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
     heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
     let mut grid = Grid::new(heads);
     for (place, name) in names.iter().enumerate() {
-        let mut row = vec![name.clone(), number(100.0 * BAND)];
+        let mut row = vec![name.clone(), chosen(100.0 * BAND)];
         let width = |band: Option<&Band>| {
-            band.map_or_else(|| NONE.into(), |band| {
-                let width = 100.0 * band.half_width;
-                format!("{width:.2}\n{} of {}", band.exceeded, band.records)
-            })
+            band.map_or_else(
+                || NONE.into(),
+                |band| {
+                    let width = 100.0 * band.half_width;
+                    format!("{width:.2}\n{} of {}", band.exceeded, band.records)
+                },
+            )
         };
         row.extend(results.iter().map(|(_, bands)| width(bands.get(place))));
         grid.push(row);
@@ -142,7 +151,10 @@ fn compared(results: &[(&SubjectResult, &[Band])], page: &mut Page) {
         }
     }
     if !grid.is_empty() {
-        page.table(&grid, "The diagnosis of new commands with either band. Rates of detected faults are of \
-            other faults with each band; only “of all faults” compares directly.");
+        page.table(
+            &grid,
+            "The diagnosis of new commands with either band. Rates of detected faults are of \
+            other faults with each band; only “of all faults” compares directly.",
+        );
     }
 }

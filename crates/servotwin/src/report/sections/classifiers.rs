@@ -1,4 +1,4 @@
-//! Eight classifiers by the same protocol.
+//! All classifiers by the same protocol.
 
 use crate::evaluation::Evaluation;
 use crate::evaluation::protocol::Protocol;
@@ -28,7 +28,7 @@ impl Section for Classifiers {
             for (stage, asks) in [("A", "the actuator"), ("B", "the command")] {
                 let name = format!("classifiers_{}_{stage}", result.subject.name());
                 page.figure(&name, bars(&result.evaluation, stage), &format!(
-                    "Setting: {}. Accuracy for {asks} (stage {stage}) of eight classifiers with the \
+                    "Setting: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
                      same features and default settings: random thirds: {}; folds: {}, in which the \
                      same fault and intensity stays together. The axis does not begin at zero; whiskers: 95 %.",
                     result.title, holding.repeats, holding.folds

@@ -7,7 +7,7 @@ use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
 use crate::report::lines;
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{number, stacked};
+use crate::report::words::{chosen, stacked};
 use crate::report::{Material, Section};
 use crate::signal::Signal;
 use crate::study::{OperatingCase, Study, Training};
@@ -34,12 +34,15 @@ impl Section for CommandsCurve {
              judged, flown for {} s each at a load of its own; of every command there are {} healthy \
              specimens, which fly {} s.",
             commands(training).len(),
-            number(training.duration_s),
+            chosen(training.duration_s),
             training.healthy,
-            number(study.duration_s),
+            chosen(study.duration_s),
         ));
-        page.table(&list(study, training), "The training commands as the study file has them. Of a \
-            pattern every range is filled evenly by the draws, wide ones on a logarithmic scale.");
+        page.table(
+            &list(study, training),
+            "The training commands as the study file has them. Of a \
+            pattern every range is filled evenly by the draws, wide ones on a logarithmic scale.",
+        );
         let curves: Vec<(&SubjectResult, Vec<(usize, &ProtocolResult)>)> =
             lines::settings(material.results)
                 .into_iter()
@@ -49,10 +52,17 @@ impl Section for CommandsCurve {
         if curves.is_empty() {
             return;
         }
-        page.figure("training_commands", figure(&curves), "Accuracy of the trees on new commands, end to \
+        page.figure(
+            "training_commands",
+            figure(&curves),
+            "Accuracy of the trees on new commands, end to \
             end, against the number of commands that they learned from (the first of the list); \
-            whiskers: 95 %, from drawing kinds of fault at their intensities.");
-        page.table(&table(&curves), "The same in numbers, with the missed shutdowns of detected faults.");
+            whiskers: 95 %, from drawing kinds of fault at their intensities.",
+        );
+        page.table(
+            &table(&curves),
+            "The same in numbers, with the missed shutdowns of detected faults.",
+        );
     }
 }
 
@@ -81,9 +91,8 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
     for (result, curve) in curves {
         let known = curve.iter().filter_map(|(count, result)| Some((*count, result.end_to_end?)));
         let known: Vec<(usize, Rate)> = known.filter(|(_, rate)| rate.share.is_some()).collect();
-        let point = |(count, rate): &(usize, Rate)| {
-            (*count as f64, 100.0 * rate.share.unwrap_or_default())
-        };
+        let point =
+            |(count, rate): &(usize, Rate)| (*count as f64, 100.0 * rate.share.unwrap_or_default());
         let ends = known.iter().map(|(_, rate)| (100.0 * rate.low, 100.0 * rate.high)).collect();
         let points = known.iter().map(point).collect();
         lines = lines.with(Curve::new(&result.title, points).with_intervals(ends));
@@ -94,9 +103,8 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
 fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Grid {
     let mut heads = vec![("training commands".to_owned(), Side::Right)];
     for what in ["end to end right", "shutdown missed"] {
-        let head = |(result, _): &(&SubjectResult, _)| {
-            (format!("{what}, {}", result.title), Side::Right)
-        };
+        let head =
+            |(result, _): &(&SubjectResult, _)| (format!("{what}, {}", result.title), Side::Right);
         heads.extend(curves.iter().map(head));
     }
     let mut grid = Grid::new(heads);
@@ -166,11 +174,25 @@ fn in_words(signal: &toml::Value) -> String {
     let term = |term: &str| {
         let (kind, parameters) = term.split_once(':').unwrap_or((term, ""));
         let shown = parameters.split(',').filter(|one| !one.trim().starts_with("seed="));
-        let shown: Vec<String> = shown.map(|one| one.replace('=', " ")).collect();
+        let shown: Vec<String> = shown.map(|one| with_spaces(&one.replace('=', " "))).collect();
         let parameters = shown.join(", ").replace("..", " … ").replace(['{', '}'], "");
         format!("{}: {parameters}", kind.trim()).trim_end_matches([':', ' ']).to_owned()
     };
     text.split(" + ").map(term).collect::<Vec<_>>().join("; plus ")
+}
+
+/// A space between every number and its unit.
+fn with_spaces(text: &str) -> String {
+    let mut spaced = String::new();
+    for character in text.chars() {
+        if character.is_alphabetic()
+            && spaced.ends_with(|last: char| matches!(last, '0'..='9' | '}'))
+        {
+            spaced.push(' ');
+        }
+        spaced.push(character);
+    }
+    spaced
 }
 
 #[cfg(test)]
@@ -182,6 +204,9 @@ mod tests {
         let words = |text: &str| in_words(&toml::Value::String(text.into()));
         let pattern = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}";
         assert_eq!(words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
-        assert_eq!(words("step:size=6deg + ramp:rate=1deg/s"), "step: size 6deg; plus ramp: rate 1deg/s");
+        assert_eq!(
+            words("step:size=6deg + ramp:rate=1deg/s"),
+            "step: size 6 deg; plus ramp: rate 1 deg/s"
+        );
     }
 }

@@ -33,10 +33,7 @@ impl Section for Making {
             let holding = result.settings.holding;
             push(
                 &format!("splits, {}", result.title),
-                format!(
-                    "{} random thirds; {} folds of groups",
-                    holding.repeats, holding.folds
-                ),
+                format!("{} random thirds; {} folds of groups", holding.repeats, holding.folds),
             );
         }
         page.table(

@@ -1,6 +1,6 @@
 //! What errors would do to the aircraft, by name.
 
-use crate::evaluation::protocol::{ProtocolResult, ALL};
+use crate::evaluation::protocol::{ALL, ProtocolResult};
 use crate::evaluation::score::Rate;
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, SAFETY, Who};
@@ -32,10 +32,13 @@ impl Section for Safety {
              faults several times or not at all have no second figure.",
         );
         for result in &material.results.subjects {
-            page.table(&grid(result), &format!(
-                "Setting: {}. 95 % intervals from drawing kinds of fault at their intensities.",
-                result.title
-            ));
+            page.table(
+                &grid(result),
+                &format!(
+                    "Setting: {}. 95 % intervals from drawing kinds of fault at their intensities.",
+                    result.title
+                ),
+            );
         }
         healthy(material, page);
         for result in lines::settings(material.results) {

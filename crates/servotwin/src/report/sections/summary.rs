@@ -10,7 +10,7 @@ use crate::job::Subject;
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, OF_PAPER, PAPER, RIGHT, SAFETY, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, number, percent, rate};
+use crate::report::words::{NONE, bracketed, number, percent, rate};
 use crate::report::{Material, Section};
 
 /// See the module.
@@ -39,7 +39,7 @@ impl Section for Summary {
              operating cases. From the differences between measured and expected sensor signals \
              (residuals), decision trees say which actuator failed (A), what the flight control \
              computer must do (B), and what is broken (C, D, E); a committee of boosted trees says \
-             it too, and may be silent. Setting “{}”, 95 % intervals in brackets:",
+             it too, and may be silent. Setting “{}”, with 95 % intervals:",
             study.system.title,
             study.faults.len(),
             study.cases.len(),
@@ -47,9 +47,9 @@ impl Section for Summary {
         ));
         page.findings(&findings(&hardest.evaluation));
         page.table(&side_by_side(&settings), &format!(
-            "{} Intervals are 95 %: faults from drawing kinds of fault at their intensities, which are \
-             not independent rows; healthy specimens from Wilson's formula. Less is better in the rows \
-             of safety.",
+            "{} Intervals are 95 %: of answers from drawing kinds of fault at their intensities, because \
+             rows of one are not independent; of what bands do from Wilson's formula. In shaded rows less \
+             is better.",
             held_out(&hardest.evaluation)
         ));
         page.note(&bands_in_use(&settings));
@@ -76,59 +76,77 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
     let mut list = vec![];
     let mut push = |about: &str, text: String| list.push((about.to_owned(), text));
     let detection = &evaluation.detection;
-    push("Detection", format!(
-        "{} of all faults leave the bands; the others show in no sensor and are not diagnosed.",
-        rate(Some(detection.detected)),
-    ));
+    push(
+        "Detection",
+        format!(
+            "{} of all faults leave the bands; the others stay inside every band and are not diagnosed.",
+            bracketed(Some(detection.detected)),
+        ),
+    );
     let about = match evaluation.headline().map(|result| result.protocol) {
         Some(Protocol::NewCommand) => "Commands never seen",
         _ => "Faults never seen at their intensity",
     };
     let both = |measure: &Measure| both(evaluation, measure);
-    push(about, format!(
-        "of the detected faults actuator, command and failure are right for {}; actuator and command, \
+    push(
+        about,
+        format!(
+            "Of the detected faults actuator, command and failure are right for {}; actuator and command, \
          which are all that is acted on, for {}.",
-        both(&RIGHT[1]),
-        both(&RIGHT[0]),
-    ));
+            both(&RIGHT[1]),
+            both(&RIGHT[0]),
+        ),
+    );
     let [wrong, missed, missed_of_all, needless] = &SAFETY;
     push("Wrong actuator shut down", format!("{} of the detected faults.", both(wrong)));
-    push("Shutdown missed", format!(
-        "{} of the detected faults that need one; of all such faults, those never detected \
+    push(
+        "Shutdown missed",
+        format!(
+            "{} of the detected faults that need one; of all such faults, those never detected \
          included, {}.",
-        both(missed),
-        both(missed_of_all),
-    ));
+            both(missed),
+            both(missed_of_all),
+        ),
+    );
     push("Needless shutdown", format!("{} of the faults that need less.", both(needless)));
     if let Some(alarms) = &evaluation.false_alarms {
-        push("False alarms", format!(
-            "{} of {} healthy specimens leave the bands; the trees would shut an actuator down in {}, \
+        push(
+            "False alarms",
+            format!(
+                "{} of {} healthy specimens leave the bands; the trees would shut an actuator down in {}, \
              the committee in {}.",
-            rate(Some(alarms.alarms)),
-            alarms.alarms.of,
-            rate(Some(alarms.tree_shutdowns)),
-            rate(Some(alarms.committee_shutdowns)),
-        ));
+                bracketed(Some(alarms.alarms)),
+                alarms.alarms.of,
+                bracketed(Some(alarms.tree_shutdowns)),
+                bracketed(Some(alarms.committee_shutdowns)),
+            ),
+        );
     }
     if let Some(level) = silent(evaluation) {
-        push("Silence", format!(
-            "a committee that withholds the least certain {} of its answers is right about actuator \
+        push(
+            "Silence",
+            format!(
+                "A committee that withholds the least certain {} of its answers is right about actuator \
              and command in {} of the others, shuts the wrong actuator down in {} and answers a fault \
              that needs a shutdown wrongly in {}.",
-            percent(level.abstained.share),
-            rate(Some(level.right_action)),
-            rate(Some(level.wrong_actuator_shutdown)),
-            rate(Some(level.shutdown_answered_wrongly)),
-        ));
+                percent(level.abstained.share),
+                bracketed(Some(level.right_action)),
+                bracketed(Some(level.wrong_actuator_shutdown)),
+                bracketed(Some(level.shutdown_answered_wrongly)),
+            ),
+        );
     }
     if let Some((trees, committee)) = &evaluation.flips {
         let changed = |share: &Share| percent(Some(share.share()));
-        push("What sensors cannot show", format!(
-            "moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
+        push(
+            "What sensors cannot show",
+            format!(
+                "Moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
              command change, and {} of the committee's.",
-            changed(&trees.action),
-            changed(&committee.action),
-        ));
+                changed(&trees.action),
+                changed(&committee.action),
+            ),
+        );
     }
     list
 }
@@ -138,16 +156,11 @@ fn both(evaluation: &Evaluation, measure: &Measure) -> String {
     let of = |who: Who| who.headline(evaluation).and_then(measure.rate).filter(|rate| rate.of > 0);
     match (of(Who::Trees), of(Who::Committee)) {
         (None, None) => "none".into(),
-        (trees, None) => format!("{} (trees)", plain(trees)),
+        (trees, None) => format!("{} (trees)", bracketed(trees)),
         (trees, committee) => {
-            format!("{} (trees), {} (committee)", plain(trees), plain(committee))
+            format!("{} (trees), {} (committee)", bracketed(trees), bracketed(committee))
         }
     }
-}
-
-/// A rate whose interval stands in square brackets, because more brackets follow.
-fn plain(value: Option<Rate>) -> String {
-    rate(value).replace('(', "[").replace(')', "]")
 }
 
 fn silent(evaluation: &Evaluation) -> Option<&Level> {

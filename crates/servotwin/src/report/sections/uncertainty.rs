@@ -42,8 +42,11 @@ impl Section for Uncertainty {
              flip rate. In the setting without noise only the solver's error moves a window.",
             first.draws
         ));
-        page.table(&answers(&results), "Share of moves after which the answer is another one: the actuator; \
-            actuator or command, which is what is acted on; any part of the answer.");
+        page.table(
+            &answers(&results),
+            "Share of moves after which the answer is another one: the actuator; \
+            actuator or command, which is what is acted on; any part of the answer.",
+        );
         let features = data_features(material.study);
         for (result, (trees, _)) in &results {
             worst(result, trees, &features, page);

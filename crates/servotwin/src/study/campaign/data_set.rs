@@ -77,9 +77,12 @@ impl Maker<'_> {
     /// Each feature, and where the units correspond also its mirror image.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
         let sensors = &self.study.sensors;
-        let own: Vec<Vec<f64>> = rows.iter().map(|row| features::values(sensors, &row.window)).collect();
+        let own: Vec<Vec<f64>> =
+            rows.iter().map(|row| features::values(sensors, &row.window)).collect();
         let mirrored: Option<Vec<Vec<f64>>> = sensors.exchanged(0, 1).map(|order| {
-            rows.iter().map(|row| features::values(sensors, &row.window.reordered(&order))).collect()
+            rows.iter()
+                .map(|row| features::values(sensors, &row.window.reordered(&order)))
+                .collect()
         });
         let mut columns = Vec::new();
         for (index, feature) in data_features(self.study).iter().enumerate() {

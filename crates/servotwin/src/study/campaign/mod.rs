@@ -194,7 +194,9 @@ impl Campaign<'_> {
                 let of_study = self.study.faults[fault].at.intensity;
                 let intensity = match (self.role, &self.study.training) {
                     // Another place of the sequence from fault to fault, the next from case to case.
-                    (Role::Training, Some(training)) => training.intensity(of_study, case + 7 * fault),
+                    (Role::Training, Some(training)) => {
+                        training.intensity(of_study, case + 7 * fault)
+                    }
                     _ => of_study,
                 };
                 Planned { case, fault: Some(fault), intensity }
@@ -205,7 +207,8 @@ impl Campaign<'_> {
             Role::Training => self.study.training.as_ref().map_or(0, |t| t.healthy),
         };
         if self.settings.iter().any(|setting| setting.has_noise()) {
-            let specimens = |case| (0..healthy).map(move |_| Planned { case, fault: None, intensity: 0.0 });
+            let specimens =
+                |case| (0..healthy).map(move |_| Planned { case, fault: None, intensity: 0.0 });
             plan.extend((0..cases.len()).flat_map(specimens));
         }
         plan
@@ -377,7 +380,10 @@ impl Campaign<'_> {
             outcome.failed.extend(failed);
             let table = maker
                 .table(&plan[..rows.len()], rows)
-                .with_metadata("fingerprint", self.fingerprint(setting, plan, images.has_mirrored()))
+                .with_metadata(
+                    "fingerprint",
+                    self.fingerprint(setting, plan, images.has_mirrored()),
+                )
                 .with_metadata("study", self.study.name.clone())
                 .with_metadata("setting", setting.name());
             let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
@@ -586,4 +592,3 @@ pub(crate) fn hash(bytes: &[u8]) -> u64 {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     })
 }
-

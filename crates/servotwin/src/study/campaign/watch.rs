@@ -43,7 +43,13 @@ impl<'c> Observer<'c> {
             views.extend(own.map(|variant| self.view(setting, variant)));
         }
         let count = self.scales.len();
-        Watch { observer: self, views, twin, measured: vec![0.0; count], expected: vec![0.0; count] }
+        Watch {
+            observer: self,
+            views,
+            twin,
+            measured: vec![0.0; count],
+            expected: vec![0.0; count],
+        }
     }
 
     fn view(&self, setting: usize, variant: usize) -> View<'_> {

@@ -1,0 +1,100 @@
+//! Items of one shape side by side.
+//!
+//! Lists of sums of products are short sums of many lengths. Where a sum's length
+//! changes from one to the next, the processor guesses wrong where it ends, and a
+//! wrong guess costs as much as ten products. So items are sorted, as far as what
+//! they need allows, into *runs* of one shape, and a run's loop knows its length.
+
+use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// Items of one shape that stand one after the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Run<S> {
+    pub shape: S,
+    pub count: usize,
+}
+
+/// Does something with a length that the compiler knows, where it is one of the usual.
+macro_rules! unrolled {
+    ($length:expr, |$known:ident| $what:expr) => {
+        unrolled!($length, |$known| $what, 0 1 2 3 4 5 6 7 8)
+    };
+    ($length:expr, |$known:ident| $what:expr, $($usual:literal)*) => {
+        match $length {
+            $($usual => { let $known = $usual; $what })*
+            $known => $what,
+        }
+    };
+}
+pub(crate) use unrolled;
+
+/// The items in an order in which each comes after those that it needs, in few runs:
+/// at every turn the shape of which most items are ready, until none is left.
+///
+/// # Panics
+/// Where items need each other in a circle.
+pub(crate) fn in_runs<S: Copy + Ord>(shapes: &[S], needs: &[Vec<usize>]) -> Vec<usize> {
+    let mut needed_by = vec![Vec::new(); shapes.len()];
+    let mut missing = vec![0; shapes.len()];
+    for (item, needs) in needs.iter().enumerate() {
+        missing[item] = needs.len();
+        for &need in needs {
+            needed_by[need].push(item);
+        }
+    }
+    let mut ready: BTreeMap<S, BTreeSet<usize>> = BTreeMap::new();
+    for item in (0..shapes.len()).filter(|&item| missing[item] == 0) {
+        ready.entry(shapes[item]).or_default().insert(item);
+    }
+    let mut order = Vec::with_capacity(shapes.len());
+    while let Some((&shape, _)) = ready.iter().max_by_key(|(_, items)| items.len()) {
+        while let Some(item) = ready.get_mut(&shape).and_then(BTreeSet::pop_first) {
+            order.push(item);
+            for &later in &needed_by[item] {
+                missing[later] -= 1;
+                if missing[later] == 0 {
+                    ready.entry(shapes[later]).or_default().insert(later);
+                }
+            }
+        }
+        ready.remove(&shape);
+    }
+    assert_eq!(order.len(), shapes.len(), "items need each other in a circle");
+    order
+}
+
+/// The runs of a list of shapes.
+pub(crate) fn runs<S: Copy + PartialEq>(shapes: impl Iterator<Item = S>) -> Vec<Run<S>> {
+    let mut runs: Vec<Run<S>> = Vec::new();
+    for shape in shapes {
+        match runs.last_mut() {
+            Some(run) if run.shape == shape => run.count += 1,
+            _ => runs.push(Run { shape, count: 1 }),
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn needs_come_first_and_runs_are_few() {
+        let shapes = [1, 2, 1, 2, 1, 2];
+        let needs = [vec![], vec![0], vec![], vec![2], vec![1, 3], vec![4]];
+        let order = in_runs(&shapes, &needs);
+        assert_eq!(order, [0, 2, 1, 3, 4, 5]);
+        let runs = runs(order.iter().map(|&item| shapes[item]));
+        let listed: Vec<(i32, usize)> = runs.iter().map(|run| (run.shape, run.count)).collect();
+        assert_eq!(listed, [(1, 2), (2, 2), (1, 1), (2, 1)]);
+    }
+
+    #[test]
+    #[should_panic(expected = "in a circle")]
+    fn a_circle_is_refused() {
+        in_runs(&[1, 1], &[vec![1], vec![0]]);
+    }
+}

@@ -1,0 +1,55 @@
+//! Processor time of a campaign's runs, for `peers/beside.sh`.
+//!
+//! `seconds [STRIDE] [DURATION_S]` (defaults 8, 90): every `STRIDE`-th of the study's
+//! faults under its second command at full load, in one thread. What is sampled is
+//! what a campaign samples, and goes into a sum only. Prints the seconds.
+
+use servotwin::ensemble::{Sink, Variant};
+use servotwin::study::{Study, campaign};
+use servotwin_model::solver::Statistics;
+
+struct Sum(f64);
+
+impl Sink for Sum {
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        self.0 += values.iter().sum::<f64>();
+    }
+}
+
+/// Of all threads, those that have ended included.
+fn processor_seconds() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").expect("Linux");
+    let after_name = text.rsplit(')').next().unwrap_or_default();
+    let fields: Vec<f64> =
+        after_name.split_whitespace().map(|field| field.parse().unwrap_or(0.0)).collect();
+    (fields[11] + fields[12]) / 100.0
+}
+
+fn main() {
+    let argument = |place: usize, default: f64| {
+        std::env::args().nth(place).map_or(default, |text| text.parse().expect("a number"))
+    };
+    let study = Study::default();
+    let case = study.cases.iter().find(|case| case.name == "S2/100").expect("a case of the study");
+    let faults: Vec<_> = study.faults.iter().step_by(argument(1, 8.0) as usize).collect();
+    let mut ensemble = campaign::ensemble(&study);
+    ensemble.duration_s = argument(2, 90.0);
+    ensemble.threads = 1;
+    let variant = |job: usize| Variant {
+        faults: vec![faults[job].at],
+        inputs: case.inputs.iter().collect(),
+        ..Variant::default()
+    };
+    let (mut total, mut sum) = (Statistics::default(), 0.0);
+    let begin = processor_seconds();
+    ensemble.run(
+        faults.len(),
+        variant,
+        |_| Sum(0.0),
+        |_, samples, outcome| {
+            total += outcome.expect("the run ends");
+            sum += samples.0;
+        },
+    );
+    println!("{} {total:?} {sum:e}", processor_seconds() - begin);
+}
