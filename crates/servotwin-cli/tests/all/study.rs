@@ -123,7 +123,7 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     let study = write_study(&folder, CLASSES);
     let (whole, staged) = (folder.file("whole"), folder.file("staged"));
     let output = run(&["study", &study, "--out", &whole, "--threads", "1"]);
-    assert!(stdout(&output).starts_with("Setting: ideal\n"), "{}", stdout(&output));
+    assert!(stdout(&output).starts_with("new command\n"), "{}", stdout(&output));
     assert!(stdout(&output).contains("wrong actuator shut down"));
     run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
     run(&["train", &staged]);
@@ -245,7 +245,7 @@ fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
                  faults = [\"leakage_a.leakage\"]\n";
     let study = write_study(&folder, class);
     let output = run(&["study", &study, "--out", &folder.file("out")]);
-    assert!(stdout(&output).contains("A  actuator"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("end to end right"), "{}", stdout(&output));
 }
 
 #[test]

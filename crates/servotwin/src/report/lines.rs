@@ -40,11 +40,11 @@ pub const SAFETY: [Measure; 4] = [
         rate: |result| Some(result.safety.as_ref()?.wrong_actuator_shutdown),
     },
     Measure {
-        title: "shutdown missed, of detected faults",
+        title: "shutdown missed (of detected)",
         rate: |result| Some(result.safety.as_ref()?.missed_shutdown),
     },
     Measure {
-        title: "shutdown missed, of all faults",
+        title: "shutdown missed (of all)",
         rate: |result| result.safety.as_ref()?.missed_shutdown_of_all,
     },
     Measure {

@@ -100,7 +100,13 @@ pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
     }
     let mut page = Page::default();
     let entries = sections.iter().map(|(s, _)| (s.id().to_owned(), s.title().to_owned()));
-    page.contents(&entries.collect::<Vec<_>>());
-    sections.into_iter().for_each(|(_, section)| page.append(section));
+    let entries: Vec<(String, String)> = entries.collect();
+    // What was found stands before where to look.
+    for (place, (_, section)) in sections.into_iter().enumerate() {
+        page.append(section);
+        if place == 0 {
+            page.contents(&entries);
+        }
+    }
     page.finish(&material.study.title)
 }

@@ -138,7 +138,8 @@ impl Page {
     /// type.
     pub fn table(&mut self, grid: &Grid, caption: &str) {
         let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
-        self.html += "<div class=\"sheet\"><table>\n";
+        let wide = if grid.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
+        let _ = writeln!(self.html, "<div class=\"sheet\"><table{wide}>");
         let _ = writeln!(self.html, "<caption>{}</caption>", escaped(caption));
         self.html += "<thead><tr>";
         for (head, side) in &grid.heads {
@@ -190,6 +191,9 @@ fn escaped(text: &str) -> String {
     }
     html
 }
+
+/// A table with so many columns is set in smaller type.
+const WIDE: usize = 8;
 
 const STYLE: &str = include_str!("style.css");
 

@@ -21,6 +21,11 @@ pub fn rate(rate: Option<Rate>) -> String {
     }
 }
 
+/// A rate with its interval in square brackets, where round ones follow.
+pub fn bracketed(value: Option<Rate>) -> String {
+    rate(value).replace('(', "[").replace(')', "]")
+}
+
 /// A rate with its interval below it: a line feed begins what stands in small type.
 pub fn stacked(value: Option<Rate>) -> String {
     rate(value).replace(" (", "\n").replace(')', "")
@@ -70,6 +75,11 @@ pub fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
+/// A number that somebody chose, as it was written: without digits that say nothing.
+pub fn chosen(value: f64) -> String {
+    ((value * 1e6).round() / 1e6).to_string()
+}
+
 /// A value or threshold of a feature in the unit that people read.
 pub fn of_unit(value: f64, unit: &str) -> String {
     match unit {
@@ -100,6 +110,7 @@ mod tests {
             assert_eq!(number(value), text);
         }
         assert_eq!(number(1234.5), "1234");
+        assert_eq!((chosen(100.0 * 3e-4), chosen(90.0)), ("0.03".into(), "90".into()));
         assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
         assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % (94.55 … 99.82)");
         assert_eq!(rate(None), "–");

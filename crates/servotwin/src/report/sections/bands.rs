@@ -1,13 +1,13 @@
 //! The bands that healthy residuals stay in: learned sensor by sensor, beside the seed paper's 3 %.
 
-use crate::evaluation::bands::Band;
+use crate::evaluation::bands::{ALARMS, Band};
 use crate::evaluation::protocol::Protocol;
 use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, RIGHT, SAFETY, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, number, stacked};
+use crate::report::words::{NONE, chosen, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -32,14 +32,17 @@ impl Section for Bands {
         if results.is_empty() {
             return;
         }
-        page.text(
+        page.text(&format!(
             "The seed paper lets every scaled residual stay within ±3 %, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
-             wide for others. Here each kind of sensor has a band of its own, learned from healthy specimens \
-             on the training commands: as many standard deviations above the mean logarithm of their \
-             largest residuals as leave 1.5 % of these records outside of any band; like sensors of \
-             the actuators are pooled. A fault counts as detected where any residual leaves its band.",
-        );
+             wide for others. Here each kind of sensor has a band of its own, learned from healthy \
+             specimens on the training commands: as many standard deviations above the mean logarithm \
+             of their largest residuals as leave {} % of these records outside of any band, the same \
+             number for all sensors; like sensors of the actuators are pooled. What is promised is the \
+             rate of false alarms of all sensors together, on flights like those of training. A fault \
+             counts as detected where any residual leaves its band.",
+            chosen(100.0 * ALARMS)
+        ));
         let names: Vec<String> =
             results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
         page.figure(
@@ -50,8 +53,8 @@ impl Section for Bands {
         );
         page.table(
             &widths(&results, &names),
-            "Half widths in percent of scale, and how many healthy \
-            training records leave the band; records of like sensors are counted together.",
+            "Half widths in percent of scale; below them how many of the \
+            healthy training records (those of like sensors together) leave the band.",
         );
         page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
             healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
@@ -82,23 +85,19 @@ fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
 fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
     let mut heads = vec![("sensor".to_owned(), Side::Left), ("seed paper".into(), Side::Right)];
     heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
-    heads.push(("healthy records".into(), Side::Right));
-    heads.push(("outside".into(), Side::Right));
     let mut grid = Grid::new(heads);
     for (place, name) in names.iter().enumerate() {
-        let mut row = vec![name.clone(), number(100.0 * BAND)];
+        let mut row = vec![name.clone(), chosen(100.0 * BAND)];
         let width = |band: Option<&Band>| {
-            band.map_or_else(|| NONE.into(), |band| format!("{:.2}", 100.0 * band.half_width))
+            band.map_or_else(
+                || NONE.into(),
+                |band| {
+                    let width = 100.0 * band.half_width;
+                    format!("{width:.2}\n{} of {}", band.exceeded, band.records)
+                },
+            )
         };
         row.extend(results.iter().map(|(_, bands)| width(bands.get(place))));
-        let list = |of: &dyn Fn(&Band) -> String| {
-            let mut all: Vec<String> =
-                results.iter().filter_map(|(_, bands)| bands.get(place).map(of)).collect();
-            all.dedup();
-            all.join(", ")
-        };
-        row.push(list(&|band| band.records.to_string()));
-        row.push(list(&|band| band.exceeded.to_string()));
         grid.push(row);
     }
     grid

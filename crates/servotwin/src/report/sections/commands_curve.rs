@@ -7,7 +7,7 @@ use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
 use crate::report::lines;
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{number, stacked};
+use crate::report::words::{chosen, stacked};
 use crate::report::{Material, Section};
 use crate::signal::Signal;
 use crate::study::{OperatingCase, Study, Training};
@@ -34,9 +34,9 @@ impl Section for CommandsCurve {
              judged, flown for {} s each at a load of its own; of every command there are {} healthy \
              specimens, which fly {} s.",
             commands(training).len(),
-            number(training.duration_s),
+            chosen(training.duration_s),
             training.healthy,
-            number(study.duration_s),
+            chosen(study.duration_s),
         ));
         page.table(
             &list(study, training),
@@ -134,15 +134,20 @@ fn list(study: &Study, training: &Training) -> Grid {
     let section = text.get("training");
     let named = section.and_then(|section| section.get("signals")).and_then(toml::Value::as_table);
     let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
-    let is_drawn = |case: &&OperatingCase| signal(&case.command).is_none();
-    let drawn: Vec<&OperatingCase> = training.cases.iter().filter(is_drawn).collect();
-    if let [first, .., last] = drawn[..] {
-        let pattern = section.and_then(|section| section.get("draws")?.get("signal"));
-        let names = format!("{} … {}", first.command, last.command);
-        grid.push(vec![names, pattern.map(in_words).unwrap_or_default(), loads(&drawn)]);
+    let drawn = section.and_then(|section| section.get("draws")).and_then(toml::Value::as_array);
+    // The draws of all patterns come first, in their order.
+    let mut cases: Vec<&OperatingCase> = training.cases.iter().collect();
+    for draws in drawn.into_iter().flatten() {
+        let count = draws.get("count").and_then(toml::Value::as_integer).unwrap_or(0);
+        let own: Vec<&OperatingCase> = cases.drain(..(count as usize).min(cases.len())).collect();
+        let Some((first, last)) = own.first().zip(own.last()) else { continue };
+        let names = match own.len() {
+            1 => first.command.clone(),
+            _ => format!("{} … {}", first.command, last.command),
+        };
+        grid.push(vec![names, draws.get("signal").map(in_words).unwrap_or_default(), loads(&own)]);
     }
-    let alone = if drawn.len() == 1 { &drawn[..] } else { &[] };
-    for case in alone.iter().copied().chain(training.cases.iter().filter(|case| !is_drawn(case))) {
+    for case in cases {
         let words = signal(&case.command).unwrap_or_default();
         grid.push(vec![case.command.clone(), words, loads(&[case])]);
     }
@@ -169,11 +174,25 @@ fn in_words(signal: &toml::Value) -> String {
     let term = |term: &str| {
         let (kind, parameters) = term.split_once(':').unwrap_or((term, ""));
         let shown = parameters.split(',').filter(|one| !one.trim().starts_with("seed="));
-        let shown: Vec<String> = shown.map(|one| one.replace('=', " ")).collect();
+        let shown: Vec<String> = shown.map(|one| with_spaces(&one.replace('=', " "))).collect();
         let parameters = shown.join(", ").replace("..", " … ").replace(['{', '}'], "");
         format!("{}: {parameters}", kind.trim()).trim_end_matches([':', ' ']).to_owned()
     };
     text.split(" + ").map(term).collect::<Vec<_>>().join("; plus ")
+}
+
+/// A space between every number and its unit.
+fn with_spaces(text: &str) -> String {
+    let mut spaced = String::new();
+    for character in text.chars() {
+        if character.is_alphabetic()
+            && spaced.ends_with(|last: char| matches!(last, '0'..='9' | '}'))
+        {
+            spaced.push(' ');
+        }
+        spaced.push(character);
+    }
+    spaced
 }
 
 #[cfg(test)]
@@ -187,7 +206,7 @@ mod tests {
         assert_eq!(words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
         assert_eq!(
             words("step:size=6deg + ramp:rate=1deg/s"),
-            "step: size 6deg; plus ramp: rate 1deg/s"
+            "step: size 6 deg; plus ramp: rate 1 deg/s"
         );
     }
 }

@@ -9,7 +9,7 @@ use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, RIGHT, STAGES, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{by_kind, number, percent, stacked};
+use crate::report::words::{by_kind, chosen, number, percent, stacked};
 use crate::report::{Material, Section};
 
 /// See the module.
@@ -140,7 +140,7 @@ fn silence(results: &[&SubjectResult], page: &mut Page) {
             trade(abstention),
             &format!(
                 "Setting: {}. Errors of the committee on new commands among the answers that are left, \
-                 against the share withheld; whiskers: 95 %.",
+                 against the share withheld; whiskers of the first curve: 95 %.",
                 result.title
             ),
         );
@@ -148,7 +148,7 @@ fn silence(results: &[&SubjectResult], page: &mut Page) {
             "Setting: {}. The same in numbers. The fixed confidence is the one that {} % of the answers \
              did not reach on training commands left out of training: chosen without looking at these.",
             result.title,
-            100.0 * crate::evaluation::committee::WITHHELD
+            chosen(100.0 * crate::evaluation::committee::WITHHELD)
         ));
     }
 }
@@ -163,7 +163,7 @@ fn trade(abstention: &Abstention) -> Figure {
         let percent = |share: f64| 100.0 * share;
         let points = known.iter().map(|&(at, (value, ..))| (at, percent(value))).collect();
         let ends = known.iter().map(|&(_, (_, low, high))| (percent(low), percent(high)));
-        Curve::new(name, points).with_intervals(ends.collect())
+        (Curve::new(name, points), ends.collect::<Vec<_>>())
     };
     let shown = |rate: Rate| Some((rate.share?, rate.low, rate.high));
     let missed = |level: &Level| shown(level.shutdown_answered_wrongly);
@@ -172,10 +172,12 @@ fn trade(abstention: &Abstention) -> Figure {
         let right = level.right_action;
         Some((1.0 - right.share?, 1.0 - right.high, 1.0 - right.low))
     };
+    // Whiskers of three curves at the same places would hide each other.
+    let (worst, ends) = curve("fault that needs a shutdown answered wrongly", &missed);
     lines = lines
-        .with(curve("fault that needs a shutdown answered wrongly", &missed))
-        .with(curve("actuator or command wrong", &wrong))
-        .with(curve("wrong actuator shut down", &wrong_shutdown));
+        .with(worst.with_intervals(ends))
+        .with(curve("actuator or command wrong", &wrong).0)
+        .with(curve("wrong actuator shut down", &wrong_shutdown).0);
     lines.draw()
 }
 
@@ -199,7 +201,7 @@ fn levels(abstention: &Abstention) -> Grid {
     for (share, level) in crate::evaluation::abstention::SHARES.iter().zip(&abstention.levels) {
         let title = match *share {
             0.0 => "always".to_owned(),
-            share => format!("but for the least certain {} %", number(100.0 * share)),
+            share => format!("but for the least certain {} %", chosen(100.0 * share)),
         };
         push(title, level);
     }

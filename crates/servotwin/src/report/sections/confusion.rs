@@ -40,7 +40,7 @@ impl Section for Confusion {
                     ConfusionMatrix::new("", classes, counts).draw(),
                     &format!(
                         "Tree {}{within}: rows are the truth, columns what was said of variants \
-                         not seen in training ({}).",
+                         not seen in training ({}; mirror images count once).",
                         stage.id, judged.title
                     ),
                 );

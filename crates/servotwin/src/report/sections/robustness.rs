@@ -28,9 +28,9 @@ impl Section for Robustness {
             return;
         }
         page.text(
-            "What was learned in a kinder world fails in a harder one: a tree that never saw noise asks \
-             for differences that no sensor shows. So the diagnosis of each setting is asked about the \
-             variants of every other, on new commands.",
+            "Does what was learned in a kinder world hold in a harder one? A tree that never saw noise \
+             may ask for differences that no sensor shows. So the diagnosis of each setting is asked \
+             about the variants of every other, on new commands.",
         );
         page.beside(|page| {
             for who in Who::ALL {

@@ -6,7 +6,7 @@ use crate::job::Subject;
 use crate::job::results::SubjectResult;
 use crate::report::lines::{RIGHT, SAFETY, STAGES, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{change, percent, rate};
+use crate::report::words::{bracketed, change, percent, rate};
 use crate::report::{Material, Section};
 use crate::study::campaign::data_features;
 
@@ -48,7 +48,7 @@ fn third_sensor(
 ) {
     let under = |result: &SubjectResult, who: Who| who.headline(&result.evaluation).cloned();
     let title = material.study.extra_sensor.as_deref().unwrap_or("an additional sensor");
-    page.heading(&format!("With {title}"));
+    page.heading(&format!("The additional sensor: {title}"));
     if let Some((before, after)) = under(without, Who::Trees).zip(under(with, Who::Trees)) {
         page.text(&verdict(&before, &after, &used(material, with)));
     }
@@ -68,7 +68,8 @@ fn third_sensor(
         }
     };
     for measure in SAFETY.iter().chain(&RIGHT) {
-        Who::ALL.into_iter().for_each(|who| push(measure.title, who, &measure.rate));
+        push(measure.title, Who::Trees, &measure.rate);
+        push("", Who::Committee, &measure.rate);
     }
     for (letter, title) in STAGES {
         let of = |result: &ProtocolResult| result.stage(letter).map(|score| score.accuracy);
@@ -106,8 +107,8 @@ fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> 
     };
     let mut text = format!(
         "The trees are right end to end in {} without the sensor and in {} with it ({} points). ",
-        rate(first).replace('(', "[").replace(')', "]"),
-        rate(second).replace('(', "[").replace(')', "]"),
+        bracketed(first),
+        bracketed(second),
         change(first, second)
     );
     text += &match used {

@@ -10,7 +10,7 @@ use crate::job::Subject;
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, OF_PAPER, PAPER, RIGHT, SAFETY, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, number, percent, rate};
+use crate::report::words::{NONE, bracketed, number, percent, rate};
 use crate::report::{Material, Section};
 
 /// See the module.
@@ -39,7 +39,7 @@ impl Section for Summary {
              operating cases. From the differences between measured and expected sensor signals \
              (residuals), decision trees say which actuator failed (A), what the flight control \
              computer must do (B), and what is broken (C, D, E); a committee of boosted trees says \
-             it too, and may be silent. Setting “{}”, 95 % intervals in brackets:",
+             it too, and may be silent. Setting “{}”, with 95 % intervals:",
             study.system.title,
             study.faults.len(),
             study.cases.len(),
@@ -47,9 +47,9 @@ impl Section for Summary {
         ));
         page.findings(&findings(&hardest.evaluation));
         page.table(&side_by_side(&settings), &format!(
-            "{} Intervals are 95 %: faults from drawing kinds of fault at their intensities, which are \
-             not independent rows; healthy specimens from Wilson's formula. Less is better in the rows \
-             of safety.",
+            "{} Intervals are 95 %: of answers from drawing kinds of fault at their intensities, because \
+             rows of one are not independent; of what bands do from Wilson's formula. In shaded rows less \
+             is better.",
             held_out(&hardest.evaluation)
         ));
         page.note(&bands_in_use(&settings));
@@ -79,8 +79,8 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
     push(
         "Detection",
         format!(
-            "{} of all faults leave the bands; the others show in no sensor and are not diagnosed.",
-            rate(Some(detection.detected)),
+            "{} of all faults leave the bands; the others stay inside every band and are not diagnosed.",
+            bracketed(Some(detection.detected)),
         ),
     );
     let about = match evaluation.headline().map(|result| result.protocol) {
@@ -91,7 +91,7 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
     push(
         about,
         format!(
-            "of the detected faults actuator, command and failure are right for {}; actuator and command, \
+            "Of the detected faults actuator, command and failure are right for {}; actuator and command, \
          which are all that is acted on, for {}.",
             both(&RIGHT[1]),
             both(&RIGHT[0]),
@@ -115,10 +115,10 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
             format!(
                 "{} of {} healthy specimens leave the bands; the trees would shut an actuator down in {}, \
              the committee in {}.",
-                rate(Some(alarms.alarms)),
+                bracketed(Some(alarms.alarms)),
                 alarms.alarms.of,
-                rate(Some(alarms.tree_shutdowns)),
-                rate(Some(alarms.committee_shutdowns)),
+                bracketed(Some(alarms.tree_shutdowns)),
+                bracketed(Some(alarms.committee_shutdowns)),
             ),
         );
     }
@@ -126,13 +126,13 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
         push(
             "Silence",
             format!(
-                "a committee that withholds the least certain {} of its answers is right about actuator \
+                "A committee that withholds the least certain {} of its answers is right about actuator \
              and command in {} of the others, shuts the wrong actuator down in {} and answers a fault \
              that needs a shutdown wrongly in {}.",
                 percent(level.abstained.share),
-                rate(Some(level.right_action)),
-                rate(Some(level.wrong_actuator_shutdown)),
-                rate(Some(level.shutdown_answered_wrongly)),
+                bracketed(Some(level.right_action)),
+                bracketed(Some(level.wrong_actuator_shutdown)),
+                bracketed(Some(level.shutdown_answered_wrongly)),
             ),
         );
     }
@@ -141,7 +141,7 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
         push(
             "What sensors cannot show",
             format!(
-                "moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
+                "Moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
              command change, and {} of the committee's.",
                 changed(&trees.action),
                 changed(&committee.action),
@@ -156,16 +156,11 @@ fn both(evaluation: &Evaluation, measure: &Measure) -> String {
     let of = |who: Who| who.headline(evaluation).and_then(measure.rate).filter(|rate| rate.of > 0);
     match (of(Who::Trees), of(Who::Committee)) {
         (None, None) => "none".into(),
-        (trees, None) => format!("{} (trees)", plain(trees)),
+        (trees, None) => format!("{} (trees)", bracketed(trees)),
         (trees, committee) => {
-            format!("{} (trees), {} (committee)", plain(trees), plain(committee))
+            format!("{} (trees), {} (committee)", bracketed(trees), bracketed(committee))
         }
     }
-}
-
-/// A rate whose interval stands in square brackets, because more brackets follow.
-fn plain(value: Option<Rate>) -> String {
-    rate(value).replace('(', "[").replace(')', "]")
 }
 
 fn silent(evaluation: &Evaluation) -> Option<&Level> {
