@@ -4,7 +4,7 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use serde_json::json;
-use servotwin::job::explain::{Answer, Explanation, explain};
+use servotwin::job::explain::{Answer, Explanation, Verdict, explain};
 use servotwin::job::{self, Folder, Subject};
 use servotwin::report::words::{of_unit, percent, spoken};
 use servotwin_diagnosis::hierarchy::Question;
@@ -59,10 +59,27 @@ fn people(explanation: &Explanation) -> String {
         text += &format!("not simulated to the end: {}\n", explanation.failure);
     }
     if !explanation.detectable {
-        text += "not detectable: no residual leaves ±3 %, so nothing would be asked\n";
+        text += "not detected: no residual leaves its band, so nothing would be asked\n";
     }
+    text += &verdict(&explanation.verdict);
     explanation.stages.iter().for_each(|answer| text += &stage(answer));
     text
+}
+
+/// What trees and committee say together.
+fn verdict(verdict: &Verdict) -> String {
+    let name = |name: &Option<String>| name.as_deref().map_or("nothing".into(), spoken);
+    let said = format!("{}, {}", name(&verdict.actuator), name(&verdict.command));
+    let sure = percent(verdict.confidence);
+    match verdict.outcome {
+        "isolated" => format!("together: {said}; the committee is {sure} sure\n"),
+        "not_isolated" => {
+            format!(
+                "together: detected, but not isolated; the committee says {said}, {sure} sure\n"
+            )
+        }
+        _ => "together: healthy\n".into(),
+    }
 }
 
 fn stage(answer: &Answer) -> String {

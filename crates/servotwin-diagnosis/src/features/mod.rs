@@ -215,20 +215,17 @@ struct Noise {
 }
 
 impl Noise {
-    /// The part of a deviation that noise alone does not give is known to so much of the noise.
-    const KNOWN: f64 = 0.25;
-
-    /// A variance without what the noise of its samples adds, and with a floor where nothing else is
-    /// left: the same for perfect and for real sensors.
-    fn taken_from(self, variance: f64) -> f64 {
-        let own = (variance - self.carried).max(0.0);
-        own + square(Self::KNOWN) * self.resolved + square(FLOOR)
+    /// A variance as a real sensor would show it: what the samples carry of its noise is in it, and
+    /// what they do not is added. So deviations far below the noise are not told apart, and perfect and
+    /// real sensors give the same.
+    fn shown(self, variance: f64) -> f64 {
+        variance.max(0.0) + (self.resolved - self.carried) + square(FLOOR)
     }
 }
 
 /// The logarithm of a standard deviation (base ten).
 fn log_deviation(variance: f64, noise: Noise) -> f64 {
-    0.5 * libm::log10(noise.taken_from(variance))
+    0.5 * libm::log10(noise.shown(variance))
 }
 
 /// `(a − b)/(a + b)` of two sizes: −1 … 1, zero where both are nothing but error.
@@ -243,7 +240,7 @@ fn ratio(a: f64, b: f64, error_of_b: f64) -> f64 {
 
 /// Correlation from covariances, zero where a deviation is nothing but error.
 fn correlation(covariance: f64, variances: [f64; 2], noise: [Noise; 2]) -> f64 {
-    let [a, b] = [0, 1].map(|i| noise[i].taken_from(variances[i]));
+    let [a, b] = [0, 1].map(|i| noise[i].shown(variances[i]));
     covariance / libm::sqrt(a * b)
 }
 

@@ -1,14 +1,15 @@
 //! Why the hierarchy says what it says about one variant.
 
-use super::{Folder, JobError, Subject, hierarchy};
+use super::{Folder, JobError, Subject, panel};
 use crate::evaluation::EvaluationError;
-use crate::study::campaign::data_features;
+use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
 use crate::table::{self, Table, TableError};
 use serde::Serialize;
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
+use servotwin_diagnosis::panel::{self, Panel};
 use std::path::Path;
 
 /// What was simulated, and how the hierarchy came to its answer.
@@ -22,14 +23,29 @@ pub struct Explanation {
     pub fault: String,
     /// Its intensity.
     pub intensity: f64,
-    /// Whether a residual left the band: otherwise nothing would have been asked.
+    /// Whether a residual left its band: otherwise nothing would have been asked.
     pub detectable: bool,
+    /// What trees and committee say together.
+    pub verdict: Verdict,
     /// The largest scaled residual.
     pub largest_residual: f64,
     /// Why the variant was not simulated to the end; empty where it was.
     pub failure: String,
     /// The stages in the order in which they were asked.
     pub stages: Vec<Answer>,
+}
+
+/// What trees and committee say together.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// `healthy`, `not_isolated` or `isolated`.
+    pub outcome: &'static str,
+    /// The actuator that the committee names.
+    pub actuator: Option<String>,
+    /// The command that the committee asks for.
+    pub command: Option<String>,
+    /// The probability that both are right; `None` where nothing was asked.
+    pub confidence: Option<f64>,
 }
 
 /// One stage's answer.
@@ -77,11 +93,12 @@ pub fn explain(
     subject: Subject,
     variant: u32,
 ) -> Result<Option<Explanation>, JobError> {
-    let hierarchy = hierarchy(folder, subject)?;
+    let panel = panel(folder, subject)?;
+    let hierarchy = &panel.trees;
     let path = folder.data_set(subject.setting(), Role::Judged);
     let wrong = |error| JobError::DataSet { path: path.clone(), error };
-    let found = read(&path, &hierarchy, variant);
-    let Some((mut explanation, views)) = found.map_err(|error| wrong(error.into()))? else {
+    let found = read(&path, &panel, variant);
+    let Some((mut explanation, views)) = found.map_err(wrong)? else {
         return Ok(None);
     };
     let features: Vec<Feature> = data_features(study).into_iter().map(|f| f.feature).collect();
@@ -91,7 +108,7 @@ pub fn explain(
     let mut said_actuator = 0;
     for (stage, nodes) in asked {
         let view = stage.place.view(said_actuator);
-        let answer = answer(&hierarchy, stage, &nodes, &views[view], &features, &truth);
+        let answer = answer(hierarchy, stage, &nodes, &views[view], &features, &truth);
         if stage.place.question == Question::Actuator {
             let names = &hierarchy.names.actuators;
             said_actuator = names.iter().position(|name| *name == answer.said).unwrap_or(0) as u32;
@@ -104,11 +121,41 @@ pub fn explain(
 /// A variant, and its features in every view.
 type Found = (Explanation, Vec<Vec<f64>>);
 
-fn read(path: &Path, hierarchy: &Hierarchy, variant: u32) -> Result<Option<Found>, TableError> {
+fn read(path: &Path, panel: &Panel, variant: u32) -> Result<Option<Found>, EvaluationError> {
     let table = table::read(path)?;
     let row = table.u32("variant")?.iter().position(|own| *own == variant);
-    let found = |row| Ok((facts(&table, row, variant)?, views(&table, hierarchy, row)?));
+    let found = |row| {
+        let views = views(&table, &panel.trees, row)?;
+        let mut facts = facts(&table, row, variant)?;
+        let largest = panel.bands.iter().map(|band| largest(&table, &band.sensor, row));
+        let largest = largest.collect::<Result<Vec<f64>, _>>()?;
+        facts.detectable = panel.is_detected(&largest);
+        facts.verdict = verdict(panel, &largest, &views)?;
+        Ok((facts, views))
+    };
     row.map(found).transpose()
+}
+
+fn largest(table: &Table, sensor: &str, row: usize) -> Result<f64, TableError> {
+    Ok(table.f64(&largest_column(sensor))?[row])
+}
+
+fn verdict(panel: &Panel, largest: &[f64], views: &[Vec<f64>]) -> Result<Verdict, EvaluationError> {
+    let rows: Vec<&[f64]> = views.iter().map(Vec::as_slice).collect();
+    let (outcome, said) = match panel.diagnose(largest, &rows, &mut panel.scratch())? {
+        panel::Verdict::Healthy => ("healthy", None),
+        panel::Verdict::NotIsolated(said) => ("not_isolated", Some(said)),
+        panel::Verdict::Isolated(said) => ("isolated", Some(said)),
+    };
+    let names = &panel.trees.names;
+    let actuator = said.and_then(|said| said.actuator);
+    let command = said.and_then(|said| said.command);
+    Ok(Verdict {
+        outcome,
+        actuator: actuator.map(|actuator| names.actuators[actuator as usize].clone()),
+        command: command.map(|command| names.commands[command as usize].clone()),
+        confidence: said.map(|said| said.confidence),
+    })
 }
 
 fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableError> {
@@ -117,7 +164,8 @@ fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableEr
         case: table.text("case")?[row].clone(),
         fault: table.text("fault")?[row].clone(),
         intensity: table.f64("intensity")?[row],
-        detectable: table.bool("detectable")?[row],
+        detectable: false,
+        verdict: Verdict { outcome: "healthy", actuator: None, command: None, confidence: None },
         largest_residual: table.f64("largest_residual")?[row],
         failure: table.text("failure")?[row].clone(),
         stages: vec![],
