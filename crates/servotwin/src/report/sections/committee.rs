@@ -34,7 +34,7 @@ impl Section for Committee {
         }
         page.text(
             "Beside the trees stands a committee: boosted shallow trees at the same places, over the \
-             same features. It cannot be read as a tree can, but it errs less, and it says how sure it \
+             same features. It cannot be read as a tree can, but it says how sure it \
              is. Its probabilities are calibrated on training commands that were left out of training. \
              The trees remain the first answer, the one that explains itself; where the committee says \
              something else, or is not sure enough, the outcome is “detected, not isolated”.",
