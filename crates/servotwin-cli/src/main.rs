@@ -18,8 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, explain, faults, features, report, simulate,
-    study, train,
+    campaign, check, completions, describe, evaluate, explain, faults, features, predict, report,
+    simulate, study, train,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -58,6 +58,7 @@ enum Command {
     Features(features::Options),
     Train(train::Options),
     Evaluate(evaluate::Options),
+    Predict(predict::Options),
     Report(report::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -77,6 +78,7 @@ impl Command {
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),
             Command::Explain(options) => explain::run(options, global),
+            Command::Predict(options) => predict::run(options, global),
             Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

@@ -3,6 +3,7 @@
 //! The table is stored column by column, because learning a tree reads one feature at a time.
 
 use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -14,15 +15,20 @@ pub const LARGEST: f64 = 1e100;
 /// A table of finite features (rows × features), one class label per row, and row weights.
 ///
 /// Made only by constructors that check it, so that no classifier has to: at least one row and one
-/// feature, every value finite and at most [`LARGEST`] in size, every label with a class name, weights likewise and not all zero.
+/// feature, every value finite and at most [`LARGEST`] in size, every label with a class name, weights
+/// likewise and not all zero. Samples [with missing values](Samples::with_missing) hold a NaN where a
+/// value is not known; only trees learn from them.
+///
+/// A clone shares the features, so that the same table with other weights costs no second one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Samples {
     feature_names: Vec<String>,
     class_names: Vec<String>,
     /// Column-major: the value of `row` in `column` is at `column * rows + row`.
-    values: Vec<f64>,
+    values: Arc<Vec<f64>>,
     labels: Vec<u32>,
     weights: Option<Vec<f64>>,
+    has_missing: bool,
 }
 
 impl Samples {
@@ -38,7 +44,39 @@ impl Samples {
         values: Vec<f64>,
         labels: Vec<u32>,
     ) -> Result<Self, Error> {
-        let samples = Samples { feature_names, class_names, values, labels, weights: None };
+        Samples::checked(feature_names, class_names, values, labels, false)
+    }
+
+    /// Samples from column-major values of which some are NaN: not known. Only decision trees and
+    /// what is made of them learn from missing values; see [`Samples::complete`].
+    ///
+    /// # Errors
+    /// As [`Samples::from_columns`], but [`Error::NotFinite`] only for infinities.
+    pub fn with_missing(
+        feature_names: Vec<String>,
+        class_names: Vec<String>,
+        mut values: Vec<f64>,
+        labels: Vec<u32>,
+    ) -> Result<Self, Error> {
+        let mut has_missing = false;
+        for value in values.iter_mut().filter(|value| value.is_nan()) {
+            // One NaN of all: it sorts behind every number.
+            *value = f64::NAN.copysign(1.0);
+            has_missing = true;
+        }
+        Samples::checked(feature_names, class_names, values, labels, has_missing)
+    }
+
+    fn checked(
+        feature_names: Vec<String>,
+        class_names: Vec<String>,
+        values: Vec<f64>,
+        labels: Vec<u32>,
+        has_missing: bool,
+    ) -> Result<Self, Error> {
+        let values = Arc::new(values);
+        let weights = None;
+        let samples = Samples { feature_names, class_names, values, labels, weights, has_missing };
         samples.check()?;
         Ok(samples)
     }
@@ -82,6 +120,28 @@ impl Samples {
         }
         self.weights = Some(weights);
         Ok(self)
+    }
+
+    /// Whether a value is missing somewhere.
+    pub fn has_missing(&self) -> bool {
+        self.has_missing
+    }
+
+    /// That no value is missing; what every classifier asks first that cannot learn from less.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with the first place.
+    pub fn complete(&self) -> Result<(), Error> {
+        let mut columns = self.values.chunks_exact(self.rows()).enumerate();
+        let first = columns.find_map(|(column, values)| {
+            Some((column, values.iter().position(|value| value.is_nan())?))
+        });
+        match first.filter(|_| self.has_missing) {
+            Some((column, row)) => {
+                Err(Error::Missing { column: self.feature_names[column].clone(), row })
+            }
+            None => Ok(()),
+        }
     }
 
     /// Number of rows, at least 1.
@@ -179,7 +239,8 @@ impl Samples {
         let selected = Samples {
             feature_names: self.feature_names.clone(),
             class_names: self.class_names.clone(),
-            values,
+            has_missing: self.has_missing && values.iter().any(|value| value.is_nan()),
+            values: Arc::new(values),
             labels: rows.iter().map(|&row| self.labels[row]).collect(),
             weights: None,
         };
@@ -203,7 +264,8 @@ impl Samples {
         let selected = Samples {
             feature_names: columns.iter().map(|&c| self.feature_names[c].clone()).collect(),
             class_names: self.class_names.clone(),
-            values,
+            has_missing: self.has_missing && values.iter().any(|value| value.is_nan()),
+            values: Arc::new(values),
             labels: self.labels.clone(),
             weights: self.weights.clone(),
         };
@@ -214,8 +276,10 @@ impl Samples {
     fn check(&self) -> Result<(), Error> {
         self.check_sizes()?;
         for (column, values) in self.values.chunks_exact(self.rows()).enumerate() {
-            if let Some(row) = values.iter().position(|value| !(-LARGEST..=LARGEST).contains(value))
-            {
+            let allowed = |value: &f64| {
+                (-LARGEST..=LARGEST).contains(value) || (self.has_missing && value.is_nan())
+            };
+            if let Some(row) = values.iter().position(|value| !allowed(value)) {
                 return Err(Error::NotFinite { column: self.feature_names[column].clone(), row });
             }
         }

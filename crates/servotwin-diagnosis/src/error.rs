@@ -29,6 +29,13 @@ pub enum Error {
         /// Row, counted from zero.
         row: usize,
     },
+    /// A feature value is missing, and the classifier cannot learn without it.
+    Missing {
+        /// Name of the feature column.
+        column: String,
+        /// Row, counted from zero.
+        row: usize,
+    },
     /// A label points past the list of class names.
     LabelOutOfRange {
         /// Row, counted from zero.
@@ -92,6 +99,9 @@ impl fmt::Display for Error {
             }
             Error::NotFinite { column, row } => {
                 write!(out, "feature `{column}`, row {row}: value is not finite or too large")
+            }
+            Error::Missing { column, row } => {
+                write!(out, "feature `{column}`, row {row}: no value, which only trees learn from")
             }
             Error::LabelOutOfRange { row, label, classes } => {
                 write!(out, "row {row}: label {label}, but there are {classes} classes")

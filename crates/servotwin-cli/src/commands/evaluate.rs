@@ -3,18 +3,18 @@
 
 use super::progress::Stages;
 use super::summary;
-use super::train::people;
+use super::train::{join, people};
+use super::{read_table, warn};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::evaluation::foreign::evaluate_table;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
+use servotwin::evaluation::table_model::evaluate_table;
 use servotwin::job::{self, Folder, Results, manifest};
 use servotwin::study::Study;
-use servotwin::table;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Say how good the diagnosis of a campaign is, or judge a classifier with a table.
 ///
@@ -28,6 +28,9 @@ pub struct Options {
     /// The model for a table, a file that `servotwin train --out` has written.
     #[arg(long)]
     model: Option<PathBuf>,
+    /// The column of a table with the group: intervals are then over groups.
+    #[arg(long)]
+    group: Option<String>,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long)]
     threads: Option<usize>,
@@ -38,7 +41,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match (options.input.is_dir(), &options.model) {
         (true, None) => folder(options, global),
         (true, Some(_)) => Err(Failure::Options("--model is for tables, not for folders")),
-        (false, Some(model)) => of_table(&options.input, model, global),
+        (false, Some(model)) => of_table(options, model, global),
         (false, None) => Err(Failure::Options("a table needs --model, the classifier to judge")),
     }
 }
@@ -77,11 +80,20 @@ pub fn measure(
     Ok(results)
 }
 
-fn of_table(table: &Path, model: &Path, global: Global) -> Result<String, Failure> {
+fn of_table(options: &Options, model: &PathBuf, global: Global) -> Result<String, Failure> {
     let model = model_file::read_table_model(model)?;
-    let score = evaluate_table(&table::read(table)?, &model)?;
+    let mixed: Vec<&str> =
+        std::iter::once(model.label.as_str()).chain(options.group.as_deref()).collect();
+    let table = read_table(&options.input, &mixed, global)?;
+    let judged = evaluate_table(table, &model, options.group.as_deref())?;
+    warn(global, &judged.warnings);
+    let kind = model.model.kind();
     Ok(match global.json {
-        true => json(&json!({ "classifier": model.model.kind().id(), "score": score })),
-        false => format!("{}:\n{}", model.model.kind().title(), people(&score)),
+        true => {
+            let mut result = json!({ "classifier": kind.id() });
+            join(&mut result, json!(judged));
+            json(&result)
+        }
+        false => format!("{}:\n{}", kind.title(), people(&judged)),
     })
 }

@@ -1,20 +1,32 @@
-//! `servotwin explain`: why the trees say what they say about one variant.
+//! `servotwin explain`: why the trees say what they say about one variant, or a classifier about one
+//! row of a table.
 
+use super::read_table;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use serde_json::json;
+use servotwin::evaluation::model_file;
+use servotwin::evaluation::table_model;
 use servotwin::job::explain::{Answer, Explanation, Verdict, explain};
 use servotwin::job::{self, Folder, Subject};
-use servotwin::report::words::{of_unit, percent, spoken};
+use servotwin::report::words::{number, of_unit, percent, spoken};
 use servotwin_diagnosis::hierarchy::Question;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Explain what the trees say about one variant: every question with its value and threshold.
+/// Explain what the trees say about one variant, or a classifier about one row of a table.
+///
+/// Shows every question with its value and threshold.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The number of the variant in the data set, from 0.
+    /// The number of the variant in the data set, from 0; or of the row of a table, from 1.
     variant: u32,
+    /// A table (.csv or .parquet), instead of the output folder of a campaign.
+    #[arg(long, requires = "model")]
+    table: Option<PathBuf>,
+    /// The model for the table, a file that `servotwin train --out` has written.
+    #[arg(long, requires = "table")]
+    model: Option<PathBuf>,
     /// The output folder of a campaign for which `servotwin train` has run.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
@@ -25,6 +37,9 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    if let (Some(table), Some(model)) = (&options.table, &options.model) {
+        return of_table(table, model, options.variant as usize, global);
+    }
     let folder = Folder::new(&options.out);
     let study = folder.read_study()?;
     let subjects = job::subjects(&folder, &study)?;
@@ -121,4 +136,48 @@ fn stage(answer: &Answer) -> String {
         text += &grid.text();
     }
     text
+}
+
+fn of_table(table: &Path, model: &Path, row: usize, global: Global) -> Result<String, Failure> {
+    let model = model_file::read_table_model(model)?;
+    let table = read_table(table, &[&model.label], global)?;
+    let explanation = table_model::explain(table, &model, row)?;
+    Ok(match global.json {
+        true => json(&json!(explanation)),
+        false => of_row(&explanation, &model.label),
+    })
+}
+
+fn of_row(explanation: &table_model::Explanation, label: &str) -> String {
+    let said = &explanation.said;
+    let verdict = match &explanation.truth {
+        Some(truth) if truth == said => " (right)".to_owned(),
+        Some(truth) => format!(" (WRONG, it is {truth})"),
+        None => String::new(),
+    };
+    let (row, place) = (explanation.row, &explanation.place);
+    let mut text = format!("row {row} ({place}): {label} is {said}{verdict}\n");
+    let name = if explanation.probabilities { "probability" } else { "score" };
+    let mut grid = Grid::new(&[("class", Side::Left), (name, Side::Right)]);
+    for (class, score) in explanation.scores.iter().filter(|(_, score)| *score != 0.0) {
+        grid.push(vec![class.clone(), number(*score)]);
+    }
+    text += &format!("\n{}", grid.text());
+    if explanation.steps.is_empty() {
+        return text;
+    }
+    let mut grid =
+        Grid::new(&[("question", Side::Left), ("value", Side::Right), ("answer", Side::Left)]);
+    for step in &explanation.steps {
+        let value = step.value.map_or_else(|| "missing".into(), number);
+        let question = match &step.is {
+            Some(text) => format!("{} is '{text}'?", step.column),
+            None if step.asks_for_any() => format!("{} is given?", step.column),
+            None => format!("{} > {}?", step.column, number(step.threshold)),
+        };
+        grid.push(vec![question, value, step.said()]);
+    }
+    let leaf: Vec<String> =
+        explanation.leaf.iter().map(|(class, rows)| format!("{class} {rows}")).collect();
+    text + &format!("\n{}\nrows of training in the leaf: {}\n", grid.text(), leaf.join(", "))
 }

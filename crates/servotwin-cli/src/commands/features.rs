@@ -1,29 +1,40 @@
 //! `servotwin features`: the features of a campaign computed anew, or those of windows of any
 //! measured and nominal signals.
 
+use super::read_table;
 use crate::Global;
 use crate::failure::Failure;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceStudy;
 use servotwin::job::{Folder, manifest};
-use servotwin::study::Setting;
 use servotwin::study::campaign::Campaign;
+use servotwin::study::{Setting, Study};
 use servotwin::{files, table};
+use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
 
 /// Compute the features of a campaign anew, or those of traces.
 ///
 /// With the output folder of a campaign, makes its data sets again from the stored windows, without
 /// simulating anything: for a program whose features have changed. With traces (measured and
-/// nominal signals as columns of a table), writes a table of the features of their windows.
+/// nominal signals as columns of a table), writes a table of the features of their windows. With
+/// `--list`, says what every feature means.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a campaign, or traces (.csv or .parquet).
-    input: PathBuf,
-    /// The study file that says which columns of the traces are what (see studies/liu_engine.toml).
+    #[arg(required_unless_present = "list")]
+    input: Option<PathBuf>,
+    /// List every feature with its unit and meaning instead: of the paper's sensors, or of those in
+    /// --study.
+    #[arg(long, conflicts_with_all = ["input", "out", "csv", "healthy"])]
+    list: bool,
+    /// The study file that says which columns of the traces are what (docs/tables.md).
     #[arg(long)]
     study: Option<PathBuf>,
+    /// Traces in which nothing is wrong, to learn nominal values from.
+    #[arg(long, value_name = "FILE")]
+    healthy: Option<PathBuf>,
     /// The table of features to write (.csv or .parquet).
     #[arg(long)]
     out: Option<PathBuf>,
@@ -34,12 +45,56 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match (options.input.is_dir(), &options.study, &options.out) {
-        (true, None, None) => folder(&Folder::new(&options.input), options.csv, global),
+    let Some(input) = &options.input else {
+        return list(options.study.as_ref(), global);
+    };
+    match (input.is_dir(), &options.study, &options.out) {
+        (true, None, None) => folder(&Folder::new(input), options.csv, global),
         (true, _, _) => Err(Failure::Options("--study and --out are for traces, not for folders")),
-        (false, Some(study), Some(out)) => of_traces(&options.input, study, out, global),
+        (false, Some(study), Some(out)) => of_traces(options, input, study, out, global),
         (false, _, _) => Err(Failure::Options("traces need --study and --out")),
     }
+}
+
+/// Every feature of some sensors, as a text that is Markdown at the same time.
+fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
+    let sensors = match study {
+        Some(path) => {
+            let in_study = |error| Failure::Trace { path: path.clone(), error };
+            read_traces_study(path)?.sensors().map_err(in_study)?
+        }
+        None => Study::default().sensors,
+    };
+    let mut entries = vec![];
+    let mut text = String::from(LIST_HEAD);
+    for family in ALL {
+        let features = family.features(&sensors);
+        text += &format!("\n## {}\n\n{}\n\n", family.name(), family.summary());
+        if features.is_empty() {
+            text += "None: these sensors have nothing for it to compare.\n";
+            continue;
+        }
+        text += "| feature | unit | meaning |\n|---|---|---|\n";
+        for feature in features {
+            let Feature { name, unit, meaning, .. } = feature;
+            text += &format!("| `{name}` | {unit} | {} |\n", meaning.replace('|', "\\|"));
+            entries.push(json!({
+                "family": family.name(), "name": name, "unit": unit, "meaning": meaning
+            }));
+        }
+    }
+    Ok(if global.json { crate::render::json(&json!(entries)) } else { text })
+}
+
+/// What stands above the list.
+const LIST_HEAD: &str = "# Features\n\n\
+    What `servotwin features --list` prints: every feature of the default study's sensors, by family.\n\
+    A family gives features only where the sensors exist that it compares. r' is a residual (measured\n\
+    less nominal) over its sensor's scale; a threshold of a tree is in the unit given here.\n";
+
+fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
+    let text = files::read_text(path).map_err(EvaluationError::File)?;
+    TraceStudy::parse(&text).map_err(|error| Failure::Trace { path: path.clone(), error })
 }
 
 fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
@@ -72,15 +127,20 @@ fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure>
 }
 
 fn of_traces(
+    options: &Options,
     traces: &Path,
     study: &PathBuf,
     out: &Path,
     global: Global,
 ) -> Result<String, Failure> {
-    let text = files::read_text(study).map_err(EvaluationError::File)?;
+    let parsed = read_traces_study(study)?;
     let in_study = |error| Failure::Trace { path: study.clone(), error };
-    let parsed = TraceStudy::parse(&text).map_err(in_study)?;
-    let features = parsed.features(&table::read(traces)?).map_err(in_study)?;
+    let healthy = match &options.healthy {
+        Some(path) => Some(read_table(path, &[], global)?),
+        None => None,
+    };
+    let traces = read_table(traces, &[], global)?;
+    let features = parsed.features(&traces, healthy.as_ref()).map_err(in_study)?;
     table::write(out, &features)?;
     let (windows, columns) = (features.row_count(), features.columns().len());
     Ok(match (global.json, global.quiet) {

@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod explain;
 pub mod faults;
 pub mod features;
+pub mod predict;
 mod progress;
 pub mod report;
 pub mod simulate;
@@ -15,11 +16,16 @@ pub mod study;
 mod summary;
 pub mod train;
 
+use crate::Global;
 use crate::failure::Failure;
-use servotwin::evaluation::foreign::{HoldOut, Selection};
+use servotwin::evaluation::table_model::{
+    ClassWeights, HoldOut, Prepared, Selection, Unused, prepare,
+};
 use servotwin::study::Study;
 use servotwin::system::System;
+use servotwin::table::{self, Table};
 use servotwin_model::signal::Piecewise;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// The system that a command is about.
@@ -67,32 +73,167 @@ impl StudyOptions {
 
 /// What a command makes of a table's columns and rows.
 #[derive(clap::Args)]
+#[command(next_help_heading = "Tables")]
 pub struct TableOptions {
     /// The column with the class (tables only, as all options that follow).
     #[arg(long)]
     label: Option<String>,
+    /// Limits that make classes of a measured label: up to the first, to the
+    /// second, above.
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',', allow_hyphen_values = true)]
+    label_limits: Vec<f64>,
     /// The column with the group; rows of one group are held out together.
     #[arg(long)]
     group: Option<String>,
-    /// The columns to learn from; without, all other columns with numbers.
+    /// The columns to learn from; without, all others that can tell something.
     #[arg(long, value_delimiter = ',')]
     features: Vec<String>,
+    /// Columns not to learn from.
+    #[arg(long, value_delimiter = ',')]
+    ignore: Vec<String>,
+    /// Columns with numbers that are names: each number becomes a feature.
+    #[arg(long, value_delimiter = ',')]
+    categorical: Vec<String>,
+    /// How much a row of a class weighs in training: 'balanced', or
+    /// CLASS=WEIGHT,…
+    #[arg(long, value_name = "WEIGHTS", value_parser = class_weights)]
+    class_weights: Option<ClassWeights>,
     /// Number of folds.
     #[arg(long, default_value_t = 5)]
     folds: usize,
-    /// The seed of the folds.
+    /// The seed of the folds, and of classifiers that draw.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Hold out this last part of each class instead of folds (with --group its
+    /// last groups): for series in time.
+    #[arg(long, value_name = "SHARE", conflicts_with_all = ["folds", "split_column", "test"])]
+    last: Option<f64>,
+    /// The column that says which rows train and which test, instead of folds.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["folds", "test"])]
+    split_column: Option<String>,
+    /// Its value that means test [default: test, beside train].
+    #[arg(long, value_name = "VALUE", requires = "split_column")]
+    test_value: Option<String>,
+    /// A second table to test with, instead of folds; all rows of the first
+    /// train.
+    #[arg(long, value_name = "FILE", conflicts_with = "folds")]
+    test: Option<PathBuf>,
+}
+
+/// Weights of classes from the command line.
+fn class_weights(text: &str) -> Result<ClassWeights, String> {
+    if text == "balanced" {
+        return Ok(ClassWeights::Balanced);
+    }
+    let pair = |part: &str| {
+        let (class, weight) = part.rsplit_once('=')?;
+        Some((class.trim().to_owned(), weight.trim().parse::<f64>().ok()?))
+    };
+    let pairs = text.split(',').map(pair).collect::<Option<Vec<_>>>();
+    pairs.map(ClassWeights::Given).ok_or_else(|| "'balanced' or CLASS=WEIGHT,… is needed".into())
 }
 
 impl TableOptions {
     fn selection(&self, label: &str) -> Selection {
-        let (group, features) = (self.group.clone(), self.features.clone());
-        Selection { label: label.into(), group, features }
+        Selection {
+            label: label.into(),
+            label_limits: self.label_limits.clone(),
+            group: self.group.clone(),
+            split: self.split_column.clone(),
+            test_value: self.test_value.clone(),
+            features: self.features.clone(),
+            ignored: self.ignore.clone(),
+            categorical: self.categorical.clone(),
+            class_weights: self.class_weights.clone().unwrap_or_default(),
+        }
     }
 
     fn hold_out(&self) -> HoldOut {
-        HoldOut::Folds { folds: self.folds, seed: self.seed }
+        match self.last {
+            Some(share) => HoldOut::Last { share },
+            None if self.split_column.is_some() || self.test.is_some() => HoldOut::Fixed,
+            None => HoldOut::Folds { folds: self.folds, seed: self.seed },
+        }
+    }
+
+    /// How the rows of the classes weigh, in words.
+    fn weights_in_words(&self) -> String {
+        match &self.class_weights {
+            None | Some(ClassWeights::Equal) => "every row the same".into(),
+            Some(ClassWeights::Balanced) => "balanced: every class the same".into(),
+            Some(ClassWeights::Given(given)) => {
+                let pairs = given.iter().map(|(class, weight)| format!("{class} {weight}"));
+                pairs.collect::<Vec<_>>().join(", ") + ", others 1"
+            }
+        }
+    }
+
+    /// How rows are held out, in words.
+    fn held_out(&self) -> String {
+        let together = match &self.group {
+            Some(group) => format!(", rows of one {group} together"),
+            None => String::new(),
+        };
+        let how = match (self.last, &self.split_column, &self.test) {
+            (Some(share), _, _) => {
+                let part = if self.group.is_some() { "groups" } else { "part" };
+                format!("the last {part} of each class ({share})")
+            }
+            (None, Some(column), _) => format!("as column {column} says"),
+            (None, None, Some(path)) => format!("the rows of {}", path.display()),
+            (None, None, None) if self.group.is_some() => {
+                format!("{} folds, seed {}", self.folds, self.seed)
+            }
+            (None, None, None) => {
+                let (folds, seed) = (self.folds, self.seed);
+                format!("{folds} folds with equal shares of the classes, seed {seed}")
+            }
+        };
+        how + &together
+    }
+
+    /// Reads the table and that to test with, and makes them ready; notes go to standard error.
+    fn prepare(&self, input: &Path, label: &str, global: Global) -> Result<Prepared, Failure> {
+        let selection = self.selection(label);
+        let others = [&self.group, &self.split_column];
+        let mixed = others.into_iter().flatten().chain(&self.categorical);
+        let mixed: Vec<&str> = std::iter::once(label).chain(mixed.map(String::as_str)).collect();
+        let table = read_table(input, &mixed, global)?;
+        let test = match &self.test {
+            Some(path) => Some(read_table(path, &mixed, global)?),
+            None => None,
+        };
+        let prepared = prepare(table, test, &selection)?;
+        for Unused { column, reason } in &prepared.unused {
+            note(global, &format!("column '{column}' is not used: it {reason}"));
+        }
+        Ok(prepared)
+    }
+}
+
+/// Reads a table; how it was read is noted where that is not plain.
+fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Failure> {
+    let table = table::read_mixed(path, mixed)?;
+    if let Some(dialect) = &table.origin().dialect {
+        note(global, &format!("{}: read with {dialect}", path.display()));
+    }
+    Ok(table)
+}
+
+/// Writes a note to standard error, unless nothing but results is wanted.
+fn note(global: Global, text: &str) {
+    if !global.quiet {
+        // Nobody is left to tell where standard error is closed.
+        let _ = writeln!(io::stderr(), "note: {text}");
+    }
+}
+
+/// Writes warnings to standard error, unless nothing but results is wanted.
+fn warn(global: Global, warnings: &[String]) {
+    if !global.quiet {
+        for warning in warnings {
+            let _ = writeln!(io::stderr(), "warning: {warning}");
+        }
     }
 }
 

@@ -1,19 +1,18 @@
 //! `servotwin report`: what the other stages have found, or what a table holds, as one HTML file.
 
-use super::TableOptions;
+use super::{TableOptions, warn};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::comparison::default_classifiers;
-use servotwin::evaluation::foreign::{train_table, validate_table};
 use servotwin::evaluation::parallel::Workers;
+use servotwin::evaluation::table_model::TableModelError;
 use servotwin::files::write_atomically;
 use servotwin::job::{Folder, report};
-use servotwin::report::foreign::{TableMaterial, render};
-use servotwin::table;
-use servotwin_diagnosis::classifiers::{Kind, Settings};
+use servotwin::report::table_model::{TableMaterial, render};
+use servotwin_diagnosis::classifiers::Kind;
 use std::path::{Path, PathBuf};
 
 /// Write a report: one HTML file that needs no network.
@@ -37,7 +36,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let path = match (options.input.is_dir(), &options.table.label, &options.out) {
         (true, None, None) => folder(&Folder::new(&options.input))?,
         (true, _, _) => return Err(Failure::Options("--label and --out are for tables")),
-        (false, Some(label), Some(out)) => of_table(options, label, out)?,
+        (false, Some(label), Some(out)) => of_table(options, label, out, global)?,
         (false, _, _) => return Err(Failure::Options("a table needs --label and --out")),
     };
     let path = path.display().to_string();
@@ -53,27 +52,38 @@ fn folder(folder: &Folder) -> Result<PathBuf, Failure> {
     Ok(folder.report())
 }
 
-fn of_table(options: &Options, label: &str, out: &Path) -> Result<PathBuf, Failure> {
-    let data = table::read(&options.input)?;
-    let selection = options.table.selection(label);
+fn of_table(
+    options: &Options,
+    label: &str,
+    out: &Path,
+    global: Global,
+) -> Result<PathBuf, Failure> {
+    let prepared = options.table.prepare(&options.input, label, global)?;
     let hold_out = options.table.hold_out();
-    let score = |settings: &Settings| {
-        let score = validate_table(&data, &selection, settings, hold_out, Workers::all())?;
-        Ok((settings.kind(), score))
-    };
     let list = default_classifiers();
-    let scores = list.iter().map(score).collect::<Result<Vec<_>, EvaluationError>>()?;
+    let (mut results, mut refused) = (vec![], vec![]);
+    for settings in &list {
+        match prepared.validate(settings, hold_out, Workers::all()) {
+            Ok(judged) => results.push((settings.kind(), judged)),
+            Err(EvaluationError::TableModel(error @ TableModelError::Missing { .. })) => {
+                refused.push((settings.kind(), error.to_string()));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    if let Some((_, judged)) = results.first() {
+        warn(global, &judged.warnings);
+    }
     let cart = list.iter().find(|settings| settings.kind() == Kind::Cart);
     let cart = cart.cloned().unwrap_or_else(|| Kind::Cart.default_settings());
-    let held_out = match &options.table.group {
-        Some(group) => format!("{} folds; rows of one {group} stay together", options.table.folds),
-        None => format!("{} folds with equal shares of the classes", options.table.folds),
-    };
     let html = render(&TableMaterial {
         name: &options.input.file_name().unwrap_or_default().to_string_lossy(),
-        held_out: &held_out,
-        scores: &scores,
-        tree: &train_table(&data, &selection, &cart)?,
+        prepared: &prepared,
+        held_out: &options.table.held_out(),
+        class_weights: &options.table.weights_in_words(),
+        results: &results,
+        refused: &refused,
+        tree: &prepared.train(&cart)?,
     });
     write_atomically(out, |file| file.write_all(html.as_bytes())).map_err(EvaluationError::File)?;
     Ok(out.into())

@@ -1,26 +1,26 @@
 //! `servotwin train`: the hierarchies of a campaign, or a classifier from any table of features.
 
-use super::TableOptions;
 use super::evaluate::workers;
+use super::{TableOptions, warn};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use crate::{Global, stop};
 use clap::ValueEnum;
 use serde_json::json;
 use servotwin::evaluation::comparison::default_classifiers;
-use servotwin::evaluation::foreign::{HoldOut, train_table, validate_table};
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
-use servotwin::evaluation::score::Score;
+use servotwin::evaluation::table_model::{GroupResult, Judged};
 use servotwin::job::{self, Folder, manifest};
-use servotwin::table;
+use servotwin::report::words::rate;
 use servotwin_diagnosis::classifiers::{ALL, Kind, Settings};
 use std::path::PathBuf;
 
 /// Train the hierarchies of a campaign, or a classifier from a table.
 ///
 /// With the output folder of a campaign, writes a hierarchy for each data set there. With a table
-/// of features, says how good a classifier is on rows held out.
+/// of features, says how good a classifier is on rows held out, and with `--out` writes one trained
+/// with all rows (with those that train, where the split is fixed).
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a campaign; or a table (.csv or .parquet): a row is an example, columns
@@ -32,14 +32,14 @@ pub struct Options {
     #[arg(long, default_value = "cart")]
     classifier: Choice,
     /// Questions on the longest way through a tree (cart [default: 7],
-    /// random_forest, adaboost).
+    /// random_forest [default: no limit], adaboost [default: as many as leaves
+    /// for every class need]).
     #[arg(long)]
     depth: Option<usize>,
-    /// Hold out this last part of each class instead of folds: for series in
-    /// time.
-    #[arg(long, value_name = "SHARE", conflicts_with = "folds")]
-    last: Option<f64>,
-    /// Write the model, trained with all rows, to this .json file.
+    /// Number of trees (adaboost [default: 50], random_forest [default: 100]).
+    #[arg(long)]
+    rounds: Option<usize>,
+    /// Write the trained model to this .json file.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -74,7 +74,12 @@ impl Options {
         match (&mut chosen, self.depth) {
             (Settings::Cart(cart), depth) => cart.max_depth = Some(depth.unwrap_or(7)),
             (Settings::RandomForest(forest), Some(depth)) => forest.max_depth = Some(depth),
-            (Settings::Adaboost(boost), Some(depth)) => boost.max_depth = depth,
+            (Settings::Adaboost(boost), Some(depth)) => boost.max_depth = Some(depth),
+            _ => {}
+        }
+        match (&mut chosen, self.rounds) {
+            (Settings::RandomForest(forest), Some(rounds)) => forest.trees = rounds,
+            (Settings::Adaboost(boost), Some(rounds)) => boost.rounds = rounds,
             _ => {}
         }
         chosen
@@ -117,53 +122,106 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
 }
 
 fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Failure> {
-    let table = table::read(&options.input)?;
-    let selection = options.table.selection(label);
+    let prepared = options.table.prepare(&options.input, label, global)?;
     let settings = options.settings();
-    let last = options.last.map(|share| HoldOut::Last { share });
-    let hold_out = last.unwrap_or(options.table.hold_out());
-    let score = validate_table(&table, &selection, &settings, hold_out, Workers::all())?;
+    let judged = prepared.validate(&settings, options.table.hold_out(), Workers::all())?;
     if let Some(path) = &options.out {
-        model_file::write(path, &train_table(&table, &selection, &settings)?)?;
+        model_file::write(path, &prepared.train(&settings)?)?;
     }
-    let title = options.classifier.0.title();
+    warn(global, &judged.warnings);
+    let kind = options.classifier.0;
+    let held_out = options.table.held_out();
     Ok(match global.json {
-        true => json(&json!({ "classifier": options.classifier.0.id(), "score": score })),
-        false => format!("{title}, rows held out:\n{}", people(&score)),
+        true => {
+            let mut result = json!({ "classifier": kind.id(), "held_out": held_out });
+            join(&mut result, json!(judged));
+            result["features"] = json!(prepared.samples().feature_names());
+            result["unused"] = json!(prepared.unused);
+            json(&result)
+        }
+        false => format!("{}, held out: {held_out}\n{}", kind.title(), people(&judged)),
     })
 }
 
-/// A score for people.
-pub fn people(score: &Score) -> String {
-    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
-    let rate = score.accuracy;
+/// Adds the entries of an object to another.
+pub fn join(result: &mut serde_json::Value, more: serde_json::Value) {
+    if let (Some(result), serde_json::Value::Object(more)) = (result.as_object_mut(), more) {
+        result.extend(more);
+    }
+}
+
+/// At most so many groups are shown, the worst first.
+const GROUPS_SHOWN: usize = 20;
+
+/// A result for people.
+pub fn people(judged: &Judged) -> String {
+    let score = &judged.score;
+    let percent =
+        |share: Option<f64>| share.map_or("–".into(), |s| format!("{:.2} %", 100.0 * s));
+    let over = if judged.intervals_over_groups { ", drawing groups" } else { "" };
+    let accuracy = score.accuracy;
     let mut text = format!(
-        "accuracy {} ({} … {} at 95 %), {} of {} rows; balanced {}\n\n",
-        rate.share.map_or("–".into(), percent),
-        percent(rate.low),
-        percent(rate.high),
-        rate.count,
-        rate.of,
-        score.balanced_accuracy.map_or("–".into(), percent),
+        "accuracy {} ({} … {} at 95 %{over}), {} of {} rows; balanced {}\n",
+        percent(accuracy.share),
+        percent(Some(accuracy.low)),
+        percent(Some(accuracy.high)),
+        accuracy.count,
+        accuracy.of,
+        percent(score.balanced_accuracy),
     );
+    if let Some(baseline) = &judged.baseline {
+        text += &format!(
+            "always saying '{}' would be right in {}\n",
+            baseline.class,
+            percent(baseline.accuracy)
+        );
+    }
     let mut grid = Grid::new(&[
         ("class", Side::Left),
         ("rows", Side::Right),
         ("found", Side::Right),
+        ("of those said right", Side::Right),
         ("most often taken for", Side::Left),
     ]);
-    for (class, counts) in score.confusion.iter().enumerate() {
-        let rows: u64 = counts.iter().sum();
-        let found = (rows > 0).then(|| percent(counts[class] as f64 / rows as f64));
-        let others = counts.iter().enumerate().filter(|(other, _)| *other != class);
+    for (class, result) in judged.classes.iter().enumerate() {
+        let others = score.confusion[class].iter().enumerate().filter(|(other, _)| *other != class);
         // Of equally frequent ones the first.
-        let worst = others.rev().max_by_key(|(_, count)| **count);
-        let worst = worst.filter(|(_, count)| **count > 0);
+        let worst = others.rev().max_by_key(|(_, count)| **count).filter(|(_, count)| **count > 0);
         let worst = worst.map(|(other, count)| format!("{} ({count})", score.classes[other]));
-        let found = found.unwrap_or_else(|| "–".into());
-        let name = score.classes[class].clone();
-        grid.push(vec![name, rows.to_string(), found, worst.unwrap_or_default()]);
+        grid.push(vec![
+            result.class.clone(),
+            result.recall.of.to_string(),
+            rate(Some(result.recall)),
+            percent(result.precision),
+            worst.unwrap_or_default(),
+        ]);
     }
-    text += &grid.text();
+    text += &format!("\n{}", grid.text());
+    if !judged.groups.is_empty() {
+        text += &format!("\n{}", groups(&judged.groups));
+    }
     text
+}
+
+fn groups(results: &[GroupResult]) -> String {
+    let mut worst: Vec<&GroupResult> = results.iter().collect();
+    let share = |result: &GroupResult| result.right as f64 / result.rows as f64;
+    worst.sort_by(|a, b| share(a).total_cmp(&share(b)));
+    let mut grid = Grid::new(&[
+        ("group", Side::Left),
+        ("rows", Side::Right),
+        ("right", Side::Right),
+        ("classes", Side::Left),
+    ]);
+    for result in worst.iter().take(GROUPS_SHOWN) {
+        grid.push(vec![
+            result.group.clone(),
+            result.rows.to_string(),
+            format!("{:.2} %", 100.0 * share(result)),
+            result.classes.join(", "),
+        ]);
+    }
+    let more = worst.len().saturating_sub(GROUPS_SHOWN);
+    let rest = if more > 0 { format!("and {more} more groups\n") } else { String::new() };
+    grid.text() + &rest
 }

@@ -2,6 +2,7 @@
 
 mod public_tables;
 mod study;
+mod tables;
 
 use std::io::Read;
 use std::path::PathBuf;

@@ -18,10 +18,13 @@ use crate::tree::{Branches, Criterion, Growth, Presorted, Rules, Tree, grow};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Largest number of trees; at least 1.
-    pub trees: usize,
-    /// Depth of each tree; at least 1.
-    pub max_depth: usize,
+    /// Largest number of rounds, each of which adds a tree; at least 1.
+    #[serde(alias = "trees")]
+    pub rounds: usize,
+    /// Depth of each tree; at least 1. `None` for the smallest depth whose leaves can name every
+    /// class: 1 for two classes, 4 for thirteen. A tree that cannot name most classes is hardly
+    /// better than chance, and so are many of them.
+    pub max_depth: Option<usize>,
     /// Factor on the vote of each tree; above 0.
     pub learning_rate: f64,
     /// Impurity measure.
@@ -30,19 +33,22 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { trees: 50, max_depth: 1, learning_rate: 1.0, criterion: Criterion::Gini }
+        Settings { rounds: 50, max_depth: None, learning_rate: 1.0, criterion: Criterion::Gini }
     }
 }
 
 impl Settings {
     fn rules(&self, samples: &Samples) -> Result<Rules, Error> {
         let rate = self.learning_rate;
-        require(self.trees >= 1, "trees", self.trees as f64, ">= 1")?;
-        require(self.max_depth >= 1, "max_depth", self.max_depth as f64, ">= 1")?;
+        require(self.rounds >= 1, "rounds", self.rounds as f64, ">= 1")?;
+        let classes = PresentClasses::new(samples).len();
+        let max_depth =
+            self.max_depth.unwrap_or(classes.next_power_of_two().ilog2().max(1) as usize);
+        require(max_depth >= 1, "max_depth", max_depth as f64, ">= 1")?;
         require(rate.is_finite() && rate > 0.0, "learning_rate", rate, "> 0")?;
         Ok(Rules {
             criterion: self.criterion,
-            max_depth: self.max_depth,
+            max_depth,
             min_rows_split: 2,
             min_rows_leaf: 1,
             min_impurity_decrease: 0.0,
@@ -85,6 +91,11 @@ impl Model {
     pub fn trees(&self) -> usize {
         self.trees.len()
     }
+
+    /// Whether it was trained with rows without a value.
+    pub fn knows_missing(&self) -> bool {
+        self.trees.iter().any(|tree| tree.branches.knows_missing())
+    }
 }
 
 impl Fit for Settings {
@@ -96,7 +107,7 @@ impl Fit for Settings {
         let classes = PresentClasses::new(samples).len();
         let mut weights: Vec<f64> = (0..samples.rows()).map(|row| samples.weight(row)).collect();
         let mut trees: Vec<WeightedTree> = vec![];
-        while trees.len() < self.trees {
+        while trees.len() < self.rounds {
             normalise(&mut weights);
             let growth = Growth {
                 samples,

@@ -142,6 +142,7 @@ impl Fit for Settings {
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
         self.check()?;
+        samples.complete()?;
         let mut model = Model::without_trees(samples, &PresentClasses::new(samples));
         let has_weight = |row: &u32| samples.weight(*row as usize) > 0.0;
         let rows: Vec<u32> = (0..samples.rows() as u32).filter(has_weight).collect();
@@ -270,7 +271,7 @@ impl<'a> Grower<'a> {
 
     /// Adds the node of a range of rows and all below it; a node without histogram is a leaf.
     fn grow_node(&mut self, range: Range<usize>, depth: usize, sums: Option<Vec<f64>>) -> usize {
-        let node = self.tree.branches.push_leaf();
+        let node = self.tree.branches.push_leaf(false);
         self.tree.values.resize((node + 1) * self.outputs, 0.0);
         let totals = self.totals_of(range.clone());
         let Some(sums) = sums else {

@@ -66,6 +66,7 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+        samples.complete()?;
         require(self.ridge.is_finite() && self.ridge >= 0.0, "ridge", self.ridge, ">= 0")?;
         let first = self.first_ridge;
         require(first.is_finite() && first > 0.0, "first_ridge", first, "> 0")?;

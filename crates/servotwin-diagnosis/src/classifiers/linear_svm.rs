@@ -62,6 +62,7 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+        samples.complete()?;
         require(self.cost.is_finite() && self.cost > 0.0, "cost", self.cost, "> 0")?;
         require(self.tolerance > 0.0, "tolerance", self.tolerance, "> 0")?;
         require(self.max_passes >= 1, "max_passes", self.max_passes as f64, ">= 1")?;

@@ -60,6 +60,7 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+        samples.complete()?;
         require(self.cost.is_finite() && self.cost > 0.0, "cost", self.cost, "> 0")?;
         require(self.tolerance > 0.0, "tolerance", self.tolerance, "> 0")?;
         require(self.max_steps >= 1, "max_steps", self.max_steps as f64, ">= 1")?;

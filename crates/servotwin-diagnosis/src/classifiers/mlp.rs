@@ -120,6 +120,7 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+        samples.complete()?;
         self.check()?;
         let standardiser = Standardiser::new(samples);
         let mut random = Random::new(self.seed);

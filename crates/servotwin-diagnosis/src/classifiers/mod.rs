@@ -43,13 +43,16 @@ pub trait Fit {
     /// Trains a model. The same samples and settings give the same model bit for bit.
     ///
     /// # Errors
-    /// [`Error::SettingOutOfRange`] and what else the classifier says.
+    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless it
+    /// [learns from missing values](Kind::learns_from_missing), and what else the classifier says.
     fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
 }
 
 /// A trained model.
 ///
-/// Rows must be finite. A NaN never panics, but what is predicted then means nothing.
+/// Rows must be finite, or NaN where a value is missing and the model
+/// [was trained with such rows](Model::knows_missing). Any other NaN never panics, but what is
+/// predicted then means nothing.
 pub trait Classifier {
     /// Number of features in a row.
     fn features(&self) -> usize;
@@ -192,6 +195,14 @@ classifiers! {
     boosted_trees BoostedTrees "Gradient-boosted trees",
 }
 
+impl Kind {
+    /// Whether it is made of trees: rows without a value are learnt from, and rows of weight zero
+    /// are as if they were not there, to the bit.
+    pub fn learns_from_missing(self) -> bool {
+        matches!(self, Kind::Cart | Kind::RandomForest | Kind::Adaboost)
+    }
+}
+
 impl Classifier for Model {
     fn features(&self) -> usize {
         self.inner().features()
@@ -223,6 +234,16 @@ impl Classifier for Model {
 }
 
 impl Model {
+    /// Whether it was trained with rows without a value, and so has learnt where they belong.
+    pub fn knows_missing(&self) -> bool {
+        match self {
+            Model::Cart(tree) => tree.branches().knows_missing(),
+            Model::RandomForest(forest) => forest.knows_missing(),
+            Model::Adaboost(boosted) => boosted.knows_missing(),
+            _ => false,
+        }
+    }
+
     /// The predicted class of every row of a table.
     ///
     /// # Errors

@@ -49,6 +49,7 @@ impl Fit for Settings {
     type Model = Model;
 
     fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+        samples.complete()?;
         let smoothing = self.variance_smoothing;
         require(smoothing.is_finite() && smoothing > 0.0, "variance_smoothing", smoothing, "> 0")?;
         let (means, mut variances) = class_moments(samples);

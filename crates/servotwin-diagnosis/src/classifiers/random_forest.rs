@@ -174,6 +174,13 @@ impl VotingTree {
     }
 }
 
+impl Model {
+    /// Whether it was trained with rows without a value.
+    pub fn knows_missing(&self) -> bool {
+        self.trees.iter().any(|tree| tree.branches.knows_missing())
+    }
+}
+
 impl Fit for Settings {
     type Model = Model;
 

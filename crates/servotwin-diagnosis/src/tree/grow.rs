@@ -51,7 +51,8 @@ pub(crate) struct Growth<'a> {
 
 /// Grows a tree. `random` is used only when features are drawn.
 pub(crate) fn grow(growth: &Growth, random: &mut Random) -> Tree {
-    let counted = growth.impurity_weights.iter().all(|&weight| weight == 1.0);
+    // Rows without weight are left out.
+    let counted = growth.impurity_weights.iter().all(|&weight| weight == 1.0 || weight == 0.0);
     match growth.rules.criterion {
         Criterion::Gini if counted => Grower::<CountScan>::new(growth).run(random),
         Criterion::Gini => Grower::<GiniScan>::new(growth).run(random),
@@ -126,6 +127,11 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
                 continue;
             };
             let middle = self.divide(&pending, &best);
+            if self.growth.samples.has_missing() {
+                // What was not missing here may be so later: it goes with most rows.
+                let larger = 2 * (middle - pending.start) >= pending.end - pending.start;
+                self.tree.branches.missing_left[node] = best.missing_left.unwrap_or(larger);
+            }
             let child = |start, end, is_right, features| Pending {
                 start,
                 end,
@@ -143,7 +149,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     /// Adds a leaf with its counts; `choose_split` may make it an inner node.
     fn add_node(&mut self, pending: &Pending) -> usize {
         let classes = self.tree.classes;
-        let node = self.tree.branches.push_leaf();
+        let node = self.tree.branches.push_leaf(self.growth.samples.has_missing());
         match pending.parent {
             Some((parent, true)) => self.tree.branches.right[parent] = node as u32,
             Some((parent, false)) => self.tree.branches.left[parent] = node as u32,
@@ -309,8 +315,11 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     fn divide(&mut self, pending: &Pending, best: &Candidate) -> usize {
         let rules = self.growth.rules;
         let column = self.growth.samples.column(best.feature);
+        let missing_left = best.missing_left == Some(true);
         for &row in &self.rows[pending.start..pending.end] {
-            self.goes_left[row as usize] = column[row as usize] <= best.threshold;
+            let value = column[row as usize];
+            self.goes_left[row as usize] =
+                value <= best.threshold || (missing_left && value.is_nan());
         }
         let stride = self.rows.len();
         let (goes_left, spare) = (&self.goes_left, &mut self.spare);
@@ -321,8 +330,9 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         if may_split && !draws(rules) {
             for &feature in &pending.features {
                 let feature = feature as usize;
-                // The rows sorted by the feature of the split are divided already.
-                if feature != best.feature {
+                // The rows sorted by the feature of the split are divided already, but for those
+                // without a value, which stand behind.
+                if feature != best.feature || missing_left {
                     let first = feature * stride;
                     let sorted = &mut self.sorted[first + pending.start..first + pending.end];
                     partition(sorted, goes_left, spare);
@@ -365,8 +375,10 @@ fn draws(rules: &Rules) -> bool {
     rules.drawn_features < rules.features.len()
 }
 
+/// Whether a feature tells no rows apart: one value for all, or none for any.
 fn is_constant(sorted: &[u32], column: &[f64]) -> bool {
-    column[sorted[0] as usize] == column[sorted[sorted.len() - 1] as usize]
+    let first = column[sorted[0] as usize];
+    first == column[sorted[sorted.len() - 1] as usize] || first.is_nan()
 }
 
 /// Tries one feature at a node and keeps what it offers.
@@ -386,8 +398,8 @@ fn search<S: Scan>(
         weights: growth.impurity_weights,
     };
     let limits = growth.rules.limits.get(feature).copied().unwrap_or_default();
-    scan.restart(node_weights);
-    let offer = best_of_feature(&rows, feature, growth.rules.min_rows_leaf, limits, scan);
+    let min_rows = growth.rules.min_rows_leaf;
+    let offer = best_of_feature(&rows, feature, min_rows, limits, node_weights, scan);
     if let Some(candidate) = offer.allowed.filter(|candidate| candidate.beats(best)) {
         *best = Some(candidate);
     }

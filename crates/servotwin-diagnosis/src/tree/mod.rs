@@ -3,7 +3,9 @@
 //! One tree serves CART, random forest and AdaBoost. [`Branches`] is all that prediction needs;
 //! [`Tree`] adds the counts, impurities and rejected splits that explain it. Nodes are numbered in
 //! preorder: a node comes before its children and the left child follows its parent.
-//! A row goes left when its value is not above the threshold.
+//! A row goes left when its value is not above the threshold. A row without a value (NaN) goes where
+//! training has learnt that such rows belong: the search tries them on either side of every threshold,
+//! and alone.
 //!
 //! Source: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", 1984.
 
@@ -39,6 +41,9 @@ pub struct Branches {
     threshold: Vec<f64>,
     left: Vec<u32>,
     right: Vec<u32>,
+    /// Whether rows without a value go left; empty for a tree that has never seen such rows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    missing_left: Vec<bool>,
 }
 
 impl Branches {
@@ -66,17 +71,33 @@ impl Branches {
 
     /// The leaf that a row of features falls into. Does not allocate.
     ///
-    /// A NaN goes right at every split.
+    /// A NaN goes where [`Branches::missing_left`] says.
     ///
     /// # Panics
     /// If the row has fewer features than the tree was trained with.
     pub fn leaf_of(&self, row: &[f64]) -> usize {
         let mut node = 0;
         while self.feature[node] != LEAF {
-            let goes_left = row[self.feature[node] as usize] <= self.threshold[node];
+            let goes_left = self.goes_left(node, row[self.feature[node] as usize]);
             node = if goes_left { self.left[node] } else { self.right[node] } as usize;
         }
         node
+    }
+
+    /// Whether a value goes left at an inner node.
+    fn goes_left(&self, node: usize, value: f64) -> bool {
+        value <= self.threshold[node] || (value.is_nan() && self.missing_left(node))
+    }
+
+    /// Whether rows without a value go left at an inner node. Where the tree was trained without
+    /// such rows they go right, which means nothing.
+    pub fn missing_left(&self, node: usize) -> bool {
+        self.missing_left.get(node).copied().unwrap_or(false)
+    }
+
+    /// Whether the tree was trained with rows without a value.
+    pub fn knows_missing(&self) -> bool {
+        !self.missing_left.is_empty()
     }
 
     /// Checks what walking relies on: equal lengths, and children behind their parent, so that
@@ -85,6 +106,9 @@ impl Branches {
         let nodes = self.len();
         for length in [self.threshold.len(), self.left.len(), self.right.len()] {
             same_length("tree nodes", nodes, length)?;
+        }
+        if self.knows_missing() {
+            same_length("tree nodes", nodes, self.missing_left.len())?;
         }
         let sound = |node: usize| {
             let behind = |child: u32| child as usize > node && (child as usize) < nodes;
@@ -101,7 +125,10 @@ impl Branches {
         }
     }
 
-    pub(crate) fn push_leaf(&mut self) -> usize {
+    pub(crate) fn push_leaf(&mut self, knows_missing: bool) -> usize {
+        if knows_missing {
+            self.missing_left.push(false);
+        }
         self.feature.push(LEAF);
         self.threshold.push(0.0);
         self.left.push(0);
@@ -278,9 +305,9 @@ impl Tree {
     /// While iterating, if the row has fewer features than the tree was trained with.
     pub fn decision_path<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
         core::iter::successors(Some(0), move |&node| {
-            let (feature, threshold) = self.branches.split(node)?;
+            let (feature, _) = self.branches.split(node)?;
             let (left, right) = self.branches.children(node)?;
-            Some(if row[feature] <= threshold { left } else { right })
+            Some(if self.branches.goes_left(node, row[feature]) { left } else { right })
         })
     }
 

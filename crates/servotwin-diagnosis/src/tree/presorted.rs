@@ -13,7 +13,8 @@ pub(crate) struct Presorted {
     rank: Vec<u32>,
 }
 
-/// Bits that sort as unsigned numbers the way finite values do; −0 sorts as 0.
+/// Bits that sort as unsigned numbers the way finite values do; −0 sorts as 0, and what is missing
+/// behind all numbers.
 fn sortable_bits(value: f64) -> u64 {
     let bits = (value + 0.0).to_bits();
     if bits >> 63 == 1 { !bits } else { bits | (1 << 63) }
@@ -46,7 +47,8 @@ impl Presorted {
             let order = &sorted.order[first..first + sorted.rows];
             let mut rank = 0;
             for pair in order.windows(2) {
-                rank += u32::from(column[pair[0] as usize] < column[pair[1] as usize]);
+                let (value, next) = (column[pair[0] as usize], column[pair[1] as usize]);
+                rank += u32::from(value < next || (next.is_nan() && !value.is_nan()));
                 ranks[pair[1] as usize] = rank;
             }
         }
@@ -73,5 +75,6 @@ mod tests {
         let ascending = [f64::MIN, -2.0, -1.0, -5e-324, 0.0, 5e-324, 1.0, f64::MAX];
         assert!(ascending.windows(2).all(|pair| sortable_bits(pair[0]) < sortable_bits(pair[1])));
         assert_eq!(sortable_bits(-0.0), sortable_bits(0.0));
+        assert!(sortable_bits(f64::MAX) < sortable_bits(f64::NAN.copysign(1.0)));
     }
 }

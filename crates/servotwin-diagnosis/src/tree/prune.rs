@@ -169,10 +169,13 @@ impl Tree {
         }
         let mut tree = Tree::empty(self.features, self.classes);
         for &old in &kept {
-            let node = tree.branches.push_leaf();
+            let node = tree.branches.push_leaf(self.branches.knows_missing());
             if leaves[old] > 1 {
                 tree.branches.feature[node] = self.branches.feature[old];
                 tree.branches.threshold[node] = self.branches.threshold[old];
+                if self.branches.knows_missing() {
+                    tree.branches.missing_left[node] = self.branches.missing_left[old];
+                }
                 tree.branches.left[node] = place[self.branches.left[old] as usize];
                 tree.branches.right[node] = place[self.branches.right[old] as usize];
             }

@@ -27,9 +27,16 @@ impl Tree {
             match self.split(node).zip(self.children(node)) {
                 Some(((feature, threshold), (left, right))) => {
                     let name = name_of(feature_names, "feature", feature);
-                    let line = |sign| alloc::format!("{indent}|- {name} {sign} {threshold}\n");
-                    stack.push((right, line(">")));
-                    stack.push((left, line("<=")));
+                    let missing = |is_here: bool| match self.branches().knows_missing() && is_here {
+                        true => " or missing",
+                        false => "",
+                    };
+                    let line = |sign, missing| {
+                        alloc::format!("{indent}|- {name} {sign} {threshold}{missing}\n")
+                    };
+                    let missing_left = self.branches().missing_left(node);
+                    stack.push((right, line(">", missing(!missing_left))));
+                    stack.push((left, line("<=", missing(missing_left))));
                 }
                 None => {
                     let leaf = self.report(node);

@@ -1,6 +1,7 @@
 //! The best threshold of one feature.
 
 use super::criterion::Scan;
+use crate::data::LARGEST;
 
 /// The smallest differences of a feature that a sensor resolves. Zero allows everything.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -34,6 +35,8 @@ pub(crate) struct Candidate {
     pub margin: f64,
     /// Larger is better; comparable within one node.
     pub score: f64,
+    /// Which way rows without a value go; `None` where the node has none.
+    pub missing_left: Option<bool>,
 }
 
 /// Scores that differ by less than this part are the same: they were summed in
@@ -79,10 +82,24 @@ pub(crate) struct NodeRows<'a> {
 }
 
 impl NodeRows<'_> {
+    /// How many rows have a value of the feature: the first ones.
+    fn known(&self) -> usize {
+        let is_missing = |&row: &u32| self.column[row as usize].is_nan();
+        match self.sorted.last().is_some_and(is_missing) {
+            true => self.sorted.partition_point(|row| !is_missing(row)),
+            false => self.sorted.len(),
+        }
+    }
+
     /// Whether no other row shares the value of the one at a place in the order.
     fn is_single(&self, place: usize) -> bool {
         let value = |place: usize| self.sorted.get(place).map(|&row| self.column[row as usize]);
         value(place + 1) != value(place)
+    }
+
+    fn move_left<S: Scan>(&self, row: u32, scan: &mut S) {
+        let row = row as usize;
+        scan.move_left(self.labels[row] as usize, self.weights[row]);
     }
 }
 
@@ -93,27 +110,83 @@ pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
     if lower <= middle && middle < upper { middle } else { lower }
 }
 
-/// Tries every threshold of a feature that can be the best. Between two values whose rows all have
-/// one class it cannot: impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992).
-/// `scan` must have been started with the node's weights.
+/// The threshold of the question whether there is a value at all: no number is above it.
+const ANY_VALUE: f64 = LARGEST;
+
+/// Tries every threshold of a feature, and where the node has rows without a value, every threshold
+/// with them on either side, and the question whether there is a value. `totals` are the node's
+/// weights. What lets all rows go the same way is not tried; at least two values or one and a missing
+/// one are there.
 pub(crate) fn best_of_feature<S: Scan>(
     rows: &NodeRows,
     feature: usize,
     min_rows: usize,
     limits: Limits,
+    totals: &[f64],
     scan: &mut S,
 ) -> Offer {
+    let known = rows.known();
+    let missing = rows.sorted.len() - known;
+    scan.restart(totals);
     let mut offer = Offer::default();
+    if missing == 0 {
+        try_thresholds(rows, known, None, feature, min_rows, limits, scan, &mut offer);
+        return offer;
+    }
+    try_thresholds(rows, known, Some(false), feature, min_rows, limits, scan, &mut offer);
+    if known >= min_rows && missing >= min_rows {
+        // The scan has left the last value on the right.
+        scan.restart(totals);
+        rows.sorted[..known].iter().for_each(|&row| rows.move_left(row, scan));
+        let (threshold, score) = (ANY_VALUE, scan.score());
+        let (gap, margin, missing_left) = (f64::MAX, 1.0, Some(false));
+        let given = Candidate { feature, threshold, gap, margin, score, missing_left };
+        if given.beats(&offer.allowed) {
+            offer.allowed = Some(given);
+        }
+    }
+    scan.restart(totals);
+    rows.sorted[known..].iter().for_each(|&row| rows.move_left(row, scan));
+    try_thresholds(rows, known, Some(true), feature, min_rows, limits, scan, &mut offer);
+    offer
+}
+
+/// Tries every threshold of a feature that can be the best. Between two values whose rows all have
+/// one class it cannot: impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992), also
+/// with the same rows without a value on one side throughout. `scan` must have been started with the
+/// node's weights, and those rows moved to the left if they go there.
+#[expect(clippy::too_many_arguments, reason = "the innermost loop of all training")]
+fn try_thresholds<S: Scan>(
+    rows: &NodeRows,
+    known: usize,
+    missing_left: Option<bool>,
+    feature: usize,
+    min_rows: usize,
+    limits: Limits,
+    scan: &mut S,
+    offer: &mut Offer,
+) {
+    if known < 2 {
+        return;
+    }
+    let missing = rows.sorted.len() - known;
+    // Rows that are on a side before any value is.
+    let (left_before, right_before) =
+        if missing_left == Some(true) { (missing, 0) } else { (0, missing) };
     let may_skip = min_rows <= 1;
     let value_at = |place: usize| rows.column[rows.sorted[place] as usize];
-    let range = value_at(rows.sorted.len() - 1) - value_at(0);
-    let mut worth = f64::NEG_INFINITY;
+    let range = value_at(known - 1) - value_at(0);
+    let mut worth = match &offer.allowed {
+        Some(best) => best.score - SAME_SCORE * libm::fabs(best.score),
+        None => f64::NEG_INFINITY,
+    };
     let mut value = rows.column[rows.sorted[0] as usize];
     // Past this many rows on the left, too few are on the right.
-    let last = rows.sorted.len() + 1 - min_rows.min(rows.sorted.len()).max(1);
+    let needed = min_rows.saturating_sub(right_before).max(1);
+    let last = known + 1 - needed.min(known);
     // Whether all rows of the current value have one class.
     let mut is_pure = true;
-    for (left, pair) in (1..last).zip(rows.sorted.windows(2)) {
+    for (left, pair) in (1..last).zip(rows.sorted[..known].windows(2)) {
         let (row, next_row) = (pair[0] as usize, pair[1] as usize);
         scan.move_left(rows.labels[row] as usize, rows.weights[row]);
         let next = rows.column[next_row];
@@ -126,14 +199,15 @@ pub(crate) fn best_of_feature<S: Scan>(
                 && rows.is_single(left)
                 && limits.allow_around(lower, next);
             is_pure = true;
-            if skipped || left < min_rows {
+            if skipped || left + left_before < min_rows {
                 continue;
             }
             let score = scan.score();
             // First the comparison that nearly all thresholds fail.
             if score >= worth {
                 let (threshold, gap) = (separate(lower, next), next - lower);
-                let candidate = Candidate { feature, threshold, gap, margin: gap / range, score };
+                let margin = gap / range;
+                let candidate = Candidate { feature, threshold, gap, margin, score, missing_left };
                 if limits.allow(threshold, gap) {
                     if candidate.beats(&offer.allowed) {
                         worth = score - SAME_SCORE * libm::fabs(score);
@@ -147,7 +221,6 @@ pub(crate) fn best_of_feature<S: Scan>(
             is_pure &= same_class;
         }
     }
-    offer
 }
 
 #[cfg(test)]

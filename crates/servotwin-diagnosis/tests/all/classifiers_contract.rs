@@ -9,7 +9,7 @@ fn settings(kind: Kind) -> Settings {
     let mut settings = kind.default_settings();
     match &mut settings {
         Settings::RandomForest(forest) => forest.trees = 20,
-        Settings::Adaboost(boost) => boost.max_depth = 2,
+        Settings::Adaboost(boost) => boost.max_depth = Some(2),
         Settings::Mlp(mlp) => mlp.learning_rate = 0.01,
         _ => {}
     }

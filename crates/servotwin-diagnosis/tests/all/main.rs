@@ -4,6 +4,7 @@ mod calibration;
 mod classifiers_contract;
 mod data;
 mod evaluation;
+mod missing;
 mod tables;
 mod tree;
 mod val_sklearn;

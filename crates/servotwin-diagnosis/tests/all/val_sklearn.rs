@@ -17,7 +17,7 @@ fn settings(kind: Kind) -> Settings {
     let mut settings = kind.default_settings();
     match &mut settings {
         Settings::Mlp(mlp) => mlp.max_epochs = 50,
-        Settings::Adaboost(boost) => boost.max_depth = 3,
+        Settings::Adaboost(boost) => boost.max_depth = Some(3),
         _ => {}
     }
     settings

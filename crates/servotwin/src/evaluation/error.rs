@@ -1,5 +1,6 @@
 //! What can be wrong with an evaluation.
 
+use super::table_model::TableModelError;
 use crate::files::FileError;
 use crate::table::TableError;
 use std::fmt;
@@ -15,6 +16,8 @@ pub enum EvaluationError {
     File(FileError),
     /// Training or prediction refused the data.
     Diagnosis(servotwin_diagnosis::Error),
+    /// A table that somebody brings does not serve.
+    TableModel(TableModelError),
     /// It was stopped from elsewhere.
     Cancelled,
     /// The data set has no row with a fault.
@@ -74,6 +77,7 @@ impl fmt::Display for EvaluationError {
             EvaluationError::File(error) => write!(out, "{error}"),
             EvaluationError::Diagnosis(error) => write!(out, "{error}"),
             EvaluationError::Cancelled => write!(out, "stopped"),
+            EvaluationError::TableModel(error) => write!(out, "{error}"),
             EvaluationError::NoFaults => {
                 write!(out, "the data set has no faults: there is nothing to learn")
             }
@@ -87,7 +91,7 @@ impl fmt::Display for EvaluationError {
                 "column '{column}' holds only '{class}': at least two classes are needed"
             ),
             EvaluationError::NoFeatures => {
-                write!(out, "no column with numbers is left to learn from")
+                write!(out, "no column is left to learn from")
             }
             EvaluationError::TooFewGroups { column, found, needed } => {
                 write!(out, "column '{column}' has {found} groups, at least {needed} are needed")
@@ -124,6 +128,12 @@ impl std::error::Error for EvaluationError {
 impl From<TableError> for EvaluationError {
     fn from(error: TableError) -> Self {
         EvaluationError::Table(error)
+    }
+}
+
+impl From<TableModelError> for EvaluationError {
+    fn from(error: TableModelError) -> Self {
+        EvaluationError::TableModel(error)
     }
 }
 

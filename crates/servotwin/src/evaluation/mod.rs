@@ -17,7 +17,6 @@ pub mod data_set;
 pub mod detection;
 mod error;
 pub mod flips;
-pub mod foreign;
 pub mod leaves;
 pub mod model_file;
 pub mod parallel;
@@ -25,6 +24,7 @@ pub mod protocol;
 pub mod robustness;
 pub mod run;
 pub mod score;
+pub mod table_model;
 pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo, Lessons};

@@ -7,7 +7,7 @@
 //! gives the same bits.
 
 use super::error::EvaluationError;
-use super::foreign::TableModel;
+use super::table_model::TableModel;
 use crate::files;
 use serde::Serialize;
 use serde::de::DeserializeOwned;

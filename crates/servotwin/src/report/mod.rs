@@ -6,13 +6,13 @@
 //! bytes.
 
 pub mod examples;
-pub mod foreign;
 pub mod lines;
 pub mod page;
 pub mod schematic;
 mod sections;
 mod stages;
 pub mod table;
+pub mod table_model;
 pub mod words;
 
 use crate::figure::Figure;

@@ -132,10 +132,10 @@ pub enum ContentError {
         /// The name.
         column: String,
     },
-    /// The header is separated by something else than commas.
-    Separator {
-        /// The separator seen.
-        found: char,
+    /// A byte that is in no text.
+    ZeroByte {
+        /// The line.
+        line: usize,
     },
     /// The file does not begin and end as a Parquet file does.
     NotParquet,
@@ -240,13 +240,16 @@ impl fmt::Display for ContentError {
             }
             ContentError::BadCell { line, column, text, expected } => {
                 write!(out, "line {line}, column '{column}': '{text}' among {}", expected.name())?;
-                write!(out, " (text must be quoted in every row)")
+                write!(
+                    out,
+                    " (text between numbers is understood only in quotes, or in a class or group)"
+                )
             }
             ContentError::OpenQuote { line } => {
                 write!(out, "line {line}: a quote is opened and never closed")
             }
             ContentError::TextAfterQuote { line } => {
-                write!(out, "line {line}: a comma is needed after the closing quote")
+                write!(out, "line {line}: a separator is needed after the closing quote")
             }
             ContentError::UnnamedColumn { place } => {
                 write!(out, "line 1: column {place} has no name")
@@ -254,8 +257,8 @@ impl fmt::Display for ContentError {
             ContentError::DuplicateColumn { column } => {
                 write!(out, "two columns are named '{column}'")
             }
-            ContentError::Separator { found } => {
-                write!(out, "line 1: cells are separated by {found:?}, a comma is needed")
+            ContentError::ZeroByte { line } => {
+                write!(out, "line {line} holds a byte zero: this is no text")
             }
             ContentError::NotParquet => {
                 write!(out, "this is no Parquet file, or its end is missing")

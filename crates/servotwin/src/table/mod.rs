@@ -40,6 +40,17 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     (format_of(path)?.read)(path)
 }
 
+/// As [`read`], but of the columns in `mixed` text between numbers is understood: their numbers, too,
+/// are then texts, instead of the text being a mistake. For classes and groups, which may be called
+/// `1`, `2` and `2b`.
+pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, TableError> {
+    let path = path.as_ref();
+    match format_of(path)?.extension {
+        "csv" => csv::read_mixed(path, mixed),
+        _ => read(path),
+    }
+}
+
 /// Writes a table atomically; the file's extension names the format.
 pub fn write(path: impl AsRef<Path>, table: &Table) -> Result<(), TableError> {
     let path = path.as_ref();
@@ -192,12 +203,58 @@ impl Column {
     ) -> Self {
         Self { name: name.into(), unit: unit.into(), values: values.into() }
     }
+
+    /// The numbers of the column; whole numbers are converted.
+    pub fn numbers(&self) -> Result<Cow<'_, [f64]>, TableError> {
+        Ok(match &self.values {
+            Values::Float(values) => Cow::Borrowed(values),
+            Values::Integer(values) => values.iter().map(|value| *value as f64).collect(),
+            Values::Unsigned(values) => values.iter().map(|value| f64::from(*value)).collect(),
+            _ => return Err(wrong_kind(self, Kind::Float)),
+        })
+    }
+}
+
+/// Where the rows of a table stand in the file that it was read from. It is no part of the table's
+/// value: all origins are equal.
+#[derive(Debug, Clone, Default)]
+pub struct Origin {
+    /// The rows before which the count of lines leaps, with their lines; empty without lines.
+    leaps: Vec<(usize, usize)>,
+    /// How the text was read where that was not as this toolkit writes it.
+    pub dialect: Option<String>,
+}
+
+impl PartialEq for Origin {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Origin {
+    /// The place of a row, counted from 0: `line 17`, or `row 16` in a file without lines.
+    pub fn place(&self, row: usize) -> String {
+        let leap = self.leaps.iter().rev().find(|(first, _)| *first <= row);
+        match leap {
+            Some((first, line)) => format!("line {}", line + row - first),
+            None => format!("row {}", row + 1),
+        }
+    }
+
+    /// Notes the line of the next row.
+    fn push_line(&mut self, row: usize, line: usize) {
+        let expected = self.leaps.last().map(|(first, start)| start + row - first);
+        if expected != Some(line) {
+            self.leaps.push((row, line));
+        }
+    }
 }
 
 /// Named columns of equal length, with key-value metadata.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     columns: Vec<Column>,
+    origin: Origin,
     /// Notes about the whole table (study, seed, version); kept by Parquet, not by CSV.
     pub metadata: BTreeMap<String, String>,
 }
@@ -259,7 +316,8 @@ impl Table {
             values: Values::empty(column.values.kind()),
             ..Column::new(&column.name, &column.unit, Vec::<f64>::new())
         };
-        Table { columns: self.columns.iter().map(empty).collect(), metadata: self.metadata.clone() }
+        let columns = self.columns.iter().map(empty).collect();
+        Table { columns, metadata: self.metadata.clone(), ..Table::default() }
     }
 
     /// Some rows of the table, with its columns and metadata.
@@ -269,7 +327,8 @@ impl Table {
             unit: column.unit.clone(),
             values: column.values.rows(rows.clone()),
         };
-        Table { columns: self.columns.iter().map(cut).collect(), metadata: self.metadata.clone() }
+        let columns = self.columns.iter().map(cut).collect();
+        Table { columns, metadata: self.metadata.clone(), ..Table::default() }
     }
 
     /// Adds the rows of a table with the same column names and kinds in the same order.
@@ -305,6 +364,19 @@ impl Table {
         found.ok_or_else(|| unknown_column(name, self.names()))
     }
 
+    /// Takes a column out; the error suggests the nearest one.
+    pub fn take(&mut self, name: &str) -> Result<Column, TableError> {
+        match self.position(name) {
+            Some(place) => Ok(self.columns.remove(place)),
+            None => Err(unknown_column(name, self.names())),
+        }
+    }
+
+    /// Where its rows stand in the file that it was read from.
+    pub fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
     /// Several columns by name, in the order asked for.
     pub fn columns_by_name(&self, names: &[&str]) -> Result<Vec<&Column>, TableError> {
         names.iter().map(|name| self.column(name)).collect()
@@ -312,24 +384,21 @@ impl Table {
 
     /// The numbers of a column; whole numbers are converted.
     pub fn f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
-        let column = self.column(name)?;
-        Ok(match &column.values {
-            Values::Float(values) => Cow::Borrowed(values),
-            Values::Integer(values) => values.iter().map(|value| *value as f64).collect(),
-            Values::Unsigned(values) => values.iter().map(|value| f64::from(*value)).collect(),
-            _ => return Err(wrong_kind(column, Kind::Float)),
-        })
+        self.column(name)?.numbers()
     }
 
     /// The numbers of a column in which NaN and infinities are not permitted.
     pub fn finite_f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
         let values = self.f64(name)?;
         match values.iter().position(|value| !value.is_finite()) {
-            Some(row) => {
-                Err(TableError::NotFinite { column: name.to_owned(), row, value: values[row] })
-            }
+            Some(row) => Err(self.not_finite(name, row, values[row])),
             None => Ok(values),
         }
+    }
+
+    /// The error for a number that is not finite where it must be.
+    pub(crate) fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
+        TableError::NotFinite { column: name.to_owned(), row, value }
     }
 
     /// The whole numbers of a column.

@@ -147,10 +147,10 @@ fn broken_csv_is_refused_with_its_place() {
         ("a\ntrue\nyes\n", "line 3, column 'a': 'yes' among true or false"),
         ("a,b,a\n1,2,3\n", "two columns are named 'a'"),
         ("a,,c\n1,2,3\n", "line 1: column 2 has no name"),
-        ("a;b\n1;2\n", "line 1: cells are separated by ';', a comma is needed"),
-        ("a\tb\n1\t2\n", "line 1: cells are separated by '\\t'"),
+        ("a;b\n1,5;2\n1.5;3\n", "line 3, column 'a': '1.5' among numbers"),
+        ("a\0,b\n1,2\n", "line 1 holds a byte zero"),
         ("a\n\"x\ny\n", "line 2: a quote is opened and never closed"),
-        ("a,b\n1,\"x\ny\"z\n", "line 3: a comma is needed after the closing quote"),
+        ("a,b\n1,\"x\ny\"z\n", "line 3: a separator is needed after the closing quote"),
     ];
     let folder = Folder::new("broken-csv");
     for (text, expected) in cases {
@@ -160,9 +160,55 @@ fn broken_csv_is_refused_with_its_place() {
         assert!(message.contains("broken.csv: "), "{message}");
         assert!(message.contains(expected), "{text:?}: {message}");
     }
-    fs::write(folder.file("latin.csv"), b"a\n\"\xe9\"\n").unwrap();
-    let message = table::read(folder.file("latin.csv")).unwrap_err().to_string();
-    assert!(message.ends_with("line 2 is not UTF-8 text"), "{message}");
+}
+
+#[test]
+fn csv_in_other_dialects_is_understood_and_said() {
+    let folder = Folder::new("dialects");
+    let read = |bytes: &[u8]| {
+        fs::write(folder.file("a.csv"), bytes).unwrap();
+        table::read(folder.file("a.csv")).unwrap()
+    };
+    let utf16 = |text: &str, big: bool| -> Vec<u8> {
+        let bytes = |unit: u16| if big { unit.to_be_bytes() } else { unit.to_le_bytes() };
+        std::iter::once(0xFEFF).chain(text.encode_utf16()).flat_map(bytes).collect()
+    };
+    let german = "Druck °;Ort\r\n1,5;Köln\r\n-2;\"a;b\"\r\n?;x\r\n";
+    let latin: Vec<u8> = german.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    let tabs = german.replace(';', "\t").replace("a\tb", "a;b");
+    for (bytes, dialect) in [
+        (german.as_bytes(), "semicolons between cells, decimal commas"),
+        (&latin, "semicolons between cells, decimal commas, Latin-1"),
+        (&utf16(german, false), "semicolons between cells, decimal commas, UTF-16"),
+        (&utf16(german, true), "semicolons between cells, decimal commas, UTF-16"),
+        (tabs.as_bytes(), "tabs between cells, decimal commas"),
+    ] {
+        let table = read(bytes);
+        let numbers = table.f64("Druck °").unwrap();
+        assert!(numbers[0] == 1.5 && numbers[1] == -2.0 && numbers[2].is_nan());
+        assert_eq!(table.text("Ort").unwrap(), ["Köln", "a;b", "x"]);
+        assert_eq!(table.origin().dialect.as_deref(), Some(dialect));
+    }
+    assert_eq!(read(b"a,b\n1,2\n").origin().dialect, None);
+}
+
+#[test]
+fn what_contradicts_the_beginning_of_a_column_is_understood_where_it_can_be() {
+    let quoted = table::csv::parse("a,b\n1,true\n\"2\",\n").unwrap();
+    assert_eq!(quoted.text("a").unwrap(), ["1", "2"]);
+    assert_eq!(quoted.text("b").unwrap(), ["true", ""]);
+    let words = table::csv::parse("a,b\nNA,NA\n3,x\n").unwrap();
+    assert!(words.f64("a").unwrap()[0].is_nan());
+    assert_eq!(words.text("b").unwrap(), ["NA", "x"]);
+    let frame = table::csv::parse(",x,\n0,1.5,\n1,2.5,\n").unwrap();
+    assert_eq!(frame.names().collect::<Vec<_>>(), ["column 1", "x"]);
+    let folder = Folder::new("mixed");
+    fs::write(folder.file("a.csv"), "run,x\n1,0.5\n2b,0.7\n\n3,0.9\n").unwrap();
+    assert!(table::read(folder.file("a.csv")).is_err());
+    let mixed = table::read_mixed(folder.file("a.csv"), &["run"]).unwrap();
+    assert_eq!(mixed.text("run").unwrap(), ["1", "2b", "3"]);
+    let places: Vec<String> = (0..3).map(|row| mixed.origin().place(row)).collect();
+    assert_eq!(places, ["line 2", "line 3", "line 5"]);
 }
 
 #[test]

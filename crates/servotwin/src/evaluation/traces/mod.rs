@@ -1,30 +1,40 @@
 //! Features from foreign traces: measured and nominal signals as columns of a table.
 //!
-//! A small study file in TOML says which columns are what:
+//! A small study file in TOML says which columns are what (docs/tables.md has worked examples):
 //! ```toml
 //! format = 1
 //! families = ["moments", "deviation"]  # all where not given
 //! window_rows = 10                     # rows in a window; a shorter rest is left out
+//! segments = 2                         # parts of a window, each with features of its own
 //! keep = ["mode"]                      # copied to the features; a window ends where one changes
 //! residuals = ["r1", "r2"]             # columns that are residuals already
+//!
+//! [healthy]                            # the rows to learn a nominal value from: all of it holds
+//! mode = "none"
 //!
 //! [[sensors]]                          # or measured and nominal apart
 //! name = "p_A1"
 //! measured = "pressure_a_pa"
-//! nominal = "twin_pressure_a_pa"
-//! scale = 206.84e5
+//! nominal = "twin_pressure_a_pa"       # a column; or, to be learnt from the healthy rows,
+//! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
+//! scale = 206.84e5                     # where learnt, 100 deviations of healthy rows if not given
 //! quantity = "pressure_a"              # `other` where not given
 //! unit = 1                             # 1 where not given
 //! ```
 
+mod nominal;
+
+pub use nominal::Nominal;
+
 use super::error::EvaluationError;
-use super::foreign::texts;
+use super::table_model::texts;
 use crate::nearest::nearest;
 use crate::table::{Column, Table, TableError};
 use serde::Deserialize;
 use servotwin_diagnosis::features::{ALL, Family, Quantity, Sensor, Sensors, find};
 use servotwin_diagnosis::residual::Window;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// The format of study files for traces that this version reads.
@@ -38,10 +48,14 @@ pub struct TraceStudy {
     #[serde(default)]
     families: Vec<String>,
     window_rows: usize,
+    #[serde(default = "first")]
+    segments: usize,
     #[serde(default)]
     keep: Vec<String>,
     #[serde(default)]
     residuals: Vec<String>,
+    #[serde(default)]
+    healthy: BTreeMap<String, String>,
     #[serde(default)]
     sensors: Vec<SensorText>,
 }
@@ -52,7 +66,8 @@ struct SensorText {
     name: String,
     measured: String,
     nominal: Option<String>,
-    scale: f64,
+    nominal_from: Option<Vec<String>>,
+    scale: Option<f64>,
     #[serde(default = "other")]
     quantity: String,
     #[serde(default = "first")]
@@ -99,6 +114,19 @@ pub enum TraceError {
         /// The longest run of rows that belong together.
         longest: usize,
     },
+    /// A nominal value is to be learnt, and nothing says from which rows.
+    NoHealthyRows {
+        /// The sensor.
+        sensor: String,
+    },
+    /// A sensor has both a nominal column and one to be learnt, or its scale is to be learnt
+    /// without a nominal value.
+    Nominal {
+        /// The sensor.
+        sensor: String,
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// The table is not as the file says.
     Evaluation(EvaluationError),
 }
@@ -122,6 +150,12 @@ impl fmt::Display for TraceError {
                 out,
                 "no window of {window_rows} rows fits: the longest run of rows has {longest}"
             ),
+            TraceError::NoHealthyRows { sensor } => write!(
+                out,
+                "the nominal value of '{sensor}' is to be learnt, but no row is healthy: \
+                 name them in [healthy], or give healthy traces with --healthy"
+            ),
+            TraceError::Nominal { sensor, problem } => write!(out, "sensor '{sensor}': {problem}"),
             TraceError::Evaluation(error) => write!(out, "{error}"),
         }
     }
@@ -150,7 +184,8 @@ impl TraceStudy {
             name: name.clone(),
             measured: name.clone(),
             nominal: None,
-            scale: 1.0,
+            nominal_from: None,
+            scale: Some(1.0),
             quantity: other(),
             unit: first(),
         };
@@ -169,9 +204,19 @@ impl TraceStudy {
             return Err(TraceError::NoSensors);
         }
         range(self.window_rows >= 1, "window_rows", "at least 1")?;
+        let whole = self.segments >= 1 && self.window_rows.is_multiple_of(self.segments);
+        range(whole, "segments", "at least 1 and divide window_rows")?;
         for sensor in &self.sensors {
-            let positive = sensor.scale > 0.0 && sensor.scale.is_finite();
+            let positive = sensor.scale.is_none_or(|scale| scale > 0.0 && scale.is_finite());
             range(positive, &format!("the scale of {}", sensor.name), "above 0")?;
+            let problem = match (&sensor.nominal, &sensor.nominal_from, sensor.scale) {
+                (Some(_), Some(_), _) => Some("either nominal or nominal_from"),
+                (_, None, None) => Some("a scale is needed unless the nominal value is learnt"),
+                _ => None,
+            };
+            if let Some(problem) = problem {
+                return Err(TraceError::Nominal { sensor: sensor.name.clone(), problem });
+            }
             range(sensor.unit >= 1, &format!("the unit of {}", sensor.name), "at least 1")?;
         }
         self.seen().map(drop)?;
@@ -202,46 +247,116 @@ impl TraceStudy {
         self.families.iter().map(one).collect()
     }
 
-    /// The features of every full window of a table of traces.
+    /// The sensors as families of features see them.
     ///
     /// # Errors
-    /// A column is missing or unfit, or no window is full.
-    pub fn features(&self, traces: &Table) -> Result<Table, TraceError> {
-        let column = |name: &String| traces.finite_f64(name);
-        let measured =
-            self.sensors.iter().map(|s| column(&s.measured)).collect::<Result<Vec<_>, _>>()?;
-        let zero = || Ok(Cow::Owned(vec![0.0; traces.row_count()]));
-        let nominal = self.sensors.iter().map(|s| s.nominal.as_ref().map_or_else(zero, column));
-        let nominal = nominal.collect::<Result<Vec<_>, TableError>>()?;
-        let kept =
-            self.keep.iter().map(|name| texts(traces, name)).collect::<Result<Vec<_>, _>>()?;
+    /// A quantity that is not known.
+    pub fn sensors(&self) -> Result<Sensors, TraceError> {
+        self.seen()
+    }
+
+    /// The features of every full window of a table of traces. What is to be learnt is learnt from
+    /// `healthy` traces where they are given, else from the rows that the study names.
+    ///
+    /// # Errors
+    /// A column is missing or unfit, no window is full, or no row is healthy.
+    pub fn features(&self, traces: &Table, healthy: Option<&Table>) -> Result<Table, TraceError> {
+        let columns = self.columns(traces, healthy)?;
+        let kept = self.keep.iter().map(|name| traces.column(name).map(texts));
+        let kept = kept.collect::<Result<Vec<_>, _>>()?;
         let starts = self.windows(traces.row_count(), &kept)?;
-        let scales: Vec<f64> = self.sensors.iter().map(|sensor| sensor.scale).collect();
+        let scales: Vec<f64> = columns.iter().map(|column| column.scale).collect();
         let (sensors, families) = (self.seen()?, self.chosen()?);
-        let row = |columns: &[Cow<'_, [f64]>], row: usize| -> Vec<f64> {
-            columns.iter().map(|column| column[row]).collect()
-        };
-        let of_window = |start: &usize| {
+        let length = self.window_rows / self.segments;
+        let of_segment = |start: usize| {
             let mut window = Window::new(scales.len());
-            for at in *start..*start + self.window_rows {
-                window.add(&row(&measured, at), &row(&nominal, at), &scales);
+            for at in start..start + length {
+                let measured: Vec<f64> = columns.iter().map(|c| c.measured[at]).collect();
+                let nominal: Vec<f64> = columns.iter().map(|c| c.nominal[at]).collect();
+                window.add(&measured, &nominal, &scales);
             }
             let mut values = vec![];
             families.iter().for_each(|family| family.compute(&sensors, &window, &mut values));
             values
         };
+        let of_window = |start: &usize| -> Vec<f64> {
+            (0..self.segments).flat_map(|segment| of_segment(start + segment * length)).collect()
+        };
         let rows: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
-        let names = families.iter().flat_map(|family| family.features(&sensors));
         let mut table = Table::new();
         for (name, texts) in self.keep.iter().zip(&kept) {
             let first: Vec<String> = starts.iter().map(|&start| texts[start].clone()).collect();
             table.push(Column::new(name, "", first))?;
         }
-        for (place, feature) in names.enumerate() {
-            let values: Vec<f64> = rows.iter().map(|row| row[place]).collect();
-            table.push(Column::new(feature.name, feature.unit, values))?;
+        let mut place = 0;
+        for segment in 1..=self.segments {
+            for feature in families.iter().flat_map(|family| family.features(&sensors)) {
+                let name = match self.segments {
+                    1 => feature.name,
+                    _ => format!("{}_part{segment}", feature.name),
+                };
+                let values: Vec<f64> = rows.iter().map(|row| row[place]).collect();
+                table.push(Column::new(name, feature.unit, values))?;
+                place += 1;
+            }
         }
         Ok(table)
+    }
+
+    /// Measured and nominal values and the scale of every sensor.
+    fn columns<'t>(
+        &self,
+        traces: &'t Table,
+        healthy: Option<&Table>,
+    ) -> Result<Vec<SensorColumns<'t>>, TraceError> {
+        let own_rows = match healthy {
+            None if !self.healthy.is_empty() => self.healthy_rows(traces)?,
+            _ => vec![],
+        };
+        let all_rows: Vec<usize> = (0..healthy.map_or(0, Table::row_count)).collect();
+        let (learnt_from, rows) = match healthy {
+            Some(table) => (table, all_rows),
+            None => (traces, own_rows),
+        };
+        let one = |sensor: &SensorText| -> Result<SensorColumns<'t>, TraceError> {
+            let measured = traces.finite_f64(&sensor.measured)?;
+            let (nominal, scale) = match (&sensor.nominal, &sensor.nominal_from) {
+                (Some(name), _) => (traces.finite_f64(name)?, sensor.scale),
+                (None, None) => (Cow::Owned(vec![0.0; traces.row_count()]), sensor.scale),
+                (None, Some(inputs)) => {
+                    if rows.is_empty() {
+                        return Err(TraceError::NoHealthyRows { sensor: sensor.name.clone() });
+                    }
+                    let learnt = learn(sensor, inputs, learnt_from, &rows)?;
+                    let inputs = inputs.iter().map(|name| traces.finite_f64(name));
+                    let inputs = inputs.collect::<Result<Vec<_>, TableError>>()?;
+                    let at = |row: usize| {
+                        learnt.at(&inputs.iter().map(|column| column[row]).collect::<Vec<_>>())
+                    };
+                    let nominal = (0..traces.row_count()).map(at).collect();
+                    // The band of 3 % is then three deviations.
+                    let scale = Some(sensor.scale.unwrap_or(100.0 * learnt.deviation));
+                    (Cow::Owned(nominal), scale)
+                }
+            };
+            let scale = scale.unwrap_or(0.0);
+            if scale <= 0.0 {
+                let problem = "it never varies in healthy rows, so it needs a scale";
+                return Err(TraceError::Nominal { sensor: sensor.name.clone(), problem });
+            }
+            Ok(SensorColumns { measured, nominal, scale })
+        };
+        self.sensors.iter().map(one).collect()
+    }
+
+    /// The rows in which every column of [healthy] holds what is said there.
+    fn healthy_rows(&self, traces: &Table) -> Result<Vec<usize>, TraceError> {
+        let mut rows: Vec<usize> = (0..traces.row_count()).collect();
+        for (name, value) in &self.healthy {
+            let texts = texts(traces.column(name)?);
+            rows.retain(|&row| texts[row] == *value);
+        }
+        Ok(rows)
     }
 
     /// The first rows of the full windows.
@@ -261,6 +376,26 @@ impl TraceStudy {
             false => Ok(starts),
         }
     }
+}
+
+/// What is known of a sensor in every row.
+struct SensorColumns<'t> {
+    measured: Cow<'t, [f64]>,
+    nominal: Cow<'t, [f64]>,
+    scale: f64,
+}
+
+fn learn(
+    sensor: &SensorText,
+    inputs: &[String],
+    traces: &Table,
+    rows: &[usize],
+) -> Result<Nominal, TraceError> {
+    let measured = traces.finite_f64(&sensor.measured)?;
+    let inputs = inputs.iter().map(|name| traces.finite_f64(name));
+    let inputs = inputs.collect::<Result<Vec<_>, TableError>>()?;
+    let inputs: Vec<&[f64]> = inputs.iter().map(|column| &column[..]).collect();
+    Ok(Nominal::learn(&measured, &inputs, rows))
 }
 
 fn unknown<'a>(

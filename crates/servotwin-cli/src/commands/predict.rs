@@ -1,0 +1,79 @@
+//! `servotwin predict`: what a trained classifier says about rows without a class.
+
+use super::{note, read_table};
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json};
+use serde_json::json;
+use servotwin::evaluation::model_file;
+use servotwin::evaluation::table_model::{TableModel, predict};
+use servotwin::table::{self, Table, csv};
+use std::path::PathBuf;
+
+/// Say what a trained classifier makes of every row of a table, which needs no column with the class.
+///
+/// The result has for each row what is predicted, the probability of every class, and for a tree the
+/// way to its leaf. Without `--out` it is printed as CSV.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The model, a file that `servotwin train --out` has written.
+    model: PathBuf,
+    /// The table (.csv or .parquet), with the columns that the model reads.
+    table: PathBuf,
+    /// The table of predictions to write (.csv or .parquet).
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Predict nothing where the highest probability is lower than this.
+    #[arg(long, value_name = "P")]
+    abstain_below: Option<f64>,
+    /// Columns to copy into the result.
+    #[arg(long, value_delimiter = ',')]
+    keep: Vec<String>,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    if let Some(limit) = options.abstain_below.filter(|limit| !(0.0..=1.0).contains(limit)) {
+        let (option, range) = ("--abstain-below", "0 to 1");
+        return Err(Failure::OutOfRange { option, given: limit.to_string(), range });
+    }
+    let model = model_file::read_table_model(&options.model)?;
+    let mixed: Vec<&str> = options.keep.iter().map(String::as_str).collect();
+    let input = read_table(&options.table, &mixed, global)?;
+    let result = predict(input, &model, &options.keep, options.abstain_below)?;
+    let counts = counts(&model, &result)?;
+    match &options.out {
+        Some(path) => table::write(path, &result)?,
+        None if !global.json => {
+            let mut text = vec![];
+            csv::write_to(&mut text, &result).map_err(Failure::Print)?;
+            let abstained = counts.last().map_or(0, |(_, count)| *count);
+            note(global, &format!("{} rows, {abstained} without an answer", result.row_count()));
+            return Ok(String::from_utf8_lossy(&text).into_owned());
+        }
+        None => {}
+    }
+    Ok(match (global.json, global.quiet) {
+        (true, _) => {
+            let predicted: serde_json::Map<_, _> =
+                counts.iter().map(|(name, count)| (name.to_string(), json!(count))).collect();
+            json(&json!({ "rows": result.row_count(), "predicted": predicted }))
+        }
+        (false, true) => String::new(),
+        (false, false) => {
+            let mut grid = Grid::new(&[("predicted", Side::Left), ("rows", Side::Right)]);
+            counts.iter().for_each(|(name, count)| {
+                grid.push(vec![name.to_string(), count.to_string()]);
+            });
+            grid.text()
+        }
+    })
+}
+
+/// How often every class was predicted, and at the end how often none.
+fn counts<'a>(model: &'a TableModel, result: &Table) -> Result<Vec<(&'a str, usize)>, Failure> {
+    let said = result.text("predicted")?;
+    let count = |name: &str| said.iter().filter(|text| *text == name).count();
+    let classes = model.classes.iter().map(|class| (class.as_str(), count(class)));
+    Ok(classes.chain([("(no answer)", count(""))]).collect())
+}

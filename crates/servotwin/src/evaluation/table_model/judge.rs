@@ -1,0 +1,233 @@
+//! How good a classifier is on rows held out: over all, for each class, for each group, and beside
+//! the answer that is right most often.
+
+use super::{HoldOut, Prepared};
+use crate::evaluation::EvaluationError;
+use crate::evaluation::parallel::{self, Workers};
+use crate::evaluation::score::{Rate, Score};
+use serde::Serialize;
+use servotwin_diagnosis::Samples;
+use servotwin_diagnosis::classifiers::{self, Classifier, Model};
+use servotwin_diagnosis::evaluation::{Split, cluster_bootstrap};
+
+/// How often groups are drawn again for an interval.
+const RESAMPLES: usize = 2000;
+
+/// The seed of that.
+const SEED: u64 = 1;
+
+/// A row, its class, and the class predicted.
+pub(super) type Said = (usize, u32, u32);
+
+/// What the same answer for every row would be worth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Baseline {
+    /// The most frequent class of the rows trained with; of the first split where they differ.
+    pub class: String,
+    /// Share of the rows held out of which it is the class.
+    pub accuracy: Option<f64>,
+}
+
+/// The rows of one class.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClassResult {
+    /// The class.
+    pub class: String,
+    /// Share of its rows that were recognised.
+    pub recall: Rate,
+    /// Share of the rows said to be of the class that are.
+    pub precision: Option<f64>,
+}
+
+/// The rows of one group.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GroupResult {
+    /// The group.
+    pub group: String,
+    /// The classes in it.
+    pub classes: Vec<String>,
+    /// Rows held out.
+    pub rows: u64,
+    /// Of these predicted right.
+    pub right: u64,
+}
+
+/// How good a classifier is on rows held out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Judged {
+    /// The score over all rows held out. With groups the interval is made by drawing whole groups.
+    pub score: Score,
+    /// Whether the intervals are over groups.
+    pub intervals_over_groups: bool,
+    /// What the same answer for every row would be worth; `None` where nothing was trained.
+    pub baseline: Option<Baseline>,
+    /// Every class that occurs.
+    pub classes: Vec<ClassResult>,
+    /// Every group held out.
+    pub groups: Vec<GroupResult>,
+    /// What makes the result worth less than it looks.
+    pub warnings: Vec<String>,
+}
+
+impl Prepared {
+    /// Trains and tests a classifier over held-out rows.
+    ///
+    /// # Errors
+    /// As [`Prepared::splits`]; what training says.
+    pub fn validate(
+        &self,
+        settings: &classifiers::Settings,
+        hold_out: HoldOut,
+        workers: Workers,
+    ) -> Result<Judged, EvaluationError> {
+        let splits = self.splits(hold_out)?;
+        let one = |split: &Split| -> Result<Vec<Said>, EvaluationError> {
+            let model = self.fit(settings, &split.train)?;
+            Ok(self.predictions(&model, &split.test))
+        };
+        let results = parallel::map(&splits, workers, one)?;
+        let results = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let baseline = self.baseline(&splits);
+        let mut judged = self.judged(&results, Some(baseline));
+        judged.warnings.extend(self.never_trained(&splits));
+        Ok(judged)
+    }
+
+    /// What a model says about some rows.
+    pub(super) fn predictions(&self, model: &Model, rows: &[usize]) -> Vec<Said> {
+        let said = predicted(model, &self.samples, rows);
+        let truth = rows.iter().map(|&row| self.samples.labels()[row]);
+        rows.iter().zip(truth).zip(said).map(|((&row, truth), said)| (row, truth, said)).collect()
+    }
+
+    /// The results of predictions, split by split.
+    pub(super) fn judged(&self, splits: &[Vec<Said>], baseline: Option<Baseline>) -> Judged {
+        let all: Vec<Said> = splits.concat();
+        let score = self.score(splits, &all);
+        Judged {
+            classes: self.of_classes(&score, &all),
+            groups: self.of_groups(&all),
+            intervals_over_groups: self.groups.is_some(),
+            baseline,
+            warnings: self.warnings.clone(),
+            score,
+        }
+    }
+
+    /// The score, with Wilson's interval, or where there are groups an interval over these.
+    fn score(&self, splits: &[Vec<Said>], all: &[Said]) -> Score {
+        let classes = self.samples.class_names().to_vec();
+        let mut confusion = vec![vec![0; classes.len()]; classes.len()];
+        all.iter().for_each(|&(_, truth, said)| confusion[truth as usize][said as usize] += 1);
+        let recalls = confusion.iter().enumerate().filter_map(|(class, row)| {
+            let of: u64 = row.iter().sum();
+            Rate::new(row[class], of).share
+        });
+        let recalls: Vec<f64> = recalls.collect();
+        let mean = recalls.iter().sum::<f64>() / recalls.len() as f64;
+        Score {
+            accuracy: self.rate(all),
+            balanced_accuracy: (!recalls.is_empty()).then_some(mean),
+            per_split: splits.iter().map(|split| Rate::of(split, is_right).share).collect(),
+            confusion,
+            classes,
+        }
+    }
+
+    /// The share of right predictions.
+    fn rate(&self, predictions: &[Said]) -> Rate {
+        let plain = Rate::of(predictions, is_right);
+        let Some(groups) = self.groups.as_ref().filter(|_| !predictions.is_empty()) else {
+            return plain;
+        };
+        let clusters: Vec<u32> =
+            predictions.iter().map(|(row, ..)| groups.coded.codes[*row]).collect();
+        let right = |said: &Said| f64::from(u8::from(is_right(said)));
+        let count: Vec<f64> = predictions.iter().map(right).collect();
+        let ones = vec![1.0; count.len()];
+        let (low, high) = cluster_bootstrap(&clusters, &count, &ones, RESAMPLES, SEED);
+        Rate { low, high, ..plain }
+    }
+
+    fn of_classes(&self, score: &Score, all: &[Said]) -> Vec<ClassResult> {
+        let names = score.classes.iter().enumerate();
+        let result = |(class, name): (usize, &String)| {
+            let of_class: Vec<Said> =
+                all.iter().filter(|(_, truth, _)| *truth as usize == class).copied().collect();
+            let said: u64 = score.confusion.iter().map(|row| row[class]).sum();
+            let precision = (said > 0).then(|| score.confusion[class][class] as f64 / said as f64);
+            ClassResult { class: name.clone(), recall: self.rate(&of_class), precision }
+        };
+        names.map(result).collect()
+    }
+
+    fn of_groups(&self, all: &[Said]) -> Vec<GroupResult> {
+        let Some(groups) = &self.groups else {
+            return vec![];
+        };
+        let empty =
+            |name: &String| GroupResult { group: name.clone(), classes: vec![], rows: 0, right: 0 };
+        let mut results: Vec<GroupResult> = groups.coded.names.iter().map(empty).collect();
+        for &(row, truth, said) in all {
+            let result = &mut results[groups.coded.codes[row] as usize];
+            result.rows += 1;
+            result.right += u64::from(said == truth);
+            let class = &self.samples.class_names()[truth as usize];
+            if !result.classes.contains(class) {
+                result.classes.push(class.clone());
+            }
+        }
+        results.retain(|result| result.rows > 0);
+        results
+    }
+
+    /// The most frequent class of each split's training rows, on its test rows.
+    fn baseline(&self, splits: &[Split]) -> Baseline {
+        let labels = self.samples.labels();
+        let (mut right, mut of, mut first) = (0, 0, None);
+        for split in splits {
+            let mut counts = vec![0u64; self.samples.classes()];
+            split.train.iter().for_each(|&row| counts[labels[row] as usize] += 1);
+            let most = counts.iter().max().copied().unwrap_or(0);
+            let class = counts.iter().position(|&count| count == most).unwrap_or(0);
+            first.get_or_insert(class);
+            right += split.test.iter().filter(|&&row| labels[row] as usize == class).count() as u64;
+            of += split.test.len() as u64;
+        }
+        let class = self.samples.class_names()[first.unwrap_or(0)].clone();
+        Baseline { class, accuracy: Rate::new(right, of).share }
+    }
+
+    /// Classes that are tested in some split without having been trained there.
+    fn never_trained(&self, splits: &[Split]) -> Option<String> {
+        let labels = self.samples.labels();
+        let mut missing = vec![false; self.samples.classes()];
+        for split in splits {
+            let mut trained = vec![false; missing.len()];
+            split.train.iter().for_each(|&row| trained[labels[row] as usize] = true);
+            let tested = split.test.iter().map(|&row| labels[row] as usize);
+            tested.filter(|&class| !trained[class]).for_each(|class| missing[class] = true);
+        }
+        let names = self.samples.class_names().iter().zip(&missing);
+        let names: Vec<&str> =
+            names.filter(|(_, missing)| **missing).map(|(name, _)| name.as_str()).collect();
+        (!names.is_empty()).then(|| {
+            format!("tested without having been trained in some split: {}", names.join(", "))
+        })
+    }
+}
+
+fn is_right((_, truth, said): &Said) -> bool {
+    truth == said
+}
+
+/// The class that a model says for some rows of samples.
+pub(super) fn predicted(model: &Model, samples: &Samples, rows: &[usize]) -> Vec<u32> {
+    let mut values = vec![0.0; samples.features()];
+    let mut scratch = vec![0.0; model.classes()];
+    let one = |&row: &usize| {
+        samples.row_into(row, &mut values);
+        model.predict_with(&values, &mut scratch)
+    };
+    rows.iter().map(one).collect()
+}

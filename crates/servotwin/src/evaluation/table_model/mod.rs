@@ -1,0 +1,291 @@
+//! Any table of features: training a classifier from it, judging one with it, predicting rows.
+//!
+//! A row is an example; a column holds the class, another (if there is one) the group, another (if
+//! there is one) says which rows test. [`prepare`] chooses the features among the others, and says
+//! which columns it does not use and why; [`Prepared`] trains and judges.
+
+mod columns;
+mod error;
+mod hold_out;
+mod judge;
+mod labels;
+mod predict;
+mod times;
+
+pub use columns::{Input, MOST_CATEGORIES, Unused};
+pub use error::TableModelError;
+pub use hold_out::HoldOut;
+pub use judge::{Baseline, ClassResult, GroupResult, Judged};
+pub use labels::Coded;
+pub use predict::{Explanation, Step, evaluate_table, explain, predict, question};
+
+pub(crate) use columns::texts;
+
+use super::error::EvaluationError;
+use crate::table::{Origin, Table};
+use columns::{choose, encode};
+use hold_out::Side;
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Model};
+use servotwin_diagnosis::{Error, Samples};
+
+/// The word that a stored table model begins with.
+pub const FORMAT: &str = "servotwin classifier 2";
+
+/// How much the rows of each class weigh in training.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum ClassWeights {
+    /// Every row the same.
+    #[default]
+    Equal,
+    /// Every class the same, whatever its number of rows.
+    Balanced,
+    /// Classes with the weight of their rows; 1 for those not given.
+    Given(Vec<(String, f64)>),
+}
+
+/// Which columns are what.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Selection {
+    /// The column with the class.
+    pub label: String,
+    /// Limits that make classes of a label that is measured; none for a label that is a class.
+    pub label_limits: Vec<f64>,
+    /// The column with the group; rows of one group never stand on both sides of a split.
+    pub group: Option<String>,
+    /// The column that says which rows train and which test.
+    pub split: Option<String>,
+    /// The value of that column that means test; none for `test` beside `train` and the like.
+    pub test_value: Option<String>,
+    /// The columns to learn from; none for all other columns that can tell something.
+    pub features: Vec<String>,
+    /// Columns not to learn from.
+    pub ignored: Vec<String>,
+    /// Columns with numbers that are names: every number becomes a feature of its own.
+    pub categorical: Vec<String>,
+    /// How much the rows of each class weigh in training.
+    pub class_weights: ClassWeights,
+}
+
+impl Selection {
+    /// The columns that are no features in any case.
+    fn reserved(&self) -> Vec<&str> {
+        let others = [&self.group, &self.split];
+        std::iter::once(self.label.as_str())
+            .chain(others.into_iter().flatten().map(String::as_str))
+            .collect()
+    }
+}
+
+/// A classifier with the names that its numbers stand for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableModel {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The column with the class.
+    pub label: String,
+    /// Limits that make the classes of a measured label.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub label_limits: Vec<f64>,
+    /// Where its features come from, in the order of the model.
+    pub inputs: Vec<Input>,
+    /// The classes, in the order of the model.
+    pub classes: Vec<String>,
+    /// The classifier.
+    pub model: Model,
+}
+
+impl TableModel {
+    /// Checks that the parts fit each other; for models that come from outside.
+    ///
+    /// # Errors
+    /// What [`Classifier::check`] says, or that a length is wrong.
+    pub fn check(&self) -> Result<(), Error> {
+        let same = |what, expected, found| match expected == found {
+            true => Ok(()),
+            false => Err(Error::LengthMismatch { what, expected, found }),
+        };
+        if self.format != FORMAT {
+            return Err(Error::CorruptModel { broken: "the format is another one" });
+        }
+        self.model.check()?;
+        same("features", self.model.features(), self.inputs.len())?;
+        same("classes", self.model.classes(), self.classes.len())
+    }
+
+    /// The names of its features.
+    pub fn features(&self) -> Vec<String> {
+        self.inputs.iter().map(Input::name).collect()
+    }
+}
+
+/// The groups of the rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Groups {
+    /// The column.
+    pub column: String,
+    /// The groups.
+    pub coded: Coded,
+}
+
+/// A table made ready to learn from.
+#[derive(Debug)]
+pub struct Prepared {
+    samples: Samples,
+    inputs: Vec<Input>,
+    selection: Selection,
+    groups: Option<Groups>,
+    sides: Option<Vec<Side>>,
+    /// The origin of each table with its first row.
+    origins: Vec<(usize, Origin)>,
+    /// The columns that are not used, and why.
+    pub unused: Vec<Unused>,
+    /// What makes results worth less than they look.
+    pub warnings: Vec<String>,
+}
+
+/// Makes a table ready to learn from: its features, classes and groups. A second table, of rows to
+/// test with only, must have the same columns, and no class that the first has not.
+///
+/// # Errors
+/// A column is missing or holds something else than it must, a row has no class or group, there is
+/// only one class, or no feature.
+pub fn prepare(
+    table: Table,
+    test: Option<Table>,
+    selection: &Selection,
+) -> Result<Prepared, EvaluationError> {
+    let first_rows = table.row_count();
+    let mut tables = vec![table];
+    tables.extend(test);
+    let classes = labels::classes(&tables, selection)?;
+    let chosen = choose(&tables[0], selection, &classes.codes[..first_rows])?;
+    let groups = match &selection.group {
+        Some(column) => {
+            let texts: Result<Vec<_>, _> =
+                tables.iter().map(|table| labels::filled(table, column, "group")).collect();
+            Some(Groups { column: column.clone(), coded: Coded::of(&texts?.concat()) })
+        }
+        None => None,
+    };
+    let sides = match (&selection.split, tables.len()) {
+        (Some(column), _) => {
+            let texts = labels::filled(&tables[0], column, "value")?;
+            Some(hold_out::sides(&texts, column, selection.test_value.as_deref())?)
+        }
+        (None, 1) => None,
+        (None, _) => {
+            let side = |row| if row < first_rows { Side::Train } else { Side::Test };
+            Some((0..classes.codes.len()).map(side).collect())
+        }
+    };
+    let mut warnings = chosen.warnings;
+    if let Some(Groups { column, coded }) = &groups {
+        warnings.extend(labels::warnings(&classes, coded, column));
+    }
+    let starts = [0, first_rows];
+    let origins = starts.into_iter().zip(tables.iter().map(|t| t.origin().clone())).collect();
+    let values = encode(&mut tables, &chosen.inputs)?;
+    drop(tables);
+    let names = chosen.inputs.iter().map(Input::name).collect();
+    let samples = Samples::with_missing(names, classes.names, values, classes.codes)?;
+    Ok(Prepared {
+        samples,
+        inputs: chosen.inputs,
+        selection: selection.clone(),
+        groups,
+        sides,
+        origins,
+        unused: chosen.unused,
+        warnings,
+    })
+}
+
+impl Prepared {
+    /// The features and classes of all rows.
+    pub fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// The groups of the rows.
+    pub fn groups(&self) -> Option<&Groups> {
+        self.groups.as_ref()
+    }
+
+    /// Where the features come from.
+    pub fn inputs(&self) -> &[Input] {
+        &self.inputs
+    }
+
+    /// Trains a classifier: with all rows, or where the split is fixed with those that are not held
+    /// out.
+    ///
+    /// # Errors
+    /// What training says.
+    pub fn train(&self, settings: &classifiers::Settings) -> Result<TableModel, EvaluationError> {
+        let rows: Vec<usize> = match &self.sides {
+            Some(sides) => (0..sides.len()).filter(|&row| sides[row] == Side::Train).collect(),
+            None => (0..self.samples.rows()).collect(),
+        };
+        Ok(TableModel {
+            format: FORMAT.into(),
+            label: self.selection.label.clone(),
+            label_limits: self.selection.label_limits.clone(),
+            inputs: self.inputs.clone(),
+            classes: self.samples.class_names().to_vec(),
+            model: self.fit(settings, &rows)?,
+        })
+    }
+
+    /// Trains with some of the rows. Trees leave out rows without weight, so that for them the table
+    /// is not copied.
+    fn fit(
+        &self,
+        settings: &classifiers::Settings,
+        rows: &[usize],
+    ) -> Result<Model, EvaluationError> {
+        let labels = self.samples.labels();
+        let names = self.samples.class_names();
+        let codes = rows.iter().map(|&row| labels[row]);
+        let of_class = labels::weights(&self.selection.class_weights, names, codes)?;
+        let weighted = match settings.kind().learns_from_missing() {
+            true => {
+                let mut weights = vec![0.0; labels.len()];
+                rows.iter().for_each(|&row| weights[row] = of_class[labels[row] as usize]);
+                self.samples.clone().with_weights(weights)?
+            }
+            false => {
+                let selected = self.samples.select_rows(rows)?;
+                selected.complete().map_err(|error| self.in_words(error, rows))?;
+                match self.selection.class_weights {
+                    ClassWeights::Equal => selected,
+                    _ => {
+                        let weight = |&label: &u32| of_class[label as usize];
+                        let weights = selected.labels().iter().map(weight).collect();
+                        selected.with_weights(weights)?
+                    }
+                }
+            }
+        };
+        Ok(settings.fit(&weighted)?)
+    }
+
+    /// A missing value at its place in the file.
+    fn in_words(&self, error: Error, rows: &[usize]) -> EvaluationError {
+        match error {
+            Error::Missing { column, row } => {
+                let reason = "only cart, random_forest and adaboost learn from missing values";
+                let place = self.place(rows[row]);
+                TableModelError::Missing { column, place, reason }.into()
+            }
+            error => error.into(),
+        }
+    }
+
+    /// The place of a row in its file.
+    fn place(&self, row: usize) -> String {
+        let of = self.origins.iter().rev().find(|(first, _)| *first <= row);
+        of.map_or_else(|| format!("row {}", row + 1), |(first, origin)| origin.place(row - first))
+    }
+}

@@ -1,0 +1,260 @@
+//! A trained classifier at work: judging labelled rows, predicting others, explaining one.
+
+use super::columns::encode;
+use super::error::TableModelError;
+use super::{Coded, FORMAT, Groups, Input, Judged, Prepared, Selection, TableModel, labels, texts};
+use crate::evaluation::EvaluationError;
+use crate::table::{Column, Origin, Table};
+use serde::Serialize;
+use servotwin_diagnosis::Samples;
+use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
+use servotwin_diagnosis::tree::Tree;
+
+/// Judges a trained classifier with a table; the intervals are over groups where there are some.
+///
+/// # Errors
+/// A column is missing or unfit, a class is not one that the model knows, or a value is missing that
+/// the model has not learnt to do without.
+pub fn evaluate_table(
+    table: Table,
+    model: &TableModel,
+    group: Option<&str>,
+) -> Result<Judged, EvaluationError> {
+    debug_assert_eq!(model.format, FORMAT);
+    let column = &model.label;
+    let codes = match model.label_limits.is_empty() {
+        true => labels::known(&labels::filled(&table, column, "class")?, column, &model.classes)?,
+        false => labels::limited(std::slice::from_ref(&table), column, &model.label_limits)?.codes,
+    };
+    let groups = match group {
+        Some(column) => {
+            let coded = Coded::of(&labels::filled(&table, column, "group")?);
+            Some(Groups { column: column.into(), coded })
+        }
+        None => None,
+    };
+    let classes = Coded { names: model.classes.clone(), codes };
+    let warnings = match &groups {
+        Some(Groups { column, coded }) => labels::warnings(&classes, coded, column),
+        None => vec![],
+    };
+    let origin = table.origin().clone();
+    let samples = samples(table, model, classes.codes)?;
+    let prepared = Prepared {
+        inputs: model.inputs.clone(),
+        selection: Selection { label: column.clone(), ..Selection::default() },
+        groups,
+        sides: None,
+        origins: vec![(0, origin)],
+        unused: vec![],
+        warnings,
+        samples,
+    };
+    let rows: Vec<usize> = (0..prepared.samples.rows()).collect();
+    let predictions = prepared.predictions(&model.model, &rows);
+    Ok(prepared.judged(&[predictions], None))
+}
+
+/// The features of a table as a model reads them.
+fn samples(
+    mut table: Table,
+    model: &TableModel,
+    codes: Vec<u32>,
+) -> Result<Samples, EvaluationError> {
+    let origin: Origin = table.origin().clone();
+    let values = encode(std::slice::from_mut(&mut table), &model.inputs)?;
+    let samples = Samples::with_missing(model.features(), model.classes.clone(), values, codes)?;
+    if !model.model.knows_missing()
+        && let Err(servotwin_diagnosis::Error::Missing { column, row }) = samples.complete()
+    {
+        let reason = "the model was trained with a value in every row";
+        let place = origin.place(row);
+        return Err(TableModelError::Missing { column, place, reason }.into());
+    }
+    Ok(samples)
+}
+
+/// What a model says about every row of a table, which needs no classes. The result has a column
+/// `row` (from 1), those to `keep`, `predicted` (empty where the highest probability is below
+/// `abstain_below`), a column for each class with its probability (`p:CLASS`, or `score:CLASS` where
+/// the classifier gives none), and for a tree `leaf` and `path`.
+///
+/// # Errors
+/// As [`evaluate_table`]; [`TableModelError::NoProbabilities`].
+pub fn predict(
+    table: Table,
+    model: &TableModel,
+    keep: &[String],
+    abstain_below: Option<f64>,
+) -> Result<Table, EvaluationError> {
+    let shares = model.model.scores() == Scores::Shares;
+    if abstain_below.is_some() && !shares {
+        let classifier = model.model.kind().title();
+        return Err(TableModelError::NoProbabilities { classifier }.into());
+    }
+    let rows = table.row_count();
+    let kept =
+        keep.iter().map(|name| table.column(name).cloned()).collect::<Result<Vec<_>, _>>()?;
+    let samples = samples(table, model, vec![0; rows])?;
+    let mut values = vec![0.0; samples.features()];
+    let mut scratch = vec![0.0; model.classes.len()];
+    let mut scores: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); model.classes.len()];
+    let mut said: Vec<String> = Vec::with_capacity(rows);
+    let (mut leaves, mut paths): (Vec<u32>, Vec<String>) = (vec![], vec![]);
+    for row in 0..rows {
+        samples.row_into(row, &mut values);
+        let class = model.model.predict_row(&values) as usize;
+        model.model.scores_into(&values, &mut scratch);
+        scores.iter_mut().zip(&scratch).for_each(|(column, score)| column.push(*score));
+        let unsure = abstain_below.is_some_and(|limit| scratch[class] < limit);
+        said.push(if unsure { String::new() } else { model.classes[class].clone() });
+        if let Model::Cart(tree) = &model.model {
+            leaves.push(tree.branches().leaf_of(&values) as u32);
+            let steps: Vec<String> = steps(model, tree, &values).iter().map(Step::said).collect();
+            paths.push(steps.join(" and "));
+        }
+    }
+    let mut result = Table::new();
+    result.push(Column::new("row", "", (1..=rows as u32).collect::<Vec<u32>>()))?;
+    kept.into_iter().try_for_each(|column| result.push(column))?;
+    result.push(Column::new("predicted", "", said))?;
+    let prefix = if shares { "p" } else { "score" };
+    for (class, scores) in model.classes.iter().zip(scores) {
+        result.push(Column::new(format!("{prefix}:{class}"), "", scores))?;
+    }
+    if matches!(model.model, Model::Cart(_)) {
+        result.push(Column::new("leaf", "", leaves))?;
+        result.push(Column::new("path", "", paths))?;
+    }
+    Ok(result)
+}
+
+/// One question of a tree with its answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Step {
+    /// The column asked about.
+    pub column: String,
+    /// The text that the column was compared with; `None` for a number.
+    pub is: Option<String>,
+    /// The value of the row; `None` where it has none.
+    pub value: Option<f64>,
+    /// The threshold.
+    pub threshold: f64,
+    /// Whether the row went right: the value is above the threshold, or is missing and such rows
+    /// went right.
+    pub right: bool,
+}
+
+impl Step {
+    /// Whether the question is only whether there is a value.
+    pub fn asks_for_any(&self) -> bool {
+        is_any_value(self.threshold)
+    }
+
+    /// The answer as a statement: `pressure_pa > 2.1e7`.
+    pub fn said(&self) -> String {
+        let Step { column, is, value, threshold, right } = self;
+        match (is, value) {
+            (Some(text), _) if *right => format!("{column} is '{text}'"),
+            (Some(text), _) => format!("{column} is not '{text}'"),
+            (None, None) => format!("{column} is missing"),
+            (None, Some(_)) if self.asks_for_any() => format!("{column} is given"),
+            (None, Some(_)) if *right => format!("{column} > {threshold}"),
+            (None, Some(_)) => format!("{column} <= {threshold}"),
+        }
+    }
+}
+
+/// Whether a threshold only asks whether there is a value at all.
+fn is_any_value(threshold: f64) -> bool {
+    threshold >= servotwin_diagnosis::data::LARGEST
+}
+
+/// The question of an inner node, answered with yes by the rows that go left.
+pub fn question(input: &Input, threshold: f64, missing_left: bool, shown: &str) -> String {
+    let missing = if missing_left { " or missing" } else { "" };
+    match input {
+        Input::Category { column, value } => format!("{column} is not '{value}'"),
+        _ if is_any_value(threshold) => format!("{} is given", input.name()),
+        _ => format!("{} ≤ {shown}{missing}", input.name()),
+    }
+}
+
+/// The way of a row through a tree.
+fn steps(model: &TableModel, tree: &Tree, values: &[f64]) -> Vec<Step> {
+    let path: Vec<usize> = tree.decision_path(values).collect();
+    let step = |pair: &[usize]| {
+        let (feature, threshold) = tree.split(pair[0])?;
+        let (_, right) = tree.children(pair[0])?;
+        let is = match &model.inputs[feature] {
+            Input::Category { value, .. } => Some(value.clone()),
+            _ => None,
+        };
+        Some(Step {
+            column: model.inputs[feature].column().into(),
+            is,
+            value: Some(values[feature]).filter(|value| !value.is_nan()),
+            threshold,
+            right: pair[1] == right,
+        })
+    };
+    path.windows(2).filter_map(step).collect()
+}
+
+/// Why a model says what it says about one row.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Explanation {
+    /// The row, from 1.
+    pub row: usize,
+    /// Its place in the file.
+    pub place: String,
+    /// The class in the table, where it has the column.
+    pub truth: Option<String>,
+    /// The class that the model says.
+    pub said: String,
+    /// Every class with its probability, or where the classifier gives none its score; the best
+    /// first.
+    pub scores: Vec<(String, f64)>,
+    /// Whether these are probabilities.
+    pub probabilities: bool,
+    /// For a tree, its questions.
+    pub steps: Vec<Step>,
+    /// For a tree, the rows of each class that training had in the leaf.
+    pub leaf: Vec<(String, u32)>,
+}
+
+/// Explains one row, counted from 1.
+///
+/// # Errors
+/// As [`evaluate_table`]; [`TableModelError::NoRow`].
+pub fn explain(
+    table: Table,
+    model: &TableModel,
+    row: usize,
+) -> Result<Explanation, EvaluationError> {
+    let rows = table.row_count();
+    if row == 0 || row > rows {
+        return Err(TableModelError::NoRow { row, rows }.into());
+    }
+    let place = table.origin().place(row - 1);
+    let truth = table.column(&model.label).ok().map(|column| texts(column)[row - 1].clone());
+    let samples = samples(table, model, vec![0; rows])?;
+    let mut values = vec![0.0; samples.features()];
+    samples.row_into(row - 1, &mut values);
+    let mut scores = vec![0.0; model.classes.len()];
+    let said = model.classes[model.model.predict_row(&values) as usize].clone();
+    model.model.scores_into(&values, &mut scores);
+    let mut scores: Vec<(String, f64)> = model.classes.iter().cloned().zip(scores).collect();
+    scores.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let (steps, leaf) = match &model.model {
+        Model::Cart(tree) => {
+            let counts = tree.counts(tree.branches().leaf_of(&values)).iter().copied();
+            let counts = model.classes.iter().cloned().zip(counts).filter(|(_, n)| *n > 0);
+            (steps(model, tree, &values), counts.collect())
+        }
+        _ => (vec![], vec![]),
+    };
+    let probabilities = model.model.scores() == Scores::Shares;
+    let truth = truth.filter(|truth| !truth.is_empty());
+    Ok(Explanation { row, place, truth, said, scores, probabilities, steps, leaf })
+}

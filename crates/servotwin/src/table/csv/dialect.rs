@@ -1,0 +1,98 @@
+//! What stands between the cells: found by looking at the header and the first row.
+
+use super::encoding::Encoding;
+
+/// How a text separates its cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Dialect {
+    /// The byte between two cells.
+    pub separator: u8,
+}
+
+impl Dialect {
+    /// The separator of a text that begins like this: of comma, semicolon and tab the one that
+    /// stands in the header most often and as often in the first row. Of equally frequent ones the
+    /// tab, then the semicolon: a comma may be part of a name or a number beside them.
+    pub fn of(beginning: &[u8]) -> Self {
+        let mut lines = Lines { rest: beginning };
+        let (header, row) = (lines.next_line(), lines.next_line());
+        let count = |line: &Option<Vec<u8>>, separator: u8| {
+            line.as_ref().map_or(0, |line| line.iter().filter(|byte| **byte == separator).count())
+        };
+        let mut best = (false, 0, b',');
+        for separator in [b',', b';', b'\t'] {
+            let found = count(&header, separator);
+            let fits = row.is_none() || count(&row, separator) == found;
+            if found > 0 && (fits, found) >= (best.0, best.1) {
+                best = (fits, found, separator);
+            }
+        }
+        Dialect { separator: best.2 }
+    }
+
+    /// The dialect where it is not as this toolkit writes.
+    pub fn in_words(self, encoding: Encoding, decimal_comma: bool) -> Option<String> {
+        let separator = match self.separator {
+            b';' => Some("semicolons between cells"),
+            b'\t' => Some("tabs between cells"),
+            _ => None,
+        };
+        let encoding = match encoding {
+            Encoding::Utf8 => None,
+            Encoding::Utf16 => Some("UTF-16"),
+            Encoding::Latin1 => Some("Latin-1"),
+        };
+        let comma = decimal_comma.then_some("decimal commas");
+        let parts: Vec<&str> = [separator, comma, encoding].into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
+    }
+}
+
+/// Lines without what is quoted in them.
+struct Lines<'a> {
+    rest: &'a [u8],
+}
+
+impl Lines<'_> {
+    /// The next line that is not empty.
+    fn next_line(&mut self) -> Option<Vec<u8>> {
+        let (mut line, mut quoted) = (vec![], false);
+        for (place, &byte) in self.rest.iter().enumerate() {
+            match byte {
+                b'"' => quoted = !quoted,
+                b'\n' if !quoted && !line.iter().all(u8::is_ascii_whitespace) => {
+                    self.rest = &self.rest[place + 1..];
+                    return Some(line);
+                }
+                b'\n' if !quoted => line.clear(),
+                _ if !quoted => line.push(byte),
+                _ => {}
+            }
+        }
+        self.rest = &[];
+        (!line.is_empty()).then_some(line)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Dialect;
+
+    #[test]
+    fn separators_are_found() {
+        let cases: [(&str, u8); 9] = [
+            ("a,b\n1,2\n", b','),
+            ("a;b\n1,5;2,5\n", b';'),
+            ("a\tb\n1\t2\n", b'\t'),
+            ("p, bar;T, K;ok\n1,5;2,5;x\n", b';'),
+            ("\"a;b;c\",d\n1,2\n", b','),
+            ("a\n1,5\n", b','),
+            ("a;b\n", b';'),
+            ("a,b,c\n1;2,3\n", b','),
+            ("", b','),
+        ];
+        for (text, separator) in cases {
+            assert_eq!(Dialect::of(text.as_bytes()).separator, separator, "{text:?}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! A column that grows cell by cell, and finds out of what kind it is.
+
+use super::super::{Kind, Values};
+
+/// What stands for a missing number, besides nothing.
+const MISSING: [&str; 13] =
+    ["NA", "N/A", "n/a", "NaN", "nan", "NAN", "null", "NULL", "Null", "#N/A", "?", "-", "--"];
+
+/// A column read so far.
+pub enum Growing {
+    /// Nothing but empty cells and words for missing numbers.
+    Unknown(Vec<String>),
+    /// Values of a kind.
+    Values(Values),
+}
+
+/// Why a cell does not fit.
+pub enum Refused {
+    /// It is no UTF-8.
+    NoUtf8,
+    /// The column holds values of this kind.
+    Contradiction(Kind),
+}
+
+/// How numbers are written. Which of point and comma is the decimal mark is decided by the first
+/// number that has one; where cells are separated by commas it is the point.
+pub struct Numbers {
+    may_be_comma: bool,
+    mark: Option<u8>,
+    text: String,
+}
+
+impl Numbers {
+    /// Numbers in a text where a comma may be the decimal mark.
+    pub fn new(may_be_comma: bool) -> Self {
+        let mark = (!may_be_comma).then_some(b'.');
+        Numbers { may_be_comma, mark, text: String::new() }
+    }
+
+    /// Whether the decimal mark is a comma.
+    pub fn has_comma(&self) -> bool {
+        self.may_be_comma && self.mark == Some(b',')
+    }
+
+    fn real(&mut self, text: &str) -> Option<f64> {
+        let mark = text.bytes().find(|byte| matches!(byte, b'.' | b','));
+        match (mark, self.mark) {
+            (Some(b'.'), Some(b'.') | None) => {
+                let value = text.parse().ok()?;
+                self.mark = Some(b'.');
+                Some(value)
+            }
+            (Some(b','), Some(b',') | None) => {
+                // A point beside the comma groups thousands: that would be a guess.
+                if text.contains('.') {
+                    return None;
+                }
+                self.text.clear();
+                self.text.push_str(text);
+                let value = self.text.replacen(',', ".", 1).parse().ok()?;
+                self.mark = Some(b',');
+                Some(value)
+            }
+            (Some(_), _) => None,
+            (None, _) => text.parse().ok(),
+        }
+    }
+}
+
+impl Growing {
+    /// A column without cells; `is_text` if it is known to be text.
+    pub fn new(is_text: bool) -> Self {
+        match is_text {
+            true => Growing::Values(Values::Text(vec![])),
+            false => Growing::Unknown(vec![]),
+        }
+    }
+
+    /// Adds a cell. `decode` makes text of bytes.
+    pub fn push(
+        &mut self,
+        cell: &[u8],
+        quoted: bool,
+        numbers: &mut Numbers,
+        decode: &dyn Fn(&[u8]) -> Option<String>,
+    ) -> Result<(), Refused> {
+        if let Growing::Values(Values::Text(texts)) = self {
+            texts.push(decode(cell).ok_or(Refused::NoUtf8)?);
+            return Ok(());
+        }
+        let Some(text) = std::str::from_utf8(cell).ok().map(str::trim) else {
+            let text = decode(cell).ok_or(Refused::NoUtf8)?;
+            return self.push_text(text);
+        };
+        // Also the blanks around it.
+        let whole = || decode(cell).unwrap_or_default();
+        match self {
+            Growing::Unknown(_) if quoted => self.push_text(whole()),
+            Growing::Unknown(words) if is_missing(cell) => {
+                words.push(whole());
+                Ok(())
+            }
+            Growing::Unknown(words) => {
+                let before = words.len();
+                let values = match text {
+                    _ if text.parse::<i64>().is_ok() && before == 0 => Values::Integer(vec![]),
+                    _ if numbers.real(text).is_some() => Values::Float(vec![f64::NAN; before]),
+                    _ if flag(text).is_some() && before == 0 => Values::Flag(vec![]),
+                    _ => return self.push_text(whole()),
+                };
+                *self = Growing::Values(values);
+                self.push(cell, quoted, numbers, decode)
+            }
+            Growing::Values(values) if quoted => Err(Refused::Contradiction(values.kind())),
+            Growing::Values(values) => push_value(values, text, numbers),
+        }
+    }
+
+    /// Adds a text to a column that is text from now on.
+    fn push_text(&mut self, text: String) -> Result<(), Refused> {
+        match self {
+            Growing::Unknown(words) => {
+                let mut texts = std::mem::take(words);
+                texts.push(text);
+                *self = Growing::Values(Values::Text(texts));
+                Ok(())
+            }
+            Growing::Values(values) => Err(Refused::Contradiction(values.kind())),
+        }
+    }
+
+    /// The values of the whole column: missing numbers where there is nothing else.
+    pub fn finish(self) -> Values {
+        match self {
+            Growing::Values(values) => values,
+            Growing::Unknown(words) => Values::Float(vec![f64::NAN; words.len()]),
+        }
+    }
+}
+
+/// Whether a cell stands for a missing value.
+pub fn is_missing(cell: &[u8]) -> bool {
+    let text = cell.trim_ascii();
+    text.is_empty() || MISSING.iter().any(|word| word.as_bytes() == text)
+}
+
+fn push_value(values: &mut Values, text: &str, numbers: &mut Numbers) -> Result<(), Refused> {
+    let is_missing = |text: &str| is_missing(text.as_bytes());
+    match values {
+        Values::Float(reals) => match numbers.real(text) {
+            Some(value) => reals.push(value),
+            None if is_missing(text) => reals.push(f64::NAN),
+            None => return Err(Refused::Contradiction(Kind::Float)),
+        },
+        Values::Integer(whole) => match text.parse() {
+            Ok(value) => whole.push(value),
+            Err(_) => {
+                let value = numbers.real(text).or_else(|| is_missing(text).then_some(f64::NAN));
+                let value = value.ok_or(Refused::Contradiction(Kind::Float))?;
+                let mut reals: Vec<f64> = whole.iter().map(|value| *value as f64).collect();
+                reals.push(value);
+                *values = Values::Float(reals);
+            }
+        },
+        Values::Flag(flags) => {
+            flags.push(flag(text).ok_or(Refused::Contradiction(Kind::Flag))?);
+        }
+        Values::Unsigned(_) | Values::Text(_) => {}
+    }
+    Ok(())
+}
+
+fn flag(text: &str) -> Option<bool> {
+    match text {
+        "true" | "True" | "TRUE" => Some(true),
+        "false" | "False" | "FALSE" => Some(false),
+        _ => None,
+    }
+}

@@ -1,0 +1,260 @@
+//! Tables as comma-separated text: one header line, then one line per row.
+//!
+//! The kind of a column is inferred: text if any of its cells is quoted, else what the first cell that
+//! is not empty looks like, whole numbers being widened to real ones where a later row needs it. The
+//! writer therefore quotes every text, and writes a real number with a point or an exponent, in
+//! the shortest form that reads back to the same bits. What is lost in CSV: metadata, units, the
+//! difference between `u32` and `i64`, and the kinds of a table without rows.
+//!
+//! What other writers do is understood, and said in [`Origin::dialect`](super::Origin): semicolons or
+//! tabs between cells, then also a comma in numbers ([`dialect`]), UTF-16 and Latin-1 ([`encoding`]),
+//! empty cells and words for missing numbers, which are read as NaN ([`growing`]).
+//!
+//! The file is read once from its beginning to its end, each cell straight into its column. Only where
+//! a later row contradicts what was understood (a quoted text in a column of numbers, a byte that is
+//! no UTF-8) does reading begin again, with that knowledge.
+
+mod dialect;
+mod encoding;
+mod growing;
+mod records;
+
+use std::collections::BTreeSet;
+use std::io::{self, BufRead, Write};
+use std::path::Path;
+
+use super::{Column, ContentError, Format, Kind, Origin, Table, TableError, Values};
+use crate::files::{FileError, write_atomically};
+use dialect::Dialect;
+use encoding::Encoding;
+use growing::{Growing, Numbers, Refused};
+use records::Records;
+
+/// The format's entry in [`ALL`](super::ALL).
+pub const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write };
+
+/// Reads a CSV file.
+pub fn read(path: &Path) -> Result<Table, TableError> {
+    read_mixed(path, &[])
+}
+
+/// Reads a CSV file; in the columns in `mixed` text between numbers is no mistake.
+pub fn read_mixed(path: &Path, mixed: &[&str]) -> Result<Table, TableError> {
+    let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
+    let open = || encoding::open(path).map_err(unreadable);
+    read_again(open, mixed, unreadable, &|problem| TableError::Content {
+        path: path.to_path_buf(),
+        problem,
+    })
+}
+
+/// Writes a CSV file atomically.
+pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
+    Ok(write_atomically(path, |out| write_to(out, table))?)
+}
+
+/// Writes a table as CSV text.
+pub fn write_to(out: &mut dyn Write, table: &Table) -> io::Result<()> {
+    for (place, name) in table.names().enumerate() {
+        out.write_all(if place == 0 { b"" } else { b"," })?;
+        let plain = name.chars().all(|letter| !matches!(letter, ',' | '"' | '\n' | '\r'));
+        if plain && name.trim() == name { write!(out, "{name}")? } else { write_quoted(out, name)? }
+    }
+    out.write_all(b"\n")?;
+    for row in 0..table.row_count() {
+        for (place, column) in table.columns().iter().enumerate() {
+            out.write_all(if place == 0 { b"" } else { b"," })?;
+            write_cell(out, &column.values, row)?;
+        }
+        out.write_all(b"\n")?;
+    }
+    Ok(())
+}
+
+fn write_cell(out: &mut dyn Write, values: &Values, row: usize) -> io::Result<()> {
+    match values {
+        // `Debug` always shows a point or an exponent: the column stays real.
+        Values::Float(values) => write!(out, "{:?}", values[row]),
+        Values::Integer(values) => write!(out, "{}", values[row]),
+        Values::Unsigned(values) => write!(out, "{}", values[row]),
+        Values::Flag(values) => write!(out, "{}", values[row]),
+        Values::Text(values) => write_quoted(out, &values[row]),
+    }
+}
+
+fn write_quoted(out: &mut dyn Write, text: &str) -> io::Result<()> {
+    write!(out, "\"{}\"", text.replace('"', "\"\""))
+}
+
+/// Reads CSV text.
+pub fn parse(text: &str) -> Result<Table, ContentError> {
+    let open = || Ok((text.as_bytes(), Encoding::Utf8));
+    // Reading from memory cannot fail.
+    read_again(open, &[], |_| ContentError::Empty, &|problem| problem)
+}
+
+/// What was learnt by reading from the beginning, for the next attempt.
+#[derive(Default)]
+struct Known {
+    /// Not all bytes are UTF-8.
+    latin: bool,
+    /// The places of columns that are text in spite of how they begin.
+    text: BTreeSet<usize>,
+}
+
+/// Why an attempt to read has ended early.
+enum Stop {
+    /// The content cannot be understood.
+    Content(ContentError),
+    /// The file cannot be read.
+    Io(io::Error),
+    /// It can be understood with this knowledge.
+    Again(Known),
+}
+
+impl From<ContentError> for Stop {
+    fn from(problem: ContentError) -> Self {
+        Stop::Content(problem)
+    }
+}
+
+impl From<io::Error> for Stop {
+    fn from(cause: io::Error) -> Self {
+        Stop::Io(cause)
+    }
+}
+
+fn read_again<R: BufRead, E>(
+    open: impl Fn() -> Result<(R, Encoding), E>,
+    mixed: &[&str],
+    unreadable: impl Fn(io::Error) -> E,
+    wrong: &dyn Fn(ContentError) -> E,
+) -> Result<Table, E> {
+    let mut known = Known::default();
+    // Every attempt but the last adds to what is known: there are not many.
+    loop {
+        let (reader, encoding) = open()?;
+        match attempt(reader, encoding, mixed, known) {
+            Ok(table) => return Ok(table),
+            Err(Stop::Content(problem)) => return Err(wrong(problem)),
+            Err(Stop::Io(cause)) => return Err(unreadable(cause)),
+            Err(Stop::Again(more)) => known = more,
+        }
+    }
+}
+
+fn attempt(
+    mut reader: impl BufRead,
+    encoding: Encoding,
+    mixed: &[&str],
+    mut known: Known,
+) -> Result<Table, Stop> {
+    let encoding = if known.latin { Encoding::Latin1 } else { encoding };
+    let dialect = Dialect::of(reader.fill_buf()?);
+    let mut records = Records::new(reader, dialect.separator);
+    if !records.advance()? {
+        return Err(ContentError::Empty.into());
+    }
+    let decoded = |bytes: &[u8], line| match encoding::text(bytes, encoding) {
+        Some(text) if text.contains('\0') => Err(Stop::Content(ContentError::ZeroByte { line })),
+        Some(text) => Ok(Some(text)),
+        None => Ok(None),
+    };
+    let mut heads = vec![];
+    for (cell, quoted) in records.cells() {
+        let Some(text) = decoded(cell, records.line())? else {
+            return Err(Stop::Again(Known { latin: true, ..known }));
+        };
+        heads.push(if quoted { text } else { text.trim().to_owned() });
+    }
+    let names = column_names(heads)?;
+    let mut numbers = Numbers::new(dialect.separator != b',');
+    let column = |place| Growing::new(known.text.contains(&place));
+    let mut columns: Vec<Growing> = (0..names.len()).map(column).collect();
+    let (mut origin, mut rows) = (Origin::default(), 0);
+    while records.advance()? {
+        let (line, found) = (records.line(), records.cells().count());
+        if found != names.len() {
+            return Err(ContentError::RaggedRow { line, found, expected: names.len() }.into());
+        }
+        for (place, (cell, quoted)) in records.cells().enumerate() {
+            let text = |bytes: &[u8]| encoding::text(bytes, encoding);
+            match columns[place].push(cell, quoted, &mut numbers, &text) {
+                Ok(()) => {}
+                Err(Refused::NoUtf8) => return Err(Stop::Again(Known { latin: true, ..known })),
+                Err(Refused::Contradiction(expected)) => {
+                    let name = names[place].as_deref().unwrap_or_default();
+                    // True, false and nothing are three texts.
+                    let no_flag = expected == Kind::Flag && growing::is_missing(cell);
+                    if quoted || no_flag || mixed.contains(&name) {
+                        known.text.insert(place);
+                        return Err(Stop::Again(known));
+                    }
+                    let text = decoded(cell, line)?.unwrap_or_default();
+                    let column = name.to_owned();
+                    return Err(ContentError::BadCell { line, column, text, expected }.into());
+                }
+            }
+        }
+        origin.push_line(rows, line);
+        rows += 1;
+    }
+    origin.dialect = dialect.in_words(encoding, numbers.has_comma());
+    table_of(names, columns, origin)
+}
+
+fn table_of(
+    names: Vec<Option<String>>,
+    columns: Vec<Growing>,
+    origin: Origin,
+) -> Result<Table, Stop> {
+    let mut table = Table { origin, ..Table::new() };
+    for (place, (name, column)) in names.into_iter().zip(columns).enumerate() {
+        let values = column.finish();
+        let Some(name) = name else {
+            // Cells without a head: nothing but a separator at the end of every line.
+            if is_empty(&values) {
+                continue;
+            }
+            return Err(ContentError::UnnamedColumn { place: place + 1 }.into());
+        };
+        // Names were compared and lengths are equal, so nothing can be refused here.
+        let _ = table.push(Column { name, unit: String::new(), values });
+    }
+    Ok(table)
+}
+
+fn is_empty(values: &Values) -> bool {
+    match values {
+        Values::Float(values) => values.iter().all(|value| value.is_nan()),
+        Values::Text(values) => values.iter().all(String::is_empty),
+        _ => false,
+    }
+}
+
+/// The names of the columns. The first one may have none, as the index of data frames; so may the
+/// last one, if it holds nothing: it is `None` until that is known.
+fn column_names(heads: Vec<String>) -> Result<Vec<Option<String>>, ContentError> {
+    let count = heads.len();
+    if count == 1 && heads[0].trim().is_empty() {
+        return Err(ContentError::Empty);
+    }
+    let mut seen = BTreeSet::new();
+    let mut names = Vec::with_capacity(count);
+    for (place, head) in heads.into_iter().enumerate() {
+        let name = match head.trim().is_empty() {
+            true if place == 0 => "column 1".to_owned(),
+            true if place + 1 == count => {
+                names.push(None);
+                continue;
+            }
+            true => return Err(ContentError::UnnamedColumn { place: place + 1 }),
+            false => head,
+        };
+        if !seen.insert(name.clone()) {
+            return Err(ContentError::DuplicateColumn { column: name });
+        }
+        names.push(Some(name));
+    }
+    Ok(names)
+}

@@ -1,0 +1,509 @@
+//! Data that nobody simulated: the LiU engine bench and the ZeMA hydraulic rig.
+//!
+//! The data stands beside the repository, in `../shared/data`, or where `SERVOTWIN_DATA` says; where
+//! it is not there, the tests say so and pass. The accuracies are those of scikit-learn with the same
+//! features, less 0.03.
+
+use servotwin::evaluation::parallel::Workers;
+use servotwin::evaluation::table_model::{
+    ClassWeights, HoldOut, Judged, Selection, TableModel, evaluate_table, explain, predict, prepare,
+};
+use servotwin::evaluation::traces::{TraceError, TraceStudy};
+use servotwin::evaluation::{EvaluationError, comparison, model_file};
+use servotwin::table::{self, Column, Table};
+use servotwin_diagnosis::classifiers::{Kind, Settings};
+use servotwin_diagnosis::residual::Window;
+use std::io::BufReader;
+use std::path::PathBuf;
+
+fn data(folder: &str) -> Option<PathBuf> {
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    let root = std::env::var_os("SERVOTWIN_DATA").map_or_else(|| beside.into(), PathBuf::from);
+    let path = root.join(folder);
+    if path.is_dir() {
+        return Some(path);
+    }
+    eprintln!("{} is not there: nothing tested", path.display());
+    None
+}
+
+fn classifier(kind: Kind) -> Settings {
+    let list = comparison::default_classifiers();
+    list.into_iter().find(|settings| settings.kind() == kind).unwrap()
+}
+
+fn judge(table: &Table, selection: &Selection, kind: Kind, how: HoldOut) -> Judged {
+    let prepared = prepare(table.clone(), None, selection).unwrap();
+    prepared.validate(&classifier(kind), how, Workers::new(2)).unwrap()
+}
+
+fn accuracy(table: &Table, label: &str, group: Option<&str>, kind: Kind, how: HoldOut) -> f64 {
+    // The other conditions of the rig are no features.
+    let ignored = CONDITIONS.into_iter().filter(|name| *name != label && has(table, name));
+    let selection = Selection {
+        label: label.into(),
+        group: group.map(str::to_owned),
+        ignored: ignored.map(str::to_owned).collect(),
+        ..Selection::default()
+    };
+    judge(table, &selection, kind, how).score.accuracy.share.unwrap()
+}
+
+fn has(table: &Table, name: &str) -> bool {
+    table.names().any(|known| known == name)
+}
+
+#[test]
+fn val_sklearn_liu_engine_residuals() {
+    let Some(folder) = data("liu_engine_residuals") else {
+        return;
+    };
+    let table = table::read(folder.join("residuals.csv")).unwrap();
+    let last_third = HoldOut::Last { share: 1.0 / 3.0 };
+    for (kind, sklearn) in [
+        (Kind::Cart, 0.772),
+        (Kind::RandomForest, 0.892),
+        (Kind::Mlp, 0.846),
+        (Kind::NaiveBayes, 0.708),
+    ] {
+        let ours = accuracy(&table, "mode", None, kind, last_third);
+        println!("LiU {}: {ours:.3}, scikit-learn {sklearn}", kind.id());
+        assert!(ours >= sklearn - 0.03, "{kind:?}: {ours}");
+    }
+}
+
+#[test]
+fn liu_windows_say_more_than_single_samples() {
+    let Some(folder) = data("liu_engine_residuals") else {
+        return;
+    };
+    let traces = table::read(folder.join("residuals.csv")).unwrap();
+    let study = include_str!("../../../../studies/liu_engine.toml");
+    let table = TraceStudy::parse(study).unwrap().features(&traces, None).unwrap();
+    let last_third = HoldOut::Last { share: 1.0 / 3.0 };
+    let single = accuracy(&traces, "mode", None, Kind::RandomForest, last_third);
+    let window = accuracy(&table, "mode", None, Kind::RandomForest, last_third);
+    println!("LiU forest: {single:.3} from samples, {window:.3} from windows");
+    assert!(window > single, "{window} against {single}");
+}
+
+const SENSORS: [&str; 17] = [
+    "CE", "CP", "EPS1", "FS1", "FS2", "PS1", "PS2", "PS3", "PS4", "PS5", "PS6", "SE", "TS1", "TS2",
+    "TS3", "TS4", "VS1",
+];
+const CONDITIONS: [&str; 4] = ["cooler", "valve", "pump", "accumulator"];
+
+/// Mean and variance of six ten-second segments of each sensor, and the four conditions.
+fn zema(folder: &std::path::Path) -> Table {
+    let mut table = Table::new();
+    for sensor in SENSORS {
+        let file = std::fs::File::open(folder.join(format!("{sensor}_1hz.csv.xz"))).unwrap();
+        let mut text = vec![];
+        lzma_rs::xz_decompress(&mut BufReader::new(file), &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let cycles: Vec<Vec<f64>> = text
+            .lines()
+            .map(|l| l.split(',').map(|v| v.trim().parse().unwrap()).collect())
+            .collect();
+        for segment in 0..6 {
+            let window = |cycle: &Vec<f64>| {
+                let mut window = Window::new(1);
+                let values = &cycle[segment * 10..segment * 10 + 10];
+                values.iter().for_each(|value| window.add(&[*value], &[0.0], &[1.0]));
+                window
+            };
+            let windows: Vec<Window> = cycles.iter().map(window).collect();
+            let means: Vec<f64> = windows.iter().map(|w| w.mean(0)).collect();
+            let variances: Vec<f64> = windows.iter().map(|w| w.covariance(0, 0)).collect();
+            table.push(Column::new(format!("mean_{sensor}_{segment}"), "", means)).unwrap();
+            table.push(Column::new(format!("var_{sensor}_{segment}"), "", variances)).unwrap();
+        }
+    }
+    let profile = std::fs::read_to_string(folder.join("profile.txt")).unwrap();
+    let rows: Vec<Vec<&str>> = profile.lines().map(|l| l.split_whitespace().collect()).collect();
+    for (place, name) in CONDITIONS.iter().enumerate() {
+        let texts: Vec<String> = rows.iter().map(|row| row[place].to_owned()).collect();
+        table.push(Column::new(*name, "", texts)).unwrap();
+    }
+    let mut block = 0u32;
+    let mut blocks = vec![0];
+    for pair in rows.windows(2) {
+        block += u32::from(pair[0][..4] != pair[1][..4]);
+        blocks.push(block);
+    }
+    table.push(Column::new("block", "", blocks)).unwrap();
+    table
+}
+
+#[test]
+fn val_sklearn_zema_hydraulic_rig() {
+    let Some(folder) = data("zema_hydraulic") else {
+        return;
+    };
+    let table = zema(&folder);
+    assert_eq!(table.row_count(), 2205);
+    let folds = HoldOut::Folds { folds: 5, seed: 1 };
+    for (condition, sklearn) in CONDITIONS.into_iter().zip([0.994, 1.000, 0.992, 0.803]) {
+        let ours = accuracy(&table, condition, Some("block"), Kind::Cart, folds);
+        println!("ZeMA {condition}: {ours:.3}, scikit-learn {sklearn}");
+        assert!(ours >= sklearn - 0.03, "{condition}: {ours}");
+    }
+}
+
+fn small() -> Table {
+    let x: Vec<f64> = (0..40).map(f64::from).collect();
+    let y: Vec<f64> = x.iter().map(|x| x + (x * 7.0) % 3.0).collect();
+    let class = |k: i32| if k < 20 { "low" } else { "high" }.to_owned();
+    Table::from_columns(vec![
+        Column::new("x", "", x),
+        Column::new("y", "", y),
+        Column::new("always", "", vec![3.0; 40]),
+        Column::new("class", "", (0..40).map(class).collect::<Vec<String>>()),
+        Column::new("batch", "", (0..40u32).map(|k| k % 4).collect::<Vec<u32>>()),
+    ])
+    .unwrap()
+}
+
+fn with(mut table: Table, column: Column) -> Table {
+    if has(&table, &column.name) {
+        table.take(&column.name).unwrap();
+    }
+    table.push(column).unwrap();
+    table
+}
+
+fn selection(label: &str) -> Selection {
+    Selection { label: label.into(), group: Some("batch".into()), ..Selection::default() }
+}
+
+fn trained(table: Table, kind: Kind) -> TableModel {
+    prepare(table, None, &selection("class")).unwrap().train(&classifier(kind)).unwrap()
+}
+
+#[test]
+fn every_classifier_learns_a_small_table() {
+    for settings in comparison::default_classifiers() {
+        let model = trained(small(), settings.kind());
+        assert_eq!(model.features(), ["y"], "no group, no index, nothing constant");
+        let judged = evaluate_table(small(), &model, None).unwrap();
+        assert!(judged.score.accuracy.share.unwrap() > 0.85, "{:?}", settings.kind());
+        let text = serde_json::to_string(&model).unwrap();
+        assert_eq!(serde_json::from_str::<TableModel>(&text).unwrap(), model);
+    }
+    let path = std::env::temp_dir().join(format!("servotwin-table-{}.json", std::process::id()));
+    let model = trained(small(), Kind::Cart);
+    model_file::write(&path, &model).unwrap();
+    assert_eq!(model_file::read_table_model(&path).unwrap(), model);
+    std::fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn unfit_tables_are_refused_in_words() {
+    let error = |table: &Table, selection: &Selection| {
+        prepare(table.clone(), None, selection).unwrap_err().to_string()
+    };
+    assert!(error(&small(), &selection("clas")).contains("did you mean 'class'"));
+    let one = with(small(), Column::new("same", "", vec!["a".to_owned(); 40]));
+    assert!(error(&one, &selection("same")).contains("at least two classes"));
+    let infinite = with(small(), Column::new("z", "", vec![f64::INFINITY; 40]));
+    let named = Selection { features: vec!["z".into()], ..selection("class") };
+    assert!(error(&infinite, &named).contains("column 'z', row 1: inf"));
+    let both = Selection { features: vec!["class".into()], ..selection("class") };
+    assert!(error(&small(), &both).contains("exclude each other"));
+    let measured = with(
+        small(),
+        Column::new("m", "", (0..40).map(|k| f64::from(k) * 0.1).collect::<Vec<f64>>()),
+    );
+    let text = error(&measured, &selection("m"));
+    assert!(text.contains("40 different numbers") && text.contains("--label-limits"), "{text}");
+    let mut labels: Vec<String> = small().text("class").unwrap().to_vec();
+    labels[16].clear();
+    let empty = with(small(), Column::new("class", "", labels));
+    let text = error(&empty, &selection("class"));
+    assert!(text.contains("row 17, column 'class': the row has no class"), "{text}");
+    let weights = ClassWeights::Given(vec![("lo".into(), 2.0)]);
+    let weighted = Selection { class_weights: weights, ..selection("class") };
+    let prepared = prepare(small(), None, &weighted).unwrap();
+    let text = prepared.train(&classifier(Kind::Cart)).unwrap_err().to_string();
+    assert!(text.contains("'lo'") && text.contains("high, low"), "{text}");
+    let many = HoldOut::Folds { folds: 9, seed: 1 };
+    let prepared = prepare(small(), None, &selection("class")).unwrap();
+    assert!(matches!(
+        prepared.splits(many),
+        Err(EvaluationError::TooFewGroups { found: 4, needed: 9, .. })
+    ));
+}
+
+#[test]
+fn columns_that_should_not_be_learnt_from_are_named_with_the_reason() {
+    let text = |word: &str| {
+        Column::new(word, "", (0..40).map(|k| format!("{word}{k}")).collect::<Vec<_>>())
+    };
+    let times = (0..40).map(|k| format!("2026-11-21 08:{k:02}")).collect::<Vec<_>>();
+    let code: Vec<i64> = (0..40).map(|k| if k < 20 { 7 } else { 3 }).collect();
+    let shuffled: Vec<i64> = (0..40).map(|k| (k * 7) % 40).collect();
+    let mut table = small();
+    for column in [
+        text("comment"),
+        Column::new("when", "", times),
+        Column::new("code", "", code),
+        Column::new("id", "", shuffled),
+        Column::new("nothing", "", vec![f64::NAN; 40]),
+    ] {
+        table.push(column).unwrap();
+    }
+    let asked = Selection { ignored: vec!["nothing".into()], ..selection("class") };
+    let prepared = prepare(table.clone(), None, &asked).unwrap();
+    let unused: Vec<(&str, &str)> =
+        prepared.unused.iter().map(|u| (u.column.as_str(), u.reason.as_str())).collect();
+    let expected = [
+        ("x", "counts the rows evenly"),
+        ("always", "same value in every row"),
+        ("comment", "40 different texts"),
+        ("when", "holds times"),
+        ("code", "repeats the label"),
+        ("id", "own number once"),
+        ("nothing", "as asked"),
+    ];
+    assert_eq!(unused.len(), expected.len());
+    for ((column, reason), (name, words)) in unused.iter().zip(expected) {
+        assert!(*column == name && reason.contains(words), "{column}: {reason}");
+    }
+    let named = Selection { features: vec!["code".into(), "when".into()], ..selection("class") };
+    let prepared = prepare(table, None, &named).unwrap();
+    assert_eq!(prepared.samples().column(1)[1] - prepared.samples().column(1)[0], 60.0);
+    assert!(prepared.warnings.iter().any(|w| w.contains("'code' repeats the label")));
+}
+
+#[test]
+fn groups_stay_together_however_rows_are_held_out() {
+    let prepared = prepare(small(), None, &selection("class")).unwrap();
+    let groups = &prepared.groups().unwrap().coded.codes;
+    let last = HoldOut::Last { share: 0.3 };
+    for how in [HoldOut::Folds { folds: 2, seed: 3 }, last] {
+        for split in prepared.splits(how).unwrap() {
+            let shared = |row: &usize| split.train.iter().any(|t| groups[*t] == groups[*row]);
+            assert!(!split.test.iter().any(shared), "{how:?}");
+        }
+    }
+    // The last groups of both classes are batch 3 and 2: a third needs both.
+    assert_eq!(prepared.splits(last).unwrap()[0].test.len(), 20);
+    let side = |k: u32| if k % 4 == 1 { "test" } else { "train" }.to_owned();
+    let fixed = with(small(), Column::new("part", "", (0..40).map(side).collect::<Vec<_>>()));
+    let by_part = Selection { split: Some("part".into()), ..selection("class") };
+    let prepared = prepare(fixed.clone(), None, &by_part).unwrap();
+    assert_eq!(prepared.splits(HoldOut::Fixed).unwrap()[0].test.len(), 10);
+    let moved: Vec<u32> = (0..40).map(|k| if k == 36 { 1 } else { k % 4 }).collect();
+    let both = with(fixed, Column::new("batch", "", moved));
+    let prepared = prepare(both, None, &by_part).unwrap();
+    let text = prepared.splits(HoldOut::Fixed).unwrap_err().to_string();
+    assert!(text.contains("'1' of column 'batch' is in training and in test"), "{text}");
+}
+
+#[test]
+fn a_second_table_tests_what_the_first_trains() {
+    let judged = |test: Table| {
+        let ungrouped =
+            Selection { group: None, ignored: vec!["batch".into()], ..selection("class") };
+        let prepared = prepare(small(), Some(test), &ungrouped)?;
+        prepared.validate(&classifier(Kind::Cart), HoldOut::Fixed, Workers::new(1))
+    };
+    let result = judged(small()).unwrap();
+    let model = trained(small(), Kind::Cart);
+    let apart = evaluate_table(small(), &model, None).unwrap();
+    assert_eq!(result.score.confusion, apart.score.confusion);
+    assert_eq!(result.baseline.unwrap().accuracy, Some(0.5));
+    let other = with(small(), Column::new("class", "", vec!["middle".to_owned(); 40]));
+    assert!(judged(other).unwrap_err().to_string().contains("'middle'"));
+}
+
+#[test]
+fn intervals_over_groups_are_wider_where_groups_differ() {
+    // Whole batches are wrong: ten rows tell no more than one.
+    let x: Vec<f64> = (0..400).map(|k| f64::from(k * 7 % 10)).collect();
+    let class = |k: usize| {
+        let flipped = (k / 40) % 3 == 0;
+        if (x[k] > 4.0) != flipped { "a" } else { "b" }.to_owned()
+    };
+    let table = Table::from_columns(vec![
+        Column::new("class", "", (0..400).map(class).collect::<Vec<_>>()),
+        Column::new("batch", "", (0..400u32).map(|k| k / 40).collect::<Vec<_>>()),
+        Column::new("x", "", x.clone()),
+    ])
+    .unwrap();
+    let folds = HoldOut::Folds { folds: 5, seed: 1 };
+    let judged = judge(&table, &selection("class"), Kind::Cart, folds);
+    let (grouped, plain) = (
+        judged.score.accuracy,
+        servotwin::evaluation::score::Rate::new(judged.score.accuracy.count, 400),
+    );
+    assert!(grouped.high - grouped.low > 2.0 * (plain.high - plain.low), "{grouped:?} {plain:?}");
+    assert_eq!(judged.groups.len(), 10);
+    assert_eq!(judged.groups.iter().map(|group| group.right).sum::<u64>(), grouped.count);
+    assert_eq!(judged.classes.iter().map(|class| class.recall.of).sum::<u64>(), 400);
+}
+
+#[test]
+fn lonely_classes_and_telling_groups_are_warned_of() {
+    let batch: Vec<u32> = (0..40).map(|k| if k < 20 { 0 } else { 1 + k % 2 }).collect();
+    let table = with(small(), Column::new("batch", "", batch));
+    let warnings = prepare(table, None, &selection("class")).unwrap().warnings.join("\n");
+    assert!(warnings.contains("a class occurs in one batch only (low)"), "{warnings}");
+    assert!(warnings.contains("every batch has one class only"), "{warnings}");
+    assert!(prepare(small(), None, &selection("class")).unwrap().warnings.is_empty());
+}
+
+#[test]
+fn texts_and_missing_values_are_learnt_from() {
+    let colour: Vec<String> = (0..60).map(|k| ["red", "green", "blue"][k % 3].to_owned()).collect();
+    let z: Vec<f64> =
+        (0..60).map(|k| if k % 5 == 0 { f64::NAN } else { (k * k % 17) as f64 }).collect();
+    let class = |k: usize| if k % 3 == 1 || k % 5 == 0 { "bad" } else { "good" }.to_owned();
+    let table = Table::from_columns(vec![
+        Column::new("colour", "", colour),
+        Column::new("z", "", z),
+        Column::new("class", "", (0..60).map(class).collect::<Vec<_>>()),
+    ])
+    .unwrap();
+    let plain = Selection { label: "class".into(), ..Selection::default() };
+    let prepared = prepare(table.clone(), None, &plain).unwrap();
+    assert_eq!(
+        prepared.samples().feature_names(),
+        ["colour = blue", "colour = green", "colour = red", "z"]
+    );
+    for kind in [Kind::Cart, Kind::RandomForest, Kind::Adaboost] {
+        let model = prepared.train(&classifier(kind)).unwrap();
+        let judged = evaluate_table(table.clone(), &model, None).unwrap();
+        assert!(judged.score.accuracy.share.unwrap() > 0.9, "{kind:?}: {:?}", judged.score);
+    }
+    let text = prepared.train(&classifier(Kind::NaiveBayes)).unwrap_err().to_string();
+    assert!(text.contains("row 1, column 'z': no value, and only cart"), "{text}");
+    let cart = prepared.train(&classifier(Kind::Cart)).unwrap();
+    let said = predict(table.clone(), &cart, &["colour".into()], None).unwrap();
+    let paths = said.text("path").unwrap();
+    assert!(paths.iter().any(|path| path.contains("colour is 'green'")), "{paths:?}");
+    assert!(paths.iter().any(|path| path.contains("z is missing")), "{paths:?}");
+    let complete = trained(small(), Kind::Cart);
+    let hole = with(small(), Column::new("y", "", vec![f64::NAN; 40]));
+    let text = predict(hole, &complete, &[], None).unwrap_err().to_string();
+    assert!(text.contains("row 1, column 'y'") && text.contains("value in every row"), "{text}");
+}
+
+#[test]
+fn predictions_carry_probabilities_paths_and_abstention() {
+    let model = trained(small(), Kind::RandomForest);
+    let mut unlabelled = small();
+    unlabelled.take("class").unwrap();
+    let all = predict(unlabelled.clone(), &model, &["batch".into()], None).unwrap();
+    let names: Vec<&str> = all.names().collect();
+    assert_eq!(names, ["row", "batch", "predicted", "p:high", "p:low"]);
+    let some = predict(unlabelled.clone(), &model, &[], Some(0.9)).unwrap();
+    let (high, low) = (some.f64("p:high").unwrap(), some.f64("p:low").unwrap());
+    for (row, said) in some.text("predicted").unwrap().iter().enumerate() {
+        assert!((high[row] + low[row] - 1.0).abs() < 1e-12);
+        assert_eq!(said.is_empty(), high[row].max(low[row]) < 0.9, "row {row}");
+        assert_eq!(all.text("predicted").unwrap()[row] == "high", high[row] >= low[row]);
+    }
+    let svm = trained(small(), Kind::LinearSvm);
+    assert!(
+        predict(unlabelled.clone(), &svm, &[], Some(0.5))
+            .unwrap_err()
+            .to_string()
+            .contains("no probabilities")
+    );
+    let why = explain(small(), &trained(small(), Kind::Cart), 3).unwrap();
+    assert_eq!(
+        (why.said.as_str(), why.truth.as_deref(), why.steps.is_empty()),
+        ("low", Some("low"), false)
+    );
+    assert!(explain(unlabelled, &model, 41).unwrap_err().to_string().contains("rows 1 to 40"));
+}
+
+#[test]
+fn weights_move_the_decision_and_balance_the_classes() {
+    // One row in five is bad, and nothing tells which: unweighted trees never say so.
+    let class = |k: u32| if k % 5 == 0 { "bad" } else { "good" }.to_owned();
+    let table = Table::from_columns(vec![
+        Column::new("x", "", (0..100).map(|k| f64::from(k / 5 % 2)).collect::<Vec<_>>()),
+        Column::new("class", "", (0..100).map(class).collect::<Vec<_>>()),
+    ])
+    .unwrap();
+    let said = |class_weights: ClassWeights| {
+        let weighted = Selection { label: "class".into(), class_weights, ..Selection::default() };
+        let model = prepare(table.clone(), None, &weighted)
+            .unwrap()
+            .train(&classifier(Kind::Cart))
+            .unwrap();
+        predict(table.clone(), &model, &[], None).unwrap()
+    };
+    assert!((said(ClassWeights::Equal).f64("p:bad").unwrap()[0] - 0.2).abs() < 1e-12);
+    assert!((said(ClassWeights::Balanced).f64("p:bad").unwrap()[0] - 0.5).abs() < 1e-12);
+    let heavy = said(ClassWeights::Given(vec![("bad".into(), 12.0)]));
+    assert!((heavy.f64("p:bad").unwrap()[0] - 0.75).abs() < 1e-12);
+    assert_eq!(heavy.text("predicted").unwrap()[0], "bad");
+}
+
+#[test]
+fn measured_labels_become_classes_at_limits() {
+    let limited = Selection {
+        label: "y".into(),
+        label_limits: vec![10.0, 30.0],
+        features: vec!["x".into()],
+        ..Selection::default()
+    };
+    let model = prepare(small(), None, &limited).unwrap().train(&classifier(Kind::Cart)).unwrap();
+    assert_eq!(model.classes, ["up to 10", "10 to 30", "above 30"]);
+    assert!(evaluate_table(small(), &model, None).unwrap().score.accuracy.share.unwrap() > 0.95);
+    let wrong = Selection { label_limits: vec![30.0, 10.0], ..limited };
+    assert!(prepare(small(), None, &wrong).unwrap_err().to_string().contains("ascend"));
+}
+
+#[test]
+fn the_nominal_is_learnt_from_healthy_rows() {
+    // y = 2 u + 1 while healthy; the leak takes 0.5 off.
+    let u: Vec<f64> = (0..40).map(|k| f64::from(k * 7 % 11)).collect();
+    let y: Vec<f64> =
+        u.iter().zip(0..).map(|(u, k)| 2.0 * u + if k < 20 { 1.0 } else { 0.5 }).collect();
+    let mode = |k: u32| if k < 20 { "none" } else { "leak" }.to_owned();
+    let table = Table::from_columns(vec![
+        Column::new("u", "", u),
+        Column::new("y", "", y),
+        Column::new("mode", "", (0..40).map(mode).collect::<Vec<_>>()),
+    ])
+    .unwrap();
+    let text = "format = 1\nwindow_rows = 10\nsegments = 2\nkeep = [\"mode\"]\nfamilies = [\"moments\"]\n\
+        [healthy]\nmode = \"none\"\n\
+        [[sensors]]\nname = \"y\"\nmeasured = \"y\"\nnominal_from = [\"u\"]\nscale = 1.0\n";
+    let features = TraceStudy::parse(text).unwrap().features(&table, None).unwrap();
+    assert_eq!(features.names().nth(1), Some("mean_y_part1"));
+    let mean = features.f64("mean_y_part2").unwrap();
+    assert!(mean[0].abs() < 1e-12 && (mean[3] + 0.5).abs() < 1e-12, "{mean:?}");
+    let mut healthy = table.clone();
+    healthy.take("mode").unwrap();
+    let apart = TraceStudy::parse(&text.replace("[healthy]\nmode = \"none\"\n", "")).unwrap();
+    assert!(matches!(apart.features(&table, None), Err(TraceError::NoHealthyRows { .. })));
+    assert!(apart.features(&table, Some(&healthy)).unwrap().f64("mean_y_part2").unwrap()[3] < -0.1);
+    let refused = |text: &str| TraceStudy::parse(text).unwrap_err().to_string();
+    assert!(refused(&text.replace("segments = 2", "segments = 3")).contains("divide window_rows"));
+    assert!(
+        refused(&text.replace("nominal_from = [\"u\"]\nscale = 1.0\n", ""))
+            .contains("a scale is needed")
+    );
+}
+
+#[test]
+fn traces_become_windows_of_features() {
+    let study = "format = 1\nwindow_rows = 5\nkeep = [\"class\"]\nfamilies = [\"moments\"]\n\
+        [[sensors]]\nname = \"s\"\nmeasured = \"x\"\nnominal = \"always\"\nscale = 2.0\n";
+    let features = TraceStudy::parse(study).unwrap().features(&small(), None).unwrap();
+    assert_eq!(features.row_count(), 8);
+    assert_eq!(features.names().collect::<Vec<_>>(), ["class", "mean_s", "var_s", "no_dev_s"]);
+    // (0 + 1 + 2 + 3 + 4)/5 = 2; less 3; over 2.
+    assert!((features.f64("mean_s").unwrap()[0] + 0.5).abs() < 1e-12);
+    let refused = |text: &str| TraceStudy::parse(text).unwrap_err().to_string();
+    assert!(refused(&study.replace("moments", "moment")).contains("did you mean 'moments'"));
+    assert!(refused(&study.replace("2.0", "0.0")).contains("above 0"));
+    assert!(refused("format = 1\nwindow_rows = 5").contains("nothing to measure"));
+    let long = TraceStudy::parse(&study.replace("= 5", "= 21")).unwrap();
+    assert!(matches!(long.features(&small(), None), Err(TraceError::NoWindow { longest: 20, .. })));
+}
