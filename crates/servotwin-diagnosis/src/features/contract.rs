@@ -24,6 +24,7 @@ fn with_surface() -> Sensors {
         quantity: Quantity::Surface,
         unit: 0,
         noise: 0.002,
+        is_noisy: true,
     });
     sensors
 }
@@ -111,7 +112,8 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
         name: "flow".into(),
         quantity: Quantity::Other,
         unit: 0,
-        noise: 0.002
+        noise: 0.002,
+        is_noisy: true
     }]);
     let window = some_window(&sensors);
     for family in ALL {
