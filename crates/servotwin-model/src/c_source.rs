@@ -192,7 +192,7 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     let graph = Graph::new();
     let constants: Vec<Symbol> =
         (0..program.constants()).map(|i| graph.variable("constants", i)).collect();
-    let stand_ins = stand_ins(program);
+    let stand_ins = program.stand_ins();
     let variables = traced(program, &graph, &constants);
     let function = |name: String, summary, result, values: &[Symbol]| {
         CFunction::new(name, summary, ARRAYS, result, &graph, values)
@@ -217,20 +217,13 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     functions
 }
 
-/// Where the stand-ins of signals stand.
-fn stand_ins(program: &Program) -> core::ops::Range<usize> {
-    let first = program.externals().end;
-    let none = program.parameters(&[]);
-    first..first + program.stand_in_values(&none).len()
-}
-
 /// All variables of the program after an evaluation.
 fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> Vec<Symbol<'g>> {
     let mut variables = vec![Symbol::constant(0.0); program.memory()];
     let places = [
         ("states", 0..program.states().len()),
         ("inputs", program.externals()),
-        ("held", stand_ins(program)),
+        ("held", program.stand_ins()),
     ];
     for (array, range) in places {
         for (index, variable) in variables[range].iter_mut().enumerate() {

@@ -168,6 +168,10 @@ impl Program {
         let n = self.states.len();
         n..n + self.network.inputs.len()
     }
+    /// Where parameters, temperatures and held values stand.
+    pub(crate) fn stand_ins(&self) -> Range<usize> {
+        self.externals().end..self.sums.start
+    }
     /// Where the derivatives of the states stand.
     pub fn derivatives(&self) -> Range<usize> {
         self.sums.end - self.states.len()..self.sums.end

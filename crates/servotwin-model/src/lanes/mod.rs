@@ -85,6 +85,11 @@ impl Level {
         best
     }
 
+    /// The level that takes a step sooner, of fewer variants.
+    pub fn narrower(self) -> Option<Level> {
+        (self == Level::Avx512Twice).then_some(Level::Avx512)
+    }
+
     /// The level that is through with as many variants soonest, where this one is the
     /// best.
     pub fn for_many(self, variants: usize) -> Level {

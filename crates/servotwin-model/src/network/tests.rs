@@ -99,6 +99,22 @@ fn between(kind: &str, start_bar: f64) -> Draft {
 }
 
 #[test]
+fn an_input_has_the_range_of_the_parameters_that_it_replaces() {
+    let declared = |kind: &str, parameter: &str| {
+        let spec = find(kind).unwrap().spec();
+        let parameter = &spec.parameters[spec.parameter(parameter).unwrap()];
+        (parameter.min, parameter.max)
+    };
+    let draft = Draft::default()
+        .with("supply", "pressure_source")
+        .with("air", "aerodynamic_load")
+        .input("pressure", Unit::Pascal, "supply.pressure")
+        .input("altitude", Unit::Metre, "air.altitude");
+    assert_eq!(draft.0.input_range(0), declared("pressure_source", "pressure_pa"));
+    assert_eq!(draft.0.input_range(1), declared("aerodynamic_load", "altitude_m"));
+}
+
+#[test]
 fn fluid_flows_from_high_to_low_pressure() {
     for kind in ["orifice", "filter", "shut_off_valve"] {
         let high_to_low = Running::new(&between(kind, 100.0));

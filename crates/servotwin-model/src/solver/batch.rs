@@ -77,6 +77,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
         }
     }
 
+    /// The states of a lane.
+    pub fn states(&self, lane: usize) -> Vec<f64> {
+        self.y.iter().map(|state| state.lane(lane)).collect()
+    }
+
     /// The gradients of the last evaluation with the Jacobian.
     pub fn gradients(&self) -> &[V] {
         &self.gradients

@@ -59,15 +59,35 @@ pub fn run<'a>(
         settings: Settings,
         record: &'w [Slot],
         feed: &'w mut dyn Feed<'a>,
+        under_way: Vec<UnderWay<'a>>,
+        /// The number of lanes that do as well when no more are needed.
+        narrower: usize,
     }
-    impl Kernel for All<'_, '_> {
-        type Output = ();
+    impl<'a> Kernel for All<'_, 'a> {
+        type Output = Vec<UnderWay<'a>>;
         #[inline(always)]
-        fn run<V: Lanes>(self) {
-            Ensemble::<V>::new(self.program, self.settings, self.record, self.feed).run();
+        fn run<V: Lanes>(self) -> Vec<UnderWay<'a>> {
+            Ensemble::<V>::new(self.program, self.settings, self.record, self.feed)
+                .run(self.under_way, self.narrower)
         }
     }
-    dispatch(level, All { program, settings, record, feed });
+    let mut under_way = Vec::new();
+    for level in [Some(level), level.narrower()].into_iter().flatten() {
+        let narrower = level.narrower().map_or(0, Level::width);
+        let feed = &mut *feed;
+        under_way = dispatch(level, All { program, settings, record, feed, under_way, narrower });
+        if under_way.is_empty() {
+            return;
+        }
+    }
+}
+
+/// A variant between two steps, to go on in another lane.
+struct UnderWay<'a> {
+    lane: Lane<'a>,
+    states: Vec<f64>,
+    /// The external inputs, the stand-ins and what clocks hold.
+    held: Vec<f64>,
 }
 
 /// What one lane is doing.
@@ -150,10 +170,12 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
     }
 
+    /// Goes on with what is under way, then runs what the feed gives. When that is
+    /// all and `narrower` lanes are enough for the rest, gives the rest back.
     #[inline(always)]
-    fn run(mut self) {
-        if !self.fill() {
-            return;
+    fn run(mut self, under_way: Vec<UnderWay<'a>>, narrower: usize) -> Vec<UnderWay<'a>> {
+        if !self.fill(under_way) {
+            return Vec::new();
         }
         loop {
             for lane in 0..V::WIDTH {
@@ -161,8 +183,12 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
                     self.load(lane);
                 }
             }
-            if self.feed.cancelled() || self.lanes.iter().all(|l| l.phase == Phase::Idle) {
-                return;
+            let busy = self.lanes.iter().filter(|lane| lane.phase != Phase::Idle).count();
+            if self.feed.cancelled() || busy == 0 {
+                return Vec::new();
+            }
+            if busy <= narrower {
+                return self.give_back();
             }
             self.start_step();
             self.take_samples();
@@ -172,7 +198,16 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
 
     /// Fills the lanes for the first time; lanes without a variant of their own
     /// get a copy of the first, which runs along unseen.
-    fn fill(&mut self) -> bool {
+    fn fill(&mut self, under_way: Vec<UnderWay<'a>>) -> bool {
+        for UnderWay { lane, states, held } in under_way {
+            let index = self.lanes.len();
+            self.lanes.push(lane);
+            self.put(index, index);
+            self.batch.set_states(index, &states);
+            for (offset, &value) in held.iter().enumerate() {
+                self.batch.set_variable(index, states.len() + offset, value);
+            }
+        }
         while self.lanes.len() < V::WIDTH {
             let Some(case) = self.feed.next() else { break };
             let lane = self.lanes.len();
@@ -190,6 +225,19 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             self.put(lane, 0);
         }
         true
+    }
+
+    /// The variants in the lanes, between two steps.
+    fn give_back(mut self) -> Vec<UnderWay<'a>> {
+        let held = self.program.externals().start..self.program.stand_ins().end;
+        let lanes = core::mem::take(&mut self.lanes).into_iter().enumerate();
+        let busy = lanes.filter(|(_, lane)| lane.phase != Phase::Idle);
+        busy.map(|(index, lane)| UnderWay {
+            lane,
+            states: self.batch.states(index),
+            held: held.clone().map(|slot| self.batch.variable(index, slot)).collect(),
+        })
+        .collect()
     }
 
     fn load(&mut self, lane: usize) {
