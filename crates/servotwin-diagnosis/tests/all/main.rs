@@ -1,5 +1,6 @@
 //! All integration tests of the crate in one binary, to link once.
 
+mod boosted_trees;
 mod calibration;
 mod classifiers_contract;
 mod data;
