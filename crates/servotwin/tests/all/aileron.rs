@@ -156,7 +156,7 @@ impl Test {
             faults: self.faults.clone(),
             overrides: self.overrides.clone(),
             inputs: self.inputs.iter().collect(),
-            guess: None,
+            ..Variant::default()
         }
     }
 

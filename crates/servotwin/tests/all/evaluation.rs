@@ -1,16 +1,14 @@
 //! The evaluation on a made-up campaign whose answers are known.
 
-use servotwin::evaluation::bands::{self, Watched};
 use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
     Context, DataSet, Evaluation, EvaluationError, FeatureInfo, Settings, Trained,
 };
-use servotwin::evaluation::{evaluate, model_file, train};
+use servotwin::evaluation::{bands, evaluate, model_file, train};
 use servotwin::study::Role;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::Kind;
-use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::random::Random;
 
 /// Kind, detail, command, and the two own features that the fault moves.
