@@ -218,11 +218,7 @@ fn broken_and_foreign_data_sets_are_named() {
     let study = write_study(&folder, CLASSES);
     let out = folder.file("out");
     run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
-    fails(
-        &["evaluate", &out],
-        3,
-        "hierarchy-ideal.json: no such file; 'servotwin train' writes it",
-    );
+    fails(&["evaluate", &out], 3, "panel-ideal.json: no such file; 'servotwin train' writes it");
     fails(&["report", &out], 3, "evaluation.json: no such file; 'servotwin evaluate' writes it");
     let data_set = Path::new(&out).join("dataset-ideal.parquet");
     let good = std::fs::read(&data_set).unwrap();

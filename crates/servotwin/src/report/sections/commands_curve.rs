@@ -17,7 +17,7 @@ pub struct CommandsCurve;
 
 impl Section for CommandsCurve {
     fn id(&self) -> &'static str {
-        "training-commands"
+        "learning"
     }
 
     fn title(&self) -> &'static str {
