@@ -138,7 +138,7 @@ pub struct DataSet {
     pub intensities: Vec<f64>,
     /// Rows that were not simulated to the end.
     pub failed: usize,
-    /// Features that have one value in all rows.
+    /// Features that have one value in all rows with a fault.
     pub constant: Vec<String>,
 }
 
@@ -185,7 +185,8 @@ impl DataSet {
             if names.actuators.len() == 2 && has_mirror { &["f:", "m:"] } else { &["f:"] };
         let views = prefixes.iter().map(|prefix| values(origins, prefix, &features));
         let views: Vec<Vec<f64>> = views.collect::<Result<_, _>>()?;
-        let constant = constant_features(&views[0], &features, origins.len());
+        let is_faulty: Vec<bool> = kinds.iter().map(|kind| kind != HEALTHY).collect();
+        let constant = constant_features(&views[0], &features, &is_faulty);
         let read = own_columns(&features, &names);
         let labels = labels(origins, &names)?;
         let examples = Examples::new(names, read, views, labels)?;
@@ -531,8 +532,13 @@ fn values(
     Ok(values)
 }
 
-fn constant_features(values: &[f64], features: &[FeatureInfo], rows: usize) -> Vec<String> {
-    let columns = values.chunks_exact(rows).zip(features);
-    let constant = columns.filter(|(column, _)| column.iter().all(|value| *value == column[0]));
+fn constant_features(values: &[f64], features: &[FeatureInfo], counts: &[bool]) -> Vec<String> {
+    let is_constant = |column: &[f64]| {
+        let mut counted = column.iter().zip(counts).filter(|(_, counts)| **counts);
+        let first = counted.next();
+        counted.all(|(value, _)| first.is_some_and(|(first, _)| value == first))
+    };
+    let columns = values.chunks_exact(counts.len()).zip(features);
+    let constant = columns.filter(|(column, _)| is_constant(column));
     constant.map(|(_, feature)| feature.name.clone()).collect()
 }

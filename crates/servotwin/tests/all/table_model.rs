@@ -73,7 +73,7 @@ fn val_sklearn_liu_engine_residuals() {
 }
 
 #[test]
-fn liu_windows_say_more_than_single_samples() {
+fn liu_windows_say_about_as_much_as_single_samples() {
     let Some(folder) = data("liu_engine_residuals") else {
         return;
     };
@@ -100,7 +100,8 @@ fn liu_windows_say_more_than_single_samples() {
     };
     let (single, window) = (mean(&traces), mean(&table));
     println!("LiU forest: {single:.3} from samples, {window:.3} from windows");
-    assert!(window > single, "{window} against {single}");
+    // One forest had windows ahead by two percent; over five they are behind by one, of 136 windows.
+    assert!(window > single - 0.03, "{window} against {single}");
 }
 
 const SENSORS: [&str; 17] = [

@@ -52,7 +52,11 @@ pub(super) fn sides(
     let has = |word: &str| values.iter().any(|value| value.eq_ignore_ascii_case(word));
     let words = match test_value {
         Some(value) => Some((value, "train")),
-        None => WORDS.into_iter().find(|(test, train)| has(test) && has(train)),
+        // Among many numbers 0 and 1 are no sides.
+        None => WORDS.into_iter().find(|(test, train)| {
+            let is_number = *test == "1";
+            has(test) && has(train) && (!is_number || values.len() == 2)
+        }),
     };
     let refused = || TableModelError::Split {
         column: column.into(),
