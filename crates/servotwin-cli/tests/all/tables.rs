@@ -92,8 +92,8 @@ fn table(head: &str, line: impl Fn(usize) -> String) -> String {
 fn splits_by_a_column_and_by_a_second_file_are_the_same() {
     let folder = Folder::new("splits");
     let line = |row: usize| {
-        let class = if row % 2 == 0 { "good" } else { "bad" };
-        let value = (row * 7 % 40) as f64 / 10.0 + if row % 2 == 0 { 3.0 } else { 0.0 };
+        let class = if row.is_multiple_of(2) { "good" } else { "bad" };
+        let value = (row * 7 % 40) as f64 / 10.0 + if row.is_multiple_of(2) { 3.0 } else { 0.0 };
         format!("{value},{},{class}", row * 3 % 11)
     };
     let part = |row: usize| if row % 4 < 2 { "train" } else { "test" };
@@ -122,7 +122,7 @@ fn splits_by_a_column_and_by_a_second_file_are_the_same() {
 fn tables_that_do_not_serve_are_refused_with_their_line() {
     let folder = Folder::new("unfit");
     let text = table("x,class,batch", |row| {
-        format!("{},{},{}", row * 7 % 13, if row % 2 == 0 { "a" } else { "b" }, row % 4)
+        format!("{},{},{}", row * 7 % 13, if row.is_multiple_of(2) { "a" } else { "b" }, row % 4)
     });
     let refused = |text: &str, what: &str| {
         let path = write(&folder, "unfit.csv", text);

@@ -159,6 +159,8 @@ macro_rules! classifiers {
         }
 
         /// A trained model of any kind.
+        // A hierarchy holds a handful of models, and a boxed tree is one more step to each answer.
+        #[allow(clippy::large_enum_variant)]
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
         pub enum Model {

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Every `{a..b}` of a pattern becomes a number between a and b, `{n}` the number of the draw from
-//! 1. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960), which fill
+//! one. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960), which fill
 //! the box of all ranges evenly however many are drawn; a range whose ends differ more than
 //! threefold is filled evenly on a logarithmic scale. The load of every command is drawn alike, and so
 //! is the intensity of every fault, around each of the study's intensities: what changes abruptly

@@ -339,7 +339,7 @@ fn intervals_over_groups_are_wider_where_groups_differ() {
     // Whole batches are wrong: ten rows tell no more than one.
     let x: Vec<f64> = (0..400).map(|k| f64::from(k * 7 % 10)).collect();
     let class = |k: usize| {
-        let flipped = (k / 40) % 3 == 0;
+        let flipped = (k / 40).is_multiple_of(3);
         if (x[k] > 4.0) != flipped { "a" } else { "b" }.to_owned()
     };
     let table = Table::from_columns(vec![
@@ -374,8 +374,8 @@ fn lonely_classes_and_telling_groups_are_warned_of() {
 fn texts_and_missing_values_are_learnt_from() {
     let colour: Vec<String> = (0..60).map(|k| ["red", "green", "blue"][k % 3].to_owned()).collect();
     let z: Vec<f64> =
-        (0..60).map(|k| if k % 5 == 0 { f64::NAN } else { (k * k % 17) as f64 }).collect();
-    let class = |k: usize| if k % 3 == 1 || k % 5 == 0 { "bad" } else { "good" }.to_owned();
+        (0..60).map(|k| if k.is_multiple_of(5) { f64::NAN } else { (k * k % 17) as f64 }).collect();
+    let class = |k: usize| if k % 3 == 1 || k.is_multiple_of(5) { "bad" } else { "good" }.to_owned();
     let table = Table::from_columns(vec![
         Column::new("colour", "", colour),
         Column::new("z", "", z),
@@ -439,7 +439,7 @@ fn predictions_carry_probabilities_paths_and_abstention() {
 #[test]
 fn weights_move_the_decision_and_balance_the_classes() {
     // One row in five is bad, and nothing tells which: unweighted trees never say so.
-    let class = |k: u32| if k % 5 == 0 { "bad" } else { "good" }.to_owned();
+    let class = |k: u32| if k.is_multiple_of(5) { "bad" } else { "good" }.to_owned();
     let table = Table::from_columns(vec![
         Column::new("x", "", (0..100).map(|k| f64::from(k / 5 % 2)).collect::<Vec<_>>()),
         Column::new("class", "", (0..100).map(class).collect::<Vec<_>>()),

@@ -12,6 +12,9 @@ use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{by_kind, chosen, number, percent, stacked};
 use crate::report::{Material, Section};
 
+/// A share of a level with the ends of its interval.
+type Reading<'r> = &'r dyn Fn(&Level) -> Option<(f64, f64, f64)>;
+
 /// See the module.
 pub struct Committee;
 
@@ -155,7 +158,7 @@ fn silence(results: &[&SubjectResult], page: &mut Page) {
 
 fn trade(abstention: &Abstention) -> Figure {
     let mut lines = Lines::new("", "answers withheld (%)", "of the answers that are left (%)");
-    let curve = |name: &str, of: &dyn Fn(&Level) -> Option<(f64, f64, f64)>| {
+    let curve = |name: &str, of: Reading| {
         let known = abstention.levels.iter().filter_map(|level| Some((level, of(level)?)));
         let known: Vec<_> = known
             .filter_map(|(level, values)| Some((100.0 * level.abstained.share?, values)))

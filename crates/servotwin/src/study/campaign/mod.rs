@@ -249,7 +249,7 @@ impl Campaign<'_> {
     /// cannot be simulated. Single variants that fail are in the outcome.
     pub fn run(&self, progress: impl Fn(usize, usize) + Sync) -> Result<Outcome, CampaignError> {
         let plan = self.checked_plan()?;
-        create_folder(&self.shard_folder()).map_err(CampaignError::File)?;
+        create_folder(self.shard_folder()).map_err(CampaignError::File)?;
         let mut outcome = Outcome::default();
         let mut images = self.images(&plan);
         loop {
@@ -348,7 +348,7 @@ impl Campaign<'_> {
         self.done().map(|(_, _, rows)| rows)
     }
 
-    fn done(&self) -> Result<(Vec<Planned>, Images, Vec<Vec<Row>>), CampaignError> {
+    fn done(&self) -> Result<Done, CampaignError> {
         let plan = self.checked_plan()?;
         let mut missing = usize::MAX;
         for images in [self.images(&plan), Images::none(&plan)] {
@@ -576,6 +576,9 @@ impl Campaign<'_> {
         Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
     }
 }
+
+/// The plan of a campaign that has ended, and the rows of every setting.
+type Done = (Vec<Planned>, Images, Vec<Vec<Row>>);
 
 /// Variants whose rows no shard holds, and what is needed to simulate them.
 struct Run<'r> {
