@@ -153,7 +153,8 @@ mod tests {
 
     #[test]
     fn an_interval_is_as_wide_as_its_clusters_are_few() {
-        let trial = |k: u32| Trial { cluster: k / 10, kind: k / 100, holds: k / 10 % 3 > 0 };
+        let trial =
+            |k: u32| Trial { cluster: k / 10, kind: k / 100, holds: !(k / 10).is_multiple_of(3) };
         let trials: Vec<Trial> = (0..400).map(trial).collect();
         let rate = Rate::clustered(&trials);
         let alone = Rate::new(rate.count, rate.of);

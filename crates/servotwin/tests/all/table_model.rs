@@ -373,9 +373,11 @@ fn lonely_classes_and_telling_groups_are_warned_of() {
 #[test]
 fn texts_and_missing_values_are_learnt_from() {
     let colour: Vec<String> = (0..60).map(|k| ["red", "green", "blue"][k % 3].to_owned()).collect();
-    let z: Vec<f64> =
-        (0..60).map(|k| if k.is_multiple_of(5) { f64::NAN } else { (k * k % 17) as f64 }).collect();
-    let class = |k: usize| if k % 3 == 1 || k.is_multiple_of(5) { "bad" } else { "good" }.to_owned();
+    let z: Vec<f64> = (0..60_u32)
+        .map(|k| if k.is_multiple_of(5) { f64::NAN } else { f64::from(k * k % 17) })
+        .collect();
+    let class =
+        |k: usize| if k % 3 == 1 || k.is_multiple_of(5) { "bad" } else { "good" }.to_owned();
     let table = Table::from_columns(vec![
         Column::new("colour", "", colour),
         Column::new("z", "", z),
