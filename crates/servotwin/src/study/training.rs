@@ -74,7 +74,9 @@ const WIDE: f64 = 3.0;
 impl Training {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
         let d = text.duration_s;
-        reader.range("training.duration_s", d, (0.1..=1e5).contains(&d), "0.1 … 100,000 s")?;
+        let judged = reader.text.duration_s;
+        let fits = (0.1..=judged).contains(&d);
+        reader.range("training.duration_s", d, fits, "0.1 s … the study's duration_s")?;
         let healthy = text.healthy as f64;
         reader.range("training.healthy", healthy, text.healthy <= MOST, "0 … 10,000")?;
         let spread = text.intensity_spread;
