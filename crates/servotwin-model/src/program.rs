@@ -172,6 +172,10 @@ impl Program {
     pub(crate) fn stand_ins(&self) -> Range<usize> {
         self.externals().end..self.sums.start
     }
+    /// Which of the stand-ins clocks hold: what they are is the run's, not the variant's.
+    pub(crate) fn is_held(&self, stand_in: usize) -> bool {
+        matches!(self.stand_ins[stand_in], Role::Held)
+    }
     /// Where the derivatives of the states stand.
     pub fn derivatives(&self) -> Range<usize> {
         self.sums.end - self.states.len()..self.sums.end

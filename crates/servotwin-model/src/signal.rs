@@ -117,6 +117,13 @@ pub fn cubic_slope<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
     piece[1] + tau_s * (two * piece[2] + tau_s * (three * piece[3]))
 }
 
+/// (SG2): the cubic over `length_s` seconds with given values and slopes at its ends.
+pub fn hermite_piece(length_s: f64, [from, to]: [f64; 2], [slope, end_slope]: [f64; 2]) -> Cubic {
+    let mean = (to - from) / length_s;
+    let square = (3.0 * mean - 2.0 * slope - end_slope) / length_s;
+    [from, slope, square, (slope + end_slope - 2.0 * mean) / (length_s * length_s)]
+}
+
 impl Piecewise {
     /// From breaks and the coefficients of the pieces that begin there.
     ///
@@ -169,11 +176,8 @@ impl Piecewise {
         check_points(times_s, values)?;
         check_points(times_s, slopes)?;
         let pieces = with_last(values, |k| {
-            let h = times_s[k + 1] - times_s[k];
-            let mean = (values[k + 1] - values[k]) / h;
-            let (from, to) = (slopes[k], slopes[k + 1]);
-            let square = (3.0 * mean - 2.0 * from - to) / h;
-            [values[k], from, square, (from + to - 2.0 * mean) / (h * h)]
+            let length_s = times_s[k + 1] - times_s[k];
+            hermite_piece(length_s, [values[k], values[k + 1]], [slopes[k], slopes[k + 1]])
         });
         Self::new(times_s.to_vec(), pieces)
     }

@@ -8,7 +8,7 @@
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Case, Failure, Feed, Settings, Statistics, run, settle};
+use servotwin_model::solver::{Case, Change, Failure, Feed, Settings, Statistics, run, settle};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -37,6 +37,8 @@ pub struct Ensemble<'p> {
 pub struct Variant<'a> {
     /// The faults.
     pub faults: Vec<FaultAt>,
+    /// The faults that hold from a moment on (s, in the order of time), instead of those before.
+    pub later: Vec<(f64, Vec<FaultAt>)>,
     /// Parameters that differ from the system's, before faults: (component,
     /// parameter, value).
     pub overrides: Vec<(usize, usize, f64)>,
@@ -160,6 +162,7 @@ impl<'p> Ensemble<'p> {
             settle: true,
             duration_s: variant.duration_s.unwrap_or(self.duration_s),
             sample_period_s: self.sample_period_s,
+            changes: variant.later.iter().map(|later| self.change(variant, later)).collect(),
         };
         if explicit {
             // The search for rest takes steps that only an implicit method can.
@@ -168,6 +171,17 @@ impl<'p> Ensemble<'p> {
             case.start = rest.unwrap_or(case.start);
         }
         case
+    }
+}
+
+impl Ensemble<'_> {
+    fn change(&self, variant: &Variant, (time_s, faults): &(f64, Vec<FaultAt>)) -> Change {
+        let parameters = self.program.parameters_with(&variant.overrides, faults);
+        Change {
+            time_s: *time_s,
+            constants: self.program.block_constants(&parameters),
+            stand_ins: self.program.stand_in_values(&parameters),
+        }
     }
 }
 

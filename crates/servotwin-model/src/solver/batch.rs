@@ -70,6 +70,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
         V::numbers(&self.variables)[slot * V::WIDTH + lane]
     }
 
+    /// One variable of every lane.
+    pub fn variables(&self, slot: usize) -> V {
+        self.variables[slot]
+    }
+
     /// Sets the states of a lane.
     pub fn set_states(&mut self, lane: usize, states: &[f64]) {
         for (place, &value) in self.y.iter_mut().zip(states) {

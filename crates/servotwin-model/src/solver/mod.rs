@@ -9,16 +9,22 @@
 //!
 //! - [`tableau`]: the methods' coefficients
 //! - [`Batch`]: the variables of a few lanes, and one step of them
-//! - [`ensemble`]: times, events, samples, and what runs in which lane
+//! - `course`: the time and the step of one variant; `bank`: a batch in which each lane has its own
+//! - [`Twin`]: one variant that is stepped from sample to sample by its user
+//! - [`run`]: many variants, which lanes take from a feed
 
+mod bank;
 mod batch;
+mod course;
 mod ensemble;
 pub mod tableau;
 mod trim;
+mod twin;
 
 pub use batch::Batch;
-pub use ensemble::{Case, Feed, run};
+pub use ensemble::{Case, Change, Feed, run};
 pub use trim::settle;
+pub use twin::{Between, Knot, Snapshot, Twin};
 
 use core::fmt;
 use tableau::Tableau;
@@ -251,6 +257,7 @@ mod tests {
             settle: false,
             duration_s: 1.0,
             sample_period_s: 0.25,
+            changes: Vec::new(),
         };
         let mut record = Record {
             cases: (0..jobs).rev().map(case).collect(),

@@ -153,7 +153,7 @@ impl Shape {
     fn curve(&self, filtered: &[f64], factor: f64) -> Result<Piecewise, CurveError> {
         let values = self.samples(filtered, factor);
         let count = values.len() - 2;
-        let times_s: Vec<f64> = (0..count).map(|k| k as f64 / self.sampling_hz).collect();
+        let times_s: Vec<f64> = (0..count).map(|k| k as f64 * (1.0 / self.sampling_hz)).collect();
         Piecewise::hermite(&times_s, &values[..count], &slopes(&values, self.sampling_hz))
     }
 

@@ -576,6 +576,7 @@ fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
         settle: false,
         duration_s: 0.1,
         sample_period_s: 1e-3,
+        changes: Vec::new(),
     };
     let record: Vec<u16> = (0..start.len() as u16).collect();
     let mut one = One(Some(case), Vec::new());

@@ -470,9 +470,9 @@ impl Campaign<'_> {
             faults: fault.into_iter().collect(),
             overrides,
             inputs: self.cases()[planned.case].inputs.iter().collect(),
-            guess: None,
             // Bands are learned from healthy specimens: they fly as long as those judged.
             duration_s: planned.fault.map(|_| self.duration_s()),
+            ..Variant::default()
         }
     }
 

@@ -1,0 +1,302 @@
+//! As many variants as there are lanes, each on its own way.
+//!
+//! A step of the bank has three parts: [`Bank::begin`] evaluates every lane where it stands, with
+//! the Jacobian; then samples can be read; [`Bank::attempt`] tries a step and [`Bank::conclude`]
+//! keeps it in the lanes where its error is small enough. One lane of `f64` is a twin that runs
+//! beside an actuator ([`super::Twin`]); many, refilled from a feed, are a campaign
+//! ([`super::ensemble`]).
+
+use super::batch::{Batch, MOST_LANES};
+use super::course::{Course, Phase};
+use super::tableau::Tableau;
+use super::{Cause, Control, Failure, SMALLEST_STEP_S, Settings};
+use crate::math;
+use crate::program::{Program, Slot};
+use crate::scalar::Lanes;
+use alloc::vec::Vec;
+
+/// Rejections in a row before a variant is given up.
+const MOST_REJECTIONS: u32 = 60;
+/// Steps of the steady-state search.
+const MOST_SETTLING_STEPS: u32 = 400;
+/// Change over scale in one step that is accepted on the way to rest.
+const LARGEST_SETTLING_CHANGE: f64 = 0.5;
+/// The system is at rest when no state moves faster than this part of its
+/// scale, 1/s.
+const AT_REST_PER_S: f64 = 1e-9;
+/// Simulated time after which the search for rest is ended, s: a limit cycle
+/// has none.
+const LONGEST_SETTLING_S: f64 = 1e5;
+
+pub(super) struct Bank<'p, V> {
+    pub program: &'p Program,
+    pub settings: Settings,
+    batch: Batch<'p, V>,
+    /// One for each lane.
+    pub courses: Vec<Course>,
+    /// The external inputs that move in any lane.
+    moving: Vec<usize>,
+    periods_s: Vec<f64>,
+}
+
+/// What a variant is made of, beside its inputs.
+pub(super) struct Numbers<'n> {
+    /// [`Program::block_constants`].
+    pub constants: &'n [f64],
+    /// [`Program::stand_in_values`].
+    pub stand_ins: &'n [f64],
+}
+
+impl<'p, V: Lanes> Bank<'p, V> {
+    /// Number of clocks.
+    pub fn clocks(&self) -> usize {
+        self.periods_s.len()
+    }
+
+    /// Idle lanes.
+    pub fn new(program: &'p Program, settings: Settings) -> Self {
+        let periods_s: Vec<f64> = program.clock_periods_s().collect();
+        Self {
+            program,
+            settings,
+            batch: Batch::new(program),
+            courses: (0..V::WIDTH).map(|_| Course::idle(periods_s.len())).collect(),
+            moving: Vec::with_capacity(program.externals().len()),
+            periods_s,
+        }
+    }
+
+    /// Makes a lane another variant, on its way: states and what clocks hold stay.
+    pub fn set_numbers(&mut self, lane: usize, numbers: Numbers) {
+        self.batch.set_constants(lane, numbers.constants);
+        let first = self.program.externals().end;
+        for (index, &value) in numbers.stand_ins.iter().enumerate() {
+            if !self.program.is_held(index) {
+                self.batch.set_variable(lane, first + index, value);
+            }
+        }
+    }
+
+    /// Makes clocks hold zero, as before their first tick.
+    pub fn reset_held(&mut self, lane: usize) {
+        let program = self.program;
+        let first = program.externals().end;
+        for index in (0..program.stand_ins().len()).filter(|&index| program.is_held(index)) {
+            self.batch.set_variable(lane, first + index, 0.0);
+        }
+    }
+
+    pub fn set_states(&mut self, lane: usize, states: &[f64]) {
+        self.batch.set_states(lane, states);
+    }
+
+    /// The value that an input which does not move has in a lane.
+    pub fn set_input(&mut self, lane: usize, external: usize, value: f64) {
+        self.batch.set_variable(lane, self.program.externals().start + external, value);
+    }
+
+    /// To be called when the inputs that move are others.
+    pub fn find_moving(&mut self) {
+        let Self { courses, moving, .. } = self;
+        moving.clear();
+        for external in 0..self.program.externals().len() {
+            let moves = |course: &Course| course.moving.iter().any(|m| m.external == external);
+            if courses.iter().any(moves) {
+                moving.push(external);
+            }
+        }
+    }
+
+    /// The external inputs, the stand-ins and what clocks hold.
+    pub fn held(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
+        let slots = self.program.externals().start..self.program.stand_ins().end;
+        slots.map(move |slot| self.batch.variable(lane, slot))
+    }
+
+    /// Puts back what [`Bank::held`] gave.
+    pub fn set_held(&mut self, lane: usize, held: &[f64]) {
+        let first = self.program.externals().start;
+        for (offset, &value) in held.iter().enumerate() {
+            self.batch.set_variable(lane, first + offset, value);
+        }
+    }
+
+    /// The states where the lane stands.
+    pub fn states(&self, lane: usize) -> Vec<f64> {
+        self.batch.states(lane)
+    }
+
+    /// A variable as of the last evaluation.
+    pub fn variable(&self, lane: usize, slot: Slot) -> f64 {
+        self.batch.variable(lane, slot as usize)
+    }
+
+    /// Ticks clocks that are due, chooses every lane's step and evaluates.
+    #[inline(always)]
+    pub fn begin(&mut self) {
+        for course in self.courses.iter_mut() {
+            if course.phase == Phase::Settled {
+                course.begin_running();
+            }
+        }
+        self.load_inputs();
+        if !self.periods_s.is_empty() {
+            self.tick_due_clocks();
+        }
+        for course in self.courses.iter_mut() {
+            course.choose_step(&self.settings, &self.periods_s);
+        }
+        if self.settings.method.tableau().is_some() {
+            self.batch.begin();
+        } else {
+            self.batch.evaluate();
+        }
+        self.end_settling();
+    }
+
+    /// Takes over the pieces of the inputs as they are now.
+    #[inline(always)]
+    pub fn load_inputs(&mut self) {
+        self.batch.clear_inputs();
+        let courses = &self.courses;
+        let first = self.program.externals().start;
+        for &external in &self.moving {
+            let held = self.batch.variables(first + external);
+            self.batch.set_input(external, |lane| courses[lane].cubic(external, held.lane(lane)));
+        }
+    }
+
+    fn tick_due_clocks(&mut self) {
+        for clock in 0..self.periods_s.len() {
+            let period = self.periods_s[clock];
+            if !self.courses.iter().any(|course| course.is_due(clock, period)) {
+                continue;
+            }
+            self.batch.evaluate();
+            let due = |i: usize| if self.courses[i].is_due(clock, period) { 1.0 } else { 0.0 };
+            let mask = V::constant(0.0).less(V::from_fn(due));
+            self.batch.tick(clock, mask);
+            for course in &mut self.courses {
+                course.statistics.evaluations += 1;
+                if course.phase == Phase::Running && course.is_due(clock, period) {
+                    course.next_tick[clock] += 1;
+                }
+            }
+        }
+    }
+
+    /// Lanes whose search for rest is over, as of the evaluation that began the step.
+    #[inline(always)]
+    fn end_settling(&mut self) {
+        for (index, course) in self.courses.iter_mut().enumerate() {
+            if course.phase == Phase::Settling {
+                let rate = self.batch.largest_rate_per_s(index);
+                if rate < AT_REST_PER_S
+                    || course.settling >= MOST_SETTLING_STEPS
+                    || course.time_s > LONGEST_SETTLING_S
+                {
+                    course.phase = Phase::Settled;
+                }
+            }
+        }
+    }
+
+    /// Tries every lane's step: how long it is and its error over scale.
+    #[inline(always)]
+    pub fn attempt(&mut self) -> (V, V) {
+        let h = V::from_fn(|lane| self.courses[lane].step_s);
+        let Some(tableau) = self.settings.method.tableau() else {
+            self.batch.runge_kutta(h);
+            return (h, V::constant(0.0));
+        };
+        let mut error = self.batch.rosenbrock(tableau, h);
+        if self.courses.iter().any(|course| course.phase == Phase::Settling) {
+            // Accuracy does not matter on the way to rest. The most stable method
+            // also comes to rest where the system itself would swing for ever.
+            let settling =
+                |i: usize| if self.courses[i].phase == Phase::Settling { 1.0 } else { 0.0 };
+            let settling = V::constant(0.0).less(V::from_fn(settling));
+            error = self.batch.keep_first_stage(settling, error);
+        }
+        (h, error)
+    }
+
+    /// Evaluates every lane at a fraction of the step that was tried.
+    #[inline(always)]
+    pub fn interpolate(&mut self, tableau: &Tableau, h: V, fraction: V) {
+        self.batch.interpolate(tableau, h, fraction);
+    }
+
+    #[inline(always)]
+    pub fn accepts(&self, error: f64) -> bool {
+        match self.settings.control {
+            Control::Adaptive { tolerance, .. } => error <= tolerance,
+            Control::Fixed { .. } => error.is_finite(),
+        }
+    }
+
+    /// The factor by which each lane's step could grow for its error; without
+    /// meaning where that is not finite.
+    #[inline(always)]
+    fn growth(&self, error: V) -> V {
+        let order = self.settings.method.tableau().map_or(4, |t| t.order);
+        let allowed =
+            |course: &Course| course.allowed(&self.settings).map_or(1.0, |(error, _)| error);
+        let tolerance = V::from_fn(|i| allowed(&self.courses[i]));
+        let ratio = (error / tolerance).max(V::constant(1e-6));
+        math::power(ratio, V::constant(-1.0 / order as f64)) * V::constant(0.9)
+    }
+
+    /// Accepts or rejects the step that was tried in every lane, and plans the next. A lane that
+    /// cannot go on becomes idle, with its failure.
+    #[inline(always)]
+    pub fn conclude(&mut self, error: V) {
+        let implicit = self.settings.method.tableau();
+        let (evaluations, jacobians) =
+            implicit.map_or((3, 0), |tableau| (tableau.stages() as u64 - 1, 1));
+        let mut accepted = [false; MOST_LANES];
+        let growth = self.growth(error);
+        for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
+            let (error, growth) = (error.lane(index), growth.lane(index));
+            // A poisoned value shows in the error, except without an estimate.
+            let good = self.accepts(error) && (jacobians > 0 || self.batch.finite(index));
+            let course = &mut self.courses[index];
+            course.statistics.evaluations += evaluations;
+            course.statistics.jacobians += jacobians;
+            if matches!(course.phase, Phase::Idle | Phase::Settled) {
+                continue;
+            }
+            *accepted = match course.phase {
+                Phase::Settling => error <= LARGEST_SETTLING_CHANGE,
+                _ => good,
+            };
+            if *accepted {
+                course.accept();
+            } else {
+                course.statistics.rejected += 1;
+                course.rejections += 1;
+            }
+            course.adapt(&self.settings, if error.is_finite() { growth } else { 0.1 });
+            self.give_up_if_stuck(index, error);
+        }
+        let zero = V::constant(0.0);
+        let mask = zero.less(V::from_fn(|i| if accepted[i] { 1.0 } else { 0.0 }));
+        self.batch.accept(mask);
+    }
+
+    #[inline(always)]
+    fn give_up_if_stuck(&mut self, index: usize, error: f64) {
+        let fixed = matches!(self.settings.control, Control::Fixed { .. });
+        let course = &mut self.courses[index];
+        let stuck = course.rejections > 0
+            && (fixed
+                || course.rejections > MOST_REJECTIONS
+                || course.wanted_s < SMALLEST_STEP_S);
+        if stuck {
+            let cause = if error.is_finite() { Cause::StepTooSmall } else { Cause::NotFinite };
+            let state = self.batch.worst_state(index);
+            course.failure = Some(Failure { time_s: course.time_s, state, cause });
+            course.phase = Phase::Idle;
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The way of one variant through time: where it stands, how long its next step is.
+
+use super::{Control, Failure, SAME_TIME_S, Settings, Statistics};
+use crate::signal::{Cubic, Piecewise};
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// The first step, s.
+const FIRST_STEP_S: f64 = 1e-4;
+/// Error over scale that steps on the way to rest grow or shrink towards.
+const WANTED_SETTLING_CHANGE: f64 = 0.1;
+/// The longest step on the way to rest, s.
+const LONGEST_SETTLING_STEP_S: f64 = 1e4;
+
+/// What a lane is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Phase {
+    /// Nothing to do; the numbers in the lane are stale.
+    Idle,
+    /// On the way to the steady state, with the inputs of time zero.
+    Settling,
+    /// At rest; runs from the next evaluation on, which has the inputs' slopes.
+    Settled,
+    /// On its way.
+    Running,
+}
+
+/// An external input that moves, and the piece of it that holds now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moving {
+    /// Which input.
+    pub external: usize,
+    /// When the piece begins and ends, s.
+    pub from_s: f64,
+    /// Infinite for the last piece.
+    pub until_s: f64,
+    /// The piece, in the time since `from_s`.
+    pub piece: Cubic,
+}
+
+impl Moving {
+    /// The first piece of an input, if it moves at all.
+    pub fn first(external: usize, input: &Piecewise) -> Option<Self> {
+        let pieces = input.pieces();
+        let moves = pieces.len() > 1 || pieces[0][1..] != [0.0; 3];
+        moves.then(|| Self::nth(external, input, 0))
+    }
+
+    /// A piece of an input.
+    pub fn nth(external: usize, input: &Piecewise, k: usize) -> Self {
+        let breaks = input.breaks_s();
+        let until_s = breaks.get(k + 1).copied().unwrap_or(f64::INFINITY);
+        Self { external, from_s: breaks[k], until_s, piece: input.pieces()[k] }
+    }
+
+    /// The piece as a cubic in the time since `time_s`. Before the piece begins its first value
+    /// holds.
+    #[inline(always)]
+    fn from(&self, time_s: f64) -> Cubic {
+        let [a, b, c, d] = self.piece;
+        let t = time_s - self.from_s;
+        if t < -SAME_TIME_S {
+            return [a, 0.0, 0.0, 0.0];
+        }
+        [a + t * (b + t * (c + t * d)), b + t * (2.0 * c + t * 3.0 * d), c + 3.0 * t * d, d]
+    }
+}
+
+/// What one lane is doing.
+#[derive(Clone)]
+pub(super) struct Course {
+    pub phase: Phase,
+    pub time_s: f64,
+    /// The step that the error control wants.
+    pub wanted_s: f64,
+    /// The step being taken, and where it ends.
+    pub step_s: f64,
+    pub end_s: f64,
+    /// The external inputs that move.
+    pub moving: Vec<Moving>,
+    pub sample_period_s: f64,
+    pub next_sample: u64,
+    /// A time that no step may pass: the end of the run, or a change of parameters.
+    pub halt_s: f64,
+    /// For each clock, the number of its next tick.
+    pub next_tick: Vec<u64>,
+    pub rejections: u32,
+    /// Steps of the search for the steady state.
+    pub settling: u32,
+    pub statistics: Statistics,
+    /// Why it could not go on.
+    pub failure: Option<Failure>,
+}
+
+impl Course {
+    pub fn new(settle: bool, moving: Vec<Moving>, sample_period_s: f64, clocks: usize) -> Self {
+        Self {
+            phase: if settle { Phase::Settling } else { Phase::Running },
+            time_s: 0.0,
+            wanted_s: FIRST_STEP_S,
+            step_s: FIRST_STEP_S,
+            end_s: 0.0,
+            moving,
+            sample_period_s,
+            next_sample: 0,
+            halt_s: f64::INFINITY,
+            next_tick: vec![0; clocks],
+            rejections: 0,
+            settling: 0,
+            statistics: Statistics::default(),
+            failure: None,
+        }
+    }
+
+    /// A lane that has nothing to do.
+    pub fn idle(clocks: usize) -> Self {
+        Self { phase: Phase::Idle, ..Self::new(false, Vec::new(), 1.0, clocks) }
+    }
+
+    /// From rest into the run.
+    pub fn begin_running(&mut self) {
+        self.phase = Phase::Running;
+        self.time_s = 0.0;
+        self.wanted_s = FIRST_STEP_S;
+        self.rejections = 0;
+    }
+
+    pub fn sample_time_s(&self) -> f64 {
+        self.next_sample as f64 * self.sample_period_s
+    }
+
+    /// Whether the lane stands on its next sample, or behind it.
+    pub fn is_at_sample(&self) -> bool {
+        self.phase == Phase::Running && self.sample_time_s() <= self.time_s + SAME_TIME_S
+    }
+
+    /// The cubic of an input from the beginning of the step; `held` where it does not move.
+    #[inline(always)]
+    pub fn cubic(&self, external: usize, held: f64) -> Cubic {
+        let Some(moving) = self.moving.iter().find(|moving| moving.external == external) else {
+            return [held, 0.0, 0.0, 0.0];
+        };
+        if self.phase != Phase::Running {
+            return [moving.piece[0], 0.0, 0.0, 0.0];
+        }
+        moving.from(self.time_s)
+    }
+
+    /// Whether a clock is due. On the way to rest it ticks at every step.
+    pub fn is_due(&self, clock: usize, period_s: f64) -> bool {
+        match self.phase {
+            Phase::Idle | Phase::Settled => false,
+            Phase::Settling => true,
+            Phase::Running => self.next_tick[clock] as f64 * period_s <= self.time_s + SAME_TIME_S,
+        }
+    }
+
+    /// The next time that a step must not pass.
+    #[inline(always)]
+    fn next_event_s(&self, settings: &Settings, periods_s: &[f64]) -> f64 {
+        let mut event = self.halt_s;
+        let mut consider = |time: f64| {
+            if time > self.time_s + SAME_TIME_S && time < event {
+                event = time;
+            }
+        };
+        if settings.land_on_samples {
+            consider(self.sample_time_s());
+            consider((self.next_sample + 1) as f64 * self.sample_period_s);
+        }
+        for (tick, period) in self.next_tick.iter().zip(periods_s) {
+            consider(*tick as f64 * period);
+        }
+        for moving in &self.moving {
+            consider(moving.until_s);
+            consider(moving.from_s);
+        }
+        event
+    }
+
+    /// Chooses the step: what the error control wants, but ending on the next
+    /// event without leaving a crumb before it.
+    #[inline(always)]
+    pub fn choose_step(&mut self, settings: &Settings, periods_s: &[f64]) {
+        match self.phase {
+            Phase::Idle | Phase::Settled => {
+                self.step_s = FIRST_STEP_S;
+                return;
+            }
+            Phase::Settling => {
+                // Sampled controllers act once per step here.
+                let longest = periods_s.iter().copied().fold(f64::INFINITY, f64::min);
+                self.step_s = if self.wanted_s < longest { self.wanted_s } else { longest };
+                self.end_s = self.time_s + self.step_s;
+                return;
+            }
+            Phase::Running => {}
+        }
+        let wanted = match settings.control {
+            Control::Fixed { step_s } => step_s,
+            Control::Adaptive { .. } => self.wanted_s,
+        };
+        let event = self.next_event_s(settings, periods_s);
+        let left = event - self.time_s;
+        if wanted >= left * 0.999 {
+            self.step_s = left;
+            self.end_s = event;
+        } else if wanted * 2.0 > left && !matches!(settings.control, Control::Fixed { .. }) {
+            self.step_s = left * 0.5;
+            self.end_s = self.time_s + self.step_s;
+        } else {
+            self.step_s = wanted;
+            self.end_s = self.time_s + wanted;
+        }
+    }
+
+    #[inline(always)]
+    pub fn accept(&mut self) {
+        self.statistics.steps += 1;
+        self.time_s = self.end_s;
+        self.rejections = 0;
+        if self.phase == Phase::Settling {
+            self.settling += 1;
+        }
+    }
+
+    /// Error that a step may have, and the longest step, s; `None` for fixed
+    /// steps.
+    #[inline(always)]
+    pub fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
+        match (self.phase, settings.control) {
+            (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, LONGEST_SETTLING_STEP_S)),
+            (_, Control::Adaptive { tolerance, max_step_s }) => Some((tolerance, max_step_s)),
+            (_, Control::Fixed { .. }) => None,
+        }
+    }
+
+    /// The step for the next time, by a factor from the error of this one.
+    #[inline(always)]
+    pub fn adapt(&mut self, settings: &Settings, factor: f64) {
+        let Some((_, longest)) = self.allowed(settings) else {
+            return;
+        };
+        let most = if self.rejections > 0 { 1.0 } else { 6.0 };
+        let next = self.step_s * factor.clamp(0.1, most);
+        // A step that was cut short by an event says little about longer ones.
+        let next = if self.rejections == 0 && next < self.wanted_s && factor >= 1.0 {
+            self.wanted_s
+        } else {
+            next
+        };
+        self.wanted_s = if next < longest { next } else { longest };
+    }
+}
