@@ -289,9 +289,7 @@ impl<'p, V: Lanes> Bank<'p, V> {
         let fixed = matches!(self.settings.control, Control::Fixed { .. });
         let course = &mut self.courses[index];
         let stuck = course.rejections > 0
-            && (fixed
-                || course.rejections > MOST_REJECTIONS
-                || course.wanted_s < SMALLEST_STEP_S);
+            && (fixed || course.rejections > MOST_REJECTIONS || course.wanted_s < SMALLEST_STEP_S);
         if stuck {
             let cause = if error.is_finite() { Cause::StepTooSmall } else { Cause::NotFinite };
             let state = self.batch.worst_state(index);

@@ -288,7 +288,12 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             }
             let time_s = course.time_s;
             let before = job.changed;
-            while job.case.changes.get(job.changed).is_some_and(|c| c.time_s <= time_s + SAME_TIME_S) {
+            while job
+                .case
+                .changes
+                .get(job.changed)
+                .is_some_and(|c| c.time_s <= time_s + SAME_TIME_S)
+            {
                 job.changed += 1;
             }
             if job.changed > before {

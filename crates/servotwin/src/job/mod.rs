@@ -72,7 +72,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
 }
 
 /// For each sensor with a band a number that is the same for like sensors of all units.
-fn pools(study: &Study) -> Vec<usize> {
+pub fn pools(study: &Study) -> Vec<usize> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let like = |sensor: usize| sensors.iter().position(|s| s.quantity == sensors[sensor].quantity);
     let is_other = |sensor: usize| sensors[sensor].quantity == Quantity::Other;

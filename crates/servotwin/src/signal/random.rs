@@ -35,6 +35,11 @@ impl Random {
         self.next += 1;
         value
     }
+
+    /// An even deviate in (0, 1].
+    pub fn unit(&mut self) -> f64 {
+        uniform(&mut self.bits)
+    }
 }
 
 /// Uniform in (0, 1].

@@ -7,18 +7,20 @@
 
 pub mod campaign;
 pub mod faults;
+pub mod flights;
 mod realism;
 mod training;
 
 pub use faults::{Class, FaultCase};
-pub use realism::{Realism, Role, Setting};
+pub use flights::Flights;
+pub(crate) use realism::Imperfection;
+pub use realism::{Lot, Realism, Role, Setting};
 pub use training::Training;
 
 use crate::files::{self, FileError};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::{System, SystemError};
-use realism::Imperfection;
 use serde::Deserialize;
 use servotwin_diagnosis::features::{Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
@@ -59,6 +61,7 @@ struct Text {
     classes: Vec<ClassText>,
     realistic: Option<realism::Text>,
     training: Option<training::Text>,
+    flights: Option<flights::Text>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -146,6 +149,8 @@ pub struct Study {
     /// The flights from which the diagnosis learns, where they are others than those it is judged
     /// on.
     pub training: Option<Training>,
+    /// The flights in which the diagnosis at work learns and is judged.
+    pub flights: Option<Flights>,
 }
 
 /// Why there is no study.
@@ -273,6 +278,10 @@ impl Study {
             Some(text) => Some(Training::new(text, &reader)?),
             None => None,
         };
+        let flights = match &reader.text.flights {
+            Some(text) => Some(Flights::new(text, &reader)?),
+            None => None,
+        };
         let Reader { text: parsed, system, .. } = reader;
         Ok(Self {
             name: parsed.name,
@@ -292,6 +301,7 @@ impl Study {
             sensors,
             realism,
             training,
+            flights,
         })
     }
 

@@ -114,6 +114,28 @@ impl Role {
     }
 }
 
+/// What specimens are made for: each lot has its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lot {
+    /// Records of the cases that are judged.
+    Judged,
+    /// Records of training commands.
+    Training,
+    /// Flights to learn from.
+    FlightsLearned,
+    /// Flights to be judged in.
+    FlightsJudged,
+}
+
+impl From<Role> for Lot {
+    fn from(role: Role) -> Self {
+        match role {
+            Role::Judged => Lot::Judged,
+            Role::Training => Lot::Training,
+        }
+    }
+}
+
 impl Realism {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
         let mut tolerances = Vec::new();
@@ -135,8 +157,8 @@ impl Realism {
 
     /// The parameters of one specimen: (component, parameter, value), inside
     /// the ranges that the components declare.
-    pub fn specimen(&self, study: &Study, role: Role, variant: usize) -> Vec<(usize, usize, f64)> {
-        let mut random = Random::new(mix(self.seed, variant, 1 + 2 * role as u64));
+    pub fn specimen(&self, study: &Study, lot: Lot, variant: usize) -> Vec<(usize, usize, f64)> {
+        let mut random = Random::new(mix(self.seed, variant, 1 + 2 * lot as u64));
         let components = &study.system.network().components;
         let mut values = Vec::new();
         for tolerance in &self.tolerances {
@@ -157,8 +179,8 @@ impl Realism {
     }
 
     /// The random numbers of one variant's sensors.
-    pub(super) fn noise(&self, role: Role, variant: usize) -> Random {
-        Random::new(mix(self.seed, variant, 2 + 2 * role as u64))
+    pub(crate) fn noise(&self, lot: Lot, variant: usize) -> Random {
+        Random::new(mix(self.seed, variant, 2 + 2 * lot as u64))
     }
 
     /// A text that two equal ways to differ from the twin have in common.
@@ -172,7 +194,7 @@ fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
     seed ^ (variant as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (purpose << 60)
 }
 
-fn find(reader: &Reader, unit: &str, name: &str) -> Result<(usize, usize), StudyError> {
+pub(super) fn find(reader: &Reader, unit: &str, name: &str) -> Result<(usize, usize), StudyError> {
     let id = full_name(unit, name);
     let components = &reader.system.network().components;
     let all = || {
@@ -193,7 +215,7 @@ fn find(reader: &Reader, unit: &str, name: &str) -> Result<(usize, usize), Study
 
 /// Noise and quantisation of one sensor, in physical units.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Imperfection {
+pub(crate) struct Imperfection {
     sigma: f64,
     /// The step of the converter; zero for none.
     step: f64,

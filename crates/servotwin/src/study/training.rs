@@ -153,7 +153,7 @@ impl Text {
 }
 
 /// A pattern with its ranges replaced by the numbers of a draw.
-fn filled(pattern: &str, draw: usize) -> String {
+pub(super) fn filled(pattern: &str, draw: usize) -> String {
     let mut text = String::new();
     let mut rest = pattern;
     let mut ranges = 0;

@@ -106,6 +106,8 @@ pub enum CampaignError {
         /// Variants that are missing.
         missing: usize,
     },
+    /// It was stopped from elsewhere.
+    Cancelled,
     /// The healthy system could not be simulated.
     Twin {
         /// The operating case.
@@ -130,6 +132,7 @@ impl fmt::Display for CampaignError {
                 out,
                 "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
             ),
+            CampaignError::Cancelled => write!(out, "cancelled"),
             CampaignError::Twin { case, reason } => {
                 write!(out, "the healthy system cannot be simulated in case {case}: {reason}")
             }
@@ -463,7 +466,7 @@ impl Campaign<'_> {
         let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
         let has_tolerances = self.settings.iter().any(|setting| setting.has_tolerances());
         let overrides = match self.study.realism.as_ref().filter(|_| has_tolerances) {
-            Some(realism) => realism.specimen(self.study, self.role, index),
+            Some(realism) => realism.specimen(self.study, self.role.into(), index),
             None => Vec::new(),
         };
         Variant {

@@ -57,7 +57,7 @@ impl<'c> Observer<'c> {
         let count = study.measured.len();
         let realism = study.realism.as_ref();
         let has_noise = self.campaign.settings[setting].has_noise();
-        let noise = realism.filter(|_| has_noise).map(|r| r.noise(role, variant));
+        let noise = realism.filter(|_| has_noise).map(|r| r.noise(role.into(), variant));
         View {
             setting,
             variant,

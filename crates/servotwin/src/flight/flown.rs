@@ -1,0 +1,183 @@
+//! Flights in lanes: every plant is observed, as its sensors show it, beside the virtual twin of its
+//! environment.
+
+use super::plan::{self, Flight, Purpose};
+use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::signal::random::Random;
+use crate::study::campaign::{CampaignError, ensemble};
+use crate::study::flights::Environment;
+use crate::study::{Flights, Imperfection, Setting, Study};
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{Failure, Statistics};
+use std::sync::atomic::AtomicBool;
+
+/// What watches a flight.
+pub trait Observer: Send {
+    /// A sample: what the sensors show, what the twin says that they should, and the inputs; SI.
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
+}
+
+/// Flights of one purpose in one setting.
+pub struct Flown<'s> {
+    study: &'s Study,
+    environments: &'s [Environment],
+    purpose: Purpose,
+    setting: Setting,
+    ensemble: Ensemble<'s>,
+    /// The flights.
+    pub plan: Vec<Flight>,
+    /// For each environment the sensors and inputs of its twin, sample after sample.
+    twins: Vec<Vec<f64>>,
+    sensors: usize,
+    imperfections: Vec<Imperfection>,
+}
+
+impl<'s> Flown<'s> {
+    /// Plans the flights and simulates their twins. The extra sensor of a study is not observed.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub fn new(
+        study: &'s Study,
+        flights: &'s Flights,
+        purpose: Purpose,
+        setting: Setting,
+        threads: usize,
+        cancel: Option<&'s AtomicBool>,
+    ) -> Result<Self, CampaignError> {
+        let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
+        let sensors = study.base_sensors();
+        ensemble.record.truncate(sensors);
+        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
+        let mut flown = Flown {
+            study,
+            environments: purpose.environments(flights),
+            purpose,
+            setting,
+            ensemble,
+            plan: plan::flights(study, flights, purpose),
+            twins: vec![],
+            sensors,
+            imperfections: study.measured[..sensors].iter().map(of).collect(),
+        };
+        flown.twins = flown.simulate_twins()?;
+        Ok(flown)
+    }
+
+    fn simulate_twins(&self) -> Result<Vec<Vec<f64>>, CampaignError> {
+        let externals = self.study.system.program.externals();
+        let inputs = externals.map(|slot| slot as Slot);
+        let record = self.ensemble.record.iter().copied().chain(inputs).collect();
+        let longest = self.plan.iter().map(|flight| flight.duration_s).fold(0.0, f64::max);
+        let ensemble = Ensemble { record, duration_s: longest, ..self.ensemble };
+        let mut twins = vec![vec![]; self.environments.len()];
+        let mut error = None;
+        let variant = |place: usize| {
+            let environment = &self.environments[place];
+            Variant {
+                overrides: environment.parameters.clone(),
+                inputs: environment.inputs.iter().collect(),
+                duration_s: self.longest_s(place),
+                ..Variant::default()
+            }
+        };
+        ensemble.run(
+            self.environments.len(),
+            variant,
+            |_| Rows(vec![]),
+            |place, rows, outcome| match outcome {
+                Ok(_) => twins[place] = rows.0,
+                Err(failure) => error = Some((place, failure)),
+            },
+        );
+        match error {
+            Some((place, failure)) => Err(CampaignError::Twin {
+                case: self.environments[place].name.clone(),
+                reason: format!("{} at {:.4} s", failure.cause, failure.time_s),
+            }),
+            None => Ok(twins),
+        }
+    }
+
+    fn longest_s(&self, environment: usize) -> Option<f64> {
+        let here = self.plan.iter().filter(|flight| flight.environment == environment);
+        here.map(|flight| flight.duration_s).reduce(f64::max).or(Some(0.0))
+    }
+
+    /// Time between samples, s.
+    pub fn period_s(&self) -> f64 {
+        self.ensemble.sample_period_s
+    }
+
+    /// Flies some of the planned flights, each with an observer of its own; `done` is called when
+    /// one has ended, one call at a time, in no particular order.
+    pub fn fly<O: Observer>(
+        &self,
+        which: &[usize],
+        observer: impl Fn(&Flight) -> O + Sync,
+        mut done: impl FnMut(&Flight, O, Result<Statistics, Failure>) + Send,
+    ) {
+        let flight = |job: usize| &self.plan[which[job]];
+        self.ensemble.run(
+            which.len(),
+            |job| self.variant(flight(job)),
+            |job| self.watch(flight(job), observer(flight(job))),
+            |job, watch, outcome| done(flight(job), watch.observer, outcome),
+        );
+    }
+
+    fn variant(&self, flight: &Flight) -> Variant<'_> {
+        let environment = &self.environments[flight.environment];
+        let lot = self.purpose.lot();
+        let realism = self.study.realism.as_ref().filter(|_| self.setting.has_tolerances());
+        let specimen = realism.map(|realism| realism.specimen(self.study, lot, flight.number));
+        let overrides =
+            environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
+        Variant {
+            later: flight.later(self.study),
+            overrides: overrides.collect(),
+            inputs: environment.inputs.iter().collect(),
+            duration_s: Some(flight.duration_s),
+            ..Variant::default()
+        }
+    }
+
+    fn watch<O>(&self, flight: &Flight, observer: O) -> Watch<'_, O> {
+        let realism = self.study.realism.as_ref().filter(|_| self.setting.has_noise());
+        let noise = realism.map(|realism| realism.noise(self.purpose.lot(), flight.number));
+        let twin = &self.twins[flight.environment];
+        Watch { flown: self, twin, noise, measured: vec![0.0; self.sensors], observer }
+    }
+}
+
+/// Keeps all samples.
+struct Rows(Vec<f64>);
+
+impl Sink for Rows {
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        self.0.extend_from_slice(values);
+    }
+}
+
+struct Watch<'f, O> {
+    flown: &'f Flown<'f>,
+    twin: &'f [f64],
+    noise: Option<Random>,
+    measured: Vec<f64>,
+    observer: O,
+}
+
+impl<O: Observer> Sink for Watch<'_, O> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        let sensors = self.flown.sensors;
+        let width = sensors + self.flown.study.system.program.externals().len();
+        let (twin, inputs) = self.twin[index * width..][..width].split_at(sensors);
+        self.measured.copy_from_slice(values);
+        if let Some(noise) = &mut self.noise {
+            for (value, imperfection) in self.measured.iter_mut().zip(&self.flown.imperfections) {
+                *value = imperfection.apply(*value, noise);
+            }
+        }
+        self.observer.sample(index, &self.measured, twin, inputs);
+    }
+}

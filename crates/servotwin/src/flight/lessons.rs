@@ -1,0 +1,232 @@
+//! What the diagnosis at work learns from: windows of flights, one table for each length of a window.
+//!
+//! A healthy flight gives windows one after the other; a flight with a fault the last one before it,
+//! and some after it, of which the first contain its beginning. The tables have the columns of a
+//! campaign's data set ([`crate::evaluation::DataSet`] reads them); every environment is a command
+//! of its own.
+
+use super::flown::{Flown, Observer};
+use super::plan::{Flight, Purpose};
+use crate::evaluation::parallel::{self, Workers};
+use crate::signal::random::Random;
+use crate::study::campaign::{CampaignError, largest_column};
+use crate::study::{Flights, Setting, Study};
+use crate::table::{Column, Table, Values};
+use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::residual::{BAND, Window};
+
+/// Windows after the onset: the first two end when so much of them shows the fault, the others
+/// anywhere.
+const SHARES: [f64; 2] = [0.6, 1.0];
+/// How many others there are.
+const OTHERS: usize = 2;
+/// Every so many-th flight with a fault also gives the window before it.
+const BEFORE: usize = 4;
+/// A fault that is weaker than this part of its intensity at the end of a window teaches nothing.
+const LEAST_SHARE: f64 = 0.5;
+
+/// A window to be cut out of a flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cut {
+    /// Which of the lengths.
+    length: usize,
+    /// Its samples.
+    from: usize,
+    to: usize,
+    is_faulty: bool,
+}
+
+/// A window that was cut.
+struct Lesson {
+    cut: Cut,
+    flight: usize,
+    window: Window,
+}
+
+struct Cutter {
+    cuts: Vec<Cut>,
+    windows: Vec<Window>,
+    scales: Vec<f64>,
+}
+
+impl Observer for Cutter {
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
+        for (cut, window) in self.cuts.iter().zip(&mut self.windows) {
+            if (cut.from..cut.to).contains(&index) {
+                window.add(measured, twin, &self.scales);
+            }
+        }
+    }
+}
+
+/// Flies what there is to learn from, and gives a table for each of the flights' window lengths.
+///
+/// # Errors
+/// A twin cannot be simulated, or the work was cancelled. Flights that cannot be finished are left
+/// out; their number is given beside the tables.
+pub fn tables(
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    flown: &Flown,
+    workers: Workers,
+) -> Result<(Vec<Table>, usize), CampaignError> {
+    let plan = &flown.plan;
+    let scales = study.scales()[..study.base_sensors()].to_vec();
+    let all: Vec<usize> = (0..plan.len()).collect();
+    let mut lessons: Vec<Lesson> = vec![];
+    let mut failed = 0;
+    flown.fly(
+        &all,
+        |flight| {
+            let cuts = cuts(flights, flight, study.sample_period_s);
+            let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
+            Cutter { cuts, windows, scales: scales.clone() }
+        },
+        |flight, cutter, outcome| match outcome {
+            Ok(_) => {
+                let pairs = cutter.cuts.into_iter().zip(cutter.windows);
+                let number = flight.number;
+                lessons.extend(pairs.map(|(cut, window)| Lesson { cut, flight: number, window }));
+            }
+            Err(_) => failed += 1,
+        },
+    );
+    lessons.sort_by_key(|lesson| (lesson.cut.length, lesson.flight, lesson.cut.to));
+    let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
+    let mut tables = vec![];
+    for length in 0..flights.windows_s.len() {
+        let of: Vec<&Lesson> = lessons.iter().filter(|l| l.cut.length == length).collect();
+        tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
+    }
+    Ok((tables, failed))
+}
+
+/// The windows that a flight gives.
+fn cuts(flights: &Flights, flight: &Flight, period_s: f64) -> Vec<Cut> {
+    let sample = |time_s: f64| (time_s / period_s).round() as usize;
+    let mut random = Random::new(0x5eed << 32 | flight.number as u64);
+    let mut cuts = vec![];
+    for (length, &length_s) in flights.windows_s.iter().enumerate() {
+        let samples = sample(length_s);
+        let mut cut = |end_s: f64, is_faulty: bool| {
+            let to = sample(end_s);
+            if to >= samples && end_s <= flight.duration_s {
+                cuts.push(Cut { length, from: to - samples, to, is_faulty });
+            }
+        };
+        if flight.fault.is_none() {
+            // Apart from each other, so that they are as different as can be.
+            let count = (flight.duration_s / (2.0 * length_s).max(2.0)) as usize;
+            (1..=count).for_each(|k| cut(flight.duration_s * k as f64 / count as f64, false));
+            continue;
+        }
+        if flight.number.is_multiple_of(BEFORE) {
+            cut(flight.onset_s, false);
+        }
+        let left_s = flight.duration_s - flight.onset_s - length_s;
+        let others: Vec<f64> = (0..OTHERS).map(|_| length_s + left_s * random.unit()).collect();
+        for after_s in SHARES.iter().map(|share| share * length_s).chain(others) {
+            let end_s = flight.onset_s + after_s;
+            let shares = [end_s - 0.5 * length_s, end_s - period_s].map(|t| flight.share(t));
+            if shares.into_iter().fold(0.0, f64::max) >= LEAST_SHARE {
+                cut(end_s, true);
+            }
+        }
+    }
+    cuts
+}
+
+struct Maker<'m> {
+    study: &'m Study,
+    sensors: &'m Sensors,
+    plan: &'m [Flight],
+}
+
+impl Maker<'_> {
+    fn table(&self, lessons: &[&Lesson], workers: Workers) -> Result<Table, CampaignError> {
+        let exchanged = self.sensors.exchanged(0, 1);
+        let views = |lesson: &&Lesson| {
+            let own = features::values(self.sensors, &lesson.window);
+            let order = exchanged.as_ref();
+            let other = order.map(|o| features::values(self.sensors, &lesson.window.reordered(o)));
+            (own, other)
+        };
+        let rows = parallel::map(lessons, workers, views).map_err(|_| CampaignError::Cancelled)?;
+        let mut columns = self.labels(lessons);
+        for (place, sensor) in self.sensors.0.iter().enumerate() {
+            let largest = lessons.iter().map(|lesson| lesson.window.largest(place)).collect();
+            columns.push(Column::new(largest_column(&sensor.name), "", Values::Float(largest)));
+        }
+        let features = features::ALL.iter().flat_map(|family| family.features(self.sensors));
+        for (place, feature) in features.enumerate() {
+            let own = rows.iter().map(|(own, _)| own[place]).collect();
+            columns.push(Column::new(format!("f:{}", feature.name), "", Values::Float(own)));
+            if exchanged.is_some() {
+                let other = rows.iter().map(|(_, other)| other.as_ref().map_or(0.0, |o| o[place]));
+                let other = Values::Float(other.collect());
+                columns.push(Column::new(format!("m:{}", feature.name), "", other));
+            }
+        }
+        Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
+    }
+
+    fn labels(&self, lessons: &[&Lesson]) -> Vec<Column> {
+        let study = self.study;
+        let flight = |lesson: &Lesson| self.plan[lesson.flight];
+        let fault = |lesson: &Lesson| {
+            let fault = flight(lesson).fault.filter(|_| lesson.cut.is_faulty);
+            fault.map(|fault| &study.faults[fault])
+        };
+        let text = |name: &str, of: &dyn Fn(&Lesson) -> String| {
+            let texts = lessons.iter().map(|lesson| of(lesson)).collect();
+            Column::new(name, "", Values::Text(texts))
+        };
+        let number = |name: &str, unit: &str, of: &dyn Fn(&Lesson) -> f64| {
+            let numbers = lessons.iter().map(|lesson| of(lesson)).collect();
+            Column::new(name, unit, Values::Float(numbers))
+        };
+        let healthy = || "healthy".to_owned();
+        let case = |l: &Lesson| format!("{:03}", flight(l).environment);
+        let period_s = study.sample_period_s;
+        let detectable = lessons.iter().map(|l| l.window.largest_of_all() > BAND).collect();
+        let number_of = lessons.iter().map(|l| l.flight as u32).collect();
+        vec![
+            Column::new("variant", "", Values::Unsigned(number_of)),
+            text("case", &case),
+            text("flown", &case),
+            text("fault", &|l| fault(l).map_or_else(healthy, |f| f.id.clone())),
+            text("kind", &|l| fault(l).map_or_else(healthy, |f| f.kind.clone())),
+            number("intensity", "", &|l| fault(l).map_or(0.0, |_| flight(l).intensity)),
+            number("grade", "", &|l| fault(l).map_or(0.0, |f| f.at.intensity)),
+            text("actuator", &|l| fault(l).map_or_else(healthy, |f| study.units[f.unit].clone())),
+            text("command", &|l| {
+                fault(l).map_or_else(healthy, |f| study.classes[f.class].command.clone())
+            }),
+            text("detail", &|l| {
+                fault(l).map_or_else(healthy, |f| study.classes[f.class].detail.clone())
+            }),
+            number("end_s", "s", &|l| l.cut.to as f64 * period_s),
+            number("age_s", "s", &|l| match l.cut.is_faulty {
+                true => l.cut.to as f64 * period_s - flight(l).onset_s,
+                false => 0.0,
+            }),
+            Column::new("detectable", "", Values::Flag(detectable)),
+            Column::new("failure", "", Values::Text(vec![String::new(); lessons.len()])),
+        ]
+    }
+}
+
+/// The flights that a diagnosis learns from in a setting.
+///
+/// # Errors
+/// A twin cannot be simulated.
+pub fn flown<'s>(
+    study: &'s Study,
+    flights: &'s Flights,
+    setting: Setting,
+    threads: usize,
+    cancel: Option<&'s std::sync::atomic::AtomicBool>,
+) -> Result<Flown<'s>, CampaignError> {
+    Flown::new(study, flights, Purpose::Learn, setting, threads, cancel)
+}

@@ -1,0 +1,12 @@
+//! The hybrid twin at work: flights in which a fault begins, a twin that steps beside the plant,
+//! and a diagnosis that runs.
+//!
+//! - [`plan`]: which fault begins when, in which environment, in which specimen
+//! - [`flown`]: flights in lanes, each observed beside the twin of its environment
+//! - [`lessons`]: what the diagnosis learns from: windows of flights, one table for each length
+//! - [`train`]: bands, trees and committee for each length
+
+pub mod flown;
+pub mod lessons;
+pub mod plan;
+pub mod train;

@@ -1,0 +1,190 @@
+//! Which flights there are: fault, intensity, onset, environment, specimen.
+
+use crate::signal::random::Random;
+use crate::study::flights::{Environment, Size};
+use crate::study::{Flights, Lot, Study};
+use servotwin_model::program::FaultAt;
+
+/// How a fault begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Onset {
+    /// At once.
+    Step,
+    /// It grows to its intensity over [`DRIFT_S`].
+    Drift,
+    /// It comes and goes, every [`PULSE_S`].
+    Intermittent,
+}
+
+/// How long a fault takes that grows, s.
+pub const DRIFT_S: f64 = 4.0;
+/// Steps in which it grows.
+const DRIFT_STEPS: u32 = 40;
+/// How long an intermittent fault is there, and away, s.
+pub const PULSE_S: f64 = 1.0;
+
+/// What flights are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// The diagnosis learns from them.
+    Learn,
+    /// It is judged in them.
+    Judge,
+}
+
+impl Purpose {
+    /// Specimens and noise of one purpose are not those of the other.
+    pub fn lot(self) -> Lot {
+        match self {
+            Purpose::Learn => Lot::FlightsLearned,
+            Purpose::Judge => Lot::FlightsJudged,
+        }
+    }
+
+    /// Its environments.
+    pub fn environments(self, flights: &Flights) -> &[Environment] {
+        match self {
+            Purpose::Learn => &flights.learned,
+            Purpose::Judge => &flights.judged,
+        }
+    }
+
+    /// How many flights it has.
+    pub fn size(self, flights: &Flights) -> Size {
+        match self {
+            Purpose::Learn => flights.learn,
+            Purpose::Judge => flights.judge,
+        }
+    }
+}
+
+/// One flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flight {
+    /// Its number: of its specimen and its noise.
+    pub number: usize,
+    /// Its environment.
+    pub environment: usize,
+    /// The fault, a place in [`Study::faults`]; `None` for a healthy flight.
+    pub fault: Option<usize>,
+    /// The fault's intensity; 0 without one.
+    pub intensity: f64,
+    /// When it begins, s; infinite without one.
+    pub onset_s: f64,
+    /// How it begins.
+    pub onset: Onset,
+    /// How long the flight is, s.
+    pub duration_s: f64,
+}
+
+/// All flights of a purpose: first those with a fault, then the healthy ones. Environments take
+/// turns in a way that no fault meets the same one twice.
+pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight> {
+    let size = purpose.size(flights);
+    let environments = purpose.environments(flights).len();
+    let mut list = vec![];
+    for repeat in 0..size.repeats {
+        for fault in 0..study.faults.len() {
+            if purpose == Purpose::Learn && !is_turn(study, fault, repeat) {
+                continue;
+            }
+            let number = list.len();
+            list.push(with_fault(
+                study,
+                flights,
+                purpose,
+                Slot { number, fault, repeat, environments },
+            ));
+        }
+    }
+    let healthy_s = size.healthy_duration_s.unwrap_or(flights.duration_s);
+    for specimen in 0..size.healthy * environments {
+        list.push(Flight {
+            number: list.len(),
+            environment: specimen % environments,
+            fault: None,
+            intensity: 0.0,
+            onset_s: f64::INFINITY,
+            onset: Onset::Step,
+            duration_s: healthy_s,
+        });
+    }
+    list
+}
+
+/// Every row is also seen from the other units, so in learning the units take turns.
+fn is_turn(study: &Study, fault: usize, repeat: usize) -> bool {
+    let intensities = study.intensities.len().max(1);
+    let place = fault % (study.faults.len() / study.units.len()).max(1);
+    (repeat + place / intensities + place % intensities) % study.units.len()
+        == study.faults[fault].unit
+}
+
+/// Where a flight stands in its plan.
+struct Slot {
+    number: usize,
+    fault: usize,
+    repeat: usize,
+    environments: usize,
+}
+
+fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) -> Flight {
+    let Slot { number, fault, repeat, environments } = slot;
+    let mut random = Random::new((purpose as u64) << 40 | number as u64);
+    let [from, to] = flights.onset_s;
+    let onset_s = from + (to - from) * random.unit();
+    let of_study = study.faults[fault].at.intensity;
+    let training = study.training.as_ref().filter(|_| purpose == Purpose::Learn);
+    // Seven has no divisor in common with the usual numbers of intensities and environments.
+    let environment =
+        (7 * fault + 11 * repeat + fault / study.intensities.len().max(1)) % environments;
+    Flight {
+        number,
+        environment,
+        fault: Some(fault),
+        intensity: training.map_or(of_study, |t| t.intensity(of_study, repeat + 7 * fault)),
+        onset_s,
+        onset: match (fault + repeat) % 8 {
+            3 => Onset::Drift,
+            7 => Onset::Intermittent,
+            _ => Onset::Step,
+        },
+        duration_s: flights.duration_s,
+    }
+}
+
+impl Flight {
+    /// What the fault is from each moment on, as [`crate::ensemble::Variant::later`] wants it.
+    pub fn later(&self, study: &Study) -> Vec<(f64, Vec<FaultAt>)> {
+        let Some(fault) = self.fault else { return vec![] };
+        let at = |share: f64| match share > 0.0 {
+            true => vec![FaultAt { intensity: self.intensity * share, ..study.faults[fault].at }],
+            false => vec![],
+        };
+        match self.onset {
+            Onset::Step => vec![(self.onset_s, at(1.0))],
+            Onset::Drift => {
+                let share = |step: u32| f64::from(step) / f64::from(DRIFT_STEPS);
+                let when = |step: u32| self.onset_s + DRIFT_S * share(step - 1);
+                (1..=DRIFT_STEPS).map(|step| (when(step), at(share(step)))).collect()
+            }
+            Onset::Intermittent => {
+                let pulses = ((self.duration_s - self.onset_s) / PULSE_S) as u32;
+                let when = |pulse: u32| self.onset_s + PULSE_S * f64::from(pulse);
+                let there = |pulse: u32| if pulse.is_multiple_of(2) { 1.0 } else { 0.0 };
+                (0..=pulses).map(|pulse| (when(pulse), at(there(pulse)))).collect()
+            }
+        }
+    }
+
+    /// The share of its intensity that the fault has at a time.
+    pub fn share(&self, time_s: f64) -> f64 {
+        let age = time_s - self.onset_s;
+        match self.onset {
+            _ if self.fault.is_none() || age < 0.0 => 0.0,
+            Onset::Step => 1.0,
+            Onset::Drift => (age / DRIFT_S).min(1.0),
+            Onset::Intermittent => f64::from(u8::from((age / PULSE_S) as u64 % 2 == 0)),
+        }
+    }
+}

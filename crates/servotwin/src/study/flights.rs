@@ -1,0 +1,253 @@
+//! Flights as an aircraft flies them: where the diagnosis at work learns, and where it is judged.
+//!
+//! ```toml
+//! [flights]
+//! duration_s = 20
+//! onset_s = [5, 9]                   # a fault begins between
+//! windows_s = [0.5, 2]               # what is looked at
+//! commands = ["noise:rms={1..5}deg,bandwidth={0.3..2}Hz,seed=3{n}", "step:size={2..9}deg,at=2s"]
+//! inputs.load_factor = [0, 1]        # each flight has a value of its own
+//! unit_inputs.supply_pressure = [19.6e6, 21.4e6]
+//! unit_parameters."supply.temperature_k" = [253, 343]
+//! learn = { environments = 40, repeats = 4, healthy = 4 }
+//! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300 }
+//! ```
+//!
+//! An *environment* is a command with values for everything else that varies. Faults and specimens are
+//! flown in it beside one virtual twin, which knows the environment (its boundary values are
+//! measured), and does not know the specimen.
+
+use super::faults::full_name;
+use super::training::filled;
+use super::{Reader, StudyError};
+use crate::signal::Signal;
+use crate::signal::random::Random;
+use serde::{Deserialize, Serialize};
+use servotwin_model::signal::Piecewise;
+use std::collections::BTreeMap;
+
+type Ranges = BTreeMap<String, [f64; 2]>;
+
+/// The section of a study file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Text {
+    duration_s: f64,
+    onset_s: [f64; 2],
+    windows_s: Vec<f64>,
+    commands: Vec<String>,
+    #[serde(default)]
+    inputs: Ranges,
+    #[serde(default)]
+    unit_inputs: Ranges,
+    #[serde(default)]
+    unit_parameters: Ranges,
+    learn: Size,
+    judge: Size,
+    #[serde(default)]
+    limits: Limits,
+}
+
+/// How many flights there are for a purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Size {
+    /// Different environments.
+    pub environments: usize,
+    /// Flights of each fault with each intensity.
+    pub repeats: usize,
+    /// Healthy flights in each environment, each of another specimen.
+    pub healthy: usize,
+    /// How long healthy flights are, s; as long as the others where it is not said.
+    pub healthy_duration_s: Option<f64>,
+}
+
+/// What is asked of the diagnosis at work; beside each the figure that was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Limits {
+    /// 95 % of the visible shutdown faults of intensity 0.5 and more are isolated so soon, s.
+    pub latency_s: f64,
+    /// The same for a twin that is not fitted to its specimen, s.
+    pub latency_unfitted_s: f64,
+    /// Alarms of healthy actuators for each flight hour.
+    pub false_alarms_per_h: f64,
+    /// Shutdowns of the wrong actuator.
+    pub wrong_shutdowns: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits {
+            latency_s: 1.0,
+            latency_unfitted_s: 2.0,
+            false_alarms_per_h: 1e-3,
+            wrong_shutdowns: 0.0,
+        }
+    }
+}
+
+/// A command with values for everything else that varies.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    /// `L007` or `J007`: learned from or judged in.
+    pub name: String,
+    /// The command's text.
+    pub command: String,
+    /// One signal for each input of the system.
+    pub inputs: Vec<Piecewise>,
+    /// Parameters that the environment changes (temperatures): component, parameter, value.
+    pub parameters: Vec<(usize, usize, f64)>,
+}
+
+/// The flights of a study.
+#[derive(Clone, Debug)]
+pub struct Flights {
+    /// Length of a flight with a fault, s.
+    pub duration_s: f64,
+    /// Between which times a fault begins, s.
+    pub onset_s: [f64; 2],
+    /// Lengths of the windows, s, ascending.
+    pub windows_s: Vec<f64>,
+    /// Where the diagnosis learns.
+    pub learn: Size,
+    /// Where it is judged.
+    pub judge: Size,
+    /// What is asked of it.
+    pub limits: Limits,
+    /// The environments in which it learns.
+    pub learned: Vec<Environment>,
+    /// Those in which it is judged.
+    pub judged: Vec<Environment>,
+}
+
+/// A slip of the finger is told before it fills the memory.
+const MOST: usize = 100_000;
+/// No flight is longer, s.
+const LONGEST_S: f64 = 1e4;
+
+impl Flights {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
+        text.check(reader)?;
+        let mut windows_s = text.windows_s.clone();
+        windows_s.sort_by(f64::total_cmp);
+        Ok(Flights {
+            duration_s: text.duration_s,
+            onset_s: text.onset_s,
+            windows_s,
+            learn: text.learn,
+            judge: text.judge,
+            limits: text.limits,
+            learned: text.environments(reader, 'L', text.learn)?,
+            judged: text.environments(reader, 'J', text.judge)?,
+        })
+    }
+}
+
+impl Text {
+    fn check(&self, reader: &Reader) -> Result<(), StudyError> {
+        let d = self.duration_s;
+        reader.range("flights.duration_s", d, (1.0..=LONGEST_S).contains(&d), "1 … 10,000 s")?;
+        let [from, to] = self.onset_s;
+        let inside = from >= 0.0 && from <= to && to < d;
+        reader.range(
+            "flights.onset_s",
+            from,
+            inside,
+            "two times inside of the flight, in order",
+        )?;
+        if self.windows_s.is_empty() || self.commands.is_empty() {
+            let path = reader.path.into();
+            return Err(StudyError::Empty { path, field: "flights.windows_s or flights.commands" });
+        }
+        for &w in &self.windows_s {
+            let samples = w * reader.text.sample_hz;
+            let fits = samples >= 10.0 && w <= d - to;
+            let allowed = "10 samples … what remains of a flight after the latest onset";
+            reader.range("flights.windows_s", w, fits, allowed)?;
+        }
+        for (name, size) in [("learn", self.learn), ("judge", self.judge)] {
+            let most = [size.environments, size.repeats, size.healthy].into_iter().max();
+            let most = most.unwrap_or(0);
+            let fits = most <= MOST && size.environments > 0;
+            let field = format!("flights.{name}");
+            reader.range(field.clone(), most as f64, fits, "1 … 100,000")?;
+            let healthy = size.healthy_duration_s.unwrap_or(d);
+            let fits = (1.0..=LONGEST_S).contains(&healthy);
+            reader.range(field + ".healthy_duration_s", healthy, fits, "1 … 10,000 s")?;
+        }
+        let ranges = [&self.inputs, &self.unit_inputs, &self.unit_parameters];
+        for (name, [low, high]) in ranges.into_iter().flatten() {
+            let ordered = low.is_finite() && high.is_finite() && low <= high;
+            let field = format!("flights, range of {name}");
+            reader.range(field, *low, ordered, "two finite numbers, the lower one first")?;
+        }
+        Ok(())
+    }
+
+    fn environments(
+        &self,
+        reader: &Reader,
+        letter: char,
+        size: Size,
+    ) -> Result<Vec<Environment>, StudyError> {
+        let of = |number| self.environment(reader, letter, number, size);
+        (0..size.environments).map(of).collect()
+    }
+
+    fn environment(
+        &self,
+        reader: &Reader,
+        letter: char,
+        number: usize,
+        size: Size,
+    ) -> Result<Environment, StudyError> {
+        let name = format!("{letter}{number:03}");
+        let pattern = &self.commands[number % self.commands.len()];
+        // Judged environments are other draws than those learned from.
+        let first = if letter == 'L' { 1 } else { 1 + MOST };
+        let command = filled(pattern, first + number / self.commands.len());
+        let longest_s = self.duration_s.max(size.healthy_duration_s.unwrap_or(0.0));
+        let mut inputs = reader.default_inputs();
+        let driven = reader.input(&reader.text.command.input)?;
+        inputs[driven] = reader.built(&name, &command, driven, longest_s)?;
+        let mut random = Random::new(u64::from(u32::from(letter)) << 32 | number as u64);
+        let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
+        let mut draw = |[low, high]: [f64; 2]| low + (high - low) * random.unit();
+        for (input, range) in &self.inputs {
+            inputs[reader.input(input)?] = constant(draw(*range));
+        }
+        for (input, range) in &self.unit_inputs {
+            for unit in &reader.text.units {
+                inputs[reader.input(&full_name(unit, input))?] = constant(draw(*range));
+            }
+        }
+        let mut parameters = vec![];
+        for (parameter, range) in &self.unit_parameters {
+            for unit in &reader.text.units {
+                let (component, place) = super::realism::find(reader, unit, parameter)?;
+                parameters.push((component, place, draw(*range)));
+            }
+        }
+        Ok(Environment { name, command, inputs, parameters })
+    }
+}
+
+impl Reader<'_> {
+    /// A signal from its text, for a flight that lasts so long.
+    fn built(
+        &self,
+        name: &str,
+        text: &str,
+        input: usize,
+        duration_s: f64,
+    ) -> Result<Piecewise, StudyError> {
+        let wrong = |error| StudyError::Signal {
+            path: self.path.into(),
+            name: format!("flights.commands, {name}: {text}"),
+            error: Box::new(error),
+        };
+        let unit = self.system.network().inputs[input].unit;
+        text.parse::<Signal>().and_then(|signal| signal.build(unit, duration_s)).map_err(wrong)
+    }
+}
