@@ -128,5 +128,6 @@ catalogue! {
     sampled_position_controller::SampledPositionController [SampledLaw],
     force_fight_equaliser::ForceFightEqualiser [PressureDifference, FightFilter, FightCorrection],
     low_pass_filter::LowPassFilter [FirstOrder],
+    selector::Selector [Selection],
     gain::Gain [Product],
 }
