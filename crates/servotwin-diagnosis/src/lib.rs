@@ -22,6 +22,7 @@ mod numeric;
 pub mod panel;
 pub mod random;
 pub mod residual;
+pub mod sliding;
 pub mod tree;
 
 pub use data::Samples;
