@@ -16,12 +16,15 @@ mod gain;
 mod moments;
 mod pressure;
 mod proportion;
+mod views;
 mod vote;
 
 use crate::residual::Window;
 use alloc::string::String;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
+
+pub use views::Views;
 
 /// What a sensor measures, where a family wants to know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
