@@ -600,6 +600,28 @@ impl Stage {
         Answer { class: self.classes[class], probability }
     }
 
+    /// The probability of each of the stage's classes for a row of all features; where the
+    /// classifier knows none, 1 for the class decided. Does not allocate.
+    ///
+    /// # Panics
+    /// If the row is shorter than the features.
+    pub fn probabilities<'s>(&self, row: &[f64], scratch: &'s mut Scratch) -> &'s [f64] {
+        for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
+            *slot = row[column as usize];
+        }
+        let own = &scratch.row[..self.columns.len()];
+        let scores = &mut scratch.scores[..self.classes.len()];
+        if self.model.scores() == Scores::Shares {
+            self.model.scores_into(own, scores);
+            calibration::scale(scores, self.temperature);
+        } else {
+            let class = self.model.predict_with(own, scores) as usize;
+            scores.fill(0.0);
+            scores[class] = 1.0;
+        }
+        scores
+    }
+
     /// The nodes from the root to the leaf of a row of all features; empty unless the model is a
     /// CART tree.
     pub fn path(&self, row: &[f64]) -> Vec<usize> {
@@ -682,16 +704,15 @@ impl Hierarchy {
     /// # Errors
     /// [`Error::LengthMismatch`] if there are fewer than [`Hierarchy::views`] views, or a view has
     /// another number of features.
-    pub fn diagnose(&self, views: &[&[f64]], scratch: &mut Scratch) -> Result<Diagnosis, Error> {
-        if views.len() < self.views() {
-            same_length("views", self.views(), views.len())?;
-        }
-        for view in views {
-            same_length("features", self.names.features.len(), view.len())?;
-        }
+    pub fn diagnose<V: AsRef<[f64]>>(
+        &self,
+        views: &[V],
+        scratch: &mut Scratch,
+    ) -> Result<Diagnosis, Error> {
+        self.check_views(views)?;
         let mut ask = |question, actuator, command| {
             let stage = self.stage(question, actuator, command)?;
-            Some(stage.answer(views[stage.place.view(actuator)], scratch))
+            Some(stage.answer(views[stage.place.view(actuator)].as_ref(), scratch))
         };
         let sure = Answer { class: 0, probability: 1.0 };
         let first = ask(Question::Actuator, 0, 0).unwrap_or(sure);
@@ -717,11 +738,90 @@ impl Hierarchy {
         Ok(said)
     }
 
+    fn check_views<V: AsRef<[f64]>>(&self, views: &[V]) -> Result<(), Error> {
+        if views.len() < self.views() {
+            same_length("views", self.views(), views.len())?;
+        }
+        let of_view =
+            |view: &V| same_length("features", self.names.features.len(), view.as_ref().len());
+        views.iter().try_for_each(of_view)
+    }
+
+    /// The probability that nothing is wrong, and behind it that of each command for each actuator,
+    /// actuator by actuator, for a row given in every view. Where no stage tells commands apart they
+    /// share evenly. Does not allocate.
+    ///
+    /// # Errors
+    /// As [`Hierarchy::diagnose`], and [`Error::LengthMismatch`] if `into` has no room for each.
+    pub fn probabilities_into<V: AsRef<[f64]>>(
+        &self,
+        views: &[V],
+        scratch: &mut Scratch,
+        into: &mut [f64],
+    ) -> Result<(), Error> {
+        self.check_views(views)?;
+        let (actuators, commands) = (self.names.actuators.len(), self.names.commands.len());
+        same_length("probabilities", 1 + actuators * commands, into.len())?;
+        into.fill(0.0);
+        let place = |actuator: usize| 1 + actuator * commands;
+        match self.stage(Question::Actuator, 0, 0) {
+            None => into.iter_mut().skip(1).take(commands).for_each(|share| *share = 1.0),
+            Some(stage) => {
+                let shares = stage.probabilities(views[0].as_ref(), scratch);
+                for (&class, &share) in stage.classes.iter().zip(shares) {
+                    let is_fault = class != self.names.healthy();
+                    let own = if is_fault {
+                        place(class as usize)..place(class as usize + 1)
+                    } else {
+                        0..1
+                    };
+                    into[own].fill(share);
+                }
+            }
+        }
+        for actuator in 0..actuators {
+            let own = &mut into[place(actuator)..place(actuator + 1)];
+            let Some(stage) = self.stage(Question::Command, actuator as u32, 0) else {
+                own.iter_mut().for_each(|share| *share /= commands as f64);
+                continue;
+            };
+            let of_actuator = own.first().copied().unwrap_or(0.0);
+            own.fill(0.0);
+            let view = stage.place.view(actuator as u32);
+            let shares = stage.probabilities(views[view].as_ref(), scratch);
+            for (&class, &share) in stage.classes.iter().zip(shares) {
+                own[class as usize] = of_actuator * share;
+            }
+        }
+        Ok(())
+    }
+
+    /// The detail of a fault whose actuator and command are known, for a row given in every view.
+    /// Does not allocate.
+    ///
+    /// # Errors
+    /// As [`Hierarchy::diagnose`].
+    pub fn detail<V: AsRef<[f64]>>(
+        &self,
+        views: &[V],
+        (actuator, command): (u32, u32),
+        scratch: &mut Scratch,
+    ) -> Result<Option<Answer>, Error> {
+        self.check_views(views)?;
+        let stage = self.stage(Question::Detail, actuator, command);
+        let answer =
+            |stage: &Stage| stage.answer(views[stage.place.view(actuator)].as_ref(), scratch);
+        Ok(stage.map(answer))
+    }
+
     /// The stages that a diagnosis went through, each with the nodes from its root to the leaf.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
-    pub fn explain(&self, views: &[&[f64]]) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
+    pub fn explain<V: AsRef<[f64]>>(
+        &self,
+        views: &[V],
+    ) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
         let diagnosis = self.diagnose(views, &mut self.scratch())?;
         let Diagnosis { actuator, command, .. } = diagnosis;
         let below = |question, command| self.stage(question, actuator?, command);
@@ -730,7 +830,7 @@ impl Hierarchy {
             below(Question::Command, 0),
             command.and_then(|command| below(Question::Detail, command)),
         ];
-        let view = |stage: &Stage| views[stage.place.view(actuator.unwrap_or(0))];
+        let view = |stage: &Stage| views[stage.place.view(actuator.unwrap_or(0))].as_ref();
         let with_path = |stage: &'_ Stage| stage.path(view(stage));
         let asked = asked.into_iter().flatten();
         Ok(asked.map(|stage| (stage, with_path(stage))).collect())

@@ -80,10 +80,10 @@ impl Panel {
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
-    pub fn diagnose(
+    pub fn diagnose<V: AsRef<[f64]>>(
         &self,
         largest: &[f64],
-        views: &[&[f64]],
+        views: &[V],
         scratch: &mut [Scratch; 2],
     ) -> Result<Verdict, Error> {
         if !self.is_detected(largest) {

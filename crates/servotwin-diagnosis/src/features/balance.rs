@@ -27,8 +27,14 @@ pub struct Balance;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Ram];
 
+/// Sensors with their weights: four pressures, or two rams and twice nothing.
+type Four = [(usize, f64); 4];
+
+/// How many of the four count in sum, fight and gap.
+const COUNTS: [usize; 3] = [4, 4, 2];
+
 /// Sum, fight and gap, where both actuators have the sensors.
-fn combinations(sensors: &Sensors) -> Option<[Vec<(usize, f64)>; 3]> {
+fn combinations(sensors: &Sensors) -> Option<[Four; 3]> {
     let of = |unit| {
         let [a, b, ram] = NEEDED.map(|q| sensors.find(q, unit));
         Some((a?, b?, ram?))
@@ -36,9 +42,9 @@ fn combinations(sensors: &Sensors) -> Option<[Vec<(usize, f64)>; 3]> {
     let (a1, b1, x1) = of(0)?;
     let (a2, b2, x2) = of(1)?;
     Some([
-        vec![(a1, 1.0), (b1, -1.0), (a2, 1.0), (b2, -1.0)],
-        vec![(a1, 1.0), (b1, -1.0), (a2, -1.0), (b2, 1.0)],
-        vec![(x1, 1.0), (x2, -1.0)],
+        [(a1, 1.0), (b1, -1.0), (a2, 1.0), (b2, -1.0)],
+        [(a1, 1.0), (b1, -1.0), (a2, -1.0), (b2, 1.0)],
+        [(x1, 1.0), (x2, -1.0), (x1, 0.0), (x2, 0.0)],
     ])
 }
 
@@ -88,19 +94,20 @@ impl Family for Balance {
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-        let Some([sum, fight, gap]) = combinations(sensors) else {
+        let Some(all) = combinations(sensors) else {
             return;
         };
-        let means = [&sum, &fight, &gap].map(|c| mean(window, c));
-        let variances = [&sum, &fight, &gap].map(|c| covariance(window, c, c));
+        let [sum, fight, gap] = [0, 1, 2].map(|i| &all[i][..COUNTS[i]]);
+        let means = [sum, fight, gap].map(|c| mean(window, c));
+        let variances = [sum, fight, gap].map(|c| covariance(window, c, c));
         values.extend(means);
-        let noise = [&sum, &fight, &gap].map(|c| sensors.noise(c));
-        let errors = [&sum, &fight, &gap].map(|c| sensors.error_of_mean(window, c));
+        let noise = [sum, fight, gap].map(|c| sensors.noise(c));
+        let errors = [sum, fight, gap].map(|c| sensors.error_of_mean(window, c));
         values.extend([0, 1, 2].map(|i| log_deviation(variances[i], noise[i])));
         values.push(ratio(means[0], means[2], errors[2]));
         values.push(ratio(means[0], means[1], errors[1]));
         values.push(ratio(means[2], means[1], errors[1]));
-        let pairs = [(&sum, &fight, 0, 1), (&sum, &gap, 0, 2), (&fight, &gap, 1, 2)];
+        let pairs = [(sum, fight, 0, 1), (sum, gap, 0, 2), (fight, gap, 1, 2)];
         for (a, b, i, j) in pairs {
             let both = covariance(window, a, b);
             values.push(correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]));

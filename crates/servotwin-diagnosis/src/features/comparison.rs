@@ -13,10 +13,10 @@ use alloc::vec::Vec;
 pub struct Comparison;
 
 /// The sensors of the first two units that correspond.
-fn pairs(sensors: &Sensors) -> Vec<(&'static str, usize, usize)> {
+fn pairs(sensors: &Sensors) -> impl Iterator<Item = (&'static str, usize, usize)> + '_ {
     let known =
         Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface));
-    known.filter_map(|&(q, name)| Some((name, sensors.find(q, 0)?, sensors.find(q, 1)?))).collect()
+    known.filter_map(|&(q, name)| Some((name, sensors.find(q, 0)?, sensors.find(q, 1)?)))
 }
 
 impl Family for Comparison {

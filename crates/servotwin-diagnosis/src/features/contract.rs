@@ -11,7 +11,13 @@ fn two_actuators() -> Sensors {
             Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
             let name = format!("{name}_{}", unit + 1);
-            sensors.push(Sensor { name, quantity: *quantity, unit, noise: 0.002, is_noisy: true });
+            sensors.push(Sensor {
+                name,
+                quantity: *quantity,
+                unit: Some(unit),
+                noise: 0.002,
+                is_noisy: true,
+            });
         }
     }
     Sensors(sensors)
@@ -22,7 +28,7 @@ fn with_surface() -> Sensors {
     sensors.0.push(Sensor {
         name: "x_3".into(),
         quantity: Quantity::Surface,
-        unit: 0,
+        unit: None,
         noise: 0.002,
         is_noisy: true,
     });
@@ -111,7 +117,7 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
     let sensors = Sensors(alloc::vec![Sensor {
         name: "flow".into(),
         quantity: Quantity::Other,
-        unit: 0,
+        unit: Some(0),
         noise: 0.002,
         is_noisy: true
     }]);
@@ -132,4 +138,20 @@ fn exchanging_actuators_turns_comparisons_round() {
     for (a, b) in a.iter().zip(&b) {
         assert!((a + b).abs() < 1e-12, "{a} {b}");
     }
+}
+
+/// What a diagnosis relies on while it runs: room that was there is used, and the same numbers come.
+#[test]
+fn values_come_in_the_room_that_is_there() {
+    let sensors = with_surface();
+    let window = some_window(&sensors);
+    let expected = values(&sensors, &window);
+    let mut room = Vec::with_capacity(expected.len());
+    let start = room.as_ptr();
+    for _ in 0..2 {
+        values_into(&sensors, &window, &mut room);
+        assert_eq!(room, expected);
+    }
+    assert_eq!(start, room.as_ptr());
+    assert_eq!(features(&sensors).len(), expected.len());
 }

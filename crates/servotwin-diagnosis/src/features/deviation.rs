@@ -5,7 +5,6 @@
 use super::{Family, Feature, Sensors, log_deviation};
 use crate::residual::Window;
 use alloc::format;
-use alloc::vec;
 use alloc::vec::Vec;
 
 /// See the module.
@@ -30,14 +29,14 @@ impl Family for Deviation {
                         "log10 of the standard deviation of the residual of {}",
                         s.name
                     ),
-                    units: vec![s.unit],
+                    units: s.unit.into_iter().collect(),
                     teaches: true,
                 },
                 Feature {
                     name: format!("largest_{}", s.name),
                     unit: "of scale",
                     meaning: format!("largest size of the residual of {}", s.name),
-                    units: vec![s.unit],
+                    units: s.unit.into_iter().collect(),
                     teaches: false,
                 },
             ]

@@ -6,7 +6,6 @@
 use super::{Family, Feature, Noise, Sensors, correlation};
 use crate::residual::Window;
 use alloc::format;
-use alloc::vec;
 use alloc::vec::Vec;
 
 /// See the module.
@@ -30,7 +29,7 @@ impl Family for Gain {
                 name: format!("{kind}_{}", s.name),
                 unit,
                 meaning: format!("{meaning} {}", s.name),
-                units: vec![s.unit],
+                units: s.unit.into_iter().collect(),
                 teaches: true,
             };
             [

@@ -16,14 +16,19 @@ mod gain;
 mod moments;
 mod pressure;
 mod proportion;
+mod views;
 mod vote;
 
 use crate::residual::Window;
 use alloc::string::String;
 use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+pub use views::Views;
 
 /// What a sensor measures, where a family wants to know.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// Pressure of the chamber that extends the ram.
     PressureA,
@@ -64,8 +69,8 @@ pub struct Sensor {
     pub name: String,
     /// What it measures.
     pub quantity: Quantity,
-    /// Which of several like units it belongs to, from 0.
-    pub unit: usize,
+    /// Which of several like units it belongs to, from 0; `None` for a sensor of the whole.
+    pub unit: Option<usize>,
     /// Standard deviation that noise and quantisation give a sample, in parts of scale; zero
     /// where it is not known.
     pub noise: f64,
@@ -80,24 +85,23 @@ pub struct Sensors(pub Vec<Sensor>);
 impl Sensors {
     /// The first sensor of a quantity in a unit.
     pub fn find(&self, quantity: Quantity, unit: usize) -> Option<usize> {
-        self.0.iter().position(|s| s.quantity == quantity && s.unit == unit)
+        self.0.iter().position(|s| s.quantity == quantity && s.unit == Some(unit))
     }
 
     /// Number of units.
     pub fn units(&self) -> usize {
-        self.0.iter().map(|s| s.unit + 1).max().unwrap_or(0)
+        self.0.iter().filter_map(|s| s.unit).max().map_or(0, |last| last + 1)
     }
 
     /// The order of sensors with two units exchanged, for
     /// [`Window::reordered`]; `None` where their sensors do not correspond.
     pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
         let like = |sensor: &Sensor| {
-            let unit = match sensor.unit {
-                u if sensor.quantity == Quantity::Surface => u,
+            let unit = sensor.unit.map(|unit| match unit {
                 u if u == a => b,
                 u if u == b => a,
                 u => u,
-            };
+            });
             // The k-th sensor of a quantity corresponds to the k-th.
             let same = |s: &&Sensor| s.quantity == sensor.quantity && s.unit == sensor.unit;
             let rank = self.0.iter().filter(same).position(|s| core::ptr::eq(s, sensor))?;
@@ -109,9 +113,9 @@ impl Sensors {
     }
 
     /// Units that have a sensor of each of the quantities.
-    fn with(&self, quantities: &[Quantity]) -> Vec<usize> {
+    fn with<'s>(&'s self, quantities: &'s [Quantity]) -> impl Iterator<Item = usize> + 's {
         let complete = |&unit: &usize| quantities.iter().all(|&q| self.find(q, unit).is_some());
-        (0..self.units()).filter(complete).collect()
+        (0..self.units()).filter(complete)
     }
 }
 
@@ -139,7 +143,8 @@ pub trait Family: Sync {
     fn summary(&self) -> &'static str;
     /// The features for these sensors.
     fn features(&self, sensors: &Sensors) -> Vec<Feature>;
-    /// Their values, in the same order, appended to `values`.
+    /// Their values, in the same order, appended to `values`. Does not allocate where these have
+    /// room.
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>);
 }
 
@@ -163,10 +168,21 @@ pub fn find(name: &str) -> Option<&'static dyn Family> {
 /// The values of all features of a window, in the order of [`ALL`].
 pub fn values(sensors: &Sensors, window: &Window) -> Vec<f64> {
     let mut values = Vec::new();
-    for family in ALL {
-        family.compute(sensors, window, &mut values);
-    }
+    values_into(sensors, window, &mut values);
     values
+}
+
+/// As [`values`], in place of what was in `values`. Does not allocate where these have room.
+pub fn values_into(sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+    values.clear();
+    for family in ALL {
+        family.compute(sensors, window, values);
+    }
+}
+
+/// All features of the sensors, in the order of [`values`].
+pub fn features(sensors: &Sensors) -> Vec<Feature> {
+    ALL.iter().flat_map(|family| family.features(sensors)).collect()
 }
 
 /// Means and deviations below this part of scale are not told apart: the solver

@@ -4,7 +4,6 @@
 use super::{Family, Feature, Sensors};
 use crate::residual::Window;
 use alloc::format;
-use alloc::vec;
 use alloc::vec::Vec;
 
 /// See the module.
@@ -21,7 +20,7 @@ impl Family for Moments {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let of_sensor = |s: &super::Sensor| {
-            let units = vec![s.unit];
+            let units: Vec<usize> = s.unit.into_iter().collect();
             [
                 Feature {
                     name: format!("mean_{}", s.name),

@@ -18,19 +18,18 @@ use alloc::vec::Vec;
 pub struct Proportion;
 
 /// The sensors of each unit, two at a time.
-fn pairs(sensors: &Sensors) -> Vec<(usize, usize)> {
-    let mut pairs = Vec::new();
-    for unit in 0..sensors.units() {
-        let own = |sensor: &usize| {
+fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let own = move |unit: usize, from: usize| {
+        let is_own = move |sensor: &usize| {
             let s = &sensors.0[*sensor];
-            s.unit == unit && !matches!(s.quantity, Quantity::Surface | Quantity::Other)
+            s.unit == Some(unit) && !matches!(s.quantity, Quantity::Surface | Quantity::Other)
         };
-        let own: Vec<usize> = (0..sensors.0.len()).filter(own).collect();
-        for (place, &first) in own.iter().enumerate() {
-            pairs.extend(own[place + 1..].iter().map(|&second| (first, second)));
-        }
-    }
-    pairs
+        (from..sensors.0.len()).filter(is_own)
+    };
+    let of_unit = move |unit| {
+        own(unit, 0).flat_map(move |first| own(unit, first + 1).map(move |second| (first, second)))
+    };
+    (0..sensors.units()).flat_map(of_unit)
 }
 
 impl Family for Proportion {
@@ -49,11 +48,11 @@ impl Family for Proportion {
                 name: format!("rms_{}_over_{}", a.name, b.name),
                 unit: "log10",
                 meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
-                units: [a.unit].into(),
+                units: a.unit.into_iter().collect(),
                 teaches: true,
             }
         };
-        pairs(sensors).into_iter().map(feature).collect()
+        pairs(sensors).map(feature).collect()
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
@@ -62,6 +61,6 @@ impl Family for Proportion {
             let mean_square = mean * mean + window.covariance(sensor, sensor);
             log_deviation(mean_square, sensors.noise(&[(sensor, 1.0)]))
         };
-        values.extend(pairs(sensors).into_iter().map(|(a, b)| log_rms(a) - log_rms(b)));
+        values.extend(pairs(sensors).map(|(a, b)| log_rms(a) - log_rms(b)));
     }
 }

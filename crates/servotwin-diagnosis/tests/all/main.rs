@@ -4,8 +4,11 @@ mod boosted_trees;
 mod calibration;
 mod classifiers_contract;
 mod data;
+mod diagnoser;
 mod evaluation;
 mod missing;
 mod tables;
+#[path = "../toy/mod.rs"]
+mod toy;
 mod tree;
 mod val_sklearn;

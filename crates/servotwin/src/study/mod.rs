@@ -450,7 +450,13 @@ impl Reader<'_> {
                 position.ok_or_else(|| self.unknown("sensor in the system", &extra.id, ids()))?;
             measured.push(position);
             let (name, noise) = (list[position].label.clone(), self.noise(position));
-            seen.push(Sensor { name, quantity: Quantity::Surface, unit: 0, noise, is_noisy: true });
+            seen.push(Sensor {
+                name,
+                quantity: Quantity::Surface,
+                unit: None,
+                noise,
+                is_noisy: true,
+            });
         }
         Ok((measured, Sensors(seen)))
     }
@@ -463,7 +469,8 @@ impl Reader<'_> {
             found.ok_or_else(|| self.unknown("quantity", &text.quantity, words()))?;
         let known = text.unit <= self.text.units.len();
         self.range(format!("unit of {label}"), text.unit as f64, known, "0 … number of units")?;
-        let unit = text.unit.saturating_sub(1);
+        // A surface is moved by all units, whatever the file says.
+        let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
         let (name, noise) = (label.clone(), self.noise(position));
         Ok(Sensor { name, quantity: *quantity, unit, noise, is_noisy: true })
     }

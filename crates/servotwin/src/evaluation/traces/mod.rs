@@ -230,7 +230,8 @@ impl TraceStudy {
                 let words = Quantity::ALL.iter().map(|(_, word)| *word);
                 unknown("quantity", &sensor.quantity, words)
             })?;
-            let (name, unit) = (sensor.name.clone(), sensor.unit - 1);
+            let unit = Some(sensor.unit - 1).filter(|_| *quantity != Quantity::Surface);
+            let name = sensor.name.clone();
             Ok(Sensor { name, quantity: *quantity, unit, noise: 0.0, is_noisy: false })
         };
         Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, TraceError>>()?))

@@ -10,7 +10,11 @@
 //! the largest |r'| and the first excursion. Every feature is a function of
 //! these, so the same few lines serve the campaign and the flight code. The
 //! update is Welford's, extended to the matrix of co-moments: it does not lose
-//! digits when a mean is large against its deviation.
+//! digits when a mean is large against its deviation. Windows that follow each
+//! other merge into one ([`Window::absorb`]).
+
+mod disturbed;
+mod merge;
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,7 +29,7 @@ pub const DEVIATION_BAND: f64 = 0.01;
 ///
 /// Channels are numbered `0 .. n` for the residuals and `n .. 2n` for the twin's
 /// signals.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Window {
     sensors: usize,
     /// Excursions of the first so many sensors count.
@@ -37,9 +41,20 @@ pub struct Window {
     moments: Vec<f64>,
     largest: Vec<f64>,
     first_excursion: Option<u64>,
-    /// The sample being added, as deviations from the mean before it; filled up
-    /// with zeros like a row of the co-moments.
+    /// Scratch: the sample being added, as deviations from the mean before it; filled
+    /// up with zeros like a row of the co-moments.
     deviation: Vec<f64>,
+}
+
+/// Equal statistics; what the scratch holds means nothing.
+impl PartialEq for Window {
+    fn eq(&self, other: &Self) -> bool {
+        let shape = |w: &Self| (w.sensors, w.watched, w.count, w.first_excursion);
+        shape(self) == shape(other)
+            && self.mean == other.mean
+            && self.moments == other.moments
+            && self.largest == other.largest
+    }
 }
 
 /// Columns of co-moments that are updated at once.
@@ -190,9 +205,20 @@ impl Window {
     /// of the result is sensor `order[i]` of this one. Exchanging the actuators
     /// gives the mirror image of a variant.
     pub fn reordered(&self, order: &[usize]) -> Self {
+        let mut result = Self::watching(self.sensors, self.watched);
+        self.reorder_into(order, &mut result);
+        result
+    }
+
+    /// As [`Window::reordered`], into a window of as many sensors. Does not allocate.
+    ///
+    /// # Panics
+    /// If `result` has another number of sensors.
+    pub fn reorder_into(&self, order: &[usize], result: &mut Self) {
         let n = self.sensors;
+        assert!(result.sensors == n && order.len() == n);
         let channel = |i: usize| if i < n { order[i] } else { n + order[i - n] };
-        let mut result = Self::watching(n, self.watched);
+        result.watched = self.watched;
         result.count = self.count;
         result.first_excursion = self.first_excursion;
         for i in 0..2 * n {
@@ -204,84 +230,6 @@ impl Window {
         for (largest, &sensor) in result.largest.iter_mut().zip(order) {
             *largest = self.largest[sensor];
         }
-        result
-    }
-
-    /// The window as it might have been: every statistic moved within the uncertainty that the
-    /// samples' own errors give it. `noise` is the standard deviation of a sample of each sensor, in
-    /// parts of scale, independent from sample to sample; `lasting` that of an error that stays the
-    /// same (a solver's). `normal` draws deviates of mean 0 and variance 1.
-    ///
-    /// ```text
-    /// s_j² = noise_j²/N + lasting²
-    /// m_j  → m_j + s_j z
-    /// C_ij → C_ij + g_j,i + g_i,j + noise_i noise_j z √((1 + δ_ij)/N),   g_j = s_j L z,   L Lᵀ = C
-    /// ```
-    ///
-    /// with C the covariances of all residuals and twin signals: g_j is the covariance that an error of
-    /// sensor j happens to have with each of them.
-    pub fn disturbed(&self, noise: &[f64], lasting: f64, normal: &mut impl FnMut() -> f64) -> Self {
-        let (n, channels) = (self.sensors, 2 * self.sensors);
-        let count = (self.count as f64).max(1.0);
-        let mut result = self.clone();
-        let factor = self.cholesky();
-        let mut deviates = vec![0.0; channels];
-        for (j, &noise_j) in noise.iter().enumerate().take(n) {
-            let error = libm::sqrt(noise_j * noise_j / count + lasting * lasting);
-            result.mean[j] += error * normal();
-            deviates.iter_mut().for_each(|deviate| *deviate = normal());
-            for i in 0..channels {
-                let row = &factor[i * channels..=i * channels + i];
-                let happens: f64 = row.iter().zip(&deviates).map(|(a, b)| a * b).sum();
-                let twice = if i == j { 2.0 } else { 1.0 };
-                result.moments[place(i, j)] += twice * error * happens * count;
-            }
-            for (i, &noise_i) in noise.iter().enumerate().take(j + 1) {
-                let variance = if i == j { 2.0 } else { 1.0 } / count;
-                let product = noise_i * noise_j * libm::sqrt(variance) * normal();
-                result.moments[place(i, j)] += product * count;
-            }
-            result.largest[j] = self.moved_largest(j, noise_j, normal());
-        }
-        for i in 0..n {
-            let own = &mut result.moments[place(i, i)];
-            *own = own.max(0.0);
-        }
-        result
-    }
-
-    /// The largest size moves by the error of one sample where a signal makes it, and by a third of
-    /// that where it is the largest of many samples of noise.
-    fn moved_largest(&self, sensor: usize, noise: f64, normal: f64) -> f64 {
-        const OF_NOISE_ONLY: f64 = 0.3;
-        let variance = self.covariance(sensor, sensor).max(noise * noise);
-        let share = if variance > 0.0 { noise * noise / variance } else { 0.0 };
-        let moved = noise * (1.0 - (1.0 - OF_NOISE_ONLY) * share) * normal;
-        (self.largest[sensor] + moved).max(0.0)
-    }
-
-    /// The lower factor of the covariances of all channels, row by row. A channel that follows
-    /// from others has a zero on the diagonal.
-    fn cholesky(&self) -> Vec<f64> {
-        const NOTHING: f64 = 1e-12;
-        let channels = 2 * self.sensors;
-        let mut factor = vec![0.0; channels * channels];
-        for i in 0..channels {
-            for j in 0..=i {
-                let (row_i, row_j) = (i * channels, j * channels);
-                let known: f64 = (0..j).map(|k| factor[row_i + k] * factor[row_j + k]).sum();
-                let rest = self.covariance_of(i, j) - known;
-                factor[row_i + j] = if i == j {
-                    let least = NOTHING * self.covariance_of(i, i);
-                    if rest > least { libm::sqrt(rest) } else { 0.0 }
-                } else if factor[row_j + j] > 0.0 {
-                    rest / factor[row_j + j]
-                } else {
-                    0.0
-                };
-            }
-        }
-        factor
     }
 
     /// The statistics as a flat list, to be stored: number of samples, first excursion (−1 for
@@ -296,23 +244,33 @@ impl Window {
     /// The window of a stored list; `None` if its length does not fit so many sensors.
     pub fn from_values(sensors: usize, watched: usize, values: &[f64]) -> Option<Self> {
         let mut window = Self::watching(sensors, watched);
-        let [count, first, rest @ ..] = values else { return None };
-        let (largest, rest) = rest.split_at_checked(sensors)?;
-        let (mean, moments) = rest.split_at_checked(2 * sensors)?;
-        if moments.len() != window.moments.len() {
-            return None;
-        }
-        window.count = *count as u64;
-        window.first_excursion = (*first >= 0.0).then_some(*first as u64);
-        window.largest = largest.to_vec();
-        window.mean = mean.to_vec();
-        window.moments = moments.to_vec();
-        Some(window)
+        window.set_values(values).then_some(window)
     }
 
-    /// Forgets all samples.
+    /// Takes over the statistics of a stored list; `false`, and nothing changes, if its length
+    /// does not fit. Does not allocate.
+    pub fn set_values(&mut self, values: &[f64]) -> bool {
+        let [count, first, rest @ ..] = values else { return false };
+        if rest.len() != self.largest.len() + self.mean.len() + self.moments.len() {
+            return false;
+        }
+        let (largest, rest) = rest.split_at(self.largest.len());
+        let (mean, moments) = rest.split_at(self.mean.len());
+        self.count = *count as u64;
+        self.first_excursion = (*first >= 0.0).then_some(*first as u64);
+        self.largest.copy_from_slice(largest);
+        self.mean.copy_from_slice(mean);
+        self.moments.copy_from_slice(moments);
+        true
+    }
+
+    /// Forgets all samples. Does not allocate.
     pub fn clear(&mut self) {
-        *self = Self::watching(self.sensors, self.watched);
+        self.count = 0;
+        self.first_excursion = None;
+        for list in [&mut self.mean, &mut self.moments, &mut self.largest] {
+            list.fill(0.0);
+        }
     }
 }
 
@@ -356,56 +314,6 @@ mod tests {
         window.add(&[0.04], &[0.0], &[1.0]);
         assert!(!window.no_deviation(0));
         assert!(window.deviates());
-    }
-
-    /// A deviate of mean 0 and variance 1 from twelve even ones.
-    fn normal(random: &mut crate::random::Random) -> f64 {
-        (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
-    }
-
-    #[test]
-    fn a_disturbed_window_varies_as_windows_of_other_noise_do() {
-        let noise = [0.02, 0.05];
-        let signal = |k: u32| {
-            let t = f64::from(k) * 0.07;
-            ([libm::sin(t), 0.3 * libm::sin(t + 0.5)], [libm::sin(1.3 * t), libm::cos(t)])
-        };
-        let mut random = crate::random::Random::new(1);
-        let window = |random: &mut crate::random::Random| {
-            let mut window = Window::new(2);
-            for k in 0..300 {
-                let (residual, twin) = signal(k);
-                let measured = [0, 1].map(|i| twin[i] + residual[i] + noise[i] * normal(random));
-                window.add(&measured, &twin, &[1.0, 1.0]);
-            }
-            window
-        };
-        let numbers = |w: &Window| {
-            [
-                w.mean(0),
-                w.covariance(0, 0),
-                w.covariance(0, 1),
-                w.covariance(1, 1),
-                w.cross_covariance(1, 0),
-                w.covariance(0, 0) + w.covariance(1, 1) - 2.0 * w.covariance(0, 1),
-            ]
-        };
-        let drawn: Vec<_> = (0..2000).map(|_| numbers(&window(&mut random))).collect();
-        let one = window(&mut random);
-        let mut source = crate::random::Random::new(2);
-        let moved: Vec<_> = (0..2000)
-            .map(|_| numbers(&one.disturbed(&noise, 0.0, &mut || normal(&mut source))))
-            .collect();
-        let deviation = |list: &[[f64; 6]], i: usize| {
-            let mean = list.iter().map(|v| v[i]).sum::<f64>() / list.len() as f64;
-            (list.iter().map(|v| (v[i] - mean) * (v[i] - mean)).sum::<f64>() / list.len() as f64)
-                .sqrt()
-        };
-        for i in 0..6 {
-            let ratio = deviation(&moved, i) / deviation(&drawn, i);
-            assert!((0.9..1.1).contains(&ratio), "number {i}: {ratio}");
-        }
-        assert_eq!(one.disturbed(&[0.0; 2], 0.0, &mut || 1.0).to_values(), one.to_values());
     }
 
     #[test]

@@ -1,0 +1,257 @@
+//! Which command is raised, which actuators are off, and what may never be raised any more.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::decision::{Hypotheses, Settings};
+use super::outcome::Raised;
+use crate::hierarchy::Names;
+
+/// The alarm of a session, and what it must remember.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Memory {
+    pub raised: Option<Raised>,
+    /// Since which sample there is no evidence for it any more.
+    recovering_since: Option<u64>,
+    /// Actuators that were switched off.
+    pub is_off: Vec<bool>,
+    /// Actuators for which it was ever raised that they be switched off, until they are released.
+    was_claimed_off: Vec<bool>,
+    /// Actuators that are on and not judged.
+    pub is_inhibited: Vec<bool>,
+}
+
+/// The rules of raising.
+#[derive(Debug, Clone)]
+pub(super) struct Rules {
+    hypotheses: Hypotheses,
+    switches_off: Vec<bool>,
+    least_on: usize,
+    recover_samples: u64,
+}
+
+impl Rules {
+    pub fn new(settings: &Settings, names: &Names, period_s: f64) -> Self {
+        let switches_off = names.commands.iter().map(|c| settings.off_commands.contains(c));
+        Rules {
+            hypotheses: Hypotheses::of(names),
+            switches_off: switches_off.collect(),
+            least_on: settings.least_on as usize,
+            recover_samples: libm::ceil(settings.recover_s / period_s) as u64,
+        }
+    }
+
+    fn switches_off(&self, command: u32) -> bool {
+        self.switches_off[command as usize]
+    }
+}
+
+impl Memory {
+    pub fn new(units: usize) -> Self {
+        Memory {
+            raised: None,
+            recovering_since: None,
+            is_off: vec![false; units],
+            was_claimed_off: vec![false; units],
+            is_inhibited: vec![false; units],
+        }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.drop_raised();
+        for list in [&mut self.is_off, &mut self.was_claimed_off, &mut self.is_inhibited] {
+            list.fill(false);
+        }
+    }
+
+    /// Whether a stored memory fits the names.
+    pub fn fits(&self, rules: &Rules) -> bool {
+        let Hypotheses { actuators, commands } = rules.hypotheses;
+        let lists = [&self.is_off, &self.was_claimed_off, &self.is_inhibited];
+        let known = |r: &Raised| (r.unit as usize) < actuators && (r.command as usize) < commands;
+        lists.iter().all(|list| list.len() == actuators) && self.raised.as_ref().is_none_or(known)
+    }
+
+    /// Whether a hypothesis may be raised at all: its actuator is judged, and if it is to be switched
+    /// off, enough others are on and were never to be switched off.
+    pub fn allows(&self, rules: &Rules, hypothesis: usize) -> bool {
+        let Some((unit, command)) = rules.hypotheses.split(hypothesis) else { return false };
+        if self.is_masked(unit) {
+            return false;
+        }
+        let stays_on =
+            |other: &usize| *other != unit && !self.is_off[*other] && !self.was_claimed_off[*other];
+        let others = (0..self.is_off.len()).filter(stays_on).count();
+        !rules.switches_off[command] || others >= rules.least_on
+    }
+
+    /// Whether what is raised stays whatever comes: it switches off.
+    pub fn is_latched(&self, rules: &Rules) -> bool {
+        self.raised.is_some_and(|raised| rules.switches_off(raised.command))
+    }
+
+    /// Whether there is no evidence for what is raised any more.
+    pub fn is_recovering(&self) -> bool {
+        self.recovering_since.is_some()
+    }
+
+    /// The hypothesis that is raised.
+    pub fn hypothesis(&self, rules: &Rules) -> Option<usize> {
+        self.raised.map(|r| rules.hypotheses.place(r.unit as usize, r.command as usize))
+    }
+
+    /// Raises a command that is allowed, or what is raised again; what is latched stays.
+    pub fn raise(&mut self, rules: &Rules, new: Raised) {
+        let same = |old: &Raised| (old.unit, old.command) == (new.unit, new.command);
+        let hypothesis = rules.hypotheses.place(new.unit as usize, new.command as usize);
+        if let Some(old) = self.raised.filter(same) {
+            self.raised =
+                Some(Raised { detail: new.detail.or(old.detail), sample: old.sample, ..new });
+        } else if !self.is_latched(rules) && self.allows(rules, hypothesis) {
+            self.raised = Some(new);
+            self.was_claimed_off[new.unit as usize] |= rules.switches_off(new.command);
+        }
+        self.recovering_since = None;
+    }
+
+    /// Says whether there is still evidence for what is raised; without any for long enough it is
+    /// over.
+    pub fn hold(&mut self, rules: &Rules, has_evidence: bool, sample: u64) {
+        if has_evidence || self.raised.is_none() || self.is_latched(rules) {
+            self.recovering_since = None;
+            return;
+        }
+        let since = *self.recovering_since.get_or_insert(sample);
+        if sample.saturating_sub(since) >= rules.recover_samples {
+            self.drop_raised();
+        }
+    }
+
+    fn drop_raised(&mut self) {
+        (self.raised, self.recovering_since) = (None, None);
+    }
+
+    /// Whether nothing is said of an actuator.
+    pub fn is_masked(&self, unit: usize) -> bool {
+        self.is_off[unit] || self.is_inhibited[unit]
+    }
+
+    /// An actuator is not judged from now on, or judged again.
+    pub fn inhibit(&mut self, unit: usize, is_inhibited: bool) {
+        self.is_inhibited[unit] = is_inhibited;
+        if is_inhibited {
+            self.drop_raised_of(unit);
+        }
+    }
+
+    /// An actuator was switched off.
+    pub fn switch_off(&mut self, unit: usize) {
+        (self.is_off[unit], self.was_claimed_off[unit]) = (true, true);
+        self.drop_raised_of(unit);
+    }
+
+    /// An actuator is on, and may be switched off again.
+    pub fn release(&mut self, unit: usize) {
+        (self.is_off[unit], self.was_claimed_off[unit]) = (false, false);
+        self.drop_raised_of(unit);
+    }
+
+    fn drop_raised_of(&mut self, unit: usize) {
+        if self.raised.is_some_and(|raised| raised.unit as usize == unit) {
+            self.drop_raised();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+    use alloc::format;
+
+    fn rules(actuators: usize) -> Rules {
+        let list = |count: usize| (0..count).map(|i| format!("{i}")).collect();
+        let names = Names {
+            features: vec![],
+            actuators: list(actuators),
+            commands: list(3),
+            details: list(2),
+        };
+        Rules::new(&Settings::usual(&names, &["0"]), &names, 0.01)
+    }
+
+    fn raised(unit: usize, command: usize, sample: u64) -> Raised {
+        let (unit, command) = (unit as u32, command as u32);
+        Raised { unit, command, detail: Some(1), sample, length: 0, confidence: 0.9 }
+    }
+
+    /// Anything is done in any order; only a release gives back what may be switched off.
+    #[test]
+    fn the_last_actuator_is_never_switched_off() {
+        for actuators in [1, 2, 3] {
+            let rules = rules(actuators);
+            for seed in 0..300 {
+                let mut random = Random::new(seed);
+                let mut memory = Memory::new(actuators);
+                let mut claimed = vec![false; actuators];
+                for sample in 0..400 {
+                    let unit = random.index(actuators);
+                    match random.index(8) {
+                        // Switched off by another hand, or released, now and then.
+                        0 if memory.raised.is_some_and(|r| r.command == 0) => {
+                            memory.switch_off(memory.raised.unwrap().unit as usize);
+                        }
+                        1 if random.unit() < 0.02 => {
+                            memory.release(unit);
+                            claimed[unit] = false;
+                        }
+                        2 => memory.hold(&rules, false, sample * 300),
+                        3 => memory.inhibit(unit, random.unit() < 0.5),
+                        _ => {
+                            let any = random.index(rules.hypotheses.count());
+                            if let Some((unit, command)) = rules.hypotheses.split(any) {
+                                memory.raise(&rules, raised(unit, command, sample));
+                            }
+                        }
+                    }
+                    if let Some(raised) = memory.raised.filter(|raised| raised.command == 0) {
+                        claimed[raised.unit as usize] = true;
+                    }
+                    assert!(claimed.contains(&false), "{actuators} actuators, seed {seed}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_recovers_is_over_after_its_time_but_not_what_switches_off() {
+        let rules = rules(2);
+        let mut memory = Memory::new(2);
+        memory.raise(&rules, raised(0, 1, 10));
+        memory.raise(&rules, Raised { detail: None, confidence: 0.8, ..raised(0, 1, 20) });
+        assert_eq!(memory.raised, Some(Raised { confidence: 0.8, ..raised(0, 1, 10) }));
+        memory.hold(&rules, false, 100);
+        assert!(memory.is_recovering());
+        memory.hold(&rules, true, 300);
+        memory.hold(&rules, false, 400);
+        memory.hold(&rules, false, 899);
+        assert!(memory.is_recovering() && memory.raised.is_some());
+        memory.hold(&rules, false, 900);
+        assert!(!memory.is_recovering() && memory.raised.is_none());
+        memory.raise(&rules, raised(1, 0, 1000));
+        for sample in 1000..10_000 {
+            memory.hold(&rules, false, sample);
+        }
+        assert!(memory.is_latched(&rules) && !memory.is_recovering());
+        memory.raise(&rules, raised(0, 0, 10_000));
+        assert_eq!(memory.raised.unwrap().unit, 1);
+        memory.switch_off(1);
+        assert!(memory.raised.is_none() && !memory.allows(&rules, 4) && !memory.allows(&rules, 1));
+        assert!(memory.allows(&rules, 2));
+        memory.release(1);
+        assert!(memory.allows(&rules, 1));
+    }
+}

@@ -1,0 +1,255 @@
+//! Whether what comes in from outside can be believed.
+//!
+//! The twin is driven by measured boundary values (supply, tank, temperature, command). A wrong one
+//! shows as residuals of everything that it drives, and no tree can tell. So it is looked at first:
+//! a value must be there, be a number, stay in its range, not stand still to the bit for longer than
+//! its sensor can, and not contradict another.
+
+use alloc::string::String;
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+
+/// One value that comes in from outside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// Its name.
+    pub name: String,
+    /// The least value allowed, in SI units.
+    pub least: f64,
+    /// The largest value allowed, in SI units.
+    pub largest: f64,
+    /// How long it may stay the same to the bit before it counts as frozen; `None` for ever.
+    pub frozen_after_s: Option<f64>,
+}
+
+/// Two values that know of each other: `least ≤ of − minus ≤ largest`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Difference {
+    /// The name of one input.
+    pub of: String,
+    /// The name of the other.
+    pub minus: String,
+    /// The least difference allowed, in SI units.
+    pub least: f64,
+    /// The largest difference allowed, in SI units.
+    pub largest: f64,
+}
+
+/// What is expected of the values from outside.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Environment {
+    /// The values, in the order in which they come.
+    pub inputs: Vec<Input>,
+    /// What they say about each other.
+    pub differences: Vec<Difference>,
+}
+
+/// Why a value from outside is not believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Why {
+    /// There is none (NaN).
+    Missing,
+    /// It is infinite.
+    NotFinite,
+    /// It is outside its range.
+    OutOfRange,
+    /// It has been the same to the bit for too long.
+    Frozen,
+    /// It contradicts another one.
+    Contradicts,
+}
+
+/// A value from outside that is not believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Invalid {
+    /// Its place in [`Environment::inputs`].
+    pub input: u32,
+    /// Why.
+    pub why: Why,
+}
+
+impl Environment {
+    /// Checks that ranges and names make sense.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`].
+    pub fn check(&self) -> Result<(), Error> {
+        let holds = |holds, broken| {
+            if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+        };
+        let ordered = |low: f64, high: f64| low <= high && low.is_finite() && high.is_finite();
+        for input in &self.inputs {
+            holds(ordered(input.least, input.largest), "an input's range is empty or infinite")?;
+            let sound = input.frozen_after_s.is_none_or(|s| s > 0.0 && s.is_finite());
+            holds(sound, "an input freezes after a time that is not above zero")?;
+        }
+        for difference in &self.differences {
+            let range = ordered(difference.least, difference.largest);
+            holds(range, "a difference's range is empty or infinite")?;
+            let known =
+                self.place(&difference.of).is_some() && self.place(&difference.minus).is_some();
+            holds(known, "a difference is of an input that is not there")?;
+        }
+        Ok(())
+    }
+
+    fn place(&self, name: &str) -> Option<usize> {
+        self.inputs.iter().position(|input| input.name == name)
+    }
+}
+
+/// How long each value has been the same.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Memory {
+    /// The last value's bits: what a number is when it is stored must not matter.
+    last: Vec<u64>,
+    /// How often it came again.
+    repeats: Vec<u64>,
+}
+
+impl Memory {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.last.fill(f64::NAN.to_bits());
+        self.repeats.fill(0);
+    }
+}
+
+/// Looks at the values of each sample.
+#[derive(Debug, Clone)]
+pub(super) struct Guard {
+    /// After how many repeats each input is frozen.
+    frozen_after: Vec<Option<u64>>,
+    /// Places of the inputs of each difference.
+    pairs: Vec<(usize, usize)>,
+    pub memory: Memory,
+}
+
+impl Guard {
+    pub fn new(environment: &Environment, period_s: f64) -> Self {
+        let samples = |s: f64| (libm::round(s / period_s) as u64).max(1);
+        let frozen_after = |input: &Input| input.frozen_after_s.map(samples);
+        let pair = |d: &Difference| Some((environment.place(&d.of)?, environment.place(&d.minus)?));
+        let count = environment.inputs.len();
+        Guard {
+            frozen_after: environment.inputs.iter().map(frozen_after).collect(),
+            pairs: environment.differences.iter().filter_map(pair).collect(),
+            memory: Memory { last: vec![f64::NAN.to_bits(); count], repeats: vec![0; count] },
+        }
+    }
+
+    /// Whether a stored memory is of as many inputs.
+    pub fn fits(&self, memory: &Memory) -> bool {
+        let count = self.frozen_after.len();
+        memory.last.len() == count && memory.repeats.len() == count
+    }
+
+    /// The first value that is not to be believed, if any. A list that is too short has missing
+    /// values.
+    pub fn look(&mut self, environment: &Environment, inputs: &[f64]) -> Option<Invalid> {
+        let value = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
+        let mut first = None;
+        for (place, input) in environment.inputs.iter().enumerate() {
+            let is_frozen = self.is_frozen(place, value(place));
+            let why = why(input, value(place)).or(is_frozen.then_some(Why::Frozen));
+            first = first.or(why.map(|why| Invalid { input: place as u32, why }));
+        }
+        let contradiction = || {
+            let holds = |(d, &(of, minus)): (&Difference, &(usize, usize))| {
+                (d.least..=d.largest).contains(&(value(of) - value(minus)))
+            };
+            let mut broken =
+                environment.differences.iter().zip(&self.pairs).filter(|pair| !holds(*pair));
+            let (_, &(of, _)) = broken.next()?;
+            Some(Invalid { input: of as u32, why: Why::Contradicts })
+        };
+        first.or_else(contradiction)
+    }
+
+    fn is_frozen(&mut self, place: usize, value: f64) -> bool {
+        let Memory { last, repeats } = &mut self.memory;
+        let same = last[place] == value.to_bits();
+        repeats[place] = if same { repeats[place].saturating_add(1) } else { 0 };
+        last[place] = value.to_bits();
+        self.frozen_after[place].is_some_and(|limit| repeats[place] >= limit)
+    }
+}
+
+fn why(input: &Input, value: f64) -> Option<Why> {
+    if value.is_nan() {
+        Some(Why::Missing)
+    } else if value.is_infinite() {
+        Some(Why::NotFinite)
+    } else if (input.least..=input.largest).contains(&value) {
+        None
+    } else {
+        Some(Why::OutOfRange)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn environment() -> Environment {
+        let input = |name: &str, frozen_after_s| Input {
+            name: name.into(),
+            least: 0.0,
+            largest: 100.0,
+            frozen_after_s,
+        };
+        Environment {
+            inputs: vec![input("supply", Some(0.05)), input("tank", None)],
+            differences: vec![Difference {
+                of: "supply".into(),
+                minus: "tank".into(),
+                least: 10.0,
+                largest: 90.0,
+            }],
+        }
+    }
+
+    #[test]
+    fn every_reason_is_found_and_named() {
+        let environment = environment();
+        environment.check().unwrap();
+        let look = |inputs: &[f64]| Guard::new(&environment, 0.01).look(&environment, inputs);
+        let invalid = |input, why| Some(Invalid { input, why });
+        assert_eq!(look(&[50.0, 5.0]), None);
+        assert_eq!(look(&[f64::NAN, 5.0]), invalid(0, Why::Missing));
+        assert_eq!(look(&[50.0]), invalid(1, Why::Missing));
+        assert_eq!(look(&[50.0, f64::NEG_INFINITY]), invalid(1, Why::NotFinite));
+        assert_eq!(look(&[50.0, -1.0]), invalid(1, Why::OutOfRange));
+        assert_eq!(look(&[14.0, 5.0]), invalid(0, Why::Contradicts));
+    }
+
+    #[test]
+    fn a_value_freezes_after_its_time_and_thaws_at_once() {
+        let environment = environment();
+        let mut guard = Guard::new(&environment, 0.01);
+        for k in 0..10 {
+            let expected = (k >= 5).then_some(Invalid { input: 0, why: Why::Frozen });
+            assert_eq!(guard.look(&environment, &[50.0, 5.0]), expected, "sample {k}");
+        }
+        assert_eq!(guard.look(&environment, &[50.1, 5.0]), None);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        let mut reversed = environment();
+        reversed.inputs[0].least = 200.0;
+        assert!(reversed.check().is_err());
+        let mut unknown = environment();
+        unknown.differences[0].minus = "air".into();
+        assert!(unknown.check().is_err());
+    }
+}

@@ -1,0 +1,116 @@
+//! What a window length learns from: windows of recordings whose fault is known.
+//!
+//! The same windows, features and views as a session's, so what was learnt is what will be asked.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::error::{Error, same_length};
+use crate::features::{Feature, Sensors, Views, features};
+use crate::hierarchy::{Examples, Label, Names};
+use crate::residual::Window;
+
+/// Windows of one length as rows of features, with their labels.
+#[derive(Debug, Clone)]
+pub struct Lessons {
+    features: Vec<Feature>,
+    views: Views,
+    /// Row-major, one table for each view.
+    rows: Vec<Vec<f64>>,
+    labels: Vec<Label>,
+    groups: Vec<u32>,
+    /// The largest size of each residual, in parts of scale, row by row.
+    largest: Vec<f64>,
+    sensors: usize,
+}
+
+impl Lessons {
+    /// No rows yet, of the features of these sensors that teach; seen from each of the actuators
+    /// where their sensors correspond.
+    ///
+    /// # Errors
+    /// As [`Views::new`].
+    pub fn new(sensors: Sensors, actuators: usize) -> Result<Self, Error> {
+        let mut features = features(&sensors);
+        features.retain(|feature| feature.teaches);
+        let names: Vec<&str> = features.iter().map(|feature| feature.name.as_str()).collect();
+        let is_alike = (1..actuators).all(|unit| sensors.exchanged(0, unit).is_some());
+        let (count, views) = (sensors.0.len(), if is_alike { actuators } else { 1 });
+        let views = Views::new(sensors, &names, views)?;
+        Ok(Lessons {
+            rows: vec![vec![]; views.rows().len()],
+            features,
+            views,
+            labels: vec![],
+            groups: vec![],
+            largest: vec![],
+            sensors: count,
+        })
+    }
+
+    /// Adds a window. `group` says what it was recorded with (a flight): windows of one group are
+    /// alike.
+    ///
+    /// # Errors
+    /// As [`Views::compute`].
+    pub fn take(&mut self, window: &Window, label: Label, group: u32) -> Result<(), Error> {
+        let rows = self.views.compute(window)?;
+        self.rows.iter_mut().zip(rows).for_each(|(all, row)| all.extend(row));
+        self.labels.push(label);
+        self.groups.push(group);
+        self.largest.extend((0..self.sensors).map(|sensor| window.largest(sensor)));
+        Ok(())
+    }
+
+    /// The features of a row.
+    pub fn features(&self) -> &[Feature] {
+        &self.features
+    }
+
+    /// The label of each row.
+    pub fn labels(&self) -> &[Label] {
+        &self.labels
+    }
+
+    /// What each row was recorded with.
+    pub fn groups(&self) -> &[u32] {
+        &self.groups
+    }
+
+    /// The largest size of each residual in a row, in parts of scale: what bands are learnt from.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn largest(&self, row: usize) -> &[f64] {
+        &self.largest[row * self.sensors..(row + 1) * self.sensors]
+    }
+
+    /// The rows as a hierarchy learns from them; of `names` the features are replaced by these. The
+    /// stages of an actuator read what looks at it alone, if there is anything.
+    ///
+    /// # Errors
+    /// As [`Examples::new`].
+    pub fn examples(&self, names: &Names) -> Result<Examples, Error> {
+        let names = Names {
+            features: self.features.iter().map(|feature| feature.name.clone()).collect(),
+            ..names.clone()
+        };
+        let read = (0..names.actuators.len()).map(|actuator| self.own(actuator)).collect();
+        let views = self.rows.iter().map(|rows| self.columns(rows));
+        Examples::new(names, read, views.collect::<Result<_, _>>()?, self.labels.clone())
+    }
+
+    fn own(&self, actuator: usize) -> Vec<usize> {
+        let all = 0..self.features.len();
+        let own: Vec<usize> =
+            all.clone().filter(|&column| self.features[column].units == [actuator]).collect();
+        if own.is_empty() { all.collect() } else { own }
+    }
+
+    fn columns(&self, rows: &[f64]) -> Result<Vec<f64>, Error> {
+        let width = self.features.len();
+        same_length("values", width * self.labels.len(), rows.len())?;
+        let column = |column: usize| rows.iter().skip(column).step_by(width.max(1)).copied();
+        Ok((0..width).flat_map(column).collect())
+    }
+}

@@ -1,0 +1,216 @@
+//! All that a diagnosis beside a running actuator needs, as one value, and the session that it runs in.
+//!
+//! ```text
+//! inputs   → environment   (believed?)
+//! measured → sliding       (windows of several lengths) → judge (bands, features, trees, committee)
+//! twin     ↗               → decision (the sequential test) → alarm → outcome
+//! ```
+//!
+//! A [`Diagnoser`] never changes; it is stored as JSON ([`FORMAT`]). A [`Session`] is the state beside
+//! it: it takes one sample after the other, in fixed memory, and can be stored and go on elsewhere to
+//! the bit. Many sessions share one diagnoser.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, require};
+use crate::features::{self, Quantity, Sensors};
+use crate::hierarchy::Names;
+use crate::panel::Panel;
+use crate::sliding::{Sliding, Span};
+
+mod alarm;
+pub mod decision;
+pub mod environment;
+mod judge;
+mod lessons;
+pub mod novelty;
+mod outcome;
+mod session;
+
+pub use environment::{Environment, Invalid, Why};
+pub use lessons::Lessons;
+pub use novelty::Novelty;
+pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
+pub use session::{Session, State};
+
+/// The word that a stored diagnoser begins with.
+pub const FORMAT: &str = "servotwin diagnoser 1";
+
+/// A sensor whose residual is watched.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// The name that features are built from.
+    pub name: String,
+    /// What it measures.
+    pub quantity: Quantity,
+    /// The actuator it belongs to, a place in the names; `None` for a sensor of the whole.
+    pub unit: Option<u32>,
+    /// What its residual is divided by, in the sensor's SI unit.
+    pub scale: f64,
+    /// Standard deviation that noise and quantisation give a sample, in parts of scale.
+    pub noise: f64,
+}
+
+/// What is known of windows of one length.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Length {
+    /// How long the windows are.
+    pub span: Span,
+    /// Bands of the first sensors (those that are watched, in the order of
+    /// [`Diagnoser::sensors`]), trees and committee.
+    pub panel: Panel,
+    /// What the classes looked like in training.
+    pub novelty: Novelty,
+}
+
+/// Sensors, windows, bands, features, trees and the decision: enough to diagnose with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Diagnoser {
+    /// [`FORMAT`].
+    pub format: String,
+    /// Time from sample to sample, in s.
+    pub period_s: f64,
+    /// The sensors, in the order in which their values come.
+    pub sensors: Vec<Sensor>,
+    /// What is expected of values from outside.
+    pub environment: Environment,
+    /// The window lengths, all with the same actuators, commands and details.
+    pub lengths: Vec<Length>,
+    /// When something is raised.
+    pub decision: decision::Settings,
+}
+
+impl Diagnoser {
+    /// The names that findings stand for.
+    ///
+    /// # Panics
+    /// Without any window length, which [`Diagnoser::check`] refuses.
+    pub fn names(&self) -> &Names {
+        &self.lengths[0].panel.trees.names
+    }
+
+    /// The sensors as features see them: real ones, with their noise.
+    pub fn sensors_seen(&self) -> Sensors {
+        let seen = |s: &Sensor| features::Sensor {
+            name: s.name.clone(),
+            quantity: s.quantity,
+            unit: s.unit.map(|unit| unit as usize),
+            noise: s.noise,
+            is_noisy: true,
+        };
+        Sensors(self.sensors.iter().map(seen).collect())
+    }
+
+    /// What residuals are divided by, sensor by sensor.
+    pub fn scales(&self) -> Vec<f64> {
+        self.sensors.iter().map(|sensor| sensor.scale).collect()
+    }
+
+    /// Number of sensors whose bands decide whether something is wrong: the first so many.
+    pub fn watched(&self) -> usize {
+        self.lengths.first().map_or(0, |length| length.panel.bands.len())
+    }
+
+    /// Windows of all lengths, without a sample.
+    ///
+    /// # Errors
+    /// As [`Sliding::new`].
+    pub fn sliding(&self) -> Result<Sliding, Error> {
+        let spans: Vec<Span> = self.lengths.iter().map(|length| length.span).collect();
+        Sliding::new(self.sensors.len(), self.watched(), &spans)
+    }
+
+    /// How many views of a row a length's novelty looks at.
+    fn views_of_novelty(&self, length: &Length) -> usize {
+        let is_alike = self.sensors_seen().exchanged(0, 1).is_some();
+        let learnt = !length.novelty.classes.is_empty();
+        if learnt && is_alike { self.names().actuators.len() } else { 1 }
+    }
+
+    /// A finding in words: `actuator_1 / shut_down / leak`.
+    pub fn describe(&self, finding: Finding) -> String {
+        let names = self.names();
+        let name = |list: &[String], place: u32| {
+            list.get(place as usize).map_or("?", String::as_str).into()
+        };
+        let unit = |place| name(&names.actuators, place);
+        let command = |place| name(&names.commands, place);
+        let words: Vec<String> = match finding {
+            Finding::Unjudged => alloc::vec!["not judged".into()],
+            Finding::Healthy => alloc::vec![crate::hierarchy::HEALTHY.into()],
+            Finding::Detected => alloc::vec!["detected, not isolated".into()],
+            Finding::Unknown => alloc::vec!["unknown".into()],
+            Finding::Actuator { unit: u } => alloc::vec![unit(u)],
+            Finding::Command { unit: u, command: c } => alloc::vec![unit(u), command(c)],
+            Finding::Detail { unit: u, command: c, detail } => {
+                alloc::vec![unit(u), command(c), name(&names.details, detail)]
+            }
+            Finding::EnvironmentInvalid { input, why } => {
+                let known = self.environment.inputs.get(input as usize);
+                let input = known.map_or("?", |input| input.name.as_str());
+                let why = match why {
+                    Why::Missing => "missing",
+                    Why::NotFinite => "not finite",
+                    Why::OutOfRange => "out of range",
+                    Why::Frozen => "frozen",
+                    Why::Contradicts => "contradicts another",
+                };
+                alloc::vec!["environment invalid".into(), input.into(), why.into()]
+            }
+        };
+        words.join(" / ")
+    }
+
+    /// Checks that the parts fit each other; for diagnosers that come from outside.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`], and what the parts say.
+    pub fn check(&self) -> Result<(), Error> {
+        holds(self.format == FORMAT, "the format is another one")?;
+        let period = self.period_s;
+        require((1e-6..=1e3).contains(&period), "period_s", period, "1e-6 to 1000 s")?;
+        holds(!self.lengths.is_empty(), "there is no window length")?;
+        self.environment.check()?;
+        self.lengths.iter().try_for_each(|length| self.check_length(length))?;
+        self.check_sensors()?;
+        self.decision.check(self.names())?;
+        self.sliding().map(drop)?;
+        self.lengths.iter().try_for_each(|length| judge::Judge::new(self, length).map(drop))
+    }
+
+    fn check_sensors(&self) -> Result<(), Error> {
+        let units = self.names().actuators.len();
+        for sensor in &self.sensors {
+            let (scale, noise) = (sensor.scale, sensor.noise);
+            require(scale > 0.0 && scale.is_finite(), "scale", scale, "above 0")?;
+            require((0.0..=1.0).contains(&noise), "noise", noise, "0 to 1 of scale")?;
+            let known = sensor.unit.is_none_or(|unit| (unit as usize) < units);
+            holds(known, "a sensor belongs to an actuator that is not there")?;
+        }
+        Ok(())
+    }
+
+    fn check_length(&self, length: &Length) -> Result<(), Error> {
+        let Length { panel, novelty, .. } = length;
+        panel.check()?;
+        let of =
+            |names: &Names| [&names.actuators, &names.commands, &names.details].map(Vec::clone);
+        let names = &panel.trees.names;
+        holds(of(names) == of(self.names()), "window lengths have other names")?;
+        holds(!names.commands.is_empty(), "there is no command")?;
+        holds(panel.bands.len() == self.watched(), "window lengths have other bands")?;
+        let fits = panel.bands.len() <= self.sensors.len();
+        let same = panel.bands.iter().zip(&self.sensors).all(|(b, s)| b.sensor == s.name);
+        holds(fits && same, "bands are not those of the first sensors")?;
+        novelty.check(names.commands.len(), names.features.len())
+    }
+}
+
+fn holds(holds: bool, broken: &'static str) -> Result<(), Error> {
+    if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+}

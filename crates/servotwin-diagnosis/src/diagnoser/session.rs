@@ -1,0 +1,637 @@
+//! A diagnosis that runs: one call for each sample.
+
+use alloc::string::String;
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::alarm::{self, Rules};
+use super::decision::{Evidence, Hypotheses, Limits};
+use super::environment::{self, Guard, Invalid, Why};
+use super::judge::{self, Judge};
+use super::outcome::{Alarm, Finding, Outcome, Raised};
+use super::{Diagnoser, Length};
+use crate::error::Error;
+use crate::hierarchy::Stage;
+use crate::random::Random;
+use crate::residual::Window;
+use crate::sliding::{self, Sliding};
+
+/// The word that a stored state begins with.
+const FORMAT: &str = "servotwin session 1";
+
+/// A residual or twin signal larger than this, in parts of scale, is no measurement.
+const PLAUSIBLE: f64 = 1e6;
+
+/// What a session remembers beside its windows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Memory {
+    /// Samples so far.
+    samples: u64,
+    /// Samples that will not be judged because the twin is settling.
+    settling: u64,
+    /// Samples in a row without usable measured values.
+    gap: u64,
+    /// Whether any window was judged since the windows were last empty.
+    has_judged: bool,
+    is_taken_out: Vec<bool>,
+    alarm: alarm::Memory,
+    /// Of each window length, here and below.
+    evidence: Vec<Evidence>,
+    /// Only in a stored state: at work the judges have it.
+    judged: Vec<judge::Memory>,
+    outcome: Outcome,
+}
+
+/// A stored session, to go on with elsewhere to the bit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    format: String,
+    memory: Memory,
+    environment: environment::Memory,
+    windows: sliding::Stored,
+}
+
+/// A diagnosis beside a running actuator.
+#[derive(Debug, Clone)]
+pub struct Session {
+    diagnoser: Arc<Diagnoser>,
+    scales: Vec<f64>,
+    rules: Rules,
+    hypotheses: Hypotheses,
+    judges: Vec<Judge>,
+    /// What it takes to raise something, for each length.
+    limits: Vec<Limits>,
+    guard: Guard,
+    sliding: Sliding,
+    memory: Memory,
+    /// The measured values with those of masked sensors replaced.
+    measured: Vec<f64>,
+    is_masked: Vec<bool>,
+}
+
+/// What became of a sample's values.
+enum Usable {
+    Yes,
+    Missing,
+    Wrong,
+}
+
+impl Session {
+    /// A session that has seen nothing. All memory that it needs is made here.
+    ///
+    /// # Errors
+    /// What [`Diagnoser::check`] says.
+    pub fn new(diagnoser: Arc<Diagnoser>) -> Result<Self, Error> {
+        diagnoser.check()?;
+        let names = diagnoser.names();
+        let (hypotheses, units) = (Hypotheses::of(names), names.actuators.len());
+        let judge = |length: &Length| Judge::new(&diagnoser, length);
+        let judges = diagnoser.lengths.iter().map(judge).collect::<Result<Vec<_>, _>>()?;
+        let memory = Memory {
+            samples: 0,
+            settling: 0,
+            gap: 0,
+            has_judged: false,
+            is_taken_out: vec![false; diagnoser.sensors.len()],
+            alarm: alarm::Memory::new(units),
+            evidence: vec![Evidence::new(hypotheses); judges.len()],
+            judged: Vec::new(),
+            outcome: Outcome::first(),
+        };
+        Ok(Session {
+            scales: diagnoser.scales(),
+            rules: Rules::new(&diagnoser.decision, names, diagnoser.period_s),
+            hypotheses,
+            judges,
+            limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
+            guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
+            sliding: diagnoser.sliding()?,
+            memory,
+            measured: vec![0.0; diagnoser.sensors.len()],
+            is_masked: vec![false; units],
+            diagnoser,
+        })
+    }
+
+    /// Takes one sample: values from outside, measured values (NaN: missing) and those of the twin,
+    /// in SI units and in the diagnoser's order. Does not allocate and never panics, whatever comes.
+    pub fn push(&mut self, inputs: &[f64], measured: &[f64], twin: &[f64]) -> &Outcome {
+        let sample = self.memory.samples;
+        self.memory.samples += 1;
+        self.memory.outcome.sample = sample;
+        let diagnoser = self.diagnoser.clone();
+        if let Some(invalid) = self.guard.look(&diagnoser.environment, inputs) {
+            self.distrust(invalid);
+        } else {
+            match self.usable(measured, twin) {
+                Usable::Yes => self.take(&diagnoser, twin),
+                Usable::Missing => self.lack(&diagnoser, Alarm::NoData),
+                Usable::Wrong => self.lack(&diagnoser, Alarm::Error),
+            }
+        }
+        &self.memory.outcome
+    }
+
+    /// What was said of the last sample.
+    pub fn outcome(&self) -> &Outcome {
+        &self.memory.outcome
+    }
+
+    /// The diagnoser.
+    pub fn diagnoser(&self) -> &Arc<Diagnoser> {
+        &self.diagnoser
+    }
+
+    /// The time from the first sample to the one of this number, in s.
+    pub fn time_s(&self, sample: u64) -> f64 {
+        sample as f64 * self.diagnoser.period_s
+    }
+
+    /// An actuator was switched off: nothing is said of it any more, and what else it takes to fly is
+    /// never to be switched off.
+    ///
+    /// # Errors
+    /// [`Error::IndexOutOfRange`], here and below.
+    pub fn switched_off(&mut self, unit: usize) -> Result<(), Error> {
+        self.check_unit(unit)?;
+        self.memory.alarm.switch_off(unit);
+        self.restart();
+        Ok(())
+    }
+
+    /// An actuator is on and judged, and may be switched off again: what was raised of it is
+    /// withdrawn.
+    ///
+    /// # Errors
+    /// See [`Session::switched_off`].
+    pub fn release(&mut self, unit: usize) -> Result<(), Error> {
+        self.check_unit(unit)?;
+        self.memory.alarm.release(unit);
+        self.restart();
+        Ok(())
+    }
+
+    /// Whether an actuator is on and not judged from now on, or judged again.
+    ///
+    /// # Errors
+    /// See [`Session::switched_off`].
+    pub fn inhibit(&mut self, unit: usize, is_inhibited: bool) -> Result<(), Error> {
+        self.check_unit(unit)?;
+        self.memory.alarm.inhibit(unit, is_inhibited);
+        self.restart();
+        Ok(())
+    }
+
+    /// A sensor was taken out of the loop, or put back: its residual is not judged, and its value may
+    /// be missing.
+    ///
+    /// # Errors
+    /// See [`Session::switched_off`].
+    pub fn take_out(&mut self, sensor: usize, is_out: bool) -> Result<(), Error> {
+        let length = self.scales.len();
+        let unknown = Error::IndexOutOfRange { what: "sensor", index: sensor, length };
+        *self.memory.is_taken_out.get_mut(sensor).ok_or(unknown)? = is_out;
+        self.restart();
+        Ok(())
+    }
+
+    /// Whether an actuator was switched off.
+    pub fn is_off(&self, unit: usize) -> bool {
+        self.memory.alarm.is_off.get(unit).copied().unwrap_or(false)
+    }
+
+    /// The window of a length as it was judged last.
+    ///
+    /// # Panics
+    /// If there is no such length; here and below.
+    pub fn window(&self, length: usize) -> &Window {
+        self.sliding.window(length)
+    }
+
+    /// Whether a length's window is full, and so judged.
+    pub fn is_full(&self, length: usize) -> bool {
+        self.sliding.is_full(length)
+    }
+
+    /// Whether the last sample brought a new window of a length.
+    pub fn has_new_window(&self, length: usize) -> bool {
+        self.sliding.has_ended(length)
+    }
+
+    /// The rows of features of a length's last window that left its bands, one for each view.
+    pub fn features(&self, length: usize) -> &[Vec<f64>] {
+        self.judges[length].rows()
+    }
+
+    /// The probability of each hypothesis by a length's committee in its last window: nothing wrong,
+    /// then the commands actuator by actuator. All zero before the first.
+    pub fn probability(&self, length: usize, unit_and_command: Option<(usize, usize)>) -> f64 {
+        let place = unit_and_command.map_or(0, |(u, c)| self.hypotheses.place(u, c));
+        self.judges[length].probability(place)
+    }
+
+    /// The least evidence of a length for a command of an actuator against every other explanation,
+    /// in parts of what it takes to raise it.
+    pub fn evidence(&self, length: usize, unit: usize, command: usize) -> f64 {
+        let claim = self.hypotheses.place(unit, command);
+        self.memory.evidence[length].margin(claim, &self.limits[length])
+    }
+
+    /// The evidence of a length that anything is wrong, in parts of what it takes to say so.
+    pub fn evidence_of_change(&self, length: usize) -> f64 {
+        self.memory.evidence[length].of_change(&self.limits[length])
+    }
+
+    /// The stages that a length's trees went through for the last window that left its bands, each
+    /// with the nodes from its root to the leaf. Allocates; for those who ask.
+    ///
+    /// # Errors
+    /// As [`crate::hierarchy::Hierarchy::explain`].
+    pub fn explain(&self, length: usize) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
+        self.diagnoser.lengths[length].panel.trees.explain(self.judges[length].rows())
+    }
+
+    /// Forgets everything, actuators that are off included. Does not allocate.
+    pub fn reset(&mut self) {
+        self.memory.alarm.clear();
+        self.memory.is_taken_out.fill(false);
+        self.clear_windows();
+        self.guard.memory.clear();
+        (self.memory.samples, self.memory.settling, self.memory.gap) = (0, 0, 0);
+        self.memory.outcome = Outcome::first();
+    }
+
+    /// Everything that is remembered, to be stored.
+    pub fn save(&self) -> State {
+        let judged = self.judges.iter().map(|judge| judge.memory.clone()).collect();
+        State {
+            format: FORMAT.into(),
+            memory: Memory { judged, ..self.memory.clone() },
+            environment: self.guard.memory.clone(),
+            windows: self.sliding.store(),
+        }
+    }
+
+    /// Takes over what a session of the same diagnoser stored; what follows is the same to the bit.
+    /// Features and path of the last windows can be asked for again where new ones have come.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`] or [`Error::LengthMismatch`] for a state of another diagnoser; then
+    /// the session is reset.
+    pub fn restore(&mut self, state: &State) -> Result<(), Error> {
+        let restored = self.try_restore(state);
+        if restored.is_err() {
+            self.reset();
+        }
+        restored
+    }
+
+    fn try_restore(&mut self, state: &State) -> Result<(), Error> {
+        let State { format, memory, environment, windows } = state;
+        let fits = format == FORMAT
+            && memory.evidence.len() == self.judges.len()
+            && memory.evidence.iter().all(|evidence| evidence.fits(self.hypotheses))
+            && memory.judged.len() == self.judges.len()
+            && memory.judged.iter().zip(&self.judges).all(|(judged, judge)| judge.fits(judged))
+            && memory.is_taken_out.len() == self.scales.len()
+            && memory.alarm.fits(&self.rules)
+            && self.guard.fits(environment);
+        if !fits {
+            return Err(Error::CorruptModel { broken: "the state is another diagnoser's" });
+        }
+        self.sliding.restore(windows)?;
+        self.memory = memory.clone();
+        self.guard.memory = environment.clone();
+        for (judge, judged) in self.judges.iter_mut().zip(core::mem::take(&mut self.memory.judged))
+        {
+            judge.memory = judged;
+        }
+        Ok(())
+    }
+
+    fn check_unit(&self, index: usize) -> Result<(), Error> {
+        let length = self.is_masked.len();
+        let known = index < length;
+        if known { Ok(()) } else { Err(Error::IndexOutOfRange { what: "actuator", index, length }) }
+    }
+
+    /// Begins anew with a twin that must settle first. What is raised stays.
+    fn restart(&mut self) {
+        self.clear_windows();
+        let settle_s = self.diagnoser.decision.settle_s;
+        self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
+        let raised = self.memory.alarm.raised;
+        self.memory.outcome.raised = raised;
+        let alarm = if raised.is_some() { Alarm::Raised } else { Alarm::Normal };
+        self.say(Finding::Unjudged, alarm);
+    }
+
+    fn clear_windows(&mut self) {
+        self.sliding.clear();
+        self.memory.evidence.iter_mut().for_each(Evidence::clear);
+        self.judges.iter_mut().for_each(Judge::forget);
+        self.memory.has_judged = false;
+    }
+
+    /// A value from outside is not believed: what the twin said since it went wrong means nothing.
+    fn distrust(&mut self, Invalid { input, why }: Invalid) {
+        self.memory.outcome.counts.environment += 1;
+        let finding = Finding::EnvironmentInvalid { input, why };
+        if self.memory.outcome.finding != finding || self.memory.has_judged {
+            self.restart();
+        }
+        let settle_s = self.diagnoser.decision.settle_s;
+        self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
+        self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
+    }
+
+    /// Checks the values and copies them, with those of masked sensors replaced by what a healthy
+    /// sensor would show: the twin's and noise.
+    fn usable(&mut self, measured: &[f64], twin: &[f64]) -> Usable {
+        let sensors = &self.diagnoser.sensors;
+        if measured.len() != sensors.len() || twin.len() != sensors.len() {
+            return Usable::Wrong;
+        }
+        let mut usable = Usable::Yes;
+        for (place, sensor) in sensors.iter().enumerate() {
+            let expected = twin[place];
+            let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
+            let masked = self.memory.is_taken_out[place] || {
+                let of_unit = |unit: u32| self.memory.alarm.is_masked(unit as usize);
+                sensor.unit.is_some_and(of_unit)
+            };
+            let value = if masked {
+                let mut random = Random::stream(place as u64, self.memory.samples);
+                expected + sensor.scale * sensor.noise * normal(&mut random)
+            } else {
+                measured[place]
+            };
+            let residual = (value - expected) / sensor.scale;
+            usable = match usable {
+                _ if !is_sound => Usable::Wrong,
+                Usable::Yes if value.is_nan() => Usable::Missing,
+                Usable::Yes if residual.abs() > PLAUSIBLE => Usable::Wrong,
+                same => same,
+            };
+            self.measured[place] = value;
+        }
+        usable
+    }
+
+    /// A sample without usable values. A few are only counted; more, and the windows begin anew.
+    fn lack(&mut self, diagnoser: &Diagnoser, alarm: Alarm) {
+        let counts = &mut self.memory.outcome.counts;
+        match alarm {
+            Alarm::NoData => counts.missing += 1,
+            _ => counts.errors += 1,
+        }
+        self.memory.gap += 1;
+        let limit = libm::ceil(diagnoser.decision.no_data_after_s / diagnoser.period_s) as u64;
+        if self.memory.gap < limit.max(1) {
+            return;
+        }
+        if self.memory.has_judged || self.memory.gap == limit.max(1) {
+            self.clear_windows();
+        }
+        self.say(Finding::Unjudged, alarm);
+    }
+
+    /// A sample that can be judged.
+    fn take(&mut self, diagnoser: &Diagnoser, twin: &[f64]) {
+        self.memory.gap = 0;
+        let is_lacking = matches!(self.memory.outcome.alarm, Alarm::NoData | Alarm::Error);
+        if self.memory.settling > 0 {
+            self.memory.settling -= 1;
+            self.memory.outcome.counts.settling += 1;
+            self.say(Finding::Unjudged, self.own_alarm(false));
+            return;
+        }
+        let has_new = self.sliding.add(&self.measured, twin, &self.scales);
+        if has_new && self.judge(diagnoser).is_err() {
+            self.memory.outcome.counts.errors += 1;
+            self.say(Finding::Unjudged, Alarm::Error);
+        } else if has_new && self.memory.has_judged {
+            self.decide(diagnoser);
+        } else if is_lacking || !self.memory.has_judged {
+            self.say(Finding::Unjudged, self.own_alarm(false));
+        }
+    }
+
+    /// Judges every length's new window, if it is full.
+    fn judge(&mut self, diagnoser: &Diagnoser) -> Result<(), Error> {
+        let alarm = &self.memory.alarm;
+        for (unit, is_masked) in self.is_masked.iter_mut().enumerate() {
+            *is_masked = alarm.is_masked(unit);
+        }
+        for (place, judge) in self.judges.iter_mut().enumerate() {
+            if !self.sliding.has_ended(place) || !self.sliding.is_full(place) {
+                continue;
+            }
+            let window = self.sliding.window(place);
+            let share = self.sliding.share_of_newest(place);
+            let said = judge.judge(&diagnoser.lengths[place], window, &self.is_masked)?;
+            let evidence = &mut self.memory.evidence[place];
+            evidence.take(said, share, &diagnoser.decision, &self.limits[place]);
+            self.memory.has_judged = true;
+        }
+        Ok(())
+    }
+
+    /// Raises, holds or drops a command, and says what was found.
+    fn decide(&mut self, diagnoser: &Diagnoser) {
+        let sample = self.memory.outcome.sample;
+        let candidate = self.candidate(diagnoser);
+        if let Some((length, claim)) = candidate {
+            let raised = self.raised(length, claim, diagnoser.decision.least_detail_confidence);
+            self.memory.alarm.raise(&self.rules, raised);
+        } else {
+            let share = diagnoser.decision.pending_share;
+            let has_evidence = self.memory.alarm.hypothesis(&self.rules).is_some_and(|claim| {
+                let forgets = |length: &usize| diagnoser.lengths[*length].span.panes.is_some();
+                self.lengths().filter(forgets).any(|length| self.margin(length, claim) >= share)
+            });
+            self.memory.alarm.hold(&self.rules, has_evidence, sample);
+        }
+        let found = self.found();
+        let is_pending = self.lengths().any(|length| {
+            let evidence = &self.memory.evidence[length];
+            let limits = &self.limits[length];
+            let most = evidence.of_change(limits).max(evidence.of_unknown(limits));
+            most >= diagnoser.decision.pending_share
+        });
+        self.tell(found, is_pending);
+    }
+
+    fn raised(&self, length: usize, claim: usize, least_detail_confidence: f64) -> Raised {
+        let (unit, command) = self.hypotheses.split(claim).unwrap_or_default();
+        Raised {
+            unit: unit as u32,
+            command: command as u32,
+            detail: self.judges[length].detail(least_detail_confidence),
+            sample: self.memory.outcome.sample,
+            length: length as u32,
+            confidence: self.judges[length].probability(claim),
+        }
+    }
+
+    fn lengths(&self) -> core::ops::Range<usize> {
+        0..self.judges.len()
+    }
+
+    fn margin(&self, length: usize, claim: usize) -> f64 {
+        self.memory.evidence[length].margin(claim, &self.limits[length])
+    }
+
+    /// The hypothesis that a new window raises, and its length: of several the longest, then the
+    /// surest.
+    fn candidate(&self, diagnoser: &Diagnoser) -> Option<(usize, usize)> {
+        let mut best: Option<(u64, f64, usize, usize)> = None;
+        for length in self.lengths().filter(|&length| self.sliding.has_ended(length)) {
+            for claim in 1..self.hypotheses.count() {
+                let margin = self.margin(length, claim);
+                if margin < 1.0 || !self.may_raise(diagnoser, length, claim) {
+                    continue;
+                }
+                let samples = self.sliding.window(length).count();
+                let is_better = best.is_none_or(|(s, m, _, _)| (samples, margin) > (s, m));
+                if is_better {
+                    best = Some((samples, margin, length, claim));
+                }
+            }
+        }
+        best.map(|(_, _, length, claim)| (length, claim))
+    }
+
+    fn may_raise(&self, diagnoser: &Diagnoser, length: usize, claim: usize) -> bool {
+        let evidence = &self.memory.evidence[length];
+        let judge = &self.judges[length];
+        let least = diagnoser.lengths[length].panel.least_confidence;
+        self.memory.alarm.allows(&self.rules, claim)
+            && judge.agrees_on(claim, least)
+            && evidence.of_unknown(&self.limits[length]) < 1.0
+            && !self.is_contradicted(length, claim)
+    }
+
+    /// Whether another length is as sure of another actuator, or a longer one of another command.
+    fn is_contradicted(&self, length: usize, claim: usize) -> bool {
+        let own = self.hypotheses.split(claim).map(|(actuator, _)| actuator);
+        let samples = |length: usize| self.sliding.window(length).count();
+        let contradicts = |other: usize, hypothesis: usize| {
+            let elsewhere = self.hypotheses.split(hypothesis).map(|(actuator, _)| actuator) != own;
+            (elsewhere || samples(other) > samples(length)) && self.margin(other, hypothesis) >= 1.0
+        };
+        let others = self.lengths().filter(|&other| other != length);
+        let mut pairs = others.flat_map(|other| {
+            (1..self.hypotheses.count()).map(move |hypothesis| (other, hypothesis))
+        });
+        pairs.any(|(other, hypothesis)| hypothesis != claim && contradicts(other, hypothesis))
+    }
+
+    /// What was found, and the length that found it.
+    fn found(&self) -> (Finding, usize) {
+        if let Some(raised) = self.memory.alarm.raised {
+            let (unit, command) = (raised.unit, raised.command);
+            let finding = match raised.detail {
+                Some(detail) => Finding::Detail { unit, command, detail },
+                None => Finding::Command { unit, command },
+            };
+            return (finding, raised.length as usize);
+        }
+        let over = |of: &dyn Fn(usize) -> f64| self.lengths().find(|&length| of(length) >= 1.0);
+        let evidence = |length: usize| (&self.memory.evidence[length], &self.limits[length]);
+        if let Some(length) = over(&|length| {
+            let (evidence, limits) = evidence(length);
+            evidence.of_unknown(limits)
+        }) {
+            return (Finding::Unknown, length);
+        }
+        if let Some(found) = self.found_actuator() {
+            return found;
+        }
+        let changed = over(&|length| {
+            let (evidence, limits) = evidence(length);
+            evidence.of_change(limits)
+        });
+        let first = self.lengths().find(|&length| self.judges[length].last().is_some());
+        match changed {
+            Some(length) => (Finding::Detected, length),
+            None => (Finding::Healthy, first.unwrap_or(0)),
+        }
+    }
+
+    /// The actuator that some lengths are sure of, unless others are sure of another.
+    fn found_actuator(&self) -> Option<(Finding, usize)> {
+        let mut found: Option<(usize, usize)> = None;
+        for length in self.lengths() {
+            for unit in 0..self.hypotheses.actuators {
+                let evidence = &self.memory.evidence[length];
+                if evidence.margin_of_actuator(unit, &self.limits[length]) < 1.0 {
+                    continue;
+                }
+                if found.is_some_and(|(known, _)| known != unit) {
+                    return None;
+                }
+                found = found.or(Some((unit, length)));
+            }
+        }
+        found.map(|(unit, length)| (Finding::Actuator { unit: unit as u32 }, length))
+    }
+
+    /// The alarm of what is raised, or that nothing is.
+    fn own_alarm(&self, is_pending: bool) -> Alarm {
+        match self.memory.alarm.raised {
+            Some(_) if self.memory.alarm.is_recovering() => Alarm::Recovering,
+            Some(_) => Alarm::Raised,
+            None if is_pending => Alarm::Pending,
+            None => Alarm::Normal,
+        }
+    }
+
+    fn tell(&mut self, (finding, length): (Finding, usize), is_pending: bool) {
+        self.say(finding, self.own_alarm(is_pending));
+        let judge = &self.judges[length];
+        let outcome = &mut self.memory.outcome;
+        outcome.confidence = match finding {
+            Finding::Healthy => judge.probability(0),
+            Finding::Detected | Finding::Unknown => 1.0 - judge.probability(0),
+            Finding::Actuator { unit } => judge.probability_of_actuator(unit as usize),
+            Finding::Command { .. } | Finding::Detail { .. } => {
+                outcome.raised.map_or(0.0, |raised| raised.confidence)
+            }
+            Finding::Unjudged | Finding::EnvironmentInvalid { .. } => 0.0,
+        };
+        outcome.length = Some(length as u32);
+        if let Some(last) = judge.last() {
+            outcome.worst_sensor = Some(last.worst.0 as u32);
+            outcome.excess = last.worst.1;
+        }
+    }
+
+    fn say(&mut self, finding: Finding, alarm: Alarm) {
+        let outcome = &mut self.memory.outcome;
+        if (outcome.finding, outcome.alarm) != (finding, alarm) {
+            outcome.since_sample = outcome.sample;
+        }
+        (outcome.finding, outcome.alarm) = (finding, alarm);
+        outcome.raised = self.memory.alarm.raised;
+        if matches!(finding, Finding::Unjudged | Finding::EnvironmentInvalid { .. }) {
+            (outcome.confidence, outcome.length, outcome.worst_sensor) = (0.0, None, None);
+            outcome.excess = 0.0;
+        }
+    }
+}
+
+fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
+    let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
+    let hypotheses = Hypotheses::of(diagnoser.names());
+    Limits::new(&diagnoser.decision, hypotheses, samples as f64 * diagnoser.period_s)
+}
+
+/// A deviate of mean 0 and variance 1, from twelve even ones.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
+}

@@ -1,0 +1,74 @@
+//! The features that a diagnosis reads, of one window in every view.
+//!
+//! View `k` of a window is the window with the sensors of units 0 and `k` exchanged
+//! ([`crate::hierarchy`]). Names are looked up once, when this is made.
+
+use super::{Sensors, features, values_into};
+use crate::error::{Error, same_length};
+use crate::residual::Window;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// Makes rows of features from windows, in memory that is there from the beginning.
+#[derive(Debug, Clone)]
+pub struct Views {
+    sensors: Sensors,
+    /// The order of the sensors in each view beyond the first.
+    orders: Vec<Vec<usize>>,
+    /// Where each feature that is read stands among all.
+    places: Vec<usize>,
+    exchanged: Window,
+    all: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Views {
+    /// The features of these names, seen from the first so many units.
+    ///
+    /// # Errors
+    /// [`Error::UnknownFeature`] for one that the sensors do not give; [`Error::CorruptModel`] if
+    /// the sensors of two units do not correspond.
+    pub fn new<N: AsRef<str>>(sensors: Sensors, names: &[N], views: usize) -> Result<Self, Error> {
+        let known = features(&sensors);
+        let find = |name: &N| {
+            let place = known.iter().position(|feature| feature.name == name.as_ref());
+            place.ok_or_else(|| Error::UnknownFeature { name: name.as_ref().into() })
+        };
+        let places = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let unlike = Error::CorruptModel { broken: "the sensors of two units do not correspond" };
+        let order = |unit| sensors.exchanged(0, unit).ok_or(unlike.clone());
+        let orders = (1..views).map(order).collect::<Result<Vec<_>, _>>()?;
+        Ok(Views {
+            orders,
+            exchanged: Window::new(sensors.0.len()),
+            all: Vec::with_capacity(known.len()),
+            rows: vec![vec![0.0; places.len()]; views.max(1)],
+            places,
+            sensors,
+        })
+    }
+
+    /// The rows of a window, one for each view. Does not allocate.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] for a window of other sensors.
+    pub fn compute(&mut self, window: &Window) -> Result<&[Vec<f64>], Error> {
+        same_length("sensors", self.sensors.0.len(), window.sensors())?;
+        for (view, row) in self.rows.iter_mut().enumerate() {
+            if let Some(order) = view.checked_sub(1).map(|place| &self.orders[place]) {
+                window.reorder_into(order, &mut self.exchanged);
+            }
+            let seen = if view == 0 { window } else { &self.exchanged };
+            values_into(&self.sensors, seen, &mut self.all);
+            for (value, &place) in row.iter_mut().zip(&self.places) {
+                *value = self.all[place];
+            }
+        }
+        Ok(&self.rows)
+    }
+
+    /// The rows of the window that was computed last.
+    pub fn rows(&self) -> &[Vec<f64>] {
+        &self.rows
+    }
+}

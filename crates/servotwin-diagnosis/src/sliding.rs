@@ -1,0 +1,370 @@
+//! The statistics of the last seconds, for several lengths at once, in fixed memory.
+//!
+//! A *span* is the last n *panes* of m samples each. Every sample goes into one pane only, the base
+//! pane, as long as the shortest panes. Where a base pane ends, it is merged into the open pane of
+//! every span; where that ends too, the span's window is merged from its panes anew. So a sample
+//! costs the same whatever the spans' lengths, nothing is ever subtracted, and after days the
+//! windows are those of their samples, to rounding.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, require, same_length};
+use crate::residual::Window;
+
+/// How long a window is, and how often there is a new one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Span {
+    /// Samples of a pane: at the end of each there is a new window.
+    pub pane_samples: u32,
+    /// Panes of a window; `None` for the whole record.
+    pub panes: Option<u32>,
+}
+
+impl Span {
+    /// Samples of a full window; `None` for the whole record, which never is.
+    pub fn samples(&self) -> Option<u64> {
+        self.panes.map(|panes| u64::from(panes) * u64::from(self.pane_samples))
+    }
+}
+
+/// One span: a ring of panes that are full, and one that is being filled.
+#[derive(Debug, Clone)]
+struct Ring {
+    span: Span,
+    /// The full panes; empty for the whole record, which needs none.
+    panes: Vec<Window>,
+    /// Where the next full pane goes.
+    next: usize,
+    /// Number of panes that were full since the beginning.
+    ended: u64,
+    open: Window,
+    /// The window over the full panes.
+    window: Window,
+}
+
+/// The windows of several spans over one stream of samples.
+#[derive(Debug, Clone)]
+pub struct Sliding {
+    base_samples: u32,
+    base: Window,
+    rings: Vec<Ring>,
+    /// Whether the newest sample ended a pane of each span.
+    ended: Vec<bool>,
+}
+
+/// A stored [`Sliding`]; numbers only, so that any format keeps its bits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stored {
+    /// The statistics of the base pane.
+    pub base: Vec<f64>,
+    /// Those of each span.
+    pub spans: Vec<StoredSpan>,
+}
+
+/// A stored span.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredSpan {
+    /// Number of panes that ended.
+    pub ended: u64,
+    /// The statistics of the open pane.
+    pub open: Vec<f64>,
+    /// Those of the full panes.
+    pub panes: Vec<Vec<f64>>,
+    /// Those of the window.
+    pub window: Vec<f64>,
+}
+
+impl Ring {
+    fn new(span: Span, empty: &Window) -> Self {
+        Ring {
+            span,
+            panes: vec![empty.clone(); span.panes.unwrap_or(0) as usize],
+            next: 0,
+            ended: 0,
+            open: empty.clone(),
+            window: empty.clone(),
+        }
+    }
+
+    /// Takes over a base pane; says whether it ended a pane of this span.
+    fn take(&mut self, base: &Window) -> bool {
+        self.open.absorb(base);
+        if self.open.count() < u64::from(self.span.pane_samples) {
+            return false;
+        }
+        self.ended += 1;
+        if self.panes.is_empty() {
+            self.window.absorb(&self.open);
+        } else {
+            core::mem::swap(&mut self.panes[self.next], &mut self.open);
+            self.next = (self.next + 1) % self.panes.len();
+            self.merge();
+        }
+        self.open.clear();
+        true
+    }
+
+    /// The window over the full panes, the oldest first; panes that are still empty add nothing.
+    fn merge(&mut self) {
+        self.window.clear();
+        let (newer, older) = self.panes.split_at(self.next);
+        older.iter().chain(newer).for_each(|pane| self.window.absorb(pane));
+    }
+
+    fn clear(&mut self) {
+        self.panes.iter_mut().for_each(Window::clear);
+        self.open.clear();
+        self.window.clear();
+        (self.next, self.ended) = (0, 0);
+    }
+
+    fn store(&self) -> StoredSpan {
+        StoredSpan {
+            ended: self.ended,
+            open: self.open.to_values(),
+            panes: self.panes.iter().map(Window::to_values).collect(),
+            window: self.window.to_values(),
+        }
+    }
+
+    fn restore(&mut self, stored: &StoredSpan) -> Result<(), Error> {
+        same_length("panes", self.panes.len(), stored.panes.len())?;
+        for (pane, values) in self.panes.iter_mut().zip(&stored.panes) {
+            restore(pane, values)?;
+        }
+        restore(&mut self.open, &stored.open)?;
+        restore(&mut self.window, &stored.window)?;
+        self.ended = stored.ended;
+        self.next = (stored.ended % (self.panes.len().max(1) as u64)) as usize;
+        Ok(())
+    }
+}
+
+fn restore(window: &mut Window, values: &[f64]) -> Result<(), Error> {
+    let fits = window.set_values(values);
+    if fits {
+        Ok(())
+    } else {
+        Err(Error::CorruptModel { broken: "a stored window has another size" })
+    }
+}
+
+impl Sliding {
+    /// Windows of so many sensors, of which the first `watched` decide whether something deviates,
+    /// over `spans`: their panes are multiples of the shortest.
+    ///
+    /// # Errors
+    /// [`Error::SettingOutOfRange`] for no span, a pane or window of nothing, or a pane that is no
+    /// multiple of the shortest.
+    pub fn new(sensors: usize, watched: usize, spans: &[Span]) -> Result<Self, Error> {
+        let lengths = || spans.iter().map(|span| span.pane_samples);
+        let base_samples = lengths().min().unwrap_or(0);
+        require(base_samples > 0, "pane_samples", 0.0, "at least 1, and at least one span")?;
+        for span in spans {
+            let whole = span.pane_samples % base_samples == 0;
+            let length = f64::from(span.pane_samples);
+            require(whole, "pane_samples", length, "a multiple of the shortest pane")?;
+            require(span.panes != Some(0), "panes", 0.0, "at least 1")?;
+        }
+        let empty = Window::watching(sensors, watched);
+        let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
+        Ok(Sliding { base_samples, base: empty, rings, ended: vec![false; spans.len()] })
+    }
+
+    /// Adds one sample as [`Window::add`] does; says whether it ended a pane of any span. Does not
+    /// allocate.
+    ///
+    /// # Panics
+    /// As [`Window::add`].
+    pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> bool {
+        self.base.add(measured, twin, scales);
+        if self.base.count() < u64::from(self.base_samples) {
+            self.ended.fill(false);
+            return false;
+        }
+        for (ended, ring) in self.ended.iter_mut().zip(&mut self.rings) {
+            *ended = ring.take(&self.base);
+        }
+        self.base.clear();
+        true
+    }
+
+    /// Number of spans.
+    pub fn spans(&self) -> usize {
+        self.rings.len()
+    }
+
+    /// Whether the newest sample ended a pane of a span: then [`Sliding::window`] is new.
+    pub fn has_ended(&self, span: usize) -> bool {
+        self.ended[span]
+    }
+
+    /// The window of a span as it was where its newest full pane ended; before it is full over what
+    /// there is.
+    pub fn window(&self, span: usize) -> &Window {
+        &self.rings[span].window
+    }
+
+    /// Whether the window of a span has all its panes; the whole record's always does.
+    pub fn is_full(&self, span: usize) -> bool {
+        let ring = &self.rings[span];
+        ring.ended >= ring.panes.len().max(1) as u64
+    }
+
+    /// The part of a span's window that its newest pane is: 1 for the first.
+    pub fn share_of_newest(&self, span: usize) -> f64 {
+        let ring = &self.rings[span];
+        f64::from(ring.span.pane_samples) / (ring.window.count() as f64).max(1.0)
+    }
+
+    /// Forgets all samples. Does not allocate.
+    pub fn clear(&mut self) {
+        self.base.clear();
+        self.rings.iter_mut().for_each(Ring::clear);
+        self.ended.fill(false);
+    }
+
+    /// Everything that is remembered, to be stored.
+    pub fn store(&self) -> Stored {
+        Stored { base: self.base.to_values(), spans: self.rings.iter().map(Ring::store).collect() }
+    }
+
+    /// Takes over what was stored of the same spans and sensors; what follows is the same to the bit.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] and [`Error::CorruptModel`] if it was stored by another one.
+    pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
+        same_length("spans", self.rings.len(), stored.spans.len())?;
+        restore(&mut self.base, &stored.base)?;
+        for (ring, stored) in self.rings.iter_mut().zip(&stored.spans) {
+            ring.restore(stored)?;
+        }
+        self.ended.fill(false);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const SPANS: [Span; 4] = [
+        Span { pane_samples: 10, panes: Some(5) },
+        Span { pane_samples: 50, panes: Some(4) },
+        Span { pane_samples: 200, panes: Some(5) },
+        Span { pane_samples: 100, panes: None },
+    ];
+
+    /// A slow swing, a quick one, noise and a rare spike, far from zero.
+    fn sample(random: &mut Random, k: u64) -> ([f64; 1], [f64; 1]) {
+        let t = k as f64 * 0.01;
+        let spike = if k % 9973 == 0 { 0.5 } else { 0.0 };
+        let twin = 3.0 + (t * 1e-3).fract() + 0.3 * (t * 0.7).fract();
+        ([twin + 0.01 * random.unit() + spike + 1e-3 * (t * 0.31).fract()], [twin])
+    }
+
+    /// The window of the samples `from .. to`, simulated again from the beginning of the stream.
+    fn exact(samples: &[([f64; 1], [f64; 1])]) -> Window {
+        let mut window = Window::new(1);
+        samples.iter().for_each(|(measured, twin)| window.add(measured, twin, &[2.0]));
+        window
+    }
+
+    fn assert_same(window: &Window, exact: &Window, tolerance: f64, place: u64) {
+        assert_eq!(window.count(), exact.count(), "at {place}");
+        assert_eq!(window.first_excursion(), exact.first_excursion(), "at {place}");
+        for (a, b) in window.to_values().iter().zip(exact.to_values()) {
+            assert!((a - b).abs() <= tolerance * (1.0 + b.abs()), "{a} {b} at {place}");
+        }
+    }
+
+    /// 24 h at 100 Hz: every length is compared where many panes have passed, the whole record at the
+    /// end.
+    #[test]
+    fn a_day_of_samples_gives_the_windows_of_exact_recomputation() {
+        const DAY: u64 = 24 * 3600 * 100;
+        let mut sliding = Sliding::new(1, 1, &SPANS).unwrap();
+        let mut random = Random::new(7);
+        let mut recent = alloc::collections::VecDeque::new();
+        let (mut sums, mut checks) = ([0.0_f64; 2], 0);
+        for k in 0..DAY {
+            let (measured, twin) = sample(&mut random, k);
+            sliding.add(&measured, &twin, &[2.0]);
+            recent.push_back((measured, twin));
+            if recent.len() > 1000 {
+                recent.pop_front();
+            }
+            let residual = (measured[0] - twin[0]) / 2.0;
+            sums = [sums[0] + residual, sums[1] + residual * residual];
+            if (k + 1) % 654_200 == 0 || k + 1 == DAY {
+                for (span, known) in SPANS[..3].iter().enumerate() {
+                    let length = known.samples().unwrap() as usize;
+                    let from = recent.len() - length;
+                    let last: Vec<_> = recent.range(from..).copied().collect();
+                    assert!(sliding.is_full(span));
+                    assert_same(sliding.window(span), &exact(&last), 1e-14, k);
+                    checks += 1;
+                }
+            }
+        }
+        assert!(checks >= 39, "{checks}");
+        let whole = sliding.window(3);
+        let mean = sums[0] / DAY as f64;
+        assert_eq!(whole.count(), DAY);
+        assert!((whole.mean(0) / mean - 1.0).abs() < 1e-11, "{} {mean}", whole.mean(0));
+        let variance = sums[1] / DAY as f64 - mean * mean;
+        let ratio = whole.covariance(0, 0) / variance;
+        assert!((ratio - 1.0).abs() < 1e-9, "{ratio}");
+    }
+
+    #[test]
+    fn a_window_that_is_not_full_is_over_what_there_is() {
+        let mut sliding = Sliding::new(1, 1, &SPANS[..2]).unwrap();
+        let mut random = Random::new(1);
+        let samples: Vec<_> = (0..30).map(|k| sample(&mut random, k)).collect();
+        for (k, (measured, twin)) in samples.iter().enumerate() {
+            let ended = sliding.add(measured, twin, &[2.0]);
+            assert_eq!(ended, (k + 1) % 10 == 0);
+            assert!(!sliding.has_ended(1));
+        }
+        assert!(!sliding.is_full(0));
+        assert_same(sliding.window(0), &exact(&samples), 1e-14, 0);
+        assert!((sliding.share_of_newest(0) - 1.0 / 3.0).abs() < 1e-15);
+        assert_eq!(sliding.window(1).count(), 0);
+    }
+
+    #[test]
+    fn what_was_stored_goes_on_to_the_bit() {
+        let mut random = Random::new(5);
+        let mut one = Sliding::new(1, 1, &SPANS).unwrap();
+        let run = |sliding: &mut Sliding, random: &mut Random, from: u64| {
+            for k in from..from + 777 {
+                let (measured, twin) = sample(random, k);
+                sliding.add(&measured, &twin, &[2.0]);
+            }
+        };
+        run(&mut one, &mut random, 0);
+        let text = serde_json::to_string(&one.store()).unwrap();
+        let mut other = Sliding::new(1, 1, &SPANS).unwrap();
+        other.restore(&serde_json::from_str(&text).unwrap()).unwrap();
+        run(&mut one, &mut random.clone(), 777);
+        run(&mut other, &mut random, 777);
+        assert_eq!(one.store(), other.store());
+        let mut foreign = Sliding::new(2, 1, &SPANS).unwrap();
+        assert!(foreign.restore(&one.store()).is_err());
+    }
+
+    #[test]
+    fn panes_that_do_not_fit_are_refused() {
+        let odd = [SPANS[0], Span { pane_samples: 15, panes: Some(2) }];
+        assert!(Sliding::new(1, 1, &odd).is_err());
+        assert!(Sliding::new(1, 1, &[]).is_err());
+        assert!(Sliding::new(1, 1, &[Span { pane_samples: 10, panes: Some(0) }]).is_err());
+    }
+}

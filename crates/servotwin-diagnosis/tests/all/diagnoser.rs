@@ -1,0 +1,353 @@
+//! The diagnoser at work beside two toy actuators.
+
+use crate::toy::{self, Fault, Flight, KINDS, Kind, SENSORS};
+use proptest::prelude::*;
+use servotwin_diagnosis::diagnoser::{
+    Alarm, Diagnoser, Finding, Invalid, Outcome, Raised, Session, State, Why,
+};
+use servotwin_diagnosis::random::Random;
+
+fn session() -> Session {
+    Session::new(toy::diagnoser()).unwrap()
+}
+
+/// Flies for so many samples; the last outcome.
+fn fly(session: &mut Session, flight: &mut Flight, fault: Option<Fault>, samples: u64) -> Outcome {
+    for _ in 0..samples {
+        let (inputs, measured, twin) = flight.next(fault);
+        session.push(&inputs, &measured, &twin);
+    }
+    *session.outcome()
+}
+
+/// Flies until something is raised; after how many samples.
+fn raise(session: &mut Session, flight: &mut Flight, fault: Fault) -> Option<(u64, Raised)> {
+    (1..=1000).find_map(|k| fly(session, flight, Some(fault), 1).raised.map(|raised| (k, raised)))
+}
+
+#[test]
+fn a_healthy_specimen_raises_nothing() {
+    for seed in 0..20 {
+        let (mut session, mut flight) = (session(), Flight::new(5000 + seed));
+        for k in 0..3000 {
+            let outcome = fly(&mut session, &mut flight, None, 1);
+            assert_eq!(outcome.raised, None, "seed {seed}, sample {k}");
+        }
+        let outcome = session.outcome();
+        assert_eq!(outcome.finding, Finding::Healthy, "seed {seed}");
+        assert_eq!(outcome.alarm, Alarm::Normal);
+        assert_eq!(session.diagnoser().describe(outcome.finding), "healthy");
+    }
+}
+
+#[test]
+fn every_fault_raises_its_command_in_its_actuator() {
+    for kind in KINDS {
+        for unit in 0..2 {
+            let (mut session, mut flight) = (session(), Flight::new(6000 + unit as u64));
+            assert_eq!(fly(&mut session, &mut flight, None, 700).raised, None);
+            let fault = Fault { unit, kind, size: 0.9 };
+            let (samples, raised) = raise(&mut session, &mut flight, fault).expect("raised");
+            let said = (raised.unit as usize, raised.command);
+            assert_eq!(said, (unit, kind.command()), "{fault:?}");
+            assert!(samples < 400, "{fault:?} after {samples} samples");
+            let outcome = fly(&mut session, &mut flight, Some(fault), 300);
+            let detail = KINDS.iter().position(|known| *known == kind).unwrap() as u32;
+            let (unit, command) = (unit as u32, kind.command());
+            assert_eq!(outcome.finding, Finding::Detail { unit, command, detail });
+            assert_eq!(outcome.alarm, Alarm::Raised);
+            assert!(outcome.confidence > 0.5 && outcome.excess > 1.0, "{outcome:?}");
+            let length = outcome.length.unwrap() as usize;
+            let path = session.explain(length).unwrap();
+            assert_eq!(path.len(), 3, "actuator, command, detail");
+            let sensor = outcome.worst_sensor.unwrap();
+            assert_eq!(session.diagnoser().sensors[sensor as usize].unit, Some(unit));
+        }
+    }
+}
+
+#[test]
+fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
+    for kind in KINDS {
+        let (mut session, mut flight) = (session(), Flight::new(6100));
+        let fault = Fault { unit: 0, kind, size: 0.9 };
+        raise(&mut session, &mut flight, fault).expect("raised");
+        let mut seen = vec![];
+        for _ in 0..2000 {
+            let alarm = fly(&mut session, &mut flight, None, 1).alarm;
+            if seen.last() != Some(&alarm) {
+                seen.push(alarm);
+            }
+        }
+        let end = session.outcome();
+        if kind.command() == 0 {
+            assert_eq!(seen, [Alarm::Raised]);
+            assert!(end.raised.is_some());
+            session.release(0).unwrap();
+            assert_eq!(fly(&mut session, &mut flight, None, 500).raised, None);
+        } else {
+            assert_eq!(seen[..2], [Alarm::Raised, Alarm::Recovering], "{kind:?}: {seen:?}");
+            assert_eq!((end.finding, end.alarm), (Finding::Healthy, Alarm::Normal));
+        }
+    }
+}
+
+#[test]
+fn after_one_actuator_is_off_the_other_is_diagnosed_and_never_switched_off() {
+    let (mut session, mut flight) = (session(), Flight::new(6200));
+    let leak = |unit| Fault { unit, kind: Kind::Leak, size: 0.9 };
+    let (_, raised) = raise(&mut session, &mut flight, leak(0)).unwrap();
+    assert_eq!((raised.unit, raised.command), (0, 0));
+    session.switched_off(0).unwrap();
+    assert!(session.is_off(0) && session.outcome().raised.is_none());
+    // What is off shows anything; the other is healthy.
+    let outcome = fly(&mut session, &mut flight, Some(leak(0)), 1500);
+    assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
+    // The other one's faults that need it off are named, and no command is raised.
+    for _ in 0..1500 {
+        let outcome = fly(&mut session, &mut flight, Some(leak(1)), 1);
+        assert_eq!(outcome.raised, None);
+    }
+    assert_eq!(session.outcome().finding, Finding::Actuator { unit: 1 });
+    assert_eq!(session.outcome().alarm, Alarm::Pending);
+    fly(&mut session, &mut flight, None, 1000);
+    // What needs less is raised.
+    let wear = Fault { unit: 1, kind: Kind::Wear, size: 0.9 };
+    let (_, raised) = raise(&mut session, &mut flight, wear).unwrap();
+    assert_eq!((raised.unit, raised.command), (1, 2));
+}
+
+#[test]
+fn what_was_never_trained_on_switches_nothing_off() {
+    let (mut session, mut flight) = (session(), Flight::new(6300));
+    fly(&mut session, &mut flight, None, 500);
+    let mut unknown = 0;
+    for k in 0..1500_u64 {
+        let (inputs, mut measured, twin) = flight.next(None);
+        // Everything swings at once.
+        for (place, value) in measured[..8].iter_mut().enumerate() {
+            *value += 0.5 * (0.3 * k as f64 + place as f64).sin();
+        }
+        let outcome = session.push(&inputs, &measured, &twin);
+        assert_eq!(outcome.raised, None, "sample {k}");
+        unknown += u32::from(outcome.finding == Finding::Unknown);
+    }
+    assert_eq!(session.outcome().finding, Finding::Unknown);
+    assert!(unknown > 1000, "{unknown}");
+}
+
+#[test]
+fn a_wrong_environment_is_named_and_nothing_is_judged_until_the_twin_has_settled() {
+    let wrong = [
+        (0, f64::NAN, Why::Missing, Alarm::NoData),
+        (1, f64::INFINITY, Why::NotFinite, Alarm::Error),
+        (2, 150.0, Why::OutOfRange, Alarm::Error),
+        (1, 2.2e7, Why::Contradicts, Alarm::Error),
+        (0, 2.1e7, Why::Frozen, Alarm::Error),
+    ];
+    for (input, value, why, alarm) in wrong {
+        let (mut session, mut flight) = (session(), Flight::new(6400));
+        fly(&mut session, &mut flight, None, 500);
+        for _ in 0..100 {
+            let (mut inputs, measured, twin) = flight.next(None);
+            inputs[input] = value;
+            // What a wrong boundary value does to the residuals is no fault.
+            let measured = measured.map(|value| value + 0.3);
+            let outcome = session.push(&inputs, &measured, &twin);
+            assert_eq!(outcome.raised, None);
+        }
+        let outcome = *session.outcome();
+        let named = if why == Why::Contradicts { 0 } else { input as u32 };
+        let invalid = Invalid { input: named, why };
+        let Invalid { input, why } = invalid;
+        assert_eq!(outcome.finding, Finding::EnvironmentInvalid { input, why });
+        assert_eq!(outcome.alarm, alarm);
+        assert!(outcome.counts.environment >= 79, "{:?}", outcome.counts);
+        let outcome = fly(&mut session, &mut flight, None, 100);
+        assert_eq!(outcome.finding, Finding::Unjudged);
+        assert_eq!(outcome.counts.settling, 100);
+        let outcome = fly(&mut session, &mut flight, None, 300);
+        assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
+    }
+}
+
+#[test]
+fn a_few_missing_values_are_counted_and_many_are_no_data() {
+    let (mut session, mut flight) = (session(), Flight::new(6500));
+    fly(&mut session, &mut flight, None, 500);
+    let push = |session: &mut Session, flight: &mut Flight, value: f64| {
+        let (inputs, mut measured, twin) = flight.next(None);
+        measured[3] = value;
+        *session.push(&inputs, &measured, &twin)
+    };
+    let before = *session.outcome();
+    let after = push(&mut session, &mut flight, f64::NAN);
+    assert_eq!((after.finding, after.alarm), (before.finding, before.alarm));
+    assert_eq!(after.counts.missing, 1);
+    fly(&mut session, &mut flight, None, 50);
+    let last = |value: f64, session: &mut Session, flight: &mut Flight| {
+        (0..40).map(|_| push(session, flight, value)).last().unwrap()
+    };
+    let missing = last(f64::NAN, &mut session, &mut flight);
+    assert_eq!((missing.finding, missing.alarm), (Finding::Unjudged, Alarm::NoData));
+    let wrong = last(1e30, &mut session, &mut flight);
+    assert_eq!((wrong.finding, wrong.alarm), (Finding::Unjudged, Alarm::Error));
+    assert_eq!((wrong.counts.missing, wrong.counts.errors), (41, 40));
+    assert_eq!(fly(&mut session, &mut flight, None, 100).finding, Finding::Healthy);
+    // A sensor that is taken out may be missing.
+    session.take_out(3, true).unwrap();
+    for _ in 0..500 {
+        push(&mut session, &mut flight, f64::NAN);
+    }
+    assert_eq!(session.outcome().finding, Finding::Healthy);
+    assert_eq!(session.outcome().counts.missing, 41);
+    assert!(session.take_out(SENSORS, true).is_err() && session.release(2).is_err());
+}
+
+#[test]
+fn an_inhibited_actuator_is_not_judged_and_the_other_is() {
+    let (mut session, mut flight) = (session(), Flight::new(6600));
+    session.inhibit(1, true).unwrap();
+    let jam = |unit| Fault { unit, kind: Kind::Jam, size: 0.9 };
+    let outcome = fly(&mut session, &mut flight, Some(jam(1)), 1500);
+    assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
+    let (_, raised) = raise(&mut session, &mut flight, jam(0)).unwrap();
+    assert_eq!((raised.unit, raised.command), (0, 0));
+}
+
+#[test]
+fn a_stored_session_goes_on_to_the_bit() {
+    let fault = Fault { unit: 1, kind: Kind::Wear, size: 0.6 };
+    for stop in [3, 437, 1203, 1391] {
+        let (mut one, mut flight, mut twin) = (session(), Flight::new(6700), Flight::new(6700));
+        let at = |k: u64| (k > 1000).then_some(fault);
+        for k in 0..stop {
+            fly(&mut one, &mut flight, at(k), 1);
+            twin.next(at(k));
+        }
+        let text = serde_json::to_string(&one.save()).unwrap();
+        let mut other = session();
+        other.restore(&serde_json::from_str::<State>(&text).unwrap()).unwrap();
+        for k in stop..2500 {
+            let a = fly(&mut one, &mut flight, at(k), 1);
+            assert_eq!(a, fly(&mut other, &mut twin, at(k), 1), "stored at {stop}, sample {k}");
+        }
+        assert!(one.outcome().raised.is_some());
+        assert_eq!(one.save(), other.save());
+    }
+}
+
+#[test]
+fn a_stored_diagnoser_is_the_same_and_a_broken_one_is_refused() {
+    let diagnoser = toy::diagnoser();
+    let text = serde_json::to_string(&*diagnoser).unwrap();
+    let read: Diagnoser = serde_json::from_str(&text).unwrap();
+    assert_eq!(read, *diagnoser);
+    read.check().unwrap();
+    type Break = fn(&mut Diagnoser);
+    let breaks: [Break; 12] = [
+        |d| d.format = "servotwin diagnoser 9".into(),
+        |d| d.period_s = 0.0,
+        |d| d.lengths.clear(),
+        |d| d.lengths[1].span.pane_samples = 7,
+        |d| d.lengths[1].panel.bands[0].sensor = "another".into(),
+        |d| d.lengths[1].panel.trees.names.commands[0] = "another".into(),
+        |d| d.lengths[0].novelty.classes.truncate(1),
+        |d| d.sensors[0].scale = 0.0,
+        |d| d.sensors[0].unit = Some(9),
+        |d| d.sensors.truncate(3),
+        |d| d.environment.inputs[0].largest = f64::NAN,
+        |d| d.decision.least_on = 7,
+    ];
+    for (place, wrong) in breaks.iter().enumerate() {
+        let mut broken = read.clone();
+        wrong(&mut broken);
+        assert!(broken.check().is_err(), "break {place}");
+        assert!(Session::new(broken.into()).is_err(), "break {place}");
+    }
+    let mut foreign = serde_json::to_value(session().save()).unwrap();
+    foreign["memory"]["is_taken_out"] = serde_json::json!([true]);
+    let foreign: State = serde_json::from_value(foreign).unwrap();
+    assert!(session().restore(&foreign).is_err());
+}
+
+/// Any number, the odd ones often.
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(-0.0),
+        Just(f64::MAX),
+        any::<u64>().prop_map(f64::from_bits),
+        -1.0..1.0_f64,
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn nonsense_raises_nothing_and_never_panics(
+        rows in prop::collection::vec(
+            (
+                prop::collection::vec(any_number(), 0..5),
+                prop::collection::vec(any_number(), 0..12),
+                prop::collection::vec(any_number(), 0..12),
+            ),
+            1..200,
+        )
+    ) {
+        let mut session = session();
+        for (inputs, measured, twin) in &rows {
+            let outcome = session.push(inputs, measured, twin);
+            prop_assert!(outcome.raised.is_none());
+            prop_assert!(outcome.confidence.is_finite() && outcome.excess.is_finite());
+        }
+        // It can still be stored: nothing in it is no number.
+        let text = serde_json::to_string(&session.save()).unwrap();
+        let stored: State = serde_json::from_str(&text).unwrap();
+        prop_assert_eq!(stored, session.save());
+    }
+
+    /// Faults of both actuators come, change and go, values are lost, what is raised is carried out
+    /// late, or never: at no time have both actuators been told to switch off.
+    #[test]
+    fn both_actuators_are_never_switched_off(seed in any::<u64>()) {
+        let mut random = Random::new(seed);
+        let (mut session, mut flight) = (session(), Flight::new(random.next_u64()));
+        let mut told_off = [false; 2];
+        let mut faults = [None; 2];
+        for _ in 0..40 {
+            for (unit, fault) in faults.iter_mut().enumerate() {
+                let kind = KINDS[random.index(KINDS.len())];
+                let drawn = Fault { unit, kind, size: random.between(0.2, 1.5) };
+                *fault = (random.unit() < 0.6).then_some(drawn);
+            }
+            let loses = random.unit() < 0.1;
+            let carries_out = random.unit() < 0.4;
+            for _ in 0..50 + random.index(200) {
+                // Both faults at once: the second one's deviation is added to the first's.
+                let (inputs, mut measured, twin) = flight.next(faults[0]);
+                if let Some(fault) = faults[1] {
+                    measured[4] += 0.1 * fault.size * (1.0 + twin[4]);
+                    measured[6] -= 0.2 * fault.size;
+                    measured[7] -= 0.2 * fault.size;
+                }
+                if loses {
+                    measured[5] = f64::NAN;
+                }
+                if let Some(raised) = session.push(&inputs, &measured, &twin).raised {
+                    told_off[raised.unit as usize] |= raised.command == 0;
+                }
+                prop_assert!(told_off != [true, true]);
+            }
+            match session.outcome().raised {
+                Some(raised) if carries_out && raised.command == 0 => {
+                    session.switched_off(raised.unit as usize).unwrap();
+                }
+                _ if random.unit() < 0.1 => session.inhibit(0, random.unit() < 0.5).unwrap(),
+                _ => {}
+            }
+        }
+    }
+}

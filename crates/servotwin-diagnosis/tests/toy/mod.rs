@@ -1,0 +1,237 @@
+//! Two like actuators with five sensors each and one at the surface, their faults, and a diagnoser
+//! trained on recordings of them.
+
+use servotwin_diagnosis::classifiers;
+use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
+use servotwin_diagnosis::diagnoser::{
+    Diagnoser, Environment, FORMAT, Length, Lessons, Novelty, Sensor, decision,
+};
+use servotwin_diagnosis::features::Quantity;
+use servotwin_diagnosis::hierarchy::{Label, Names, Settings};
+use servotwin_diagnosis::panel::{self, Panel, SensorBand};
+use servotwin_diagnosis::random::Random;
+use servotwin_diagnosis::sliding::{Sliding, Span};
+use std::sync::{Arc, OnceLock};
+
+pub const PERIOD_S: f64 = 0.01;
+pub const SENSORS: usize = 9;
+pub const COMMANDS: [&str; 3] = ["shut_down", "change_mode", "warning"];
+const NOISE: f64 = 0.002;
+const BAND: f64 = 0.02;
+const SPANS: [Span; 2] =
+    [Span { pane_samples: 10, panes: Some(5) }, Span { pane_samples: 50, panes: Some(4) }];
+
+/// What is broken: the detail, each with its command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Both chambers lose pressure.
+    Leak,
+    /// The ram lags behind.
+    Jam,
+    /// One pressure sensor errs.
+    Bias,
+    /// The spool trembles.
+    Wear,
+}
+
+pub const KINDS: [Kind; 4] = [Kind::Leak, Kind::Jam, Kind::Bias, Kind::Wear];
+
+impl Kind {
+    pub fn command(self) -> u32 {
+        match self {
+            Kind::Leak | Kind::Jam => 0,
+            Kind::Bias => 1,
+            Kind::Wear => 2,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct Fault {
+    pub unit: usize,
+    pub kind: Kind,
+    pub size: f64,
+}
+
+/// One recording: its command and specimen are drawn from a seed.
+pub struct Flight {
+    random: Random,
+    phases: [f64; 4],
+    tolerances: [f64; SENSORS],
+    pub sample: u64,
+}
+
+impl Flight {
+    pub fn new(seed: u64) -> Self {
+        let mut random = Random::stream(17, seed);
+        let phases = std::array::from_fn(|_| random.between(0.3, 1.7));
+        let tolerances = std::array::from_fn(|_| random.between(-0.02, 0.02));
+        Flight { random, phases, tolerances, sample: 0 }
+    }
+
+    fn noise(&mut self) -> f64 {
+        NOISE * ((0..12).map(|_| self.random.unit()).sum::<f64>() - 6.0)
+    }
+
+    /// Values from outside, measured values and the twin's. Sensors: ram, spool, both chambers of
+    /// each unit, and the surface.
+    pub fn next(&mut self, fault: Option<Fault>) -> ([f64; 3], [f64; SENSORS], [f64; SENSORS]) {
+        let t = self.sample as f64 * PERIOD_S;
+        self.sample += 1;
+        let [a, b, c, d] = self.phases;
+        let ram = 0.5 * (a * t).sin() + 0.2 * (2.3 * b * t).sin();
+        let spool = 0.3 * (a * t).cos() + 0.2 * (2.9 * c * t).cos();
+        let load = 0.3 * (0.7 * d * t).sin();
+        let of_unit = [ram, spool, 0.5 + 0.4 * load, 0.5 - 0.4 * load];
+        let twin = std::array::from_fn(|i| if i == 8 { ram } else { of_unit[i % 4] });
+        let mut measured = twin;
+        for (value, tolerance) in measured.iter_mut().zip(self.tolerances) {
+            *value += tolerance;
+        }
+        if let Some(fault) = fault {
+            let own = &mut measured[4 * fault.unit..4 * fault.unit + 4];
+            match fault.kind {
+                Kind::Leak => {
+                    own[2] -= fault.size * (0.2 + 0.1 * spool);
+                    own[3] -= fault.size * (0.2 - 0.1 * spool);
+                }
+                Kind::Jam => own[0] -= fault.size * (0.1 + 0.4 * ram),
+                Kind::Bias => own[2] += 0.3 * fault.size,
+                Kind::Wear => own[1] += 0.3 * fault.size * (40.0 * t).sin(),
+            }
+        }
+        for value in &mut measured {
+            *value += self.noise();
+        }
+        let supply = 2.1e7 + 1e4 * self.noise();
+        ([supply, 5e5, 300.0 + 1e3 * self.noise()], measured, twin)
+    }
+}
+
+pub fn names() -> Names {
+    let list = |words: &[&str]| words.iter().map(|&word| word.into()).collect();
+    Names {
+        features: vec![],
+        actuators: list(&["actuator_1", "actuator_2"]),
+        commands: list(&COMMANDS),
+        details: list(&["leak", "jam", "bias", "wear"]),
+    }
+}
+
+fn sensors() -> Vec<Sensor> {
+    let quantities = [Quantity::Ram, Quantity::Spool, Quantity::PressureA, Quantity::PressureB];
+    let sensor =
+        |name: String, quantity, unit| Sensor { name, quantity, unit, scale: 1.0, noise: NOISE };
+    let mut sensors = vec![];
+    for unit in 0..2 {
+        for (place, &quantity) in quantities.iter().enumerate() {
+            sensors.push(sensor(format!("s{place}_{}", unit + 1), quantity, Some(unit)));
+        }
+    }
+    sensors.push(sensor("surface".into(), Quantity::Surface, None));
+    sensors
+}
+
+fn environment() -> Environment {
+    let input = |name: &str, least, largest, frozen_after_s| Input {
+        name: name.into(),
+        least,
+        largest,
+        frozen_after_s,
+    };
+    let (of, minus) = ("supply_pa".into(), "tank_pa".into());
+    Environment {
+        inputs: vec![
+            input("supply_pa", 0.0, 4e7, Some(0.2)),
+            input("tank_pa", 0.0, 4e7, None),
+            input("oil_k", 200.0, 420.0, Some(1.0)),
+        ],
+        differences: vec![Difference { of, minus, least: 1e6, largest: 4e7 }],
+    }
+}
+
+fn label(fault: Option<Fault>) -> Label {
+    match fault {
+        None => Label { actuator: 2, command: 0, detail: 0 },
+        Some(Fault { unit, kind, .. }) => {
+            let detail = KINDS.iter().position(|known| *known == kind).unwrap() as u32;
+            Label { actuator: unit as u32, command: kind.command(), detail }
+        }
+    }
+}
+
+/// The fault of a training flight, in the first unit only: the second learns by the mirror.
+fn fault_of(flight: u32) -> Option<Fault> {
+    let mut random = Random::stream(5, u64::from(flight));
+    let size = random.between(0.3, 1.0);
+    let kind = KINDS.get(flight as usize % 6).copied();
+    kind.map(|kind| Fault { unit: 0, kind, size })
+}
+
+/// Windows that left their bands, by length.
+fn lessons(empty: &Diagnoser) -> Vec<Lessons> {
+    const FLIGHTS: u32 = 90;
+    const ONSET: u64 = 150;
+    let new = || Lessons::new(empty.sensors_seen(), 2).unwrap();
+    let mut lessons = vec![new(), new()];
+    for group in 0..FLIGHTS {
+        let mut flight = Flight::new(u64::from(group));
+        let mut sliding = Sliding::new(SENSORS, SENSORS - 1, &SPANS).unwrap();
+        for k in 0..600 {
+            let fault = fault_of(group).filter(|_| k >= ONSET);
+            let (_, measured, twin) = flight.next(fault);
+            sliding.add(&measured, &twin, &[1.0; SENSORS]);
+            for (length, lessons) in lessons.iter_mut().enumerate() {
+                let is_thin = length == 1 || k / 10 % 3 == 0;
+                let window = sliding.window(length);
+                let shows = window.largest_of_all() > BAND;
+                if sliding.has_ended(length) && sliding.is_full(length) && is_thin && shows {
+                    lessons.take(window, label(fault), group).unwrap();
+                }
+            }
+        }
+    }
+    lessons
+}
+
+fn learn(span: Span, lessons: &Lessons) -> Length {
+    let examples = lessons.examples(&names()).unwrap();
+    let rows: Vec<usize> = (0..examples.labels().len()).collect();
+    let boosted = classifiers::boosted_trees::Settings {
+        trees: 20,
+        max_depth: 3,
+        learning_rate: 0.3,
+        ..Default::default()
+    };
+    let boosted = Settings::all(classifiers::Settings::BoostedTrees(boosted));
+    let band = |s: Sensor| SensorBand { sensor: s.name, half_width: BAND };
+    let panel = Panel {
+        format: panel::FORMAT.into(),
+        bands: sensors().into_iter().take(SENSORS - 1).map(band).collect(),
+        least_confidence: None,
+        trees: Settings::default().fit(&examples, &rows).unwrap(),
+        committee: boosted.fit(&examples, &rows).unwrap(),
+    };
+    let novelty = Novelty::learn(&examples, &rows, lessons.groups(), 0.999).unwrap();
+    Length { span, panel, novelty }
+}
+
+/// A trained diagnoser; trained once for each test binary.
+pub fn diagnoser() -> Arc<Diagnoser> {
+    static TRAINED: OnceLock<Arc<Diagnoser>> = OnceLock::new();
+    let train = || {
+        let mut diagnoser = Diagnoser {
+            format: FORMAT.into(),
+            period_s: PERIOD_S,
+            sensors: sensors(),
+            environment: environment(),
+            lengths: vec![],
+            decision: decision::Settings::usual(&names(), &["shut_down"]),
+        };
+        let lessons = lessons(&diagnoser);
+        let pairs = SPANS.iter().zip(&lessons);
+        diagnoser.lengths = pairs.map(|(&span, lessons)| learn(span, lessons)).collect();
+        Arc::new(diagnoser)
+    };
+    TRAINED.get_or_init(train).clone()
+}
