@@ -22,6 +22,7 @@ pub struct Flown<'s> {
     study: &'s Study,
     environments: &'s [Environment],
     purpose: Purpose,
+    seed: u64,
     setting: Setting,
     ensemble: Ensemble<'s>,
     /// The flights.
@@ -53,6 +54,7 @@ impl<'s> Flown<'s> {
             study,
             environments: purpose.environments(flights),
             purpose,
+            seed: flights.seed,
             setting,
             ensemble,
             plan: plan::flights(study, flights, purpose),
@@ -130,7 +132,8 @@ impl<'s> Flown<'s> {
         let environment = &self.environments[flight.environment];
         let lot = self.purpose.lot();
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_tolerances());
-        let specimen = realism.map(|realism| realism.specimen(self.study, lot, flight.number));
+        let specimen =
+            realism.map(|realism| realism.specimen(self.study, lot, self.specimen(flight)));
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
         Variant {
@@ -142,9 +145,14 @@ impl<'s> Flown<'s> {
         }
     }
 
+    /// The number that specimen and noise come from.
+    fn specimen(&self, flight: &Flight) -> usize {
+        flight.number + (self.seed as usize) * 1_000_000
+    }
+
     fn watch<O>(&self, flight: &Flight, observer: O) -> Watch<'_, O> {
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_noise());
-        let noise = realism.map(|realism| realism.noise(self.purpose.lot(), flight.number));
+        let noise = realism.map(|realism| realism.noise(self.purpose.lot(), self.specimen(flight)));
         let twin = &self.twins[flight.environment];
         Watch { flown: self, twin, noise, measured: vec![0.0; self.sensors], observer }
     }

@@ -4,9 +4,11 @@
 //! - [`plan`]: which fault begins when, in which environment, in which specimen
 //! - [`flown`]: flights in lanes, each observed beside the twin of its environment
 //! - [`lessons`]: what the diagnosis learns from: windows of flights, one table for each length
-//! - [`train`]: bands, trees and committee for each length
+//! - [`train`]: bands, trees and committee for each length: a diagnoser
+//! - [`judge`]: how fast, how sure, how often wrong it is
 
 pub mod flown;
+pub mod judge;
 pub mod lessons;
 pub mod plan;
 pub mod train;

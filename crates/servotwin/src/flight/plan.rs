@@ -130,7 +130,7 @@ struct Slot {
 
 fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) -> Flight {
     let Slot { number, fault, repeat, environments } = slot;
-    let mut random = Random::new((purpose as u64) << 40 | number as u64);
+    let mut random = Random::new((purpose as u64) << 40 | number as u64 ^ flights.seed << 50);
     let [from, to] = flights.onset_s;
     let onset_s = from + (to - from) * random.unit();
     let of_study = study.faults[fault].at.intensity;

@@ -3,19 +3,17 @@
 use crate::evaluation::parallel::Workers;
 use crate::evaluation::protocol::{self, Protocol, ProtocolResult};
 use crate::evaluation::{self, DataSet, EvaluationError, FeatureInfo, Settings};
-use crate::study::{Role, Study};
+use crate::study::{Flights, Role, Study};
 use crate::table::Table;
+use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
+use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Novelty, decision, novelty};
 use servotwin_diagnosis::panel::{Panel, SensorBand};
+use servotwin_diagnosis::sliding::Span;
 
-/// What was learned for windows of one length.
-pub struct Learned {
-    /// The length, s.
-    pub window_s: f64,
-    /// Bands, trees and committee.
-    pub panel: Panel,
-    /// Windows of faults and healthy ones from which they were learned.
-    pub lessons: [usize; 2],
-}
+/// A window is judged so often while it passes.
+const PANES: u32 = 5;
+/// An input may leave the range of the flights that were learned from by this part of its width.
+const MARGIN: f64 = 0.25;
 
 /// How windows of flights are learned from: bands are learned too, and windows carry the noise of
 /// their flight, so that they need no moves.
@@ -28,32 +26,105 @@ fn data_set(study: &Study, tables: &[(Role, Table)]) -> Result<DataSet, Evaluati
     DataSet::new(tables, features, &study.units)?.taught()
 }
 
-/// Learns from the windows of one length.
+/// Learns from windows of flights, one table for each length: everything that it takes to diagnose.
 ///
 /// # Errors
 /// What training says.
-pub fn train(
+pub fn diagnoser(
+    study: &Study,
+    flights: &Flights,
+    tables: Vec<Table>,
+    pools: &[usize],
+    workers: Workers,
+) -> Result<Diagnoser, EvaluationError> {
+    let of = |(&window_s, table)| length(study, window_s, table, pools, workers);
+    let lengths = flights.windows_s.iter().zip(tables).map(of).collect::<Result<Vec<_>, _>>()?;
+    let names = &lengths[0].panel.trees.names;
+    let off = settings().shutdown;
+    let off: Vec<&str> = names.commands.iter().map(String::as_str).filter(|c| *c == off).collect();
+    let diagnoser = Diagnoser {
+        format: diagnoser::FORMAT.into(),
+        period_s: study.sample_period_s,
+        sensors: sensors(study),
+        environment: environment(study, flights),
+        decision: decision::Settings::usual(names, &off),
+        lengths,
+    };
+    diagnoser.check()?;
+    Ok(diagnoser)
+}
+
+fn length(
     study: &Study,
     window_s: f64,
     table: Table,
     pools: &[usize],
     workers: Workers,
-) -> Result<Learned, EvaluationError> {
+) -> Result<Length, EvaluationError> {
     let data = data_set(study, &[(Role::Training, table)])?;
-    let trained = evaluation::train(&data, &settings(), pools, workers)?;
-    let bands = trained.bands.unwrap_or_default();
-    let faults = data.rows.iter().filter(|row| !row.is_healthy).count();
-    let panel = Panel {
-        bands: bands
-            .into_iter()
-            .map(|band| SensorBand { sensor: band.sensor, half_width: band.half_width })
-            .collect(),
-        least_confidence: trained.committee.least_confidence,
-        trees: trained.trees,
-        committee: trained.committee.hierarchy,
-        ..Panel::default()
+    let settings = settings();
+    let trained = evaluation::train(&data, &settings, pools, workers)?;
+    let (data, bands) = evaluation::banded(&data, &settings, pools);
+    let known = data.learnt_from(settings.committee_lessons)?;
+    let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
+    let band = |band: evaluation::bands::Band| SensorBand {
+        sensor: band.sensor,
+        half_width: band.half_width,
     };
-    Ok(Learned { window_s, panel, lessons: [faults, data.rows.len() - faults] })
+    let samples = (window_s / study.sample_period_s).round() as u32;
+    Ok(Length {
+        span: Span { pane_samples: (samples / PANES).max(1), panes: Some(PANES) },
+        novelty: Novelty::learn(&data.examples, &known, &groups, novelty::QUANTILE)?,
+        panel: Panel {
+            bands: bands.unwrap_or_default().into_iter().map(band).collect(),
+            least_confidence: trained.committee.least_confidence,
+            trees: trained.trees,
+            committee: trained.committee.hierarchy,
+            ..Panel::default()
+        },
+    })
+}
+
+fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
+    let seen = study.sensors.0[..study.base_sensors()].iter().zip(study.scales());
+    let sensor = |(seen, scale): (&servotwin_diagnosis::features::Sensor, f64)| diagnoser::Sensor {
+        name: seen.name.clone(),
+        quantity: seen.quantity,
+        unit: seen.unit.map(|unit| unit as u32),
+        scale,
+        noise: seen.noise,
+    };
+    seen.map(sensor).collect()
+}
+
+/// The inputs of the system: inside of what is declared for them, and where flights varied them not
+/// far outside of where they were.
+fn environment(study: &Study, flights: &Flights) -> Environment {
+    let network = study.system.network();
+    let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
+        let signals = flights.learned.iter().map(|environment| &environment.inputs[place]);
+        let ends = signals.flat_map(|signal| {
+            let breaks = signal.breaks_s().iter().copied().chain([flights.duration_s]);
+            breaks.map(|time_s| signal.value(time_s))
+        });
+        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+        let margin = MARGIN * (high - low);
+        let (least, largest) = match high > low {
+            true => (low - margin, high + margin),
+            false => (-f64::MAX, f64::MAX),
+        };
+        let (declared_least, declared_largest) = network.input_range(place);
+        Input {
+            name: known.id.clone(),
+            least: least.max(declared_least),
+            largest: largest.min(declared_largest),
+            frozen_after_s: None,
+        }
+    };
+    let inputs = network.inputs.iter().enumerate().map(input).collect();
+    Environment { inputs, differences: vec![] }
 }
 
 /// How good trees and committee are on single windows of flights in environments from which nothing

@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! [flights]
+//! seed = 1                           # of environments, specimens and noise
 //! duration_s = 20
 //! onset_s = [5, 9]                   # a fault begins between
 //! windows_s = [0.5, 2]               # what is looked at
@@ -32,6 +33,8 @@ type Ranges = BTreeMap<String, [f64; 2]>;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Text {
+    #[serde(default)]
+    seed: u64,
     duration_s: f64,
     onset_s: [f64; 2],
     windows_s: Vec<f64>,
@@ -103,6 +106,8 @@ pub struct Environment {
 /// The flights of a study.
 #[derive(Clone, Debug)]
 pub struct Flights {
+    /// Another seed is other environments, specimens and noise.
+    pub seed: u64,
     /// Length of a flight with a fault, s.
     pub duration_s: f64,
     /// Between which times a fault begins, s.
@@ -132,6 +137,7 @@ impl Flights {
         let mut windows_s = text.windows_s.clone();
         windows_s.sort_by(f64::total_cmp);
         Ok(Flights {
+            seed: text.seed,
             duration_s: text.duration_s,
             onset_s: text.onset_s,
             windows_s,
@@ -146,6 +152,8 @@ impl Flights {
 
 impl Text {
     fn check(&self, reader: &Reader) -> Result<(), StudyError> {
+        let known = self.seed < 1000;
+        reader.range("flights.seed", self.seed as f64, known, "0 … 999")?;
         let d = self.duration_s;
         reader.range("flights.duration_s", d, (1.0..=LONGEST_S).contains(&d), "1 … 10,000 s")?;
         let [from, to] = self.onset_s;
@@ -205,13 +213,14 @@ impl Text {
         let name = format!("{letter}{number:03}");
         let pattern = &self.commands[number % self.commands.len()];
         // Judged environments are other draws than those learned from.
-        let first = if letter == 'L' { 1 } else { 1 + MOST };
+        let first = if letter == 'L' { 1 } else { 1 + MOST } + MOST / 100 * self.seed as usize;
         let command = filled(pattern, first + number / self.commands.len());
         let longest_s = self.duration_s.max(size.healthy_duration_s.unwrap_or(0.0));
         let mut inputs = reader.default_inputs();
         let driven = reader.input(&reader.text.command.input)?;
         inputs[driven] = reader.built(&name, &command, driven, longest_s)?;
-        let mut random = Random::new(u64::from(u32::from(letter)) << 32 | number as u64);
+        let mut random =
+            Random::new(u64::from(u32::from(letter)) << 32 | number as u64 ^ self.seed << 40);
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut draw = |[low, high]: [f64; 2]| low + (high - low) * random.unit();
         for (input, range) in &self.inputs {

@@ -1,0 +1,494 @@
+//! How fast, how sure, how often wrong: the diagnosis judged over many flights.
+//!
+//! Every flight is of an environment, a specimen and noise from which nothing was learned. The same
+//! flights are watched with several rates of false alarms asked for, which gives the trade of alarms
+//! against latency.
+
+use super::flown::{Flown, Observer};
+use super::plan::{Flight, Onset};
+use crate::evaluation::score::Rate;
+use crate::study::Study;
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
+use servotwin_diagnosis::error::Error;
+use servotwin_diagnosis::panel::SensorBand;
+use std::sync::Arc;
+
+/// The rates of false alarms that are asked for beside the diagnoser's own, per hour.
+const ASKED_PER_H: [f64; 4] = [1.0, 1e-1, 1e-5, 1e-7];
+
+/// Intensities from which on latencies are held against their limit.
+pub const STRONG: f64 = 0.5;
+
+/// When something happened, s after the onset of the fault: how much of it, and by when.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Latency {
+    /// Of how many flights it is known.
+    pub flights: u64,
+    /// Half of them.
+    pub median_s: f64,
+    /// 95 % of them.
+    pub p95_s: f64,
+    /// All.
+    pub longest_s: f64,
+    /// The share of *all visible* faults of the class by so many seconds.
+    pub by_s: Vec<(f64, f64)>,
+}
+
+/// What became of the flights with faults of one command.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClassMerit {
+    /// The command.
+    pub command: String,
+    /// The least and the largest intensity.
+    pub intensities: [f64; 2],
+    /// Flights.
+    pub flown: u64,
+    /// Those in which the fault left a band at all.
+    pub visible: Rate,
+    /// Of the visible ones: the right command for the right actuator was raised first.
+    pub isolated: Rate,
+    /// A command that is less urgent or more, for the right actuator, was raised first.
+    pub other_command: Rate,
+    /// A command for the wrong actuator was raised first.
+    pub wrong_actuator: Rate,
+    /// The wrong actuator was to be shut down, first or later.
+    pub wrong_shutdown: u64,
+    /// No command was ever raised.
+    pub silent: Rate,
+    /// From the onset to the first window that left its band.
+    pub detection: Option<Latency>,
+    /// From the onset to the right command.
+    pub isolation: Option<Latency>,
+    /// From when the fault was visible to the right command.
+    pub isolation_since_visible: Option<Latency>,
+}
+
+/// What became of flights without a fault, and of the time before faults.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HealthyMerit {
+    /// Hours.
+    pub hours: f64,
+    /// Commands raised.
+    pub alarms: u64,
+    /// Shutdowns raised.
+    pub shutdowns: u64,
+    /// Alarms per hour.
+    pub alarms_per_h: f64,
+    /// The upper end of the 95 % interval of that (one-sided, Poisson).
+    pub alarms_per_h_upper: f64,
+}
+
+/// One point of the trade.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TradePoint {
+    /// False alarms per hour that the decision was asked for.
+    pub asked_per_h: f64,
+    /// Healthy flights.
+    pub healthy: HealthyMerit,
+    /// Visible, strong shutdown faults: when they were isolated.
+    pub isolation: Option<Latency>,
+    /// The share of visible, strong shutdown faults that were never isolated.
+    pub missed: Rate,
+    /// Shutdowns of the wrong actuator in all flights.
+    pub wrong_shutdowns: u64,
+}
+
+/// The figures of merit in one setting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Merit {
+    /// The setting's name.
+    pub setting: String,
+    /// Flights with a fault.
+    pub flights: u64,
+    /// Flights that could not be simulated to the end, which are left out.
+    pub failed: u64,
+    /// By command: all intensities, then the strong ones.
+    pub classes: Vec<ClassMerit>,
+    /// By way of beginning, shutdown faults of strong intensity.
+    pub onsets: Vec<(String, ClassMerit)>,
+    /// Without a fault.
+    pub healthy: HealthyMerit,
+    /// Shutdowns of the wrong actuator, in all flights.
+    pub wrong_shutdowns: u64,
+    /// Alarms against latency.
+    pub trade: Vec<TradePoint>,
+    /// Kinds of fault that raised a shutdown of the wrong actuator, with how often.
+    pub wrong_kinds: Vec<(String, u64)>,
+}
+
+/// What one session said in one flight.
+#[derive(Clone, Default)]
+struct Story {
+    /// Every command when it was raised.
+    raised: Vec<Raised>,
+}
+
+/// What is remembered of a flight: the diagnoser's own session first, then those of other rates.
+struct Ended {
+    flight: Flight,
+    /// The sample since which the fault is visible.
+    seen: Option<u64>,
+    stories: Vec<Story>,
+}
+
+struct Watching {
+    sessions: Vec<(Session, Story)>,
+    onset: u64,
+    /// For each length of a window, how many of them in a row were out of band, and the sample at
+    /// which the first of these ended.
+    out_of_band: Vec<(u32, u64)>,
+    seen: Option<u64>,
+}
+
+impl Watching {
+    /// A fault is visible from the first of so many windows, which together are one window's length
+    /// of samples, that all left a band: a single one may do so by chance.
+    fn look(&mut self, index: u64) {
+        let Some((session, _)) = self.sessions.first() else { return };
+        let diagnoser = session.diagnoser();
+        for (place, (count, first)) in self.out_of_band.iter_mut().enumerate() {
+            if index < self.onset || !session.has_new_window(place) || !session.is_full(place) {
+                continue;
+            }
+            let (window, length) = (session.window(place), &diagnoser.lengths[place]);
+            let bands = length.panel.bands.iter().enumerate();
+            let is_out =
+                |(sensor, band): (usize, &SensorBand)| window.largest(sensor) > band.half_width;
+            if bands.into_iter().any(is_out) {
+                *first = if *count == 0 { index } else { *first };
+                *count += 1;
+            } else {
+                *count = 0;
+            }
+            let needed = length.span.panes.unwrap_or(1);
+            if *count >= needed && self.seen.is_none_or(|seen| *first < seen) {
+                self.seen = Some(*first);
+            }
+        }
+    }
+}
+
+impl Observer for Watching {
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        for (session, story) in &mut self.sessions {
+            let before = story.raised.last().map(|raised| (raised.unit, raised.command));
+            let outcome = session.push(inputs, measured, twin);
+            let is_new = |raised: &Raised| raised.sample == outcome.sample;
+            if let Some(raised) = outcome.raised.filter(is_new)
+                && before != Some((raised.unit, raised.command))
+            {
+                story.raised.push(raised);
+            }
+        }
+        self.look(index as u64);
+    }
+}
+
+/// Flies every planned flight and judges what was said.
+///
+/// # Errors
+/// What [`Diagnoser::check`] says.
+pub fn judge(
+    study: &Study,
+    setting: &str,
+    flown: &Flown,
+    diagnoser: &Diagnoser,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Merit, Error> {
+    let diagnosers: Vec<Arc<Diagnoser>> = asked(diagnoser)
+        .into_iter()
+        .map(|false_alarms_per_h| {
+            let mut other = diagnoser.clone();
+            other.decision.false_alarms_per_h = false_alarms_per_h;
+            Arc::new(other)
+        })
+        .collect();
+    let sessions: Vec<Session> =
+        diagnosers.into_iter().map(Session::new).collect::<Result<_, _>>()?;
+    let period_s = flown.period_s();
+    let all: Vec<usize> = (0..flown.plan.len()).collect();
+    let (mut ended, mut failed) = (vec![], 0);
+    flown.fly(
+        &all,
+        |flight| Watching {
+            sessions: sessions.iter().map(|s| (s.clone(), Story::default())).collect(),
+            onset: (flight.onset_s / period_s).ceil() as u64,
+            out_of_band: vec![(0, 0); diagnoser.lengths.len()],
+            seen: None,
+        },
+        |flight, watching, outcome| {
+            match outcome {
+                Ok(_) => {
+                    let stories = watching.sessions.into_iter().map(|(_, story)| story).collect();
+                    ended.push(Ended { flight: *flight, seen: watching.seen, stories });
+                }
+                Err(_) => failed += 1,
+            }
+            progress(ended.len() + failed as usize, all.len());
+        },
+    );
+    ended.sort_by_key(|ended| ended.flight.number);
+    let judged = Judged { study, diagnoser, ended: &ended, period_s };
+    Ok(judged.merit(setting, failed))
+}
+
+/// The diagnoser's own rate first.
+fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
+    let own = diagnoser.decision.false_alarms_per_h;
+    let others = ASKED_PER_H.into_iter().filter(|rate| *rate != own);
+    std::iter::once(own).chain(others).collect()
+}
+
+/// What became of a flight with a fault.
+struct Fate {
+    kind: String,
+    /// Seconds from the onset to the first window out of band, and to the right command.
+    seen_s: Option<f64>,
+    isolated_s: Option<f64>,
+    /// Actuator and command raised first after the onset, against those of the fault.
+    first: Option<(bool, bool)>,
+    /// The wrong actuator was to be shut down at any time.
+    is_wrong_shutdown: bool,
+}
+
+impl Fate {
+    /// How long it took to isolate what was visible.
+    fn waited_s(&self) -> Option<f64> {
+        Some((self.isolated_s? - self.seen_s?).max(0.0))
+    }
+}
+
+struct Judged<'j> {
+    study: &'j Study,
+    diagnoser: &'j Diagnoser,
+    ended: &'j [Ended],
+    period_s: f64,
+}
+
+impl Judged<'_> {
+    fn merit(&self, setting: &str, failed: u64) -> Merit {
+        let commands = &self.diagnoser.names().commands;
+        let mut classes = vec![];
+        for least in [0.0, STRONG] {
+            classes.extend(
+                commands.iter().filter_map(|command| {
+                    self.class(0, command, |flight| flight.intensity >= least)
+                }),
+            );
+        }
+        let ways = [
+            ("at once", Onset::Step),
+            ("drift", Onset::Drift),
+            ("intermittent", Onset::Intermittent),
+        ];
+        let off = self.off_command().unwrap_or_default();
+        let onsets = ways.into_iter().filter_map(|(name, onset)| {
+            let choice = |f: &Flight| f.onset == onset && f.intensity >= STRONG;
+            Some((name.to_owned(), self.class(0, off, choice)?))
+        });
+        let onsets = onsets.collect();
+        let mut trade: Vec<TradePoint> = asked(self.diagnoser)
+            .iter()
+            .enumerate()
+            .map(|(s, rate)| self.trade(s, *rate))
+            .collect();
+        trade.sort_by(|a, b| b.asked_per_h.total_cmp(&a.asked_per_h));
+        let mut wrong_kinds: Vec<(String, u64)> = vec![];
+        for fate in self.fates(0, |_| true).iter().filter(|fate| fate.is_wrong_shutdown) {
+            match wrong_kinds.iter_mut().find(|(kind, _)| *kind == fate.kind) {
+                Some((_, count)) => *count += 1,
+                None => wrong_kinds.push((fate.kind.clone(), 1)),
+            }
+        }
+        Merit {
+            setting: setting.into(),
+            flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
+            failed,
+            classes,
+            onsets,
+            healthy: self.healthy(0),
+            wrong_shutdowns: wrong_kinds.iter().map(|(_, count)| count).sum(),
+            trade,
+            wrong_kinds,
+        }
+    }
+
+    fn off_command(&self) -> Option<&str> {
+        self.diagnoser.decision.off_commands.first().map(String::as_str)
+    }
+
+    fn is_off(&self, command: u32) -> bool {
+        let name = &self.diagnoser.names().commands[command as usize];
+        self.diagnoser.decision.off_commands.contains(name)
+    }
+
+    fn fates(&self, session: usize, choice: impl Fn(&Flight) -> bool) -> Vec<Fate> {
+        let chosen = self.ended.iter().filter(|ended| choice(&ended.flight));
+        chosen.filter_map(|ended| self.fate(ended, session)).collect()
+    }
+
+    fn fate(&self, ended: &Ended, session: usize) -> Option<Fate> {
+        let fault = &self.study.faults[ended.flight.fault?];
+        let names = self.diagnoser.names();
+        let (unit, class) = (&self.study.units[fault.unit], &self.study.classes[fault.class]);
+        let onset = ended.flight.onset_s;
+        let story = &ended.stories[session];
+        let after = |sample: u64| sample as f64 * self.period_s - onset;
+        let since = story.raised.iter().filter(|raised| after(raised.sample) >= 0.0);
+        let judged = |raised: &&Raised| {
+            let is_unit = names.actuators[raised.unit as usize] == *unit;
+            (is_unit, is_unit && names.commands[raised.command as usize] == class.command)
+        };
+        let right = since.clone().find(|raised| judged(raised).1);
+        Some(Fate {
+            kind: fault.kind.clone(),
+            seen_s: ended.seen.map(after),
+            isolated_s: right.map(|raised| after(raised.sample)),
+            first: since.clone().next().map(|raised| judged(&raised)),
+            is_wrong_shutdown: story.raised.iter().any(|raised| {
+                self.is_off(raised.command) && !judged(&raised).0 && after(raised.sample) >= 0.0
+            }),
+        })
+    }
+
+    fn class(
+        &self,
+        session: usize,
+        command: &str,
+        choice: impl Fn(&Flight) -> bool,
+    ) -> Option<ClassMerit> {
+        let is_of = |flight: &Flight| {
+            let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
+            class.is_some_and(|class| class.command == command) && choice(flight)
+        };
+        let intensities = self.ended.iter().map(|e| &e.flight).filter(|f| is_of(f));
+        let intensities = intensities.map(|flight| flight.intensity);
+        let ends = intensities
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], i| [low.min(i), high.max(i)]);
+        let fates = self.fates(session, is_of);
+        if fates.is_empty() {
+            return None;
+        }
+        let visible: Vec<&Fate> = fates.iter().filter(|fate| fate.seen_s.is_some()).collect();
+        let of = visible.len() as u64;
+        let rate = |choice: &dyn Fn(&Fate) -> bool| {
+            Rate::new(visible.iter().filter(|fate| choice(fate)).count() as u64, of)
+        };
+        Some(ClassMerit {
+            command: command.into(),
+            intensities: ends,
+            flown: fates.len() as u64,
+            visible: Rate::new(of, fates.len() as u64),
+            isolated: rate(&|fate| fate.first == Some((true, true))),
+            other_command: rate(&|fate| fate.first == Some((true, false))),
+            wrong_actuator: rate(&|fate| fate.first == Some((false, false))),
+            wrong_shutdown: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
+            silent: rate(&|fate| fate.first.is_none()),
+            detection: latency(visible.iter().filter_map(|fate| fate.seen_s), of),
+            isolation: latency(visible.iter().filter_map(|fate| fate.isolated_s), of),
+            isolation_since_visible: latency(visible.iter().filter_map(|fate| fate.waited_s()), of),
+        })
+    }
+
+    fn healthy(&self, session: usize) -> HealthyMerit {
+        let (mut seconds, mut alarms, mut shutdowns) = (0.0, 0, 0);
+        for Ended { flight, stories, .. } in self.ended {
+            let until_s = flight.onset_s.min(flight.duration_s);
+            seconds += until_s;
+            let early = stories[session].raised.iter();
+            for raised in early.filter(|r| (r.sample as f64 * self.period_s) < until_s) {
+                alarms += 1;
+                shutdowns += u64::from(self.is_off(raised.command));
+            }
+        }
+        let hours = seconds / 3600.0;
+        HealthyMerit {
+            hours,
+            alarms,
+            shutdowns,
+            alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
+            alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
+        }
+    }
+
+    fn trade(&self, session: usize, asked_per_h: f64) -> TradePoint {
+        let strong = |flight: &Flight| flight.intensity >= STRONG;
+        let class = self.off_command().and_then(|command| self.class(session, command, strong));
+        let of = class.as_ref().map_or(0, |class| class.visible.count);
+        let isolated = class.as_ref().and_then(|class| class.isolation.as_ref());
+        let isolated = isolated.map_or(0, |latency| latency.flights);
+        let fates = self.fates(session, |_| true);
+        TradePoint {
+            asked_per_h,
+            healthy: self.healthy(session),
+            isolation: class.and_then(|class| class.isolation),
+            missed: Rate::new(of - isolated, of),
+            wrong_shutdowns: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
+        }
+    }
+}
+
+/// Times at which the share of faults is told, s.
+const TIMES_S: [f64; 10] = [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0];
+
+fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Latency> {
+    let mut times_s: Vec<f64> = times_s.collect();
+    times_s.sort_by(f64::total_cmp);
+    let last = times_s.len().checked_sub(1)?;
+    let quantile = |share: f64| times_s[(share * times_s.len() as f64).ceil() as usize - 1];
+    let by = |limit_s: f64| {
+        let soon = times_s.iter().filter(|time| **time <= limit_s).count();
+        (limit_s, soon as f64 / of.max(1) as f64)
+    };
+    Some(Latency {
+        flights: times_s.len() as u64,
+        median_s: quantile(0.5),
+        p95_s: quantile(0.95),
+        longest_s: times_s[last],
+        by_s: TIMES_S.into_iter().map(by).collect(),
+    })
+}
+
+/// The mean of a Poisson distribution that gives at most `count` with a probability of 5 %.
+fn most_of_poisson(count: u64) -> f64 {
+    let at_most = |mean: f64| {
+        let mut term = (-mean).exp();
+        let mut sum = term;
+        for k in 1..=count {
+            term *= mean / k as f64;
+            sum += term;
+        }
+        sum
+    };
+    let (mut low, mut high) = (0.0, 10.0 + 4.0 * count as f64);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if at_most(middle) > 0.05 { low = middle } else { high = middle }
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_seen_bounds_the_rate_by_three_over_the_time() {
+        assert!((most_of_poisson(0) - 2.9957).abs() < 1e-3);
+        // From tables of the chi-squared distribution.
+        assert!((most_of_poisson(1) - 4.7439).abs() < 1e-3);
+        assert!((most_of_poisson(10) - 16.9622).abs() < 1e-3);
+    }
+
+    #[test]
+    fn latencies_are_quantiles_of_those_that_came_and_shares_of_all() {
+        let found = latency((1..=10).map(f64::from), 20).unwrap();
+        assert_eq!(
+            (found.flights, found.median_s, found.p95_s, found.longest_s),
+            (10, 5.0, 10.0, 10.0)
+        );
+        assert_eq!(found.by_s.last(), Some(&(5.0, 0.25)));
+        assert!(latency(std::iter::empty(), 3).is_none());
+    }
+}
