@@ -24,13 +24,11 @@ mod alarm;
 pub mod decision;
 pub mod environment;
 mod judge;
-mod lessons;
 pub mod novelty;
 mod outcome;
 mod session;
 
 pub use environment::{Environment, Invalid, Why};
-pub use lessons::Lessons;
 pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use session::{Session, State};
