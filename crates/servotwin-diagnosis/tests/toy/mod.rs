@@ -124,8 +124,14 @@ pub fn names() -> Names {
 
 fn sensors() -> Vec<Sensor> {
     let quantities = [Quantity::Ram, Quantity::Spool, Quantity::PressureA, Quantity::PressureB];
-    let sensor =
-        |name: String, quantity, unit| Sensor { name, quantity, unit, scale: 1.0, noise: NOISE };
+    let sensor = |name: String, quantity, unit| Sensor {
+        name,
+        quantity,
+        unit,
+        scale: 1.0,
+        noise: NOISE,
+        is_noisy: true,
+    };
     let mut sensors = vec![];
     for unit in 0..2 {
         for (place, &quantity) in quantities.iter().enumerate() {
