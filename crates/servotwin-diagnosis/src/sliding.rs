@@ -264,7 +264,7 @@ mod tests {
     /// A slow swing, a quick one, noise and a rare spike, far from zero.
     fn sample(random: &mut Random, k: u64) -> ([f64; 1], [f64; 1]) {
         let t = k as f64 * 0.01;
-        let spike = if k % 9973 == 0 { 0.5 } else { 0.0 };
+        let spike = if k.is_multiple_of(9973) { 0.5 } else { 0.0 };
         let twin = 3.0 + (t * 1e-3).fract() + 0.3 * (t * 0.7).fract();
         ([twin + 0.01 * random.unit() + spike + 1e-3 * (t * 0.31).fract()], [twin])
     }

@@ -5,6 +5,7 @@ use servotwin_diagnosis::diagnoser::{Finding, Session};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+#[allow(dead_code)]
 mod toy;
 
 struct Counting;

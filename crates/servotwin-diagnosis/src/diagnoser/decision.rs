@@ -4,14 +4,15 @@
 //! a window length ends, its committee gives each a probability p_h, and for every pair
 //!
 //! ```text
-//! z_hg = clip(ln p_h − ln p_g − a, ±c) · w
+//! z_hg = clip(ln p_h − ln p_g − a, ±c) · w^q
 //! S_hg ← clamp(S_hg + z_hg, 0, K b_hg)
 //! S_hg ← 0 for every g where S_h0 = 0                           (1)
 //! h may be raised where S_hg ≥ b_hg for every g ≠ h             (2)
 //! ```
 //!
 //! with w the share of the window that is new (windows overlap: the same sample must not convince
-//! twice), a an allowance, and c a clip, so that no single window decides. This is the matrix CuSum
+//! twice; but a later window also sees it in other company, hence the exponent q), a an allowance, and
+//! c a clip, so that no single window decides. This is the matrix CuSum
 //! (Nikiforov, "A Simple Recursive Algorithm for Diagnosis of Abrupt Changes in Random Signals", IEEE
 //! Trans. Information Theory 46, 2000; Oskiper, Poor, "Online Activity Detection in a Multiuser
 //! Environment Using the Matrix CUSUM Algorithm", ibid. 48, 2002): evidence must beat the *best other
@@ -106,8 +107,8 @@ pub struct Settings {
     pub allowance_nats: f64,
     /// What a window in which every residual stays in its band counts for health, in nats.
     pub in_band_nats: f64,
-    /// How much overlapping windows count: the exponent of the share that is new. 1 counts every
-    /// sample once; 0 every window in full.
+    /// How much overlapping windows count: the exponent q of the share that is new. 1 counts every
+    /// sample once, 0 every window in full; the latency is in between, too.
     pub overlap_exponent: f64,
     /// The part of a limit from which an alarm is pending, and below which a raised one recovers.
     pub pending_share: f64,
@@ -138,7 +139,7 @@ impl Settings {
             clip_nats: 8.0,
             allowance_nats: 0.5,
             in_band_nats: 4.0,
-            overlap_exponent: 1.0,
+            overlap_exponent: 0.5,
             pending_share: 0.5,
             recover_s: 5.0,
             least_detail_confidence: 0.5,

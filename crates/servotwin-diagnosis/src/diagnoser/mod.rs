@@ -24,13 +24,11 @@ mod alarm;
 pub mod decision;
 pub mod environment;
 mod judge;
-mod lessons;
 pub mod novelty;
 mod outcome;
 mod session;
 
 pub use environment::{Environment, Invalid, Why};
-pub use lessons::Lessons;
 pub use novelty::Novelty;
 pub use outcome::{Alarm, Counts, Finding, Outcome, Raised};
 pub use session::{Session, State};
@@ -52,6 +50,8 @@ pub struct Sensor {
     pub scale: f64,
     /// Standard deviation that noise and quantisation give a sample, in parts of scale.
     pub noise: f64,
+    /// Whether the samples carry it: those of a simulation with perfect sensors do not.
+    pub is_noisy: bool,
 }
 
 /// What is known of windows of one length.
@@ -94,14 +94,14 @@ impl Diagnoser {
         &self.lengths[0].panel.trees.names
     }
 
-    /// The sensors as features see them: real ones, with their noise.
+    /// The sensors as features see them.
     pub fn sensors_seen(&self) -> Sensors {
         let seen = |s: &Sensor| features::Sensor {
             name: s.name.clone(),
             quantity: s.quantity,
             unit: s.unit.map(|unit| unit as usize),
             noise: s.noise,
-            is_noisy: true,
+            is_noisy: s.is_noisy,
         };
         Sensors(self.sensors.iter().map(seen).collect())
     }

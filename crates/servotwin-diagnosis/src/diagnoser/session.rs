@@ -366,7 +366,8 @@ impl Session {
             };
             let value = if masked {
                 let mut random = Random::stream(place as u64, self.memory.samples);
-                expected + sensor.scale * sensor.noise * normal(&mut random)
+                let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
+                expected + sensor.scale * noise * normal(&mut random)
             } else {
                 measured[place]
             };

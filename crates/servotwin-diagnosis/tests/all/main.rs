@@ -8,6 +8,7 @@ mod diagnoser;
 mod evaluation;
 mod missing;
 mod tables;
+#[allow(dead_code)]
 #[path = "../toy/mod.rs"]
 mod toy;
 mod tree;

@@ -4,7 +4,7 @@
 use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
 use servotwin_diagnosis::diagnoser::{
-    Diagnoser, Environment, FORMAT, Length, Lessons, Novelty, Sensor, decision,
+    Diagnoser, Environment, FORMAT, Length, Novelty, Sensor, decision,
 };
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::{Label, Names, Settings};
@@ -12,6 +12,10 @@ use servotwin_diagnosis::panel::{self, Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::sliding::{Sliding, Span};
 use std::sync::{Arc, OnceLock};
+
+mod lessons;
+
+use lessons::Lessons;
 
 pub const PERIOD_S: f64 = 0.01;
 pub const SENSORS: usize = 9;
@@ -120,8 +124,14 @@ pub fn names() -> Names {
 
 fn sensors() -> Vec<Sensor> {
     let quantities = [Quantity::Ram, Quantity::Spool, Quantity::PressureA, Quantity::PressureB];
-    let sensor =
-        |name: String, quantity, unit| Sensor { name, quantity, unit, scale: 1.0, noise: NOISE };
+    let sensor = |name: String, quantity, unit| Sensor {
+        name,
+        quantity,
+        unit,
+        scale: 1.0,
+        noise: NOISE,
+        is_noisy: true,
+    };
     let mut sensors = vec![];
     for unit in 0..2 {
         for (place, &quantity) in quantities.iter().enumerate() {

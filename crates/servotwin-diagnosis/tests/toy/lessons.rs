@@ -2,16 +2,12 @@
 //!
 //! The same windows, features and views as a session's, so what was learnt is what will be asked.
 
-use alloc::vec;
-use alloc::vec::Vec;
-
-use crate::error::{Error, same_length};
-use crate::features::{Feature, Sensors, Views, features};
-use crate::hierarchy::{Examples, Label, Names};
-use crate::residual::Window;
+use servotwin_diagnosis::Error;
+use servotwin_diagnosis::features::{Feature, Sensors, Views, features};
+use servotwin_diagnosis::hierarchy::{Examples, Label, Names};
+use servotwin_diagnosis::residual::Window;
 
 /// Windows of one length as rows of features, with their labels.
-#[derive(Debug, Clone)]
 pub struct Lessons {
     features: Vec<Feature>,
     views: Views,
@@ -19,9 +15,6 @@ pub struct Lessons {
     rows: Vec<Vec<f64>>,
     labels: Vec<Label>,
     groups: Vec<u32>,
-    /// The largest size of each residual, in parts of scale, row by row.
-    largest: Vec<f64>,
-    sensors: usize,
 }
 
 impl Lessons {
@@ -35,7 +28,7 @@ impl Lessons {
         features.retain(|feature| feature.teaches);
         let names: Vec<&str> = features.iter().map(|feature| feature.name.as_str()).collect();
         let is_alike = (1..actuators).all(|unit| sensors.exchanged(0, unit).is_some());
-        let (count, views) = (sensors.0.len(), if is_alike { actuators } else { 1 });
+        let views = if is_alike { actuators } else { 1 };
         let views = Views::new(sensors, &names, views)?;
         Ok(Lessons {
             rows: vec![vec![]; views.rows().len()],
@@ -43,8 +36,6 @@ impl Lessons {
             views,
             labels: vec![],
             groups: vec![],
-            largest: vec![],
-            sensors: count,
         })
     }
 
@@ -58,31 +49,12 @@ impl Lessons {
         self.rows.iter_mut().zip(rows).for_each(|(all, row)| all.extend(row));
         self.labels.push(label);
         self.groups.push(group);
-        self.largest.extend((0..self.sensors).map(|sensor| window.largest(sensor)));
         Ok(())
-    }
-
-    /// The features of a row.
-    pub fn features(&self) -> &[Feature] {
-        &self.features
-    }
-
-    /// The label of each row.
-    pub fn labels(&self) -> &[Label] {
-        &self.labels
     }
 
     /// What each row was recorded with.
     pub fn groups(&self) -> &[u32] {
         &self.groups
-    }
-
-    /// The largest size of each residual in a row, in parts of scale: what bands are learnt from.
-    ///
-    /// # Panics
-    /// If there is no such row.
-    pub fn largest(&self, row: usize) -> &[f64] {
-        &self.largest[row * self.sensors..(row + 1) * self.sensors]
     }
 
     /// The rows as a hierarchy learns from them; of `names` the features are replaced by these. The
@@ -96,8 +68,8 @@ impl Lessons {
             ..names.clone()
         };
         let read = (0..names.actuators.len()).map(|actuator| self.own(actuator)).collect();
-        let views = self.rows.iter().map(|rows| self.columns(rows));
-        Examples::new(names, read, views.collect::<Result<_, _>>()?, self.labels.clone())
+        let views = self.rows.iter().map(|rows| self.columns(rows)).collect();
+        Examples::new(names, read, views, self.labels.clone())
     }
 
     fn own(&self, actuator: usize) -> Vec<usize> {
@@ -107,10 +79,9 @@ impl Lessons {
         if own.is_empty() { all.collect() } else { own }
     }
 
-    fn columns(&self, rows: &[f64]) -> Result<Vec<f64>, Error> {
+    fn columns(&self, rows: &[f64]) -> Vec<f64> {
         let width = self.features.len();
-        same_length("values", width * self.labels.len(), rows.len())?;
         let column = |column: usize| rows.iter().skip(column).step_by(width.max(1)).copied();
-        Ok((0..width).flat_map(column).collect())
+        (0..width).flat_map(column).collect()
     }
 }
