@@ -3,6 +3,7 @@
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
+use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
@@ -99,6 +100,8 @@ pub enum Failure {
         /// What is wrong.
         error: TraceError,
     },
+    /// The twin or the diagnosis could not run.
+    Runtime(RuntimeError),
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -128,6 +131,7 @@ impl Failure {
             | Failure::Eigenvalues
             | Failure::Table(_)
             | Failure::Figure(_)
+            | Failure::Runtime(_)
             | Failure::Print(_) => 1,
             Failure::Stopped => 130,
         }
@@ -168,6 +172,7 @@ impl fmt::Display for Failure {
             Failure::Evaluation(error) => write!(out, "error: {error}"),
             Failure::Job(error) => write!(out, "error: {error}"),
             Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
+            Failure::Runtime(error) => write!(out, "error: {error}"),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
     }
@@ -221,7 +226,8 @@ impl From<EvaluationError> for Failure {
 impl From<JobError> for Failure {
     fn from(error: JobError) -> Self {
         match error {
-            JobError::Evaluation(EvaluationError::Cancelled) => Failure::Stopped,
+            JobError::Evaluation(EvaluationError::Cancelled)
+            | JobError::Campaign(CampaignError::Cancelled) => Failure::Stopped,
             error => Failure::Job(error),
         }
     }

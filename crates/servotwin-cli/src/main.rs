@@ -18,8 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, explain, faults, features, predict, report,
-    simulate, study, train,
+    campaign, check, completions, describe, evaluate, explain, faults, features, flights, fly,
+    predict, report, simulate, study, train,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -59,6 +59,8 @@ enum Command {
     Train(train::Options),
     Evaluate(evaluate::Options),
     Predict(predict::Options),
+    Flights(flights::Options),
+    Fly(Box<fly::Options>),
     Report(report::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -79,6 +81,8 @@ impl Command {
             Command::Evaluate(options) => evaluate::run(options, global),
             Command::Explain(options) => explain::run(options, global),
             Command::Predict(options) => predict::run(options, global),
+            Command::Flights(options) => flights::run(options, global),
+            Command::Fly(options) => fly::run(options, global),
             Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

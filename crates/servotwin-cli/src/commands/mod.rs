@@ -8,6 +8,8 @@ pub mod evaluate;
 pub mod explain;
 pub mod faults;
 pub mod features;
+pub mod flights;
+pub mod fly;
 pub mod predict;
 mod progress;
 pub mod report;

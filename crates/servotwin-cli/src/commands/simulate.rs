@@ -204,25 +204,32 @@ fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), 
 fn faults(system: &System, texts: &[String]) -> Result<Vec<FaultAt>, Failure> {
     let mut faults: Vec<FaultAt> = Vec::new();
     for text in texts {
-        let (id, value) = split("--fault", text)?;
-        let found = system.program.find_fault(id);
-        let (component, fault) = found.ok_or_else(|| Failure::UnknownName {
-            what: "fault",
-            given: id.into(),
-            known: all_faults(system),
-        })?;
-        let intensity = Quantity::in_unit(value, Unit::None)
-            .map_err(|error| Failure::Number { option: "--fault", error })?;
-        if !(0.0..=1.0).contains(&intensity) {
-            let range = "an intensity goes from 0 to 1";
-            return Err(Failure::OutOfRange { option: "--fault", given: text.clone(), range });
+        let new = fault(system, text)?;
+        if faults.iter().any(|f| (f.component, f.fault) == (new.component, new.fault)) {
+            let name = split("--fault", text)?.0.into();
+            return Err(Failure::Repeated { option: "--fault", name });
         }
-        if faults.iter().any(|f| (f.component, f.fault) == (component, fault)) {
-            return Err(Failure::Repeated { option: "--fault", name: id.into() });
-        }
-        faults.push(FaultAt { component, fault, intensity });
+        faults.push(new);
     }
     Ok(faults)
+}
+
+/// A fault from `name=intensity`.
+pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
+    let (id, value) = split("--fault", text)?;
+    let found = system.program.find_fault(id);
+    let (component, fault) = found.ok_or_else(|| Failure::UnknownName {
+        what: "fault",
+        given: id.into(),
+        known: all_faults(system),
+    })?;
+    let intensity = Quantity::in_unit(value, Unit::None)
+        .map_err(|error| Failure::Number { option: "--fault", error })?;
+    if !(0.0..=1.0).contains(&intensity) {
+        let range = "an intensity goes from 0 to 1";
+        return Err(Failure::OutOfRange { option: "--fault", given: text.into(), range });
+    }
+    Ok(FaultAt { component, fault, intensity })
 }
 
 fn all_faults(system: &System) -> Vec<String> {

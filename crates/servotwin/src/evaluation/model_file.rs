@@ -11,6 +11,7 @@ use super::table_model::TableModel;
 use crate::files;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::Panel;
 use std::path::Path;
@@ -55,6 +56,19 @@ pub fn read_panel(path: impl AsRef<Path>) -> Result<Panel, EvaluationError> {
         .check()
         .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
     Ok(panel)
+}
+
+/// Reads a diagnoser and checks it.
+///
+/// # Errors
+/// As [`read`]; [`EvaluationError::CorruptModel`].
+pub fn read_diagnoser(path: impl AsRef<Path>) -> Result<Diagnoser, EvaluationError> {
+    let path = path.as_ref();
+    let diagnoser: Diagnoser = read(path)?;
+    diagnoser
+        .check()
+        .map_err(|source| EvaluationError::CorruptModel { path: path.to_path_buf(), source })?;
+    Ok(diagnoser)
 }
 
 /// Reads a hierarchy and checks it.

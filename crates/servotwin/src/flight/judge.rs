@@ -15,7 +15,7 @@ use servotwin_diagnosis::panel::SensorBand;
 use std::sync::Arc;
 
 /// The rates of false alarms that are asked for beside the diagnoser's own, per hour.
-const ASKED_PER_H: [f64; 4] = [1.0, 1e-1, 1e-5, 1e-7];
+const ASKED_PER_H: [f64; 2] = [1.0, 1e-6];
 
 /// Intensities from which on latencies are held against their limit.
 pub const STRONG: f64 = 0.5;

@@ -5,10 +5,14 @@
 //! - [`flown`]: flights in lanes, each observed beside the twin of its environment
 //! - [`lessons`]: what the diagnosis learns from: windows of flights, one table for each length
 //! - [`train`]: bands, trees and committee for each length: a diagnoser
+//! - [`runtime`]: a twin and a diagnosis beside an actuator, one call for each sample
+//! - [`closed_loop`]: a plant beside the runtime, and a flight control computer that reacts
 //! - [`judge`]: how fast, how sure, how often wrong it is
 
+pub mod closed_loop;
 pub mod flown;
 pub mod judge;
 pub mod lessons;
 pub mod plan;
+pub mod runtime;
 pub mod train;

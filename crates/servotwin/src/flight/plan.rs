@@ -184,7 +184,7 @@ impl Flight {
             _ if self.fault.is_none() || age < 0.0 => 0.0,
             Onset::Step => 1.0,
             Onset::Drift => (age / DRIFT_S).min(1.0),
-            Onset::Intermittent => f64::from(u8::from((age / PULSE_S) as u64 % 2 == 0)),
+            Onset::Intermittent => f64::from(u8::from(((age / PULSE_S) as u64).is_multiple_of(2))),
         }
     }
 }

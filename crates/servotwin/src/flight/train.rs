@@ -40,8 +40,8 @@ pub fn diagnoser(
     let of = |(&window_s, table)| length(study, window_s, table, pools, workers);
     let lengths = flights.windows_s.iter().zip(tables).map(of).collect::<Result<Vec<_>, _>>()?;
     let names = &lengths[0].panel.trees.names;
-    let off = settings().shutdown;
-    let off: Vec<&str> = names.commands.iter().map(String::as_str).filter(|c| *c == off).collect();
+    let commands = names.commands.iter().map(String::as_str);
+    let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
     let diagnoser = Diagnoser {
         format: diagnoser::FORMAT.into(),
         period_s: study.sample_period_s,
@@ -93,6 +93,7 @@ fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
         unit: seen.unit.map(|unit| unit as u32),
         scale,
         noise: seen.noise,
+        is_noisy: seen.is_noisy,
     };
     seen.map(sensor).collect()
 }

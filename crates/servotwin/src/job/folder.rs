@@ -7,6 +7,8 @@
 //! | `dataset-<setting>-training.parquet` | campaign: the training commands |
 //! | `hierarchy-<subject>.json` | train: the nine trees |
 //! | `panel-<subject>.json` | train: trees, committee and bands |
+//! | `diagnoser-<setting>.json` | flights: all that it takes to diagnose beside an actuator |
+//! | `flights.json` | flights: what that is worth |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `manifest.json` | every stage |
@@ -57,6 +59,16 @@ impl Folder {
         self.0.join(format!("panel-{}.json", subject.name()))
     }
 
+    /// The diagnoser of a setting.
+    pub fn diagnoser(&self, setting: Setting) -> PathBuf {
+        self.0.join(format!("diagnoser-{}.json", setting.name()))
+    }
+
+    /// What was measured in flights.
+    pub fn flights(&self) -> PathBuf {
+        self.0.join("flights.json")
+    }
+
     /// What was measured of all subjects.
     pub fn results(&self) -> PathBuf {
         self.0.join("evaluation.json")
@@ -86,7 +98,8 @@ impl Folder {
         let mut files: Vec<PathBuf> = Setting::ALL.into_iter().flat_map(both).collect();
         let models = |subject| [self.hierarchy(subject), self.panel(subject)];
         files.extend(Subject::ALL.into_iter().flat_map(models));
-        files.extend([self.results(), self.report()]);
+        files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
+        files.extend([self.flights(), self.results(), self.report()]);
         files.retain(|file| file.exists());
         files.extend(self.figure_files()?);
         Ok(files)

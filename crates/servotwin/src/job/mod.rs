@@ -6,6 +6,7 @@
 
 mod error;
 pub mod explain;
+pub mod flights;
 pub mod folder;
 pub mod manifest;
 pub mod report;

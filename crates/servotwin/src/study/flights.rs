@@ -12,6 +12,8 @@
 //! unit_parameters."supply.temperature_k" = [253, 343]
 //! learn = { environments = 40, repeats = 4, healthy = 4 }
 //! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300 }
+//! full.learn = { ... }               # the sizes of `servotwin flights --full`
+//! full.judge = { ... }
 //! ```
 //!
 //! An *environment* is a command with values for everything else that varies. Faults and specimens are
@@ -47,8 +49,17 @@ pub(super) struct Text {
     unit_parameters: Ranges,
     learn: Size,
     judge: Size,
+    full: Option<Full>,
     #[serde(default)]
     limits: Limits,
+}
+
+/// Other sizes.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Full {
+    learn: Size,
+    judge: Size,
 }
 
 /// How many flights there are for a purpose.
@@ -151,6 +162,12 @@ impl Flights {
 }
 
 impl Text {
+    /// The same section with its full sizes.
+    pub(super) fn full(&self) -> Option<Text> {
+        let Full { learn, judge } = self.full?;
+        Some(Text { learn, judge, full: None, ..self.clone() })
+    }
+
     fn check(&self, reader: &Reader) -> Result<(), StudyError> {
         let known = self.seed < 1000;
         reader.range("flights.seed", self.seed as f64, known, "0 … 999")?;

@@ -8,11 +8,13 @@
 pub mod campaign;
 pub mod faults;
 pub mod flights;
+pub mod reactions;
 mod realism;
 mod training;
 
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
+pub use reactions::{Reaction, Reactions};
 pub(crate) use realism::Imperfection;
 pub use realism::{Lot, Realism, Role, Setting};
 pub use training::Training;
@@ -62,6 +64,8 @@ struct Text {
     realistic: Option<realism::Text>,
     training: Option<training::Text>,
     flights: Option<flights::Text>,
+    #[serde(default)]
+    reactions: BTreeMap<String, reactions::Text>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -151,6 +155,10 @@ pub struct Study {
     pub training: Option<Training>,
     /// The flights in which the diagnosis at work learns and is judged.
     pub flights: Option<Flights>,
+    /// The same flights in full number, where the study says how many that is.
+    pub full_flights: Option<Flights>,
+    /// What the flight control computer does when a command is raised.
+    pub reactions: Reactions,
 }
 
 /// Why there is no study.
@@ -282,6 +290,11 @@ impl Study {
             Some(text) => Some(Flights::new(text, &reader)?),
             None => None,
         };
+        let full_flights = match reader.text.flights.as_ref().and_then(flights::Text::full) {
+            Some(text) => Some(Flights::new(&text, &reader)?),
+            None => None,
+        };
+        let reactions = Reactions::new(&reader.text.reactions, &reader)?;
         let Reader { text: parsed, system, .. } = reader;
         Ok(Self {
             name: parsed.name,
@@ -302,6 +315,8 @@ impl Study {
             realism,
             training,
             flights,
+            full_flights,
+            reactions,
         })
     }
 

@@ -1,0 +1,112 @@
+//! `servotwin flights`: the diagnosis at work, learned and judged in many flights.
+
+use super::StudyOptions;
+use super::evaluate::workers;
+use super::progress::Stages;
+use crate::failure::Failure;
+use crate::render::json;
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::flight::judge::{ClassMerit, Latency, Merit};
+use servotwin::job::flights::{self, Crew, FlightResults};
+use servotwin::job::{Folder, manifest};
+use servotwin::study::{Flights, Study};
+use std::fmt::Write;
+
+/// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.
+///
+/// Writes `diagnoser-<setting>.json`, which `servotwin watch` and `servotwin fly` read, and
+/// `flights.json` into the output folder.
+#[derive(clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    study: StudyOptions,
+    /// The full sizes of the study (`full` in its section on flights) instead of the small ones.
+    #[arg(long)]
+    full: bool,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let study = options.study.read()?;
+    let flights = if options.full { &study.full_flights } else { &study.flights };
+    let Some(flights) = flights else {
+        return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
+    };
+    stop::listen();
+    let folder = Folder::new(&options.study.out);
+    folder.keep_study(&study)?;
+    let results = fly(&folder, &study, flights, options.full, options.study.threads, global)?;
+    manifest::write(&folder, &study)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(results)),
+        Global { quiet: true, .. } => String::new(),
+        _ => text(&results),
+    })
+}
+
+/// Learns and judges, with the progress on a terminal.
+pub fn fly(
+    folder: &Folder,
+    study: &Study,
+    flights: &Flights,
+    is_full: bool,
+    threads: Option<usize>,
+    global: Global,
+) -> Result<FlightResults, Failure> {
+    let stages = Stages::new(global);
+    let all = || std::thread::available_parallelism().map_or(1, |threads| threads.get());
+    let crew = Crew {
+        threads: threads.unwrap_or_else(all),
+        workers: workers(threads),
+        cancel: Some(stop::flag()),
+        progress: &|what, share| stages.show(what, share),
+    };
+    let results = flights::fly_all(folder, study, flights, is_full, &crew);
+    stages.end();
+    stop::check()?;
+    Ok(results?)
+}
+
+/// What was measured, for people.
+pub fn text(results: &FlightResults) -> String {
+    let mut out = String::new();
+    for merit in &results.merits {
+        setting(&mut out, merit);
+    }
+    out
+}
+
+fn setting(out: &mut String, merit: &Merit) {
+    let Merit { setting, flights, failed, healthy, .. } = merit;
+    let _ = writeln!(out, "{setting}: {flights} flights with a fault, {failed} not finished");
+    for class in &merit.classes {
+        let _ = writeln!(out, "  {}", line(class));
+    }
+    let _ = writeln!(
+        out,
+        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {:.2} alarms per hour)",
+        healthy.alarms, healthy.shutdowns, healthy.hours, healthy.alarms_per_h_upper
+    );
+    let _ = writeln!(out, "  shutdowns of the wrong actuator: {}", merit.wrong_shutdowns);
+}
+
+fn line(class: &ClassMerit) -> String {
+    let ClassMerit { command, intensities: [low, high], visible, isolated, silent, .. } = class;
+    let times = |latency: &Option<Latency>| match latency {
+        Some(l) => format!("median {:.2} s, p95 {:.2} s", l.median_s, l.p95_s),
+        None => "never".into(),
+    };
+    format!(
+        "{command}, intensity {low} to {high}: {} of {} visible; of these {} isolated, {} other \
+         command, {} wrong actuator, {} silent; since the onset {}, since visible {}",
+        visible.count,
+        visible.of,
+        isolated.count,
+        class.other_command.count,
+        class.wrong_actuator.count,
+        silent.count,
+        times(&class.isolation),
+        times(&class.isolation_since_visible),
+    )
+}

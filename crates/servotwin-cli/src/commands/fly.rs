@@ -1,0 +1,361 @@
+//! `servotwin fly`: a plant with a fault that begins, its twin, the diagnosis, and a flight control
+//! computer that reacts.
+
+use super::evaluate::workers;
+use super::simulate::fault;
+use super::{StudyOptions, note};
+use crate::failure::Failure;
+use crate::render::json;
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin::files::create_folder;
+use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::job::flights::{self, Crew};
+use servotwin::job::{Folder, JobError};
+use servotwin::signal::{Quantity, Signal};
+use servotwin::study::{Setting, Study};
+use servotwin::table::{self, Column, Table, Values};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::program::Slot;
+use servotwin_model::spec::Unit;
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// Fly with a fault that begins, with the diagnosis and without, and show what it is good for.
+///
+/// Needs no option. Writes `flight.svg`, and the records `flight-reacting.csv` and
+/// `flight-alone.csv`, into the folder `flight` of the output folder. A diagnoser that is not there is
+/// learned first, which takes half a minute.
+#[derive(clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    study: StudyOptions,
+    /// The fault and its intensity from 0 to 1, or 'none'.
+    #[arg(
+        long,
+        value_name = "FAULT=INTENSITY",
+        default_value = "actuator_1.servo_valve.bias_positive=0.7"
+    )]
+    fault: String,
+    /// When it begins.
+    #[arg(long, value_name = "TIME", default_value = "6s")]
+    at: String,
+    /// How long the flight is.
+    #[arg(long, value_name = "TIME", default_value = "20s")]
+    duration: String,
+    /// The command.
+    #[arg(long, value_name = "SIGNAL", default_value = "noise:rms=3deg,bandwidth=0.6Hz,seed=77")]
+    command: Signal,
+    /// Which specimen flies: its number, another one has other tolerances [default: one that is the
+    /// twin].
+    #[arg(long, value_name = "NUMBER")]
+    specimen: Option<usize>,
+}
+
+/// A time option in seconds.
+fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
+    let value =
+        Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
+    match (0.0..=1e4).contains(&value) {
+        true => Ok(value),
+        false => Err(Failure::OutOfRange { option, given: text.into(), range: "0 to 10,000 s" }),
+    }
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let study = options.study.read()?;
+    stop::listen();
+    let folder = Folder::new(&options.study.out);
+    let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
+    let diagnoser = diagnoser(&folder, &study, setting, options.study.threads, global)?;
+    let duration_s = seconds("--duration", &options.duration)?;
+    let mut inputs = super::default_inputs(&study.system);
+    let unit = study.system.network().inputs[study.command_input].unit;
+    inputs[study.command_input] = options
+        .command
+        .build(unit, duration_s)
+        .map_err(|error| Failure::Signal { option: "--command".into(), error })?;
+    let fault = match options.fault.as_str() {
+        "none" => None,
+        text => Some(fault(&study.system, text)?),
+    };
+    let onset_s = seconds("--at", &options.at)?;
+    let kept = Kept::of(&study);
+    let fly = |reacts: bool| {
+        let inputs = inputs.clone();
+        let specimen = options.specimen;
+        let scenario =
+            Scenario { study: &study, inputs, fault, onset_s, duration_s, specimen, reacts };
+        closed_loop::fly(&scenario, &diagnoser, &kept.slots).map_err(Failure::Runtime)
+    };
+    let flown = Flown {
+        study: &study,
+        diagnoser: &diagnoser,
+        kept: &kept,
+        with: fly(true)?,
+        without: fly(false)?,
+    };
+    let path = options.study.out.join("flight");
+    create_folder(&path).map_err(JobError::from)?;
+    table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
+    table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
+    flown.figure(onset_s, fault.is_some()).draw().save(path.join("flight.svg"))?;
+    Ok(match global {
+        Global { json: true, .. } => json(&flown.json(onset_s)),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}{}\n", flown.text(onset_s), path.join("flight.svg").display()),
+    })
+}
+
+/// The diagnoser of a setting, learned if there is none.
+fn diagnoser(
+    folder: &Folder,
+    study: &Study,
+    setting: Setting,
+    threads: Option<usize>,
+    global: Global,
+) -> Result<Arc<Diagnoser>, Failure> {
+    if folder.diagnoser(setting).exists() {
+        return Ok(Arc::new(flights::diagnoser(folder, setting)?));
+    }
+    let Some(plan) = &study.flights else {
+        return Err(Failure::Options("the study has no [flights] to learn from"));
+    };
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
+    let all = || std::thread::available_parallelism().map_or(1, |threads| threads.get());
+    let crew = Crew {
+        threads: threads.unwrap_or_else(all),
+        workers: workers(threads),
+        cancel: Some(stop::flag()),
+        progress: &|_, _| (),
+    };
+    folder.keep_study(study)?;
+    let learned = flights::learn(folder, study, plan, setting, &crew);
+    stop::check()?;
+    Ok(Arc::new(learned?))
+}
+
+/// What is kept of the plant beside its sensors, with names and units.
+struct Kept {
+    slots: Vec<Slot>,
+    names: Vec<String>,
+    units: Vec<Unit>,
+}
+
+impl Kept {
+    /// The angle of every surface, the load on it, and what the rods carry.
+    fn of(study: &Study) -> Self {
+        let is_wanted = |name: &str| {
+            let ends = [".angle_rad", ".rod.force_n", ".shaft.torque_nm"];
+            ends.iter().any(|end| name.ends_with(end))
+        };
+        let observables = study.system.program.observables().iter();
+        let found: Vec<_> = observables.filter(|o| is_wanted(&o.name)).collect();
+        Kept {
+            slots: found.iter().map(|o| o.slot).collect(),
+            names: found.iter().map(|o| o.name.clone()).collect(),
+            units: found.iter().map(|o| o.unit).collect(),
+        }
+    }
+
+    fn place(&self, wanted: &str) -> Option<usize> {
+        self.names.iter().position(|name| name.contains(wanted))
+    }
+}
+
+struct Flown<'f> {
+    study: &'f Study,
+    diagnoser: &'f Diagnoser,
+    kept: &'f Kept,
+    with: Record,
+    without: Record,
+}
+
+impl Flown<'_> {
+    /// The surface's angle less the command, rad.
+    fn tracking_error(&self, record: &Record) -> Option<Vec<f64>> {
+        let angle = &record.plant[self.kept.place("angle_rad")?];
+        let command = &record.inputs[self.study.command_input];
+        Some(angle.iter().zip(command).map(|(angle, command)| angle - command).collect())
+    }
+
+    /// Half the difference of what the actuators' rods carry, N.
+    fn force_fight(&self, record: &Record) -> Option<Vec<f64>> {
+        let forces =
+            self.kept.names.iter().enumerate().filter(|(_, name)| name.contains("rod.force"));
+        let forces: Vec<&Vec<f64>> = forces.map(|(place, _)| &record.plant[place]).collect();
+        let [first, second] = forces.get(..2)? else { return None };
+        Some(first.iter().zip(*second).map(|(a, b)| 0.5 * (a - b)).collect())
+    }
+
+    fn table(&self, record: &Record) -> Table {
+        let mut columns = vec![Column::new("time_s", "s", Values::Float(record.time_s.clone()))];
+        let mut push = |name: String, unit: &str, values: &Vec<f64>| {
+            columns.push(Column::new(name, unit, Values::Float(values.clone())));
+        };
+        for (input, values) in self.study.system.network().inputs.iter().zip(&record.inputs) {
+            push(input.id.clone(), input.unit.symbol(), values);
+        }
+        let sensors = self.study.measured.iter().map(|&sensor| &self.study.system.sensors[sensor]);
+        for (place, sensor) in sensors.enumerate().take(record.measured.len()) {
+            push(sensor.id.clone(), sensor.unit.symbol(), &record.measured[place]);
+            push(format!("{}.twin", sensor.id), sensor.unit.symbol(), &record.twin[place]);
+        }
+        let kept = self.kept.names.iter().zip(&self.kept.units).zip(&record.plant);
+        for ((name, unit), values) in kept {
+            push(format!("plant.{name}"), unit.symbol(), values);
+        }
+        Table::from_columns(columns).expect("columns of one length, named apart")
+    }
+
+    fn figure(&self, onset_s: f64, has_fault: bool) -> TimeSeries<'_> {
+        let degrees = |values: &[f64]| values.iter().map(|v| v.to_degrees()).collect::<Vec<f64>>();
+        let time = self.with.time_s.as_slice();
+        let mut panels = vec![];
+        let mut panel = |title: &str, y_label: &str, series: Vec<(String, Vec<f64>)>| {
+            let lines = series.into_iter().map(|(name, y)| Series::new(name, time, y));
+            panels.push(Panel {
+                title: title.into(),
+                y_label: y_label.into(),
+                series: lines.collect(),
+                band: None,
+            });
+        };
+        let both = |of: &dyn Fn(&Record) -> Option<Vec<f64>>| {
+            let named = [("without diagnosis", &self.without), ("with it", &self.with)];
+            let series =
+                named.into_iter().filter_map(|(n, record)| Some((n.to_owned(), of(record)?)));
+            series.collect::<Vec<_>>()
+        };
+        let angle = |record: &Record| Some(degrees(&record.plant[self.kept.place("angle_rad")?]));
+        let mut surface = both(&angle);
+        surface.push(("command".into(), degrees(&self.with.inputs[self.study.command_input])));
+        panel("Surface", "angle / deg", surface);
+        let error = |record: &Record| self.tracking_error(record).map(|e| degrees(&e));
+        panel("Tracking error", "angle / deg", both(&error));
+        let fight =
+            |record: &Record| Some(self.force_fight(record)?.iter().map(|f| f / 1e3).collect());
+        panel("Force fight", "half of the difference / kN", both(&fight));
+        let residual = |record: &Record| Some(self.largest_residual(record));
+        panel("Largest residual", "% of scale", both(&residual));
+        if let Some(last) = panels.last_mut() {
+            let half = self.diagnoser.lengths[0].panel.bands.iter();
+            let half = 100.0 * half.map(|band| band.half_width).fold(0.0, f64::max);
+            last.band = Some(Band::constant("widest band", 0.0, half));
+        }
+        let fault =
+            if has_fault { format!("the fault begins at {onset_s} s") } else { "no fault".into() };
+        let did = self
+            .with
+            .actions
+            .first()
+            .map(|action| format!(", the computer reacts at {:.2} s", action.time_s));
+        let title = format!("{}: {fault}{}", self.study.title, did.unwrap_or_default());
+        TimeSeries { panels, ..TimeSeries::new(title, "time / s") }
+    }
+
+    /// The largest residual of all sensors, in percent of scale.
+    fn largest_residual(&self, record: &Record) -> Vec<f64> {
+        let scales = self.diagnoser.scales();
+        let of = |k: usize| {
+            let sensors = record.measured.iter().zip(&record.twin).zip(&scales);
+            sensors.fold(0.0, |largest: f64, ((m, t), s)| largest.max(((m[k] - t[k]) / s).abs()))
+        };
+        (0..record.time_s.len()).map(|k| 100.0 * of(k)).collect()
+    }
+
+    fn numbers(&self, record: &Record, onset_s: f64) -> [Option<f64>; 3] {
+        let since = record.time_s.iter().position(|time| *time >= onset_s).unwrap_or(0);
+        let rms = |v: Vec<f64>| {
+            let tail = &v[since..];
+            (tail.iter().map(|x| x * x).sum::<f64>() / tail.len().max(1) as f64).sqrt()
+        };
+        let largest = |v: Vec<f64>| v[since..].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        [
+            self.tracking_error(record).map(|e| rms(e).to_degrees()),
+            self.tracking_error(record).map(|e| largest(e).to_degrees()),
+            self.force_fight(record).map(rms),
+        ]
+    }
+
+    fn text(&self, onset_s: f64) -> String {
+        let mut out = String::new();
+        for change in &self.with.changes {
+            let said = self.diagnoser.describe(change.finding);
+            let alarm = format!("{:?}", change.alarm).to_lowercase();
+            let _ = writeln!(out, "{:8.2} s  {alarm:10} {said}", change.time_s);
+        }
+        for action in &self.with.actions {
+            let names = self.diagnoser.names();
+            let (unit, command) = (
+                &names.actuators[action.raised.unit as usize],
+                &names.commands[action.raised.command as usize],
+            );
+            let after = action.time_s - onset_s;
+            let _ = writeln!(
+                out,
+                "{:8.2} s  carried out: {command} of {unit}, {after:.2} s after the onset",
+                action.time_s
+            );
+        }
+        if self.with.actions.is_empty() {
+            let _ = writeln!(out, "nothing had to be done");
+        }
+        let names =
+            ["rms tracking error / deg", "largest tracking error / deg", "rms force fight / N"];
+        let (with, without) =
+            (self.numbers(&self.with, onset_s), self.numbers(&self.without, onset_s));
+        for (name, (with, without)) in names.iter().zip(with.into_iter().zip(without)) {
+            if let (Some(with), Some(without)) = (with, without) {
+                let _ =
+                    writeln!(out, "{name}: {without:.3} without the diagnosis, {with:.3} with it");
+            }
+        }
+        out
+    }
+
+    fn json(&self, onset_s: f64) -> serde_json::Value {
+        let changes: Vec<_> = self
+            .with
+            .changes
+            .iter()
+            .map(|change| {
+                json!({
+                    "time_s": change.time_s,
+                    "alarm": change.alarm,
+                    "finding": self.diagnoser.describe(change.finding),
+                    "confidence": change.confidence,
+                })
+            })
+            .collect();
+        let names = self.diagnoser.names();
+        let actions: Vec<_> = self
+            .with
+            .actions
+            .iter()
+            .map(|action| {
+                json!({
+                    "time_s": action.time_s,
+                    "unit": names.actuators[action.raised.unit as usize],
+                    "command": names.commands[action.raised.command as usize],
+                })
+            })
+            .collect();
+        let numbers = |record| {
+            let [rms_deg, largest_deg, fight_n] = self.numbers(record, onset_s);
+            json!({
+                "rms_tracking_error_deg": rms_deg,
+                "largest_tracking_error_deg": largest_deg,
+                "rms_force_fight_n": fight_n,
+            })
+        };
+        json!({
+            "changes": changes,
+            "actions": actions,
+            "with_diagnosis": numbers(&self.with),
+            "without": numbers(&self.without),
+        })
+    }
+}

@@ -1,0 +1,231 @@
+//! A plant in which a fault begins, the twin in real time, the diagnosis, and a flight control
+//! computer that carries out what is raised: the seed paper's figure 2 at work.
+
+use super::runtime::{self, Runtime, RuntimeError};
+use crate::signal::random::Random;
+use crate::study::{Imperfection, Lot, Reaction, Study};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised};
+use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::solver::{Knot, Settings, Twin};
+use std::sync::Arc;
+
+/// What is flown.
+pub struct Scenario<'s> {
+    /// The study.
+    pub study: &'s Study,
+    /// One signal for each input of the system.
+    pub inputs: Vec<Piecewise>,
+    /// The fault and its intensity; `None` for a healthy flight.
+    pub fault: Option<FaultAt>,
+    /// When it begins, s.
+    pub onset_s: f64,
+    /// How long the flight is, s.
+    pub duration_s: f64,
+    /// Which specimen flies; `None` for one without tolerances.
+    pub specimen: Option<usize>,
+    /// Whether what is raised is carried out.
+    pub reacts: bool,
+}
+
+/// What the flight control computer did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Action {
+    /// When, s.
+    pub time_s: f64,
+    /// Why.
+    pub raised: Raised,
+    /// What.
+    pub reaction: Reaction,
+}
+
+/// What changed in what the diagnosis says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// When, s.
+    pub time_s: f64,
+    /// What was found.
+    pub finding: Finding,
+    /// The state of the alarm.
+    pub alarm: Alarm,
+    /// Its confidence.
+    pub confidence: f64,
+}
+
+/// A flight that was flown.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// Times of the samples, s.
+    pub time_s: Vec<f64>,
+    /// What was asked for, one list for each of the slots.
+    pub plant: Vec<Vec<f64>>,
+    /// The inputs as they were given, one list each.
+    pub inputs: Vec<Vec<f64>>,
+    /// What sensors showed, one list each.
+    pub measured: Vec<Vec<f64>>,
+    /// What the twin expected of them.
+    pub twin: Vec<Vec<f64>>,
+    /// What the diagnosis said, when it changed.
+    pub changes: Vec<Change>,
+    /// What was done.
+    pub actions: Vec<Action>,
+}
+
+/// Flies a scenario, with some of the plant's variables kept.
+///
+/// # Errors
+/// The diagnoser does not fit the study; plant or twin cannot be simulated.
+pub fn fly(
+    scenario: &Scenario,
+    diagnoser: &Arc<Diagnoser>,
+    keep: &[Slot],
+) -> Result<Record, RuntimeError> {
+    let mut flight = Flight::new(scenario, diagnoser)?;
+    let count = |list: usize| vec![Vec::new(); list];
+    let sensors = flight.measured.len();
+    let mut record = Record {
+        plant: count(keep.len()),
+        inputs: count(scenario.inputs.len()),
+        measured: count(sensors),
+        twin: count(sensors),
+        ..Record::default()
+    };
+    let samples = (scenario.duration_s / flight.period_s + 1e-6) as usize;
+    for k in 0..=samples {
+        let change = flight.sample(k)?;
+        record.time_s.push(k as f64 * flight.period_s);
+        push(&mut record.plant, keep.iter().map(|&slot| flight.plant.value(slot)));
+        push(&mut record.inputs, flight.knots.iter().map(|knot| knot.value));
+        push(&mut record.measured, flight.measured.iter().copied());
+        push(&mut record.twin, flight.runtime.expected().iter().copied());
+        record.changes.extend(change);
+        if scenario.reacts {
+            record.actions.extend(flight.react(k)?);
+        }
+    }
+    Ok(record)
+}
+
+fn push(columns: &mut [Vec<f64>], values: impl Iterator<Item = f64>) {
+    columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+}
+
+struct Flight<'f> {
+    scenario: &'f Scenario<'f>,
+    period_s: f64,
+    plant: Twin<'f>,
+    /// The plant's parameters that differ from the system's.
+    overrides: Vec<(usize, usize, f64)>,
+    is_faulty: bool,
+    slots: Vec<Slot>,
+    imperfections: Vec<Imperfection>,
+    noise: Random,
+    runtime: Runtime<'f>,
+    knots: Vec<Knot>,
+    /// Inputs that the flight control computer has set.
+    set: Vec<(usize, f64)>,
+    measured: Vec<f64>,
+    last: Option<(Finding, Alarm)>,
+    done: Option<u64>,
+}
+
+impl<'f> Flight<'f> {
+    fn new(scenario: &'f Scenario<'f>, diagnoser: &Arc<Diagnoser>) -> Result<Self, RuntimeError> {
+        let Scenario { study, specimen, .. } = *scenario;
+        let period_s = diagnoser.period_s;
+        let names = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
+        let slots = runtime::slots(study, names)?;
+        let realism = study.realism.as_ref();
+        let drawn = specimen.zip(realism);
+        let overrides = drawn.map_or(vec![], |(n, r)| r.specimen(study, Lot::FlightsJudged, n));
+        let noise = realism.map(|r| r.noise(Lot::FlightsJudged, specimen.unwrap_or(0)));
+        let program = &study.system.program;
+        let mut plant = Twin::new(program, Settings::campaign(), period_s, runtime::between(study));
+        plant.load(&program.parameters_with(&overrides, &[]));
+        let sensors = &study.measured[..slots.len()];
+        Ok(Flight {
+            scenario,
+            period_s,
+            plant,
+            overrides,
+            is_faulty: false,
+            measured: vec![0.0; slots.len()],
+            imperfections: sensors.iter().map(|&s| Imperfection::of(&study.system, s)).collect(),
+            slots,
+            noise: noise.unwrap_or_else(|| Random::new(1)),
+            runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
+            knots: runtime::defaults(study),
+            set: vec![],
+            last: None,
+            done: None,
+        })
+    }
+
+    /// One sample of everything: what changed in what is said.
+    fn sample(&mut self, k: usize) -> Result<Option<Change>, RuntimeError> {
+        let time_s = k as f64 * self.period_s;
+        for (knot, signal) in self.knots.iter_mut().zip(&self.scenario.inputs) {
+            *knot = Knot { value: signal.value(time_s), slope_per_s: signal.slope(time_s) };
+        }
+        for &(input, value) in &self.set {
+            self.knots[input] = Knot::from(value);
+        }
+        self.step_plant(k, time_s)?;
+        let sensors = self.slots.iter().zip(&self.imperfections);
+        for (measured, (&slot, imperfection)) in self.measured.iter_mut().zip(sensors) {
+            *measured = imperfection.apply(self.plant.value(slot), &mut self.noise);
+        }
+        let outcome = self.runtime.push(&self.knots, &self.measured)?;
+        let said = (outcome.finding, outcome.alarm);
+        let (finding, alarm) = said;
+        let change = Change { time_s, finding, alarm, confidence: outcome.confidence };
+        let is_new = self.last.replace(said) != Some(said);
+        Ok(is_new.then_some(change))
+    }
+
+    fn step_plant(&mut self, k: usize, time_s: f64) -> Result<(), RuntimeError> {
+        let program = self.plant.program();
+        if !self.is_faulty && self.scenario.fault.is_some() && time_s >= self.scenario.onset_s {
+            self.is_faulty = true;
+            self.load();
+        }
+        let stepped = if k == 0 {
+            let parameters = program.parameters_with(&self.overrides, &[]);
+            self.plant.settle(&self.knots, &program.first_guess(&parameters))
+        } else {
+            self.plant.step(&self.knots)
+        };
+        stepped.map_err(|failure| RuntimeError::Twin {
+            state: program.states()[failure.state].name.clone(),
+            failure,
+        })
+    }
+
+    fn load(&mut self) {
+        let faults: Vec<FaultAt> =
+            self.scenario.fault.filter(|_| self.is_faulty).into_iter().collect();
+        let program = self.plant.program();
+        self.plant.load(&program.parameters_with(&self.overrides, &faults));
+    }
+
+    /// Carries out what is raised, if that is new: from the next sample on.
+    fn react(&mut self, k: usize) -> Result<Option<Action>, RuntimeError> {
+        let raised = self.runtime.session().outcome().raised;
+        let Some(raised) = raised.filter(|raised| self.done != Some(raised.sample)) else {
+            return Ok(None);
+        };
+        self.done = Some(raised.sample);
+        let names = self.runtime.session().diagnoser().names();
+        let detail = raised.detail.map(|detail| names.details[detail as usize].as_str());
+        let command = &names.commands[raised.command as usize];
+        let unit = &names.actuators[raised.unit as usize];
+        let study = self.scenario.study;
+        let place = study.units.iter().position(|known| known == unit).unwrap_or(0);
+        let reaction = study.reactions.of(place, command, detail);
+        self.set.extend(reaction.inputs.iter().copied());
+        self.overrides.extend(reaction.parameters.iter().copied());
+        self.load();
+        self.runtime.follow(raised.unit as usize, &reaction)?;
+        Ok(Some(Action { time_s: k as f64 * self.period_s, raised, reaction }))
+    }
+}

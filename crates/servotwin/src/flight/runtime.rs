@@ -1,0 +1,236 @@
+//! The twin and the diagnosis beside an actuator: one call for each sample.
+
+use crate::study::{Reaction, Study};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
+use servotwin_diagnosis::error::Error;
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
+use std::fmt;
+use std::sync::Arc;
+
+/// Why the twin does not run.
+#[derive(Debug)]
+pub enum RuntimeError {
+    /// The diagnoser is not one for this system, or not sound.
+    Diagnoser(Error),
+    /// It reads a sensor that the study does not have.
+    Sensor {
+        /// The sensor.
+        name: String,
+    },
+    /// The twin could not go on.
+    Twin {
+        /// The state to blame.
+        state: String,
+        /// What happened.
+        failure: Failure,
+    },
+}
+
+impl fmt::Display for RuntimeError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RuntimeError::Diagnoser(error) => write!(out, "the diagnoser: {error}"),
+            RuntimeError::Sensor { name } => {
+                write!(out, "the diagnoser reads sensor '{name}', which the study does not have")
+            }
+            RuntimeError::Twin { state, failure } => {
+                let Failure { cause, time_s, .. } = failure;
+                write!(out, "the twin cannot be simulated: {cause} at {time_s:.4} s in {state}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for RuntimeError {}
+
+impl From<Error> for RuntimeError {
+    fn from(error: Error) -> Self {
+        RuntimeError::Diagnoser(error)
+    }
+}
+
+/// Everything that a runtime remembers, to go on later with the same bits.
+#[derive(Clone, Debug)]
+pub struct Checkpoint {
+    /// The twin's memory; `None` before the first sample.
+    pub twin: Option<Snapshot>,
+    /// The diagnosis's.
+    pub session: State,
+}
+
+/// A virtual twin, a diagnosis and what was done so far. Nothing is allocated by [`Runtime::push`]
+/// after the first sample.
+pub struct Runtime<'s> {
+    study: &'s Study,
+    twin: Twin<'s>,
+    is_settled: bool,
+    session: Session,
+    /// Where the sensors of the diagnoser stand in the system.
+    slots: Vec<Slot>,
+    expected: Vec<f64>,
+    values: Vec<f64>,
+    /// The inputs as the twin was told.
+    believed: Vec<Knot>,
+    /// Parameters that differ from the system's.
+    overrides: Vec<(usize, usize, f64)>,
+}
+
+/// How inputs go from sample to sample: the command as a cubic, all others hold their value.
+pub fn between(study: &Study) -> Vec<Between> {
+    let inputs = study.system.network().inputs.len();
+    let of = |input| if input == study.command_input { Between::Cubic } else { Between::Hold };
+    (0..inputs).map(of).collect()
+}
+
+/// The inputs of a system where nothing is said of them.
+pub fn defaults(study: &Study) -> Vec<Knot> {
+    study.system.network().inputs.iter().map(|input| Knot::from(input.default)).collect()
+}
+
+/// Where sensors stand in the system's variables, by their labels.
+///
+/// # Errors
+/// [`RuntimeError::Sensor`].
+pub fn slots<'n>(
+    study: &Study,
+    names: impl Iterator<Item = &'n str>,
+) -> Result<Vec<Slot>, RuntimeError> {
+    let slot = |name: &str| {
+        let sensors = &study.system.sensors;
+        let sensor = sensors.iter().find(|sensor| sensor.label == name);
+        let missing = || RuntimeError::Sensor { name: name.into() };
+        let signal = &sensor.ok_or_else(missing)?.signal;
+        Ok(study.system.program.observable(signal).ok_or_else(missing)?.slot)
+    };
+    names.map(slot).collect()
+}
+
+impl<'s> Runtime<'s> {
+    /// A twin of the study's system with some parameters of its own (component, parameter, value),
+    /// and a diagnosis, both before the first sample.
+    ///
+    /// # Errors
+    /// The diagnoser is not one for this study.
+    pub fn new(
+        study: &'s Study,
+        diagnoser: Arc<Diagnoser>,
+        overrides: Vec<(usize, usize, f64)>,
+    ) -> Result<Self, RuntimeError> {
+        let program = &study.system.program;
+        let slots = slots(study, diagnoser.sensors.iter().map(|sensor| sensor.name.as_str()))?;
+        let period_s = diagnoser.period_s;
+        let session = Session::new(diagnoser)?;
+        let mut twin = Twin::new(program, Settings::campaign(), period_s, between(study));
+        twin.load(&program.parameters_with(&overrides, &[]));
+        Ok(Runtime {
+            study,
+            twin,
+            is_settled: false,
+            session,
+            expected: vec![0.0; slots.len()],
+            slots,
+            values: vec![0.0; program.externals().len()],
+            believed: defaults(study),
+            overrides,
+        })
+    }
+
+    /// Takes one sample: the inputs of the system and what its sensors measured (NaN: missing), SI,
+    /// in the order of the system and of the diagnoser. Where an input is no number or out of its
+    /// range the twin keeps the value before, and the outcome says so.
+    ///
+    /// # Errors
+    /// [`RuntimeError::Twin`]; the next sample starts the twin anew.
+    pub fn push(&mut self, inputs: &[Knot], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
+        self.believe(inputs);
+        let inputs = &self.believed;
+        let stepped = if self.is_settled {
+            self.twin.step(inputs)
+        } else {
+            let parameters = self.study.system.program.parameters_with(&self.overrides, &[]);
+            let guess = self.study.system.program.first_guess(&parameters);
+            self.twin.settle(inputs, &guess)
+        };
+        self.is_settled = stepped.is_ok();
+        stepped.map_err(|failure| RuntimeError::Twin {
+            state: self.study.system.program.states()[failure.state].name.clone(),
+            failure,
+        })?;
+        for (value, &slot) in self.expected.iter_mut().zip(&self.slots) {
+            *value = self.twin.value(slot);
+        }
+        Ok(self.session.push(&self.values, measured, &self.expected))
+    }
+
+    fn believe(&mut self, inputs: &[Knot]) {
+        let known = &self.session.diagnoser().environment.inputs;
+        for (place, (believed, told)) in self.believed.iter_mut().zip(inputs).enumerate() {
+            self.values[place] = told.value;
+            let fits = known.get(place).is_none_or(|i| (i.least..=i.largest).contains(&told.value));
+            if told.value.is_finite() && told.slope_per_s.is_finite() && fits {
+                *believed = *told;
+            } else {
+                believed.slope_per_s = 0.0;
+            }
+        }
+    }
+
+    /// What the twin says that the sensors should show, as of the last sample.
+    pub fn expected(&self) -> &[f64] {
+        &self.expected
+    }
+
+    /// A variable of the twin, as of the last sample.
+    pub fn value(&self, slot: Slot) -> f64 {
+        self.twin.value(slot)
+    }
+
+    /// The diagnosis.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Follows what the flight control computer does about a unit: from the next sample on the twin
+    /// has the parameters of the reaction. Its inputs come with the samples.
+    ///
+    /// # Errors
+    /// The reaction names a unit or a sensor that the diagnoser does not have.
+    pub fn follow(&mut self, unit: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
+        self.overrides.extend(reaction.parameters.iter().copied());
+        let program = &self.study.system.program;
+        self.twin.load(&program.parameters_with(&self.overrides, &[]));
+        if reaction.switches_off {
+            self.session.switched_off(unit)?;
+        }
+        for &sensor in &reaction.takes_out {
+            self.session.take_out(sensor, true)?;
+        }
+        Ok(())
+    }
+
+    /// What it remembers.
+    pub fn save(&self) -> Checkpoint {
+        let twin = self.is_settled.then(|| {
+            let mut snapshot = Snapshot::default();
+            self.twin.save(&mut snapshot);
+            snapshot
+        });
+        Checkpoint { twin, session: self.session.save() }
+    }
+
+    /// Goes on from what a runtime of the same study and diagnoser remembered.
+    ///
+    /// # Errors
+    /// It does not fit.
+    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
+        self.session.restore(&checkpoint.session)?;
+        self.is_settled = false;
+        if let Some(snapshot) = &checkpoint.twin {
+            let wrong = |broken| Error::CorruptModel { broken };
+            self.twin.restore(snapshot).map_err(wrong)?;
+            self.is_settled = true;
+        }
+        Ok(())
+    }
+}

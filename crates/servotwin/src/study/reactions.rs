@@ -1,0 +1,110 @@
+//! What the flight control computer does when a command is raised.
+//!
+//! ```toml
+//! [reactions]
+//! shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
+//! "change_mode/displacement_sensor" = { unit_parameters = { "position_selector.select" = 1 }, takes_out = ["ram"] }
+//! ```
+//!
+//! A reaction belongs to a command, or to a command for one detail, which goes first. Inputs and
+//! parameters with `unit_` are those of the faulty unit.
+
+use super::faults::full_name;
+use super::{Reader, StudyError};
+use serde::Deserialize;
+use servotwin_diagnosis::features::Quantity;
+use std::collections::BTreeMap;
+
+/// A reaction as the study file says it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Text {
+    switches_off: bool,
+    unit_inputs: BTreeMap<String, f64>,
+    unit_parameters: BTreeMap<String, f64>,
+    parameters: BTreeMap<String, f64>,
+    takes_out: Vec<String>,
+}
+
+/// What is done about a fault of one unit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reaction {
+    /// Whether the unit is off then.
+    pub switches_off: bool,
+    /// Inputs of the system with their new values.
+    pub inputs: Vec<(usize, f64)>,
+    /// Parameters (component, parameter) with their new values.
+    pub parameters: Vec<(usize, usize, f64)>,
+    /// Sensors that nobody listens to any more, as places in the study's list.
+    pub takes_out: Vec<usize>,
+}
+
+/// The reactions of a study.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reactions {
+    /// By command, or `command/detail`: one reaction for each unit.
+    list: Vec<(String, Vec<Reaction>)>,
+}
+
+impl Reactions {
+    pub(super) fn new(texts: &BTreeMap<String, Text>, reader: &Reader) -> Result<Self, StudyError> {
+        let classes = &reader.text.classes;
+        let commands = classes.iter().map(|class| class.command.clone());
+        let both = classes.iter().map(|class| format!("{}/{}", class.command, class.detail));
+        let known: Vec<String> = commands.chain(both).collect();
+        let mut list = vec![];
+        for (name, text) in texts {
+            if !known.contains(name) {
+                let known = known.iter().map(String::as_str);
+                return Err(reader.unknown("command, or command/detail, of a class", name, known));
+            }
+            let units = 0..reader.text.units.len();
+            let of_units =
+                units.map(|unit| text.reaction(reader, unit)).collect::<Result<_, _>>()?;
+            list.push((name.clone(), of_units));
+        }
+        Ok(Reactions { list })
+    }
+
+    /// What is done about a unit; nothing where the study does not say.
+    pub fn of(&self, unit: usize, command: &str, detail: Option<&str>) -> Reaction {
+        let find = |name: &str| self.list.iter().find(|(known, _)| known == name);
+        let special = detail.and_then(|detail| find(&format!("{command}/{detail}")));
+        let found = special.or_else(|| find(command));
+        found.and_then(|(_, units)| units.get(unit)).cloned().unwrap_or_default()
+    }
+
+    /// Whether a command switches its unit off.
+    pub fn switches_off(&self, command: &str) -> bool {
+        self.of(0, command, None).switches_off
+    }
+}
+
+impl Text {
+    fn reaction(&self, reader: &Reader, unit: usize) -> Result<Reaction, StudyError> {
+        let name = &reader.text.units[unit];
+        let mut reaction = Reaction { switches_off: self.switches_off, ..Reaction::default() };
+        for (input, value) in &self.unit_inputs {
+            reaction.inputs.push((reader.input(&full_name(name, input))?, *value));
+        }
+        let own = self.unit_parameters.iter().map(|(p, value)| (name.as_str(), p, value));
+        let common = self.parameters.iter().map(|(p, value)| ("", p, value));
+        for (unit, parameter, &value) in own.chain(common) {
+            let (component, place) = super::realism::find(reader, unit, parameter)?;
+            let instance = &reader.system.network().components[component];
+            let declared = &instance.component.spec().parameters[place];
+            let fits = (declared.min..=declared.max).contains(&value);
+            let field = format!("reaction's {parameter}");
+            reader.range(field, value, fits, "inside of the parameter's range")?;
+            reaction.parameters.push((component, place, value));
+        }
+        let (_, sensors) = reader.sensors()?;
+        for word in &self.takes_out {
+            let known = || Quantity::ALL.iter().map(|(_, word)| *word);
+            let found = Quantity::ALL.iter().find(|(_, known)| known == word);
+            let (quantity, _) = found.ok_or_else(|| reader.unknown("quantity", word, known()))?;
+            reaction.takes_out.extend(sensors.find(*quantity, unit));
+        }
+        Ok(reaction)
+    }
+}
