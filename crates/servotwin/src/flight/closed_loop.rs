@@ -2,6 +2,7 @@
 //! computer that carries out what is raised: the seed paper's figure 2 at work.
 
 use super::runtime::{self, Runtime, RuntimeError};
+use crate::signal::bus::Bus;
 use crate::signal::random::Random;
 use crate::study::{Imperfection, Lot, Reaction, Study};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised};
@@ -95,7 +96,7 @@ pub fn fly(
         let change = flight.sample(k)?;
         record.time_s.push(k as f64 * flight.period_s);
         push(&mut record.plant, keep.iter().map(|&slot| flight.plant.value(slot)));
-        push(&mut record.inputs, flight.knots.iter().map(|knot| knot.value));
+        push(&mut record.inputs, flight.inputs.iter().copied());
         push(&mut record.measured, flight.measured.iter().copied());
         push(&mut record.twin, flight.runtime.expected().iter().copied());
         record.changes.extend(change);
@@ -121,6 +122,9 @@ struct Flight<'f> {
     imperfections: Vec<Imperfection>,
     noise: Random,
     runtime: Runtime<'f>,
+    /// The inputs at the sample, as they come over their buses.
+    inputs: Vec<f64>,
+    buses: Vec<Bus>,
     knots: Vec<Knot>,
     /// Inputs that the flight control computer has set.
     set: Vec<(usize, f64)>,
@@ -154,6 +158,8 @@ impl<'f> Flight<'f> {
             slots,
             noise: noise.unwrap_or_else(|| Random::new(1)),
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
+            inputs: vec![0.0; scenario.inputs.len()],
+            buses: vec![Bus::default(); scenario.inputs.len()],
             knots: runtime::defaults(study),
             set: vec![],
             last: None,
@@ -164,18 +170,22 @@ impl<'f> Flight<'f> {
     /// One sample of everything: what changed in what is said.
     fn sample(&mut self, k: usize) -> Result<Option<Change>, RuntimeError> {
         let time_s = k as f64 * self.period_s;
-        for (knot, signal) in self.knots.iter_mut().zip(&self.scenario.inputs) {
-            *knot = Knot { value: signal.value(time_s), slope_per_s: signal.slope(time_s) };
+        for (value, signal) in self.inputs.iter_mut().zip(&self.scenario.inputs) {
+            *value = signal.value(time_s);
         }
         for &(input, value) in &self.set {
-            self.knots[input] = Knot::from(value);
+            self.inputs[input] = value;
+        }
+        let sent = self.inputs.iter().zip(&mut self.buses);
+        for (knot, (&value, bus)) in self.knots.iter_mut().zip(sent) {
+            *knot = bus.next(value, self.period_s);
         }
         self.step_plant(k, time_s)?;
         let sensors = self.slots.iter().zip(&self.imperfections);
         for (measured, (&slot, imperfection)) in self.measured.iter_mut().zip(sensors) {
             *measured = imperfection.apply(self.plant.value(slot), &mut self.noise);
         }
-        let outcome = self.runtime.push(&self.knots, &self.measured)?;
+        let outcome = self.runtime.push(&self.inputs, &self.measured)?;
         let said = (outcome.finding, outcome.alarm);
         let (finding, alarm) = said;
         let change = Change { time_s, finding, alarm, confidence: outcome.confidence };

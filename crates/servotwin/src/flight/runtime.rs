@@ -1,5 +1,6 @@
 //! The twin and the diagnosis beside an actuator: one call for each sample.
 
+use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
 use servotwin_diagnosis::error::Error;
@@ -57,6 +58,8 @@ pub struct Checkpoint {
     pub twin: Option<Snapshot>,
     /// The diagnosis's.
     pub session: State,
+    /// For each input the last value and difference on its bus.
+    pub buses: Vec<(Option<f64>, f64)>,
 }
 
 /// A virtual twin, a diagnosis and what was done so far. Nothing is allocated by [`Runtime::push`]
@@ -70,8 +73,9 @@ pub struct Runtime<'s> {
     slots: Vec<Slot>,
     expected: Vec<f64>,
     values: Vec<f64>,
-    /// The inputs as the twin was told.
+    /// The inputs as the twin was told, and where they come from.
     believed: Vec<Knot>,
+    buses: Vec<Bus>,
     /// Parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
 }
@@ -132,6 +136,7 @@ impl<'s> Runtime<'s> {
             slots,
             values: vec![0.0; program.externals().len()],
             believed: defaults(study),
+            buses: vec![Bus::default(); program.externals().len()],
             overrides,
         })
     }
@@ -142,7 +147,7 @@ impl<'s> Runtime<'s> {
     ///
     /// # Errors
     /// [`RuntimeError::Twin`]; the next sample starts the twin anew.
-    pub fn push(&mut self, inputs: &[Knot], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
+    pub fn push(&mut self, inputs: &[f64], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
         self.believe(inputs);
         let inputs = &self.believed;
         let stepped = if self.is_settled {
@@ -163,16 +168,14 @@ impl<'s> Runtime<'s> {
         Ok(self.session.push(&self.values, measured, &self.expected))
     }
 
-    fn believe(&mut self, inputs: &[Knot]) {
-        let known = &self.session.diagnoser().environment.inputs;
-        for (place, (believed, told)) in self.believed.iter_mut().zip(inputs).enumerate() {
-            self.values[place] = told.value;
-            let fits = known.get(place).is_none_or(|i| (i.least..=i.largest).contains(&told.value));
-            if told.value.is_finite() && told.slope_per_s.is_finite() && fits {
-                *believed = *told;
-            } else {
-                believed.slope_per_s = 0.0;
-            }
+    fn believe(&mut self, inputs: &[f64]) {
+        let diagnoser = self.session.diagnoser();
+        let known = &diagnoser.environment.inputs;
+        for (place, &told) in inputs.iter().enumerate() {
+            self.values[place] = told;
+            let fits = known.get(place).is_none_or(|i| (i.least..=i.largest).contains(&told));
+            let value = if told.is_finite() && fits { told } else { self.believed[place].value };
+            self.believed[place] = self.buses[place].next(value, diagnoser.period_s);
         }
     }
 
@@ -216,7 +219,8 @@ impl<'s> Runtime<'s> {
             self.twin.save(&mut snapshot);
             snapshot
         });
-        Checkpoint { twin, session: self.session.save() }
+        let buses = self.buses.iter().map(Bus::memory).collect();
+        Checkpoint { twin, session: self.session.save(), buses }
     }
 
     /// Goes on from what a runtime of the same study and diagnoser remembered.
@@ -224,7 +228,15 @@ impl<'s> Runtime<'s> {
     /// # Errors
     /// It does not fit.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
+        if checkpoint.buses.len() != self.buses.len() {
+            return Err(Error::CorruptModel { broken: "the checkpoint has other inputs" }.into());
+        }
         self.session.restore(&checkpoint.session)?;
+        let buses = self.buses.iter_mut().zip(&mut self.believed).zip(&checkpoint.buses);
+        for ((bus, believed), &memory) in buses {
+            *bus = Bus::from_memory(memory);
+            believed.value = memory.0.unwrap_or(believed.value);
+        }
         self.is_settled = false;
         if let Some(snapshot) = &checkpoint.twin {
             let wrong = |broken| Error::CorruptModel { broken };

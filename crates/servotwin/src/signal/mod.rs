@@ -6,6 +6,7 @@
 //!
 //! A new kind is a file here and a line in [`ALL`].
 
+pub mod bus;
 mod constant;
 #[cfg(test)]
 mod contract;

@@ -24,6 +24,7 @@ use super::faults::full_name;
 use super::training::filled;
 use super::{Reader, StudyError};
 use crate::signal::Signal;
+use crate::signal::bus::as_sent;
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
 use servotwin_model::signal::Piecewise;
@@ -235,7 +236,10 @@ impl Text {
         let longest_s = self.duration_s.max(size.healthy_duration_s.unwrap_or(0.0));
         let mut inputs = reader.default_inputs();
         let driven = reader.input(&reader.text.command.input)?;
-        inputs[driven] = reader.built(&name, &command, driven, longest_s)?;
+        // The twin knows the command as it comes over a bus, and nobody else knows more.
+        let built = reader.built(&name, &command, driven, longest_s)?;
+        let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);
+        inputs[driven] = sent.expect("a signal is finite");
         let mut random =
             Random::new(u64::from(u32::from(letter)) << 32 | number as u64 ^ self.seed << 40);
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");

@@ -1,0 +1,92 @@
+//! A command as a bus delivers it: one value for each sample, and nothing of the future.
+//!
+//! What lies between two samples is a cubic whose slopes come from the values so far:
+//!
+//! (SB1)  m_k = minmod(d_k, d_{k−1}),  d_k = (s_k − s_{k−1})/T
+//!
+//! with minmod the smaller of two numbers of one sign, and 0 of others. So the curve is smooth, it
+//! never swings over its samples, and whoever has the samples has the curve, to the bit.
+
+use servotwin_model::signal::{CurveError, Piecewise};
+use servotwin_model::solver::Knot;
+
+/// One signal on the bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bus {
+    last: Option<f64>,
+    difference_per_s: f64,
+}
+
+impl Bus {
+    /// The next sample.
+    pub fn next(&mut self, value: f64, period_s: f64) -> Knot {
+        let before = self.difference_per_s;
+        self.difference_per_s = (value - self.last.unwrap_or(value)) / period_s;
+        self.last = Some(value);
+        Knot { value, slope_per_s: minmod(self.difference_per_s, before) }
+    }
+
+    /// What it remembers: the last value, if any, and the last difference, per second.
+    pub fn memory(&self) -> (Option<f64>, f64) {
+        (self.last, self.difference_per_s)
+    }
+
+    /// Goes on from what a bus remembered.
+    pub fn from_memory((last, difference_per_s): (Option<f64>, f64)) -> Self {
+        Bus { last, difference_per_s }
+    }
+}
+
+fn minmod(a: f64, b: f64) -> f64 {
+    match a * b > 0.0 {
+        true if a.abs() < b.abs() => a,
+        true => b,
+        false => 0.0,
+    }
+}
+
+/// A signal as it comes out of a bus that samples it.
+///
+/// # Errors
+/// None for a signal that is finite over the duration.
+pub fn as_sent(
+    signal: &Piecewise,
+    period_s: f64,
+    duration_s: f64,
+) -> Result<Piecewise, CurveError> {
+    let samples = (duration_s / period_s).ceil() as usize + 1;
+    let times_s: Vec<f64> = (0..=samples).map(|k| k as f64 * period_s).collect();
+    let mut bus = Bus::default();
+    let knots: Vec<Knot> = times_s.iter().map(|&t| bus.next(signal.value(t), period_s)).collect();
+    let values: Vec<f64> = knots.iter().map(|knot| knot.value).collect();
+    let slopes: Vec<f64> = knots.iter().map(|knot| knot.slope_per_s).collect();
+    Piecewise::hermite(&times_s, &values, &slopes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_becomes_a_rise_over_one_sample_without_swinging_over() {
+        let step = Piecewise::steps(&[0.0, 0.5], &[0.0, 1.0]).unwrap();
+        let sent = as_sent(&step, 0.1, 1.0).unwrap();
+        for k in 0..=1000 {
+            let t = f64::from(k) * 1e-3;
+            assert!((0.0..=1.0).contains(&sent.value(t)), "{t}: {}", sent.value(t));
+            assert!(t > 0.4 || sent.value(t) == 0.0, "nothing of the future: {t}");
+            assert!(t < 0.5 || sent.value(t) == 1.0);
+        }
+    }
+
+    #[test]
+    fn a_slow_signal_comes_out_nearly_as_it_went_in() {
+        let times: Vec<f64> = (0..=400).map(|k| f64::from(k) * 0.005).collect();
+        let sine = |t: f64| (2.0 * std::f64::consts::PI * t).sin();
+        let values: Vec<f64> = times.iter().map(|&t| sine(t)).collect();
+        let signal = Piecewise::linear(&times, &values).unwrap();
+        let sent = as_sent(&signal, 0.01, 2.0).unwrap();
+        let worst = times.iter().map(|&t| (sent.value(t) - sine(t)).abs()).fold(0.0, f64::max);
+        assert!(worst < 1.5e-3, "{worst}");
+    }
+}
