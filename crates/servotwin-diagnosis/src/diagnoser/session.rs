@@ -320,7 +320,7 @@ impl Session {
     }
 
     /// Begins anew with a twin that must settle first. What is raised stays.
-    fn restart(&mut self) {
+    pub fn restart(&mut self) {
         self.clear_windows();
         let settle_s = self.diagnoser.decision.settle_s;
         self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;

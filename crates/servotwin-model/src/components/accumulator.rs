@@ -36,39 +36,11 @@ static SPEC: Spec = Spec {
     kind: "accumulator",
     summary: "gas accumulator",
     parameters: &[
-        required(
-            "gas_volume_m3",
-            Unit::CubicMetre,
-            (1e-7, 1.0),
-            "gas volume before filling",
-        ),
-        required(
-            "precharge_pa",
-            Unit::Pascal,
-            (1e4, 1e8),
-            "gas pressure before filling, absolute",
-        ),
-        parameter(
-            "polytropic_exponent",
-            Unit::None,
-            1.4,
-            (1.0, 1.7),
-            "of the gas",
-        ),
-        parameter(
-            "fluid_volume_m3",
-            Unit::CubicMetre,
-            2e-5,
-            (1e-8, 1.0),
-            "in the connection",
-        ),
-        parameter(
-            "start_pa",
-            Unit::Pascal,
-            1e7,
-            (1e3, 1e8),
-            "first guess for the steady state",
-        ),
+        required("gas_volume_m3", Unit::CubicMetre, (1e-7, 1.0), "gas volume before filling"),
+        required("precharge_pa", Unit::Pascal, (1e4, 1e8), "gas pressure before filling, absolute"),
+        parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.7), "of the gas"),
+        parameter("fluid_volume_m3", Unit::CubicMetre, 2e-5, (1e-8, 1.0), "in the connection"),
+        parameter("start_pa", Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
     ],
     faults: &[scales(
         "precharge_loss",
@@ -116,19 +88,7 @@ impl Equation<2, 1, { 5 + BULK_CONSTANTS }> for GasPressure {
         let gas = given[GAS_VOLUME] * per_exponent * power(precharge, per_exponent);
         let seated = precharge * S::constant(SEATED);
         let per_lift = one / (precharge - seated);
-        [
-            gas,
-            -(per_exponent + one),
-            seated,
-            per_lift,
-            given[FLUID_VOLUME],
-            a,
-            b,
-            c,
-            d,
-            e,
-            f,
-        ]
+        [gas, -(per_exponent + one), seated, per_lift, given[FLUID_VOLUME], a, b, c, d, e, f]
     }
 
     #[inline(always)]
@@ -144,11 +104,8 @@ mod tests {
     use super::super::contract::constants;
     use super::*;
 
-    const RESERVE: &[(&str, f64)] = &[
-        ("gas_volume_m3", 1e-4),
-        ("precharge_pa", 10e5),
-        ("fluid_volume_m3", 1e-6),
-    ];
+    const RESERVE: &[(&str, f64)] =
+        &[("gas_volume_m3", 1e-4), ("precharge_pa", 10e5), ("fluid_volume_m3", 1e-6)];
 
     #[test]
     fn the_gas_is_compressed_polytropically() {

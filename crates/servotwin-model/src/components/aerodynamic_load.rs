@@ -34,13 +34,7 @@ static SPEC: Spec = Spec {
     kind: "aerodynamic_load",
     summary: "hinge moment of the air on a control surface",
     parameters: &[
-        parameter(
-            "air_speed_m_s",
-            Unit::MetrePerSecond,
-            150.0,
-            (0.0, 300.0),
-            "true air speed V",
-        ),
+        parameter("air_speed_m_s", Unit::MetrePerSecond, 150.0, (0.0, 300.0), "true air speed V"),
         parameter("altitude_m", Unit::Metre, 3000.0, (-2e3, 2e4), "altitude"),
         parameter("incidence_rad", Unit::Radian, 0.05236, (-0.5, 0.5), "incidence α"),
         parameter("load_factor", Unit::None, 1.0, (0.0, 10.0), "share of the dynamic pressure λ"),

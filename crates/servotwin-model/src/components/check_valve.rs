@@ -36,42 +36,12 @@ static SPEC: Spec = Spec {
     kind: "check_valve",
     summary: "check valve with smooth opening",
     parameters: &[
-        parameter(
-            "area_m2",
-            Unit::SquareMetre,
-            1e-5,
-            (0.0, 1e-2),
-            "flow area when open",
-        ),
-        parameter(
-            "cracking_pa",
-            Unit::Pascal,
-            5e4,
-            (0.0, 1e7),
-            "drop at which it begins to open",
-        ),
-        parameter(
-            "range_pa",
-            Unit::Pascal,
-            1e5,
-            (1e2, 1e7),
-            "further drop until it is open",
-        ),
-        parameter(
-            "leak_area_m2",
-            Unit::SquareMetre,
-            0.0,
-            (0.0, 1e-2),
-            "leak through the seat",
-        ),
+        parameter("area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
+        parameter("cracking_pa", Unit::Pascal, 5e4, (0.0, 1e7), "drop at which it begins to open"),
+        parameter("range_pa", Unit::Pascal, 1e5, (1e2, 1e7), "further drop until it is open"),
+        parameter("leak_area_m2", Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
     ],
     faults: &[
         adds(

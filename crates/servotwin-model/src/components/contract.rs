@@ -395,6 +395,18 @@ fn every_state_moves_and_every_set_port_is_set() {
 }
 
 #[test]
+fn every_sensor_says_what_its_readings_span_and_nobody_else_does() {
+    for alone in all() {
+        let is_sensor = alone.spec.parameter("noise_sigma").is_some();
+        let component = super::find(alone.spec.kind).expect("of the catalogue");
+        let span = component.span(&alone.parameters);
+        assert_eq!(span.is_some(), is_sensor, "{}", alone.spec.kind);
+        let sound = |s: super::Span| s.full_scale > 0.0 && s.range >= s.full_scale;
+        assert!(span.is_none_or(sound), "{}", alone.spec.kind);
+    }
+}
+
+#[test]
 fn lanes_equal_scalars_bit_for_bit() {
     for_each_block(|alone, block| {
         let samples = alone.samples(block);

@@ -20,6 +20,10 @@
 //! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %.
 
 use super::Component;
+use super::contact::{
+    END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,
+    stribeck_constants,
+};
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, pressure_rate_pa_s};
 use crate::scalar::Scalar;
@@ -51,34 +55,10 @@ static SPEC: Spec = Spec {
     kind: "cylinder",
     summary: "double-acting cylinder with friction, internal leakage and end stops",
     parameters: &[
-        parameter(
-            "area_a_m2",
-            Unit::SquareMetre,
-            2.2723e-3,
-            (1e-6, 1.0),
-            "piston area, side A",
-        ),
-        parameter(
-            "area_b_m2",
-            Unit::SquareMetre,
-            2.2723e-3,
-            (1e-6, 1.0),
-            "piston area, side B",
-        ),
-        parameter(
-            "volume_a_m3",
-            Unit::CubicMetre,
-            65e-6,
-            (1e-8, 1.0),
-            "chamber A at the centre",
-        ),
-        parameter(
-            "volume_b_m3",
-            Unit::CubicMetre,
-            65e-6,
-            (1e-8, 1.0),
-            "chamber B at the centre",
-        ),
+        parameter("area_a_m2", Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side A"),
+        parameter("area_b_m2", Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side B"),
+        parameter("volume_a_m3", Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber A at the centre"),
+        parameter("volume_b_m3", Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber B at the centre"),
         parameter(
             "internal_leakage_m3_s_pa",
             Unit::CubicMetrePerSecondPascal,
@@ -86,27 +66,9 @@ static SPEC: Spec = Spec {
             (0.0, 1e-8),
             "laminar leakage across the piston seal",
         ),
-        parameter(
-            "mass_kg",
-            Unit::Kilogram,
-            2.0,
-            (1e-3, 1e5),
-            "piston and rod",
-        ),
-        parameter(
-            "coulomb_friction_n",
-            Unit::Newton,
-            500.0,
-            (0.0, 1e6),
-            "F_c of the seals",
-        ),
-        parameter(
-            "static_friction_ratio",
-            Unit::None,
-            1.5,
-            (1.0, 10.0),
-            "static over Coulomb",
-        ),
+        parameter("mass_kg", Unit::Kilogram, 2.0, (1e-3, 1e5), "piston and rod"),
+        parameter("coulomb_friction_n", Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals"),
+        parameter("static_friction_ratio", Unit::None, 1.5, (1.0, 10.0), "static over Coulomb"),
         parameter(
             "stribeck_velocity_m_s",
             Unit::MetrePerSecond,
@@ -128,41 +90,11 @@ static SPEC: Spec = Spec {
             (0.0, 1e7),
             "viscous friction",
         ),
-        parameter(
-            "stroke_half_m",
-            Unit::Metre,
-            23.5e-3,
-            (1e-4, 10.0),
-            "from centre to end stop",
-        ),
-        parameter(
-            "stop_stiffness_n_m",
-            Unit::NewtonPerMetre,
-            2e8,
-            (0.0, 1e12),
-            "end stop",
-        ),
-        parameter(
-            "stop_damping_n_s_m",
-            Unit::NewtonSecondPerMetre,
-            5e4,
-            (0.0, 1e9),
-            "end stop",
-        ),
-        parameter(
-            "start_a_pa",
-            Unit::Pascal,
-            1.06e7,
-            (1e3, 1e8),
-            "first guess of pressure A",
-        ),
-        parameter(
-            "start_b_pa",
-            Unit::Pascal,
-            1.06e7,
-            (1e3, 1e8),
-            "first guess of pressure B",
-        ),
+        parameter("stroke_half_m", Unit::Metre, 23.5e-3, (1e-4, 10.0), "from centre to end stop"),
+        parameter("stop_stiffness_n_m", Unit::NewtonPerMetre, 2e8, (0.0, 1e12), "end stop"),
+        parameter("stop_damping_n_s_m", Unit::NewtonSecondPerMetre, 5e4, (0.0, 1e9), "end stop"),
+        parameter("start_a_pa", Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure A"),
+        parameter("start_b_pa", Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure B"),
     ],
     faults: &[
         adds(
@@ -212,20 +144,8 @@ static SPEC: Spec = Spec {
             Start::Parameter("start_b_pa"),
             "chamber B, absolute",
         ),
-        state(
-            "position_m",
-            Unit::Metre,
-            2e-2,
-            Start::Value(0.0),
-            "piston position",
-        ),
-        state(
-            "velocity_m_s",
-            Unit::MetrePerSecond,
-            0.05,
-            Start::Value(0.0),
-            "piston velocity",
-        ),
+        state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
+        state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
     ],
     reference: false,
 };
@@ -245,9 +165,8 @@ impl Component for Cylinder {
         wiring.set_motion("rod", position, velocity);
         wiring.set("position", position);
         wiring.set("velocity", velocity);
-        for (which, (port, p, rate)) in [("a", p_a, "pressure_a_pa"), ("b", p_b, "pressure_b_pa")]
-            .into_iter()
-            .enumerate()
+        for (which, (port, p, rate)) in
+            [("a", p_a, "pressure_a_pa"), ("b", p_b, "pressure_b_pa")].into_iter().enumerate()
         {
             let inputs = [p, wiring.flow(port).variable(), position, velocity];
             let rate = Output::add(wiring.derivative(rate));
@@ -260,7 +179,7 @@ impl Component for Cylinder {
         let faster = Output::add(wiring.derivative("velocity_m_s"));
         let slower = Output::subtract(wiring.derivative("velocity_m_s"));
         wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
-        wiring.equation::<PistonFriction, 1, 2, 5>(0, [velocity], [shift, slower]);
+        wiring.equation::<PistonFriction, 1, 2, STRIBECK_CONSTANTS>(0, [velocity], [shift, slower]);
         wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
     }
 
@@ -285,17 +204,7 @@ impl Equation<4, 1, { 3 + BULK_CONSTANTS }> for ChamberPressure {
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
         let volume = given[VOLUME_A + given.which];
         let area = given[AREA_A + given.which] * S::constant([1.0, -1.0][given.which]);
-        [
-            area,
-            volume,
-            volume * S::constant(SMALLEST),
-            a,
-            b,
-            c,
-            d,
-            e,
-            f,
-        ]
+        [area, volume, volume * S::constant(SMALLEST), a, b, c, d, e, f]
     }
 
     #[inline(always)]
@@ -339,24 +248,21 @@ impl Equation<3, 1, 4> for PistonForce {
 /// Equation (Y5): (v) → (x', deceleration by friction).
 pub struct PistonFriction;
 
-impl Equation<1, 2, 5> for PistonFriction {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
-        let one = S::constant(1.0);
-        let coulomb = given[COULOMB] / given[MASS];
-        [
-            given[VISCOUS] / given[MASS],
-            coulomb,
-            coulomb * (given[STATIC_RATIO] - one),
-            one / given[STRIBECK_VELOCITY],
-            one / given[SMOOTHING],
-        ]
+impl Equation<1, 2, STRIBECK_CONSTANTS> for PistonFriction {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; STRIBECK_CONSTANTS] {
+        let mass = given[MASS];
+        stribeck_constants(Stribeck {
+            viscous: given[VISCOUS] / mass,
+            coulomb: given[COULOMB] / mass,
+            static_ratio: given[STATIC_RATIO],
+            velocity: given[STRIBECK_VELOCITY],
+            smoothing: given[SMOOTHING],
+        })
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 5], [v]: [S; 1]) -> [S; 2] {
-        let relative = v * c[3];
-        let level = (-(relative * relative)).exp() * c[2] + c[1];
-        [v, v * c[0] + level * (v * c[4]).tanh()]
+    fn evaluate<S: Scalar>(c: &[S::Base; STRIBECK_CONSTANTS], [v]: [S; 1]) -> [S; 2] {
+        [v, stribeck(v, c)]
     }
 }
 
@@ -376,35 +282,6 @@ impl Equation<2, 1, END_STOP_CONSTANTS> for PistonStop {
     }
 }
 
-/// Number of constants of [`end_stop`].
-pub const END_STOP_CONSTANTS: usize = 4;
-
-/// The constants of [`end_stop`], with stops at ± `limit`.
-pub fn end_stop_constants<S: Scalar<Base = S>>(
-    limit: S,
-    stiffness: S,
-    damping: S,
-) -> [S; END_STOP_CONSTANTS] {
-    [limit, stiffness, damping, S::constant(1e3) / limit]
-}
-
-/// Equation (Y6): what end stops at both ends do against a motion, force or
-/// acceleration as the constants have it.
-#[inline(always)]
-pub fn end_stop<S: Scalar>(
-    position: S,
-    velocity: S,
-    &[limit, stiffness, damping, per_fade]: &[S::Base; END_STOP_CONSTANTS],
-) -> S {
-    let zero = S::constant(0.0);
-    let high = S::from_base(limit);
-    let excess = position - position.clamp(-high, high);
-    let contact = (excess.abs() * per_fade).min(S::constant(1.0));
-    let push = excess * stiffness + velocity * contact * damping;
-    // A stop does not hold back what leaves it.
-    S::select(excess.less(zero), push.min(zero), push.max(zero))
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::contract::constants;
@@ -422,10 +299,7 @@ mod tests {
     }
 
     fn friction_n(smoothing_m_s: f64, velocity_m_s: f64) -> f64 {
-        let changes = [
-            ("viscous_friction_n_s_m", 0.0),
-            ("friction_smoothing_m_s", smoothing_m_s),
-        ];
+        let changes = [("viscous_friction_n_s_m", 0.0), ("friction_smoothing_m_s", smoothing_m_s)];
         let c = constants::<PistonFriction, 1, 2, 5>(&Cylinder, &changes, 0);
         let mass_kg = 2.0;
         PistonFriction::evaluate(&c, [velocity_m_s])[1] * mass_kg

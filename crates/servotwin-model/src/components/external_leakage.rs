@@ -26,28 +26,10 @@ static SPEC: Spec = Spec {
     kind: "external_leakage",
     summary: "leak from a node to the surroundings",
     parameters: &[
-        parameter(
-            "area_m2",
-            Unit::SquareMetre,
-            0.0,
-            (0.0, 1e-3),
-            "area of the leak",
-        ),
-        parameter(
-            "ambient_pa",
-            Unit::Pascal,
-            101_325.0,
-            (0.0, 1e7),
-            "pressure outside, absolute",
-        ),
+        parameter("area_m2", Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
+        parameter("ambient_pa", Unit::Pascal, 101_325.0, (0.0, 1e7), "pressure outside, absolute"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
     ],
     faults: &[adds(
         "leakage",

@@ -9,8 +9,9 @@
 //! instead of holding it.
 
 use super::Component;
+use super::contact::{STRIBECK_CONSTANTS, Stribeck, stribeck, stribeck_constants};
 use crate::equation::{Equation, Given};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
@@ -82,29 +83,26 @@ impl Component for Friction {
     fn connect(&self, wiring: &mut Wiring) {
         let velocity = wiring.velocity("port");
         let force = Output::subtract(wiring.force("port"));
-        wiring.equation::<Rubbing, 1, 1, 5>(0, [velocity], [force]);
+        wiring.equation::<Rubbing, 1, 1, STRIBECK_CONSTANTS>(0, [velocity], [force]);
     }
 }
 
 /// Equation (R1): velocity → force against it.
 pub struct Rubbing;
 
-impl Equation<1, 1, 5> for Rubbing {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
-        let one = S::constant(1.0);
-        [
-            given[VISCOUS],
-            given[COULOMB],
-            given[COULOMB] * (given[STATIC_RATIO] - one),
-            one / given[STRIBECK],
-            one / given[SMOOTHING],
-        ]
+impl Equation<1, 1, STRIBECK_CONSTANTS> for Rubbing {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; STRIBECK_CONSTANTS] {
+        stribeck_constants(Stribeck {
+            viscous: given[VISCOUS],
+            coulomb: given[COULOMB],
+            static_ratio: given[STATIC_RATIO],
+            velocity: given[STRIBECK],
+            smoothing: given[SMOOTHING],
+        })
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 5], [velocity]: [S; 1]) -> [S; 1] {
-        let ratio = velocity * c[3];
-        let dry = (ratio * ratio * lit::<S>(-1.0)).exp() * c[2] + c[1];
-        [velocity * c[0] + dry * (velocity * c[4]).tanh()]
+    fn evaluate<S: Scalar>(c: &[S::Base; STRIBECK_CONSTANTS], [velocity]: [S; 1]) -> [S; 1] {
+        [stribeck(velocity, c)]
     }
 }

@@ -33,13 +33,7 @@ static SPEC: Spec = Spec {
     parameters: &[
         required("length_m", Unit::Metre, (1e-2, 1e3), "length"),
         required("diameter_m", Unit::Metre, (1e-4, 1.0), "inner diameter"),
-        parameter(
-            "start_pa",
-            Unit::Pascal,
-            1e7,
-            (1e3, 1e8),
-            "first guess for the steady state",
-        ),
+        parameter("start_pa", Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
     ],
     faults: &[],
     ports: &[
@@ -47,13 +41,7 @@ static SPEC: Spec = Spec {
         pressure("b", "end with the capacitance, whose pressure it sets"),
     ],
     states: &[
-        state(
-            "flow_m3_s",
-            Unit::CubicMetrePerSecond,
-            2e-4,
-            Start::Value(0.0),
-            "flow from a to b",
-        ),
+        state("flow_m3_s", Unit::CubicMetrePerSecond, 2e-4, Start::Value(0.0), "flow from a to b"),
         state(
             "pressure_pa",
             Unit::Pascal,
@@ -124,15 +112,7 @@ pub struct LinePressure;
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1 + BULK_CONSTANTS] {
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
-        [
-            section_m2(given[DIAMETER]) * given[LENGTH],
-            a,
-            b,
-            c,
-            d,
-            e,
-            f,
-        ]
+        [section_m2(given[DIAMETER]) * given[LENGTH], a, b, c, d, e, f]
     }
 
     #[inline(always)]
@@ -171,10 +151,7 @@ mod tests {
             let expected = factor * 10.0 / 8e-3 * 0.5 * density * velocity * velocity;
             let [rate, _] = LineFlow::evaluate(&c, [0.0, 0.0, velocity * area]);
             let drop = -rate * density * 10.0 / area;
-            assert!(
-                (drop / expected - 1.0).abs() < 1e-9,
-                "{drop} instead of {expected}"
-            );
+            assert!((drop / expected - 1.0).abs() < 1e-9, "{drop} instead of {expected}");
         }
     }
 }

@@ -10,7 +10,7 @@
 //! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, `z` its rate
 //! per unit of ω. Faults as in [`super::conversion`].
 
-use super::{Component, conversion};
+use super::{Component, Span, conversion};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
@@ -64,6 +64,10 @@ static SPEC: Spec = Spec {
 impl Component for Lvdt {
     fn spec(&self) -> &'static Spec {
         &SPEC
+    }
+
+    fn span(&self, parameters: &[f64]) -> Option<Span> {
+        Some(Span { full_scale: parameters[FULL_SCALE], range: 2.0 * parameters[FULL_SCALE] })
     }
 
     fn connect(&self, wiring: &mut Wiring) {

@@ -2,17 +2,14 @@
 //!
 //! ```text
 //! dx/dt = v,   m dv/dt = F − b v                                          (M1)
-//! d = x − clamp(x, −x_s, x_s),   w = min(|d|/d_r, 1)                       (M2)
-//! F_stop = −k_s d − c_s w v                                               (M3)
 //! ```
 //!
-//! The stops exist where their stiffness is not zero. `w` brings their damping
-//! in over the first `d_r` = 10 µm of penetration, so that the force does not
-//! jump.
+//! The stops at ± x_s exist where their stiffness is not zero; they are those of the cylinder (Y6).
 
 use super::Component;
+use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::equation::{Equation, Given};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
@@ -80,7 +77,7 @@ impl Component for Mass {
         );
         if wiring.structural("stop_stiffness_n_m") > 0.0 {
             let inputs = [position, velocity];
-            wiring.equation::<MassStops, 2, 1, 3>(0, inputs, [Output::add(force)]);
+            wiring.equation::<MassStops, 2, 1, END_STOP_CONSTANTS>(0, inputs, [Output::add(force)]);
         }
     }
 }
@@ -99,20 +96,16 @@ impl Equation<2, 2, 2> for MassMotion {
     }
 }
 
-/// Equations (M2) and (M3): (position, velocity) → force on the mass.
+/// Equation (Y6): (position, velocity) → force on the mass.
 pub struct MassStops;
 
-impl Equation<2, 1, 3> for MassStops {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        [given[STROKE], given[STIFFNESS], given[DAMPING]]
+impl Equation<2, 1, END_STOP_CONSTANTS> for MassStops {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; END_STOP_CONSTANTS] {
+        end_stop_constants(given[STROKE], given[STIFFNESS], given[DAMPING])
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 3], [position, velocity]: [S; 2]) -> [S; 1] {
-        const PER_RAMP: f64 = 1e5;
-        let stroke = S::from_base(c[0]);
-        let depth = position - position.clamp(-stroke, stroke);
-        let contact = (depth.abs() * lit::<S>(PER_RAMP)).min(S::constant(1.0));
-        [-(depth * c[1] + velocity * contact * c[2])]
+    fn evaluate<S: Scalar>(c: &[S::Base; END_STOP_CONSTANTS], [x, v]: [S; 2]) -> [S; 1] {
+        [-end_stop(x, v, c)]
     }
 }

@@ -1,18 +1,51 @@
 //! The catalogue: one file per component, with its equations, its parameters
 //! and its faults.
 //!
-//! A new component is a file here and a line in the list at the end. The line
-//! names the equation blocks that the file defines, so that programs can run
-//! them without indirection.
+//! A new component is a file here (`pub mod`) and a line in the list at the end.
+//! The line names the equation blocks that the file defines, so that programs can
+//! run them without indirection.
 
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::Spec;
 use crate::wiring::Wiring;
 
+pub mod accumulator;
+pub mod aerodynamic_load;
+pub mod attachment;
+pub mod check_valve;
+pub mod contact;
 #[cfg(test)]
 pub(crate) mod contract;
 pub mod conversion;
+pub mod cylinder;
+pub mod external_leakage;
+pub mod filter;
+pub mod fixed;
+pub mod force;
+pub mod force_fight_equaliser;
+pub mod friction;
+pub mod gain;
+pub mod inertia;
+pub mod lever;
+pub mod long_line;
+pub mod low_pass_filter;
+pub mod lvdt;
+pub mod mass;
+pub mod mode_valve;
+pub mod orifice;
+pub mod position_controller;
+pub mod pressure_sensor;
+pub mod pressure_source;
+pub mod relief_valve;
+pub mod sampled_position_controller;
+pub mod selector;
+pub mod servo_valve;
+pub mod shut_off_valve;
+pub mod spring;
+pub mod tank;
+pub mod temperature_sensor;
+pub mod volume;
 
 /// A component of the catalogue.
 pub trait Component: Sync {
@@ -22,6 +55,12 @@ pub trait Component: Sync {
     /// Adds its equations to a program.
     fn connect(&self, wiring: &mut Wiring);
 
+    /// What a sensor's readings span, in the unit of its reading, for its parameters; `None` for a
+    /// component that is no sensor. Its `noise_sigma` and `bits` are parts of it.
+    fn span(&self, _parameters: &[f64]) -> Option<Span> {
+        None
+    }
+
     /// Whether its parameters are possible together (each alone is checked
     /// against its declared range).
     ///
@@ -30,6 +69,15 @@ pub trait Component: Sync {
     fn check(&self, _parameters: &[f64]) -> Result<(), &'static str> {
         Ok(())
     }
+}
+
+/// What the readings of a sensor span.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Its full scale: noise is a part of this.
+    pub full_scale: f64,
+    /// From the least reading to the largest: what a converter divides into steps.
+    pub range: f64,
 }
 
 /// An equation block that is in the list below.
@@ -48,8 +96,6 @@ pub(crate) trait Visitor {
 
 macro_rules! catalogue {
     ($($module:ident :: $component:ident [$($block:ident),* $(,)?]),* $(,)?) => {
-        $(pub mod $module;)*
-
         /// Every component, in the order of the documentation.
         pub static ALL: &[&dyn Component] = &[$(&$module::$component),*];
 

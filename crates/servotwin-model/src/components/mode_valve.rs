@@ -42,34 +42,10 @@ static SPEC: Spec = Spec {
     kind: "mode_valve",
     summary: "active or damped: bypass orifice, make-up valves and reserve",
     parameters: &[
-        parameter(
-            "time_constant_s",
-            Unit::Second,
-            0.02,
-            (1e-4, 10.0),
-            "of switching",
-        ),
-        parameter(
-            "damping_area_m2",
-            Unit::SquareMetre,
-            2e-6,
-            (0.0, 1e-3),
-            "damping orifice",
-        ),
-        parameter(
-            "make_up_area_m2",
-            Unit::SquareMetre,
-            1e-5,
-            (0.0, 1e-3),
-            "each make-up valve",
-        ),
-        parameter(
-            "return_area_m2",
-            Unit::SquareMetre,
-            1e-5,
-            (0.0, 1e-3),
-            "return to reserve",
-        ),
+        parameter("time_constant_s", Unit::Second, 0.02, (1e-4, 10.0), "of switching"),
+        parameter("damping_area_m2", Unit::SquareMetre, 2e-6, (0.0, 1e-3), "damping orifice"),
+        parameter("make_up_area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-3), "each make-up valve"),
+        parameter("return_area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-3), "return to reserve"),
         parameter(
             "make_up_range_pa",
             Unit::Pascal,
@@ -77,42 +53,12 @@ static SPEC: Spec = Spec {
             (1e2, 1e7),
             "pressure drop at which a check valve is fully open",
         ),
-        parameter(
-            "isolation",
-            Unit::None,
-            0.002,
-            (0.0, 1.0),
-            "transmission when damped",
-        ),
+        parameter("isolation", Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
-        parameter(
-            "damped_position",
-            Unit::None,
-            0.0,
-            (0.0, 1.0),
-            "position at command 0",
-        ),
-        parameter(
-            "active_position",
-            Unit::None,
-            1.0,
-            (0.0, 1.0),
-            "position at command 1",
-        ),
-        parameter(
-            "command",
-            Unit::None,
-            1.0,
-            (0.0, 1.0),
-            "where no signal is connected",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+        parameter("damped_position", Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
+        parameter("active_position", Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
+        parameter("command", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
     ],
     faults: &[
         scales(
@@ -123,14 +69,7 @@ static SPEC: Spec = Spec {
             Category::Clogging,
             "dirt narrows the damping orifice",
         ),
-        shrinks(
-            "slow",
-            "time_constant_s",
-            30.0,
-            (1.0, 1e4),
-            Category::Dynamics,
-            "switches slowly",
-        ),
+        shrinks("slow", "time_constant_s", 30.0, (1.0, 1e4), Category::Dynamics, "switches slowly"),
         adds(
             "stuck_active",
             "damped_position",
@@ -147,30 +86,16 @@ static SPEC: Spec = Spec {
             Category::Jamming,
             "does not become active",
         ),
-        adds(
-            "isolation_wear",
-            "isolation",
-            0.2,
-            (0.0, 1.0),
-            Category::Wear,
-            "leaks when damped",
-        ),
+        adds("isolation_wear", "isolation", 0.2, (0.0, 1.0), Category::Wear, "leaks when damped"),
     ],
     ports: &[
         hydraulic("a", "cylinder chamber A"),
         hydraulic("b", "cylinder chamber B"),
         hydraulic("reserve", "fluid reserve"),
-        optional(hydraulic(
-            "return",
-            "return gallery, which fills the reserve",
-        )),
+        optional(hydraulic("return", "return gallery, which fills the reserve")),
         input_or("command", Unit::None, "command", "1 active, 0 damped"),
         output("active", Unit::None, "position: 1 active … 0 damped"),
-        output(
-            "transmission",
-            Unit::None,
-            "factor on the servo valve's flows",
-        ),
+        output("transmission", Unit::None, "factor on the servo valve's flows"),
     ],
     states: &[state(
         "position",
@@ -221,11 +146,7 @@ pub struct ModePosition;
 impl Equation<2, 1, 3> for ModePosition {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
         let damped = given[DAMPED];
-        [
-            damped,
-            given[ACTIVE] - damped,
-            S::constant(1.0) / given[TIME_CONSTANT],
-        ]
+        [damped, given[ACTIVE] - damped, S::constant(1.0) / given[TIME_CONSTANT]]
     }
 
     #[inline(always)]
@@ -259,12 +180,7 @@ pub struct BypassFlow;
 
 impl Equation<3, 1, 3> for BypassFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        hole(
-            given[DAMPING_AREA],
-            given[DISCHARGE],
-            given[REYNOLDS],
-            given.fluid,
-        )
+        hole(given[DAMPING_AREA], given[DISCHARGE], given[REYNOLDS], given.fluid)
     }
 
     #[inline(always)]
@@ -279,12 +195,8 @@ pub struct ReserveFlow;
 
 impl Equation<3, 1, 4> for ReserveFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [factor, r, four_k] = hole(
-            given[given.which],
-            given[DISCHARGE],
-            given[REYNOLDS],
-            given.fluid,
-        );
+        let [factor, r, four_k] =
+            hole(given[given.which], given[DISCHARGE], given[REYNOLDS], given.fluid);
         [factor, r, four_k, S::constant(1.0) / given[RANGE]]
     }
 
@@ -306,19 +218,11 @@ mod tests {
         let c = constants::<BypassFlow, 3, 1, 3>(&ModeValve, &[], 0);
         let area = 2.2723e-3;
         // Velocity in mm/s and force in N: the law without laminar share.
-        for (velocity, force) in [
-            (10.0, 342.0),
-            (30.0, 3070.0),
-            (60.0, 12.3e3),
-            (90.0, 27.7e3),
-        ] {
+        for (velocity, force) in [(10.0, 342.0), (30.0, 3070.0), (60.0, 12.3e3), (90.0, 27.7e3)] {
             let [flow] = BypassFlow::evaluate(&c, [0.0, 1e5 + force / area, 1e5]);
             let reached = flow / area * 1e3;
             let error: f64 = reached / velocity - 1.0;
-            assert!(
-                error.abs() < 0.08 && error < 0.0,
-                "{reached} mm/s at {force} N"
-            );
+            assert!(error.abs() < 0.08 && error < 0.0, "{reached} mm/s at {force} N");
         }
         assert_eq!(BypassFlow::evaluate(&c, [1.0, 2e7, 1e5]), [0.0]);
     }

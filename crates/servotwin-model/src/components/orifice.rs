@@ -33,13 +33,7 @@ static SPEC: Spec = Spec {
     parameters: &[
         required("area_m2", Unit::SquareMetre, (0.0, 1e-2), "flow area"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
     ],
     faults: &[scales(
         "clogging",
@@ -84,9 +78,7 @@ pub fn laminar<S: Scalar<Base = S>>(
 /// The hydraulic diameter of a round hole, m. A closed hole counts as one of a
 /// micrometre, which keeps (O2) finite.
 pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
-    (area_m2 * S::constant(4.0 / core::f64::consts::PI))
-        .sqrt()
-        .max(S::constant(1e-6))
+    (area_m2 * S::constant(4.0 / core::f64::consts::PI)).sqrt().max(S::constant(1e-6))
 }
 
 /// Equation (O2) without its factor: `2 k` times the mean velocity, Pa s/m.
@@ -121,12 +113,7 @@ pub fn hole<S: Scalar<Base = S>>(
 ) -> [S; 3] {
     let k = turbulent(fluid.density_kg_m3, discharge_coefficient);
     let diameter = hole_diameter_m(area_m2);
-    let r = laminar(
-        k,
-        fluid.kinematic_viscosity_m2_s,
-        transition_reynolds,
-        diameter,
-    );
+    let r = laminar(k, fluid.kinematic_viscosity_m2_s, transition_reynolds, diameter);
     [area_m2 * S::constant(0.5) / k, r, k * S::constant(4.0)]
 }
 

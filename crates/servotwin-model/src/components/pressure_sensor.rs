@@ -8,7 +8,7 @@
 //! The conversions are those of [`super::conversion`]. The output is limited to
 //! 0 … full scale.
 
-use super::{Component, conversion};
+use super::{Component, Span, conversion};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
@@ -63,6 +63,10 @@ static SPEC: Spec = Spec {
 impl Component for PressureSensor {
     fn spec(&self) -> &'static Spec {
         &SPEC
+    }
+
+    fn span(&self, parameters: &[f64]) -> Option<Span> {
+        Some(Span { full_scale: parameters[FULL_SCALE], range: parameters[FULL_SCALE] })
     }
 
     fn connect(&self, wiring: &mut Wiring) {

@@ -21,42 +21,12 @@ static SPEC: Spec = Spec {
     summary: "relief valve with smooth opening",
     // In the order of the check valve, whose equation this is.
     parameters: &[
-        parameter(
-            "area_m2",
-            Unit::SquareMetre,
-            1e-5,
-            (0.0, 1e-2),
-            "flow area when open",
-        ),
-        parameter(
-            "set_pa",
-            Unit::Pascal,
-            25.8e6,
-            (0.0, 1e8),
-            "drop at which it begins to open",
-        ),
-        parameter(
-            "range_pa",
-            Unit::Pascal,
-            1e6,
-            (1e2, 1e8),
-            "further drop until it is open",
-        ),
-        parameter(
-            "leak_area_m2",
-            Unit::SquareMetre,
-            0.0,
-            (0.0, 1e-2),
-            "leak through the seat",
-        ),
+        parameter("area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
+        parameter("set_pa", Unit::Pascal, 25.8e6, (0.0, 1e8), "drop at which it begins to open"),
+        parameter("range_pa", Unit::Pascal, 1e6, (1e2, 1e8), "further drop until it is open"),
+        parameter("leak_area_m2", Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
     ],
     faults: &[
         scales(
@@ -76,10 +46,7 @@ static SPEC: Spec = Spec {
             "the seat is worn",
         ),
     ],
-    ports: &[
-        hydraulic("a", "protected side"),
-        hydraulic("b", "where it relieves to"),
-    ],
+    ports: &[hydraulic("a", "protected side"), hydraulic("b", "where it relieves to")],
     states: &[],
     reference: false,
 };

@@ -30,8 +30,8 @@
 //! libraries; valid for |x| up to some strokes and Δp of either sign.
 
 use super::Component;
-use super::cylinder::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
-use super::orifice::{hole, turbulent, scaled_velocity_at_pa_s_m};
+use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
+use super::orifice::{hole, scaled_velocity_at_pa_s_m, turbulent};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Fault, Parameter, Spec, Start, Unit, declare::*};
@@ -71,38 +71,18 @@ const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
 }
 
 const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    scales(
-        name,
-        parameter,
-        0.05,
-        (0.0, 1.0),
-        Category::Clogging,
-        summary,
-    )
+    scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    adds(
-        name,
-        parameter,
-        -20e-6,
-        (-1e-3, 1e-3),
-        Category::Wear,
-        summary,
-    )
+    adds(name, parameter, -20e-6, (-1e-3, 1e-3), Category::Wear, summary)
 }
 
 static SPEC: Spec = Spec {
     kind: "servo_valve",
     summary: "two-stage four-way servo valve",
     parameters: &[
-        parameter(
-            "stroke_m",
-            Unit::Metre,
-            1e-3,
-            (1e-5, 1e-1),
-            "spool position at rated current",
-        ),
+        parameter("stroke_m", Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at rated current"),
         width("width_pa_m", "slot width of edge P-A"),
         width("width_pb_m", "slot width of edge P-B"),
         width("width_at_m", "slot width of edge A-T"),
@@ -111,56 +91,14 @@ static SPEC: Spec = Spec {
         overlap("overlap_pb_m", "overlap of edge P-B; negative: underlap"),
         overlap("overlap_at_m", "overlap of edge A-T; negative: underlap"),
         overlap("overlap_bt_m", "overlap of edge B-T; negative: underlap"),
-        parameter(
-            "clearance_m",
-            Unit::Metre,
-            4e-6,
-            (1e-7, 1e-3),
-            "radial clearance",
-        ),
-        parameter(
-            "edge_radius_m",
-            Unit::Metre,
-            2e-6,
-            (0.0, 1e-3),
-            "radius of the metering edges",
-        ),
-        parameter(
-            "smoothing_m",
-            Unit::Metre,
-            1.5e-6,
-            (1e-8, 1e-4),
-            "smoothing of the edges",
-        ),
-        parameter(
-            "eccentricity",
-            Unit::None,
-            0.0,
-            (0.0, 1.0),
-            "relative spool eccentricity",
-        ),
+        parameter("clearance_m", Unit::Metre, 4e-6, (1e-7, 1e-3), "radial clearance"),
+        parameter("edge_radius_m", Unit::Metre, 2e-6, (0.0, 1e-3), "radius of the metering edges"),
+        parameter("smoothing_m", Unit::Metre, 1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
+        parameter("eccentricity", Unit::None, 0.0, (0.0, 1.0), "relative spool eccentricity"),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
-        parameter(
-            "natural_frequency_hz",
-            Unit::Hertz,
-            100.0,
-            (0.1, 2000.0),
-            "of the spool",
-        ),
-        parameter(
-            "damping_ratio",
-            Unit::None,
-            0.7,
-            (1e-3, 10.0),
-            "of the spool",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+        parameter("natural_frequency_hz", Unit::Hertz, 100.0, (0.1, 2000.0), "of the spool"),
+        parameter("damping_ratio", Unit::None, 0.7, (1e-3, 10.0), "of the spool"),
         parameter(
             "slew_rate_m_s",
             Unit::MetrePerSecond,
@@ -168,20 +106,8 @@ static SPEC: Spec = Spec {
             (1e-4, 100.0),
             "largest spool velocity: the pilot stage's flow",
         ),
-        parameter(
-            "pilot_area_m2",
-            Unit::SquareMetre,
-            4e-8,
-            (0.0, 1e-5),
-            "pilot stage, p to t",
-        ),
-        parameter(
-            "null_bias",
-            Unit::None,
-            0.0,
-            (-2.0, 2.0),
-            "offset, per unit of rated current",
-        ),
+        parameter("pilot_area_m2", Unit::SquareMetre, 4e-8, (0.0, 1e-5), "pilot stage, p to t"),
+        parameter("null_bias", Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of rated current"),
         parameter(
             "current_gain",
             Unit::None,
@@ -189,20 +115,8 @@ static SPEC: Spec = Spec {
             (-10.0, 10.0),
             "stroke gained per rated current",
         ),
-        parameter(
-            "mobility",
-            Unit::None,
-            1.0,
-            (0.0, 1.0),
-            "1: the spool is free, 0: it is held",
-        ),
-        parameter(
-            "stop_fraction",
-            Unit::None,
-            1.1,
-            (0.5, 10.0),
-            "end stops, per unit of stroke",
-        ),
+        parameter("mobility", Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
+        parameter("stop_fraction", Unit::None, 1.1, (0.5, 10.0), "end stops, per unit of stroke"),
         parameter(
             "stop_stiffness_per_s2",
             Unit::PerSecondSquared,
@@ -217,13 +131,7 @@ static SPEC: Spec = Spec {
             (0.0, 1e8),
             "acceleration per velocity in the end stop",
         ),
-        parameter(
-            "transmission",
-            Unit::None,
-            1.0,
-            (0.0, 1.0),
-            "where no signal is connected",
-        ),
+        parameter("transmission", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
     ],
     faults: &[
         clogging("clogging_pa", "width_pa_m", "dirt narrows edge P-A"),
@@ -321,26 +229,11 @@ static SPEC: Spec = Spec {
         hydraulic("a", "control port A"),
         hydraulic("b", "control port B"),
         input("current", Unit::None, "per unit of rated current"),
-        input_or(
-            "transmission",
-            Unit::None,
-            "transmission",
-            "factor on the flow of all edges",
-        ),
-        output(
-            "spool_position",
-            Unit::Metre,
-            "spool position, positive opens p → a",
-        ),
+        input_or("transmission", Unit::None, "transmission", "factor on the flow of all edges"),
+        output("spool_position", Unit::Metre, "spool position, positive opens p → a"),
     ],
     states: &[
-        state(
-            "spool_position_m",
-            Unit::Metre,
-            1e-3,
-            Start::Value(0.0),
-            "spool position",
-        ),
+        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
         state(
             "spool_velocity_m_s",
             Unit::MetrePerSecond,
@@ -372,12 +265,7 @@ impl Component for ServoValve {
         wiring.equation::<SpoolMotion, 3, 2, 11>(0, [current, position, velocity], rates);
         let transmission = wiring.signal("transmission");
         for (which, (up, down)) in EDGES.into_iter().enumerate() {
-            let inputs = [
-                position,
-                transmission,
-                wiring.pressure(up),
-                wiring.pressure(down),
-            ];
+            let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
             let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
             wiring.equation::<EdgeFlow, 4, 1, 9>(which, inputs, [flow]);
         }
@@ -422,10 +310,7 @@ impl Equation<3, 2, { 7 + END_STOP_CONSTANTS }> for SpoolMotion {
         let command = (current * c[0] + c[1]).clamp(-one, one);
         let spring = command * c[2] - x * c[3];
         let rate = (v * c[6]).tanh() * c[5];
-        [
-            rate,
-            spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]]),
-        ]
+        [rate, spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]])]
     }
 }
 
@@ -489,12 +374,7 @@ pub struct PilotFlow;
 
 impl Equation<2, 1, 3> for PilotFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        hole(
-            given[PILOT_AREA],
-            given[DISCHARGE],
-            given[REYNOLDS],
-            given.fluid,
-        )
+        hole(given[PILOT_AREA], given[DISCHARGE], given[REYNOLDS], given.fluid)
     }
 
     #[inline(always)]
@@ -541,10 +421,7 @@ mod tests {
             let closed = edge_flow(&[], which, -sign * 5e-4, 1e7);
             assert!(open > 1e-4 && closed < 1e-7, "{which}: {open:e} {closed:e}");
             let backwards = edge_flow(&[], which, sign * 5e-4, -1e7);
-            assert!(
-                (backwards + open).abs() < 1e-12 * open,
-                "{which} is not odd"
-            );
+            assert!((backwards + open).abs() < 1e-12 * open, "{which} is not odd");
         }
     }
 

@@ -30,13 +30,7 @@ static SPEC: Spec = Spec {
     kind: "shut_off_valve",
     summary: "piloted shut-off valve with filter and line in series",
     parameters: &[
-        parameter(
-            "area_m2",
-            Unit::SquareMetre,
-            1.6e-5,
-            (0.0, 1e-2),
-            "flow area when open",
-        ),
+        parameter("area_m2", Unit::SquareMetre, 1.6e-5, (0.0, 1e-2), "flow area when open"),
         parameter(
             "series_resistance_pa_s_m3",
             Unit::PascalSecondPerCubicMetre,
@@ -45,30 +39,11 @@ static SPEC: Spec = Spec {
             "laminar resistance of filter and line",
         ),
         parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter(
-            "transition_reynolds",
-            Unit::None,
-            50.0,
-            (1.0, 2500.0),
-            "Re_t",
-        ),
-        parameter(
-            "opening",
-            Unit::None,
-            1.0,
-            (0.0, 1.0),
-            "opening where no signal is connected",
-        ),
+        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+        parameter("opening", Unit::None, 1.0, (0.0, 1.0), "opening where no signal is connected"),
     ],
     faults: &[
-        shrinks(
-            "stuck",
-            "area_m2",
-            0.004,
-            (1e-6, 1.0),
-            Category::Jamming,
-            "does not open fully",
-        ),
+        shrinks("stuck", "area_m2", 0.004, (1e-6, 1.0), Category::Jamming, "does not open fully"),
         adds(
             "filter_clogging",
             "series_resistance_pa_s_m3",
@@ -93,11 +68,7 @@ impl Component for ShutOffValve {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let inputs = [
-            wiring.pressure("a"),
-            wiring.pressure("b"),
-            wiring.signal("opening"),
-        ];
+        let inputs = [wiring.pressure("a"), wiring.pressure("b"), wiring.signal("opening")];
         let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
         wiring.equation::<ShutOffFlow, 3, 1, 4>(0, inputs, [flow]);
     }

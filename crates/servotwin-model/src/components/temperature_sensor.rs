@@ -10,7 +10,7 @@
 //! `T_s` is the probe's own temperature. The conversions are those of
 //! [`super::conversion`].
 
-use super::{Component, conversion};
+use super::{Component, Span, conversion};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
@@ -61,6 +61,11 @@ static SPEC: Spec = Spec {
 impl Component for TemperatureSensor {
     fn spec(&self) -> &'static Spec {
         &SPEC
+    }
+
+    fn span(&self, parameters: &[f64]) -> Option<Span> {
+        let range = parameters[HIGH] - parameters[LOW];
+        Some(Span { full_scale: range, range })
     }
 
     fn connect(&self, wiring: &mut Wiring) {

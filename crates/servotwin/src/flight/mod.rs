@@ -6,6 +6,7 @@
 //! - [`lessons`]: what the diagnosis learns from: windows of flights, one table for each length
 //! - [`train`]: bands, trees and committee for each length: a diagnoser
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call for each sample
+//! - [`watcher`]: the runtime beside a log or a live stream
 //! - [`closed_loop`]: a plant beside the runtime, and a flight control computer that reacts
 //! - [`judge`]: how fast, how sure, how often wrong it is
 
@@ -16,3 +17,4 @@ pub mod lessons;
 pub mod plan;
 pub mod runtime;
 pub mod train;
+pub mod watcher;

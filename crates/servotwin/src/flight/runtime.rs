@@ -212,6 +212,22 @@ impl<'s> Runtime<'s> {
         Ok(())
     }
 
+    /// A unit is on again, and judged.
+    ///
+    /// # Errors
+    /// There is no such unit.
+    pub fn release(&mut self, unit: usize) -> Result<(), RuntimeError> {
+        Ok(self.session.release(unit)?)
+    }
+
+    /// What follows has nothing to do with what was: twin and diagnosis begin anew, with what is off
+    /// still off.
+    pub fn restart(&mut self) {
+        self.is_settled = false;
+        self.buses.fill(Bus::default());
+        self.session.restart();
+    }
+
     /// What it remembers.
     pub fn save(&self) -> Checkpoint {
         let twin = self.is_settled.then(|| {

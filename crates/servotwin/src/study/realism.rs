@@ -7,7 +7,6 @@ use crate::signal::random::Random;
 use crate::system::System;
 use serde::Deserialize;
 use servotwin_model::scalar::Primitive;
-use servotwin_model::spec::Unit;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -223,18 +222,17 @@ pub(crate) struct Imperfection {
 
 impl Imperfection {
     /// What the component of a sensor declares: `noise_sigma` in parts of its full scale, and
-    /// `bits` over the whole range, which is twice the full scale for a displacement.
+    /// `bits` over the whole range.
     pub fn of(system: &System, sensor: usize) -> Self {
         let instance = &system.network().components[system.sensors[sensor].component];
+        let Some(span) = instance.component.span(&instance.parameters) else {
+            return Self { sigma: 0.0, step: 0.0 };
+        };
         let spec = instance.component.spec();
         let value = |name: &str| spec.parameter(name).map_or(0.0, |p| instance.parameters[p]);
-        let full = spec.parameters.iter().position(|p| p.name.starts_with("full_scale_"));
-        let full_scale = full.map_or(0.0, |p| instance.parameters[p]);
-        let is_bipolar = full.is_some_and(|p| spec.parameters[p].unit == Unit::Metre);
-        let range = if is_bipolar { 2.0 * full_scale } else { full_scale };
         let bits = value("bits");
-        let step = if bits > 0.0 { range / f64::powi(2.0, bits as i32) } else { 0.0 };
-        Self { sigma: value("noise_sigma") * full_scale, step }
+        let step = if bits > 0.0 { span.range / f64::powi(2.0, bits as i32) } else { 0.0 };
+        Self { sigma: value("noise_sigma") * span.full_scale, step }
     }
 
     /// The standard deviation that a sample carries, in physical units: noise, and quantisation as

@@ -1,0 +1,75 @@
+//! What solid bodies do to each other: dry friction and end stops, each one text for all components.
+//!
+//! ```text
+//! F = b v + F_C (1 + (κ − 1) e^{−(v/v_s)²}) tanh(v/v_0)                    (CO1)
+//! ```
+//!
+//! with κ static over Coulomb friction, the Stribeck velocity v_s and the smoothing velocity v_0.
+//! End stops are equation (Y6) of the cylinder. Both hold for forces, and for accelerations where the
+//! constants are over the mass.
+
+use crate::scalar::Scalar;
+
+/// Number of constants of [`stribeck`].
+pub const STRIBECK_CONSTANTS: usize = 5;
+
+/// The parameters of (CO1).
+pub struct Stribeck<S> {
+    /// b
+    pub viscous: S,
+    /// F_C
+    pub coulomb: S,
+    /// κ
+    pub static_ratio: S,
+    /// v_s
+    pub velocity: S,
+    /// v_0
+    pub smoothing: S,
+}
+
+/// The constants of [`stribeck`].
+pub fn stribeck_constants<S: Scalar<Base = S>>(of: Stribeck<S>) -> [S; STRIBECK_CONSTANTS] {
+    let one = S::constant(1.0);
+    let excess = of.coulomb * (of.static_ratio - one);
+    [of.viscous, of.coulomb, excess, one / of.velocity, one / of.smoothing]
+}
+
+/// Equation (CO1): what friction does against a velocity.
+#[inline(always)]
+pub fn stribeck<S: Scalar>(
+    velocity: S,
+    &[viscous, coulomb, excess, per_stribeck, per_smoothing]: &[S::Base; STRIBECK_CONSTANTS],
+) -> S {
+    let relative = velocity * per_stribeck;
+    let level = (-(relative * relative)).exp() * excess + coulomb;
+    velocity * viscous + level * (velocity * per_smoothing).tanh()
+}
+
+/// Number of constants of [`end_stop`].
+pub const END_STOP_CONSTANTS: usize = 4;
+
+/// The constants of [`end_stop`], with stops at ± `limit`.
+pub fn end_stop_constants<S: Scalar<Base = S>>(
+    limit: S,
+    stiffness: S,
+    damping: S,
+) -> [S; END_STOP_CONSTANTS] {
+    [limit, stiffness, damping, S::constant(1e3) / limit]
+}
+
+/// Equation (Y6): what end stops at both ends do against a motion, force or
+/// acceleration as the constants have it.
+#[inline(always)]
+pub fn end_stop<S: Scalar>(
+    position: S,
+    velocity: S,
+    &[limit, stiffness, damping, per_fade]: &[S::Base; END_STOP_CONSTANTS],
+) -> S {
+    let zero = S::constant(0.0);
+    let high = S::from_base(limit);
+    let excess = position - position.clamp(-high, high);
+    let contact = (excess.abs() * per_fade).min(S::constant(1.0));
+    let push = excess * stiffness + velocity * contact * damping;
+    // A stop does not hold back what leaves it.
+    S::select(excess.less(zero), push.min(zero), push.max(zero))
+}

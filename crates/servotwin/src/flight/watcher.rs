@@ -1,0 +1,232 @@
+//! The runtime as the observer of a log or a live stream.
+
+use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
+use crate::log::{Finding, Observation, Observer, Phase, State};
+use crate::study::{Reaction, Study};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::{self, Alarm, Diagnoser, Outcome};
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{Knot, Snapshot};
+use std::sync::Arc;
+
+/// Watches an actuator beside its twin. Inputs and measured values come in the order of the system.
+pub struct Watcher<'s> {
+    diagnoser: Arc<Diagnoser>,
+    runtime: Runtime<'s>,
+    /// For each sensor of the diagnoser its place in the system.
+    places: Vec<usize>,
+    slots: Vec<Slot>,
+    scales: Vec<f64>,
+    /// What the log says is done where a unit is off: by unit.
+    off: Vec<Reaction>,
+    is_off: Vec<bool>,
+    measured: Vec<f64>,
+    twin: Vec<f64>,
+    residuals: Vec<f64>,
+    bands: Vec<f64>,
+    finding: Finding,
+    last: Option<Outcome>,
+}
+
+/// A checkpoint in a file.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    twin: Option<StoredTwin>,
+    session: diagnoser::State,
+    buses: Vec<(Option<f64>, f64)>,
+    is_off: Vec<bool>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct StoredTwin {
+    sample: u64,
+    wanted_s: f64,
+    states: Vec<f64>,
+    held: Vec<f64>,
+    next_tick: Vec<u64>,
+    inputs: Vec<(f64, f64)>,
+}
+
+impl<'s> Watcher<'s> {
+    /// A runtime before its first sample.
+    ///
+    /// # Errors
+    /// The diagnoser is not one for this study.
+    pub fn new(study: &'s Study, diagnoser: Arc<Diagnoser>) -> Result<Self, RuntimeError> {
+        let sensors = &study.system.sensors;
+        let place = |name: &str| sensors.iter().position(|sensor| sensor.label == name);
+        let named = diagnoser.sensors.iter();
+        let places = named.map(|s| place(&s.name).ok_or(RuntimeError::Sensor { name: s.name.clone() }));
+        let places: Vec<usize> = places.collect::<Result<_, _>>()?;
+        let mut bands = vec![f64::NAN; sensors.len()];
+        for (&place, band) in places.iter().zip(&diagnoser.lengths[0].panel.bands) {
+            bands[place] = band.half_width;
+        }
+        let names = diagnoser.names();
+        let off = (0..names.actuators.len()).map(|unit| {
+            let commands = names.commands.iter().map(|c| study.reactions.of(unit, c, None));
+            commands.into_iter().find(|r| r.switches_off && !r.inputs.is_empty()).unwrap_or_default()
+        });
+        Ok(Watcher {
+            runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
+            slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.label.as_str()))?,
+            scales: sensors.iter().map(|sensor| sensor.scale).collect(),
+            off: off.collect(),
+            is_off: vec![false; names.actuators.len()],
+            measured: vec![f64::NAN; places.len()],
+            twin: vec![f64::NAN; sensors.len()],
+            residuals: vec![f64::NAN; sensors.len()],
+            bands,
+            finding: Finding::default(),
+            last: None,
+            places,
+            diagnoser,
+        })
+    }
+
+    /// Units that the log switches off, or on again.
+    fn follow(&mut self, inputs: &[f64]) -> Result<(), RuntimeError> {
+        for unit in 0..self.off.len() {
+            let reaction = &self.off[unit];
+            let set = |&(input, value): &(usize, f64)| inputs.get(input) == Some(&value);
+            let is_off = !reaction.inputs.is_empty() && reaction.inputs.iter().all(set);
+            match (self.is_off[unit], is_off) {
+                (false, true) => self.runtime.follow(unit, reaction)?,
+                (true, false) => self.runtime.release(unit)?,
+                _ => {}
+            }
+            self.is_off[unit] = is_off;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, inputs: &[f64], measured: &[f64]) -> Result<(), RuntimeError> {
+        for (value, &place) in self.measured.iter_mut().zip(&self.places) {
+            *value = measured[place];
+        }
+        self.follow(inputs)?;
+        let outcome = *self.runtime.push(inputs, &self.measured)?;
+        for (twin, &slot) in self.twin.iter_mut().zip(&self.slots) {
+            *twin = self.runtime.value(slot);
+        }
+        let pairs = measured.iter().zip(&self.twin).zip(&self.scales);
+        for (residual, ((measured, twin), scale)) in self.residuals.iter_mut().zip(pairs) {
+            *residual = (measured - twin) / scale;
+        }
+        let said = |o: &Outcome| (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)));
+        if self.last.as_ref().map(said) != Some(said(&outcome)) {
+            self.say(&outcome);
+        }
+        self.finding.confidence = outcome.confidence;
+        self.last = Some(outcome);
+        Ok(())
+    }
+
+    fn say(&mut self, outcome: &Outcome) {
+        use diagnoser::Finding as Found;
+        let names = self.diagnoser.names();
+        let name = |list: &[String], place: u32| list[place as usize].clone();
+        let (state, unit, command, detail) = match outcome.finding {
+            Found::Unjudged => (State::NoData, None, None, None),
+            Found::Healthy => (State::Healthy, None, None, None),
+            Found::Detected => (State::Detected, None, None, None),
+            Found::Actuator { unit } => (State::Detected, Some(unit), None, None),
+            Found::Command { unit, command } => (State::Isolated, Some(unit), Some(command), None),
+            Found::Detail { unit, command, detail } => {
+                (State::Isolated, Some(unit), Some(command), Some(detail))
+            }
+            Found::Unknown => (State::Unknown, None, None, None),
+            Found::EnvironmentInvalid { .. } => (State::EnvironmentInvalid, None, None, None),
+        };
+        let mut evidence = vec![];
+        if let Found::EnvironmentInvalid { .. } = outcome.finding {
+            evidence.push(self.diagnoser.describe(outcome.finding));
+        }
+        if let (Some(sensor), Some(length)) = (outcome.worst_sensor, outcome.length) {
+            let window_s = self.window_s(length as usize);
+            let sensor = &self.diagnoser.sensors[sensor as usize].name;
+            evidence.push(format!(
+                "{sensor} is {:.1} times its band away from the twin, in the last {window_s} s",
+                outcome.excess
+            ));
+        }
+        self.finding = Finding {
+            state,
+            phase: match outcome.alarm {
+                Alarm::Normal | Alarm::NoData | Alarm::Error => Phase::None,
+                Alarm::Pending => Phase::Pending,
+                Alarm::Raised => Phase::Raised,
+                Alarm::Recovering => Phase::Recovering,
+            },
+            actuator: unit.map(|unit| unit + 1),
+            command: command.map_or(String::new(), |c| name(&names.commands, c)),
+            detail: detail.map_or(String::new(), |d| name(&names.details, d)),
+            confidence: outcome.confidence,
+            evidence,
+        };
+    }
+
+    fn window_s(&self, length: usize) -> f64 {
+        let samples = self.diagnoser.lengths[length].span.samples().unwrap_or(0);
+        samples as f64 * self.diagnoser.period_s
+    }
+}
+
+impl Observer for Watcher<'_> {
+    fn push(&mut self, _time_s: f64, inputs: &[f64], measured: &[f64]) -> Observation<'_> {
+        if let Err(error) = self.take(inputs, measured) {
+            self.twin.fill(f64::NAN);
+            self.residuals.fill(f64::NAN);
+            let evidence = vec![error.to_string()];
+            self.finding = Finding { evidence, ..Finding::default() };
+            self.last = None;
+        }
+        Observation {
+            twin: &self.twin,
+            residuals: &self.residuals,
+            bands: &self.bands,
+            features: &[],
+            finding: &self.finding,
+        }
+    }
+
+    fn restart(&mut self) {
+        self.runtime.restart();
+        self.last = None;
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let Checkpoint { twin, session, buses } = self.runtime.save();
+        let twin = twin.map(|twin| StoredTwin {
+            sample: twin.sample,
+            wanted_s: twin.wanted_s,
+            states: twin.states,
+            held: twin.held,
+            next_tick: twin.next_tick,
+            inputs: twin.inputs.iter().map(|knot| (knot.value, knot.slope_per_s)).collect(),
+        });
+        let stored = Stored { twin, session, buses, is_off: self.is_off.clone() };
+        serde_json::to_vec(&stored).expect("numbers and names are always JSON")
+    }
+
+    fn restore(&mut self, saved: &[u8]) -> Result<(), String> {
+        let stored: Stored = serde_json::from_slice(saved).map_err(|error| error.to_string())?;
+        if stored.is_off.len() != self.is_off.len() {
+            return Err("it is of another number of actuators".into());
+        }
+        let knot = |&(value, slope_per_s): &(f64, f64)| Knot { value, slope_per_s };
+        let twin = stored.twin.map(|twin| Snapshot {
+            sample: twin.sample,
+            wanted_s: twin.wanted_s,
+            states: twin.states,
+            held: twin.held,
+            next_tick: twin.next_tick,
+            inputs: twin.inputs.iter().map(knot).collect(),
+        });
+        let checkpoint = Checkpoint { twin, session: stored.session, buses: stored.buses };
+        self.runtime.restore(&checkpoint).map_err(|error| error.to_string())?;
+        self.is_off = stored.is_off;
+        self.last = None;
+        Ok(())
+    }
+}
