@@ -8,10 +8,11 @@
 //! - Two samples of one period: the nearer one counts, the other fills what it has not. One that has
 //!   nothing to fill is *doubled* if it has the same time, else *surplus*.
 //! - A period without a sample is a *gap*: all its values are missing (NaN).
-//! - A time further ahead than `longest_gap_s`, or behind what was given on, is not believed at first.
-//!   When `witnesses` samples in a row go on from it, the clock was set: what was waiting is given
-//!   on, [`Tick::Restart`] follows, and those samples begin a new grid. If another sample comes
-//!   between, they were late or *outliers*, and are dropped.
+//! - A time that is suddenly ahead (by more than `wait_s` and two of the last step), or behind what was given
+//!   on, is not believed at first. The samples that go on from it vote for it, any other votes against
+//!   it. With no vote left they were late or *outliers*, and are dropped. With `witnesses` votes they are
+//!   believed: up to `longest_gap_s` ahead there was a gap; otherwise the clock was set: what was waiting
+//!   is given on, [`Tick::Restart`] follows, and those samples begin a new grid.
 //!
 //! A sequencer holds at most `longest_gap_s + wait_s` of periods, whatever comes.
 
@@ -34,6 +35,13 @@ pub struct Rules {
 impl Default for Rules {
     fn default() -> Self {
         Rules { wait_s: 0.05, longest_gap_s: 10.0, witnesses: 10 }
+    }
+}
+
+impl Rules {
+    /// A time is suddenly ahead if it is by more than this; the last one was by `step_s`.
+    fn sudden_s(&self, step_s: f64) -> f64 {
+        (self.wait_s + 2.0 * step_s).min(self.longest_gap_s)
     }
 }
 
@@ -75,8 +83,10 @@ pub struct Sequencer {
     period_s: f64,
     width: usize,
     grid: Option<Grid>,
-    /// Samples with a time that is not believed so far.
+    /// Samples with a time that is not believed so far, each going on from the one before.
     suspects: Vec<Stamped>,
+    /// Those less the other samples that came since.
+    votes: usize,
     /// Given on before anything else.
     restart: bool,
     /// Whether everything that waits may go.
@@ -92,11 +102,26 @@ struct Grid {
     start_s: f64,
     /// The first period that was not given on.
     next: u64,
-    /// The newest time that came, s.
+    /// The newest time that came, and how far it was ahead of the one before, s.
     #[serde(with = "bits::one")]
     newest_s: f64,
+    #[serde(with = "bits::one")]
+    step_s: f64,
     /// The periods from `next` on; one without a sample has no values.
     waiting: VecDeque<Stamped>,
+}
+
+/// Where a time belongs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Turn {
+    /// To this period, counted from the next one.
+    At(usize),
+    /// Perhaps to this period; but it comes suddenly.
+    Ahead(usize),
+    /// To one that was given on.
+    Late,
+    /// To none near by.
+    Elsewhere,
 }
 
 impl Sequencer {
@@ -108,6 +133,7 @@ impl Sequencer {
             width,
             grid: None,
             suspects: vec![],
+            votes: 0,
             restart: false,
             flushing: false,
             given: Stamped::default(),
@@ -119,12 +145,12 @@ impl Sequencer {
     pub fn push(&mut self, sample: Stamped, counts: &mut Counts) {
         debug_assert!(sample.time_s.is_finite() && sample.values.len() == self.width);
         self.flushing = false;
-        match self.index(sample.time_s) {
-            Ok(index) => {
-                self.drop_suspects(counts);
+        match self.turn(sample.time_s) {
+            Turn::At(index) => {
+                self.vote_against(counts);
                 self.place(index, sample, counts);
             }
-            Err(_) => self.suspect(sample, counts),
+            _ => self.suspect(sample, counts),
         }
     }
 
@@ -160,33 +186,28 @@ impl Sequencer {
         if self.restart {
             self.restart = false;
             self.grid = None;
-            for sample in std::mem::take(&mut self.suspects) {
-                // They follow each other closely: each is believed.
-                if let Ok(index) = self.index(sample.time_s) {
-                    self.place(index, sample, counts);
-                }
-            }
+            self.believe(counts);
             return Some(Tick::Restart);
         }
         None
     }
 
-    /// The period of a time, counted from the next one; or why it has none.
-    fn index(&mut self, time_s: f64) -> Result<usize, Kind> {
+    /// Where a time belongs; the first of all begins a grid.
+    fn turn(&mut self, time_s: f64) -> Turn {
         let grid = self.grid.get_or_insert_with(|| Grid {
             start_s: time_s,
             next: 0,
             newest_s: time_s,
+            step_s: f64::INFINITY,
             waiting: VecDeque::new(),
         });
-        if time_s - grid.newest_s > self.rules.longest_gap_s {
-            return Err(Kind::Outlier);
-        }
-        let ahead = ((time_s - grid.start_s) / self.period_s).round() - grid.next as f64;
-        match ahead {
-            ahead if ahead >= 0.0 => Ok(ahead as usize),
-            _ if grid.newest_s - time_s > self.rules.longest_gap_s => Err(Kind::Outlier),
-            _ => Err(Kind::Late),
+        let ahead_s = time_s - grid.newest_s;
+        let index = ((time_s - grid.start_s) / self.period_s).round() - grid.next as f64;
+        match index {
+            _ if ahead_s.abs() > self.rules.longest_gap_s => Turn::Elsewhere,
+            index if index < 0.0 => Turn::Late,
+            index if ahead_s > self.rules.sudden_s(grid.step_s) => Turn::Ahead(index as usize),
+            index => Turn::At(index as usize),
         }
     }
 
@@ -197,7 +218,10 @@ impl Sequencer {
             grid.waiting.resize(index + 1, Stamped::default());
         }
         let reordered = sample.time_s < grid.newest_s;
-        grid.newest_s = grid.newest_s.max(sample.time_s);
+        if sample.time_s > grid.newest_s {
+            grid.step_s = sample.time_s - grid.newest_s;
+            grid.newest_s = sample.time_s;
+        }
         let slot = &mut grid.waiting[index];
         if slot.values.is_empty() {
             if reordered {
@@ -228,31 +252,67 @@ impl Sequencer {
 
     /// Keeps a sample with a time that is not believed.
     fn suspect(&mut self, sample: Stamped, counts: &mut Counts) {
+        let step_s = self.grid.as_ref().map_or(f64::INFINITY, |grid| grid.step_s);
         if let Some(last) = self.suspects.last() {
-            let step_s = sample.time_s - last.time_s;
-            if !(0.0..=self.rules.longest_gap_s).contains(&step_s) {
-                self.drop_suspects(counts);
-            } else if step_s == 0.0 {
+            let ahead_s = sample.time_s - last.time_s;
+            if ahead_s == 0.0 {
                 counts.note(Kind::Doubled, sample.place);
                 return;
             }
+            if !(0.0..=self.rules.sudden_s(step_s)).contains(&ahead_s) {
+                self.vote_against(counts);
+                if self.votes > 0 {
+                    self.drop(&sample, counts);
+                    return;
+                }
+            }
         }
         self.suspects.push(sample);
-        if self.suspects.len() >= self.rules.witnesses {
-            let first = &self.suspects[0];
-            let newest_s = self.grid.as_ref().map_or(f64::NAN, |grid| grid.newest_s);
-            let kind =
-                if first.time_s < newest_s { Kind::ClockBack } else { Kind::ClockForward };
-            let detail = format!("from {newest_s} s to {} s", first.time_s);
-            counts.note_with(kind, first.place, &detail);
-            self.restart = true;
+        self.votes += 1;
+        if self.votes < self.rules.witnesses {
+            return;
+        }
+        let (first_s, place) = (self.suspects[0].time_s, self.suspects[0].place);
+        // What goes on from the first may have come near it meanwhile.
+        if let Turn::At(_) | Turn::Ahead(_) = self.turn(first_s) {
+            self.believe(counts);
+            return;
+        }
+        let newest_s = self.grid.as_ref().map_or(f64::NAN, |grid| grid.newest_s);
+        let back = first_s < newest_s;
+        let kind = if back { Kind::ClockBack } else { Kind::ClockForward };
+        counts.note_with(kind, place, &format_args!("from {newest_s} s to {first_s} s"));
+        self.restart = true;
+    }
+
+    /// Puts the samples that were not believed into their periods.
+    fn believe(&mut self, counts: &mut Counts) {
+        self.votes = 0;
+        for sample in std::mem::take(&mut self.suspects) {
+            // They follow each other: from the first on each has its turn.
+            if let Turn::At(index) | Turn::Ahead(index) = self.turn(sample.time_s) {
+                self.place(index, sample, counts);
+            }
+        }
+    }
+
+    fn vote_against(&mut self, counts: &mut Counts) {
+        self.votes = self.votes.saturating_sub(1);
+        if self.votes == 0 {
+            self.drop_suspects(counts);
         }
     }
 
     fn drop_suspects(&mut self, counts: &mut Counts) {
         for sample in std::mem::take(&mut self.suspects) {
-            let kind = self.index(sample.time_s).err().unwrap_or(Kind::Late);
-            counts.note_with(kind, sample.place, &format_args!("{} s", sample.time_s));
+            self.drop(&sample, counts);
         }
+        self.votes = 0;
+    }
+
+    fn drop(&mut self, sample: &Stamped, counts: &mut Counts) {
+        let late = self.turn(sample.time_s) == Turn::Late;
+        let kind = if late { Kind::Late } else { Kind::Outlier };
+        counts.note_with(kind, sample.place, &format_args!("{} s", sample.time_s));
     }
 }

@@ -311,10 +311,10 @@ fn one_wrong_time_is_dropped_and_ten_are_another_clock() {
     let rules = Rules::default();
     let steady = |from: f64, count: usize| (0..count).map(move |k| (from + k as f64 * 0.01, from));
     let mut samples: Vec<(f64, f64)> = steady(0.0, 50).collect();
-    samples.push((1e9, -1.0));
+    samples.extend([(1e9, -1.0), (3.0, -1.0)]);
     samples.extend(steady(0.5, 20));
     let (out, counts) = sequence(&samples, rules);
-    assert_eq!((out.len(), count(&counts, Kind::Outlier)), (70, 1));
+    assert_eq!((out.len(), count(&counts, Kind::Outlier)), (70, 2));
     assert!(out.iter().all(|tick| tick.unwrap().1 != -1.0));
 
     for (to, kind) in [(1e9, Kind::ClockForward), (-500.0, Kind::ClockBack), (0.2, Kind::ClockBack)]

@@ -94,20 +94,36 @@ pub struct Trace {
     pub label: String,
     /// The unit.
     pub unit: Unit,
+    /// Whether it is a way or a speed of an aircraft, which nobody reads in millimetres.
+    pub far: bool,
+}
+
+impl Trace {
+    fn new(id: &str, label: &str, unit: Unit, is_input: bool) -> Self {
+        let far = is_input && matches!(unit, Unit::Metre | Unit::MetrePerSecond);
+        Trace { id: id.into(), label: label.into(), unit, far }
+    }
+
+    /// The unit that people see.
+    pub fn shown(&self) -> &'static str {
+        if self.far { self.unit.symbol() } else { self.unit.shown() }
+    }
+
+    /// A value in that unit.
+    pub fn to_shown(&self, si: f64) -> f64 {
+        if self.far { si } else { self.unit.to_shown(si) }
+    }
 }
 
 impl Scene {
     /// The signals of a system.
     pub fn new(title: &str, system: &System, features: Vec<String>, period_s: f64) -> Self {
         let inputs = system.network().inputs.iter();
-        let input = |id: &String, unit| Trace { id: id.clone(), label: id.clone(), unit };
         let sensors = system.sensors.iter();
         Scene {
             title: title.into(),
-            inputs: inputs.map(|i| input(&i.id, i.unit)).collect(),
-            sensors: sensors
-                .map(|s| Trace { id: s.id.clone(), label: s.label.clone(), unit: s.unit })
-                .collect(),
+            inputs: inputs.map(|i| Trace::new(&i.id, &i.id, i.unit, true)).collect(),
+            sensors: sensors.map(|s| Trace::new(&s.id, &s.label, s.unit, false)).collect(),
             features,
             period_s,
         }

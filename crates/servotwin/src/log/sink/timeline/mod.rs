@@ -14,7 +14,6 @@ use crate::log::observer::{Finding, State};
 use crate::report::page::escaped;
 use serde_json::{Value, json};
 use series::Series;
-use servotwin_model::spec::Unit;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -188,7 +187,7 @@ impl Timeline {
     fn data(&self) -> Value {
         let all = |traces: &[Trace], series: &[Series]| -> Vec<Value> {
             let pairs = traces.iter().zip(series);
-            pairs.map(|(trace, series)| series.json(&trace.label, trace.unit.shown())).collect()
+            pairs.map(|(trace, series)| series.json(&trace.label, trace.shown())).collect()
         };
         let plain = |labels: Vec<&str>, series: &[Series], unit: &str| -> Vec<Value> {
             labels.iter().zip(series).map(|(label, series)| series.json(label, unit)).collect()
@@ -250,7 +249,7 @@ impl Sink for Timeline {
         let observation = &sample.observation;
         let shown = |series: &mut [Series], traces: &[Trace], values: &[f64]| {
             for ((series, trace), &value) in series.iter_mut().zip(traces).zip(values) {
-                series.push(to_shown(trace.unit, value), begins);
+                series.push(trace.to_shown(value), begins);
             }
         };
         let (inputs, sensors) = (&self.scene.inputs, &self.scene.sensors);
@@ -279,11 +278,6 @@ impl Sink for Timeline {
         self.samples += 1;
         Ok(())
     }
-}
-
-/// A value as people see it.
-fn to_shown(unit: Unit, value: f64) -> f64 {
-    unit.to_shown(value)
 }
 
 /// The class by which a finding has its colour.

@@ -97,7 +97,7 @@ const curves = (g, w, h, panel) => {
   const y = v => h - 2 - (v - low) / (high - low) * (h - 4);
   g.strokeStyle = colour("grid"); g.fillStyle = colour("soft"); g.textAlign = "right";
   g.beginPath();
-  for (const v of ticks(low, high, Math.max(2, h / 28))) {
+  for (const v of ticks(low, high, Math.max(3, h / 20))) {
     g.moveTo(LEFT, Math.round(y(v)) + 0.5); g.lineTo(w - RIGHT, Math.round(y(v)) + 0.5);
     if (y(v) > 7 && y(v) < h - 5) g.fillText(number(+v.toPrecision(12)), LEFT - 6, y(v) + 4);
   }
