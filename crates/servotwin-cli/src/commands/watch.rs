@@ -12,6 +12,7 @@ use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::Counts;
 use servotwin::log::map::{Guess, Map, guess};
 use servotwin::log::sink::events::Events;
+use servotwin::log::sink::mcap::Mcap;
 use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
@@ -29,8 +30,8 @@ use std::path::{Path, PathBuf};
 /// until it ends or Ctrl-C.
 #[derive(clap::Args)]
 pub struct Options {
-    /// A log (.csv, .parquet, .jsonl), - for lines of standard input, or
-    /// udp://HOST:PORT to listen at.
+    /// A log (.csv, .parquet, .mcap, .jsonl), - for lines of standard input,
+    /// udp://HOST:PORT to listen at, or mqtt://HOST/TOPICS to subscribe to.
     source: String,
     /// A system file; without it, the aileron with two actuators.
     #[arg(long, value_name = "FILE")]
@@ -42,11 +43,15 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     /// Write a map file for the columns of the source, and end.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "events", "checkpoint"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
     /// Write the timeline as an HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Write inputs, measured values, twin, residuals, bands and decisions as
+    /// MCAP, which Foxglove, Rerun and PlotJuggler open.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
     /// Write every change as a line of JSON, as it comes.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
@@ -104,6 +109,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     drop(watch);
     if let (Some(path), Some(timeline)) = (&options.html, &outputs.timeline) {
         timeline.write(path, &counts)?;
+    }
+    if let Some(mcap) = outputs.mcap.take() {
+        mcap.finish()?;
     }
     // Ctrl-C is how a stream is left, but not how a file is done.
     if end == End::Stopped && !address.is_live() {
@@ -213,6 +221,7 @@ fn make_map(
 struct Outputs {
     strip: Strip,
     timeline: Option<Timeline>,
+    mcap: Option<Mcap>,
     events: Option<Events<std::fs::File>>,
     lines: Option<Events<io::Stdout>>,
     bar: ProgressBar,
@@ -229,7 +238,12 @@ impl Outputs {
             Some(path) => Some(Events::new(events_file(path, resumed)?)),
             None => None,
         };
+        let mcap = match &options.mcap {
+            Some(path) => Some(Mcap::create(path, &scene)?),
+            None => None,
+        };
         Ok(Outputs {
+            mcap,
             strip: Strip::default(),
             timeline: options.html.is_some().then(|| Timeline::new(scene)),
             events,
@@ -253,6 +267,9 @@ impl Sink for Outputs {
         self.strip.sample(sample)?;
         if let Some(timeline) = &mut self.timeline {
             timeline.sample(sample)?;
+        }
+        if let Some(mcap) = &mut self.mcap {
+            mcap.sample(sample)?;
         }
         if let Some(events) = &mut self.events {
             events.sample(sample)?;

@@ -7,15 +7,18 @@ use servotwin::log::counts::{Counts, Kind};
 use servotwin::log::map::{Map, guess};
 use servotwin::log::sequencer::{Rules, Sequencer, Stamped, Tick};
 use servotwin::log::sink::events::Events;
+use servotwin::log::sink::mcap::Mcap;
 use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
-use servotwin::log::source::{Address, Source, SourceError};
+use servotwin::log::source::{Address, Read, Row, Source, SourceError};
 use servotwin::log::{
     Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,
 };
 use servotwin::system::System;
 use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
@@ -430,10 +433,7 @@ struct Stopping<'s> {
 }
 
 impl Source for Stopping<'_> {
-    fn read(
-        &mut self,
-        row: &mut servotwin::log::source::Row,
-    ) -> Result<servotwin::log::source::Read, SourceError> {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
         if let Some(left) = &mut self.left {
             *left = left.saturating_sub(1);
             if *left == 0 {
@@ -590,7 +590,8 @@ fn an_hour_is_a_small_page() {
     }
     let html = timeline.html(&counts);
     assert!(html.len() < 3_000_000, "{}", html.len());
-    assert!(html.contains("An hour &lt;of&gt; flight") && html.contains("&#39;&lt;x&gt;") | html.contains("'&lt;x&gt;'"));
+    assert!(html.contains("An hour &lt;of&gt; flight"));
+    assert!(html.contains("row 3: '&lt;x&gt;'"));
     for resource in ["http:", "https:", "src=", "@import", "url("] {
         assert!(!html.contains(resource), "{resource}");
     }
@@ -617,4 +618,211 @@ fn parquet_and_csv_of_the_same_log_say_the_same() {
     assert_eq!(counts.met().count(), 0);
     let values = table::read(&csv).unwrap().f64("p").unwrap().into_owned();
     assert!(one.0.iter().zip(&values).all(|((_, _, m), v)| m[0].to_bits() == v.to_bits()));
+}
+
+/// Writes what a watch of a log says as MCAP.
+fn recorded(log: &PathBuf, system: &System, path: &PathBuf) -> Kept {
+    let map = simple_map(system);
+    let mut source = Address::File(log.clone()).open(map.wanted()).unwrap();
+    let scene = Scene::new("a log", system, vec![], 0.01);
+    let mut mcap = Mcap::create(path, &scene).unwrap();
+    let (mut fake, mut kept) = (Fake::default(), Kept::default());
+    let mut watch = Watch::new(&mut *source, &map, &mut fake, 0.01);
+    watch.sink(&mut kept);
+    watch.sink(&mut mcap);
+    watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
+    drop(watch);
+    mcap.finish().unwrap();
+    kept
+}
+
+#[test]
+fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
+    let folder = Folder::new("mcap");
+    let system = spring();
+    let log = folder.write("log.csv", episodes(1000));
+    let path = folder.0.join("flight.mcap");
+    let kept = recorded(&log, &system, &path);
+    let address = Address::File(path.clone());
+    let found = guess(&address.columns().unwrap(), &system);
+    assert!(found.time && found.sensors.is_empty() && found.inputs.is_empty(), "{}", found.text);
+    assert!(found.text.contains("\"measured.p_a_pa\", unit = \"pa\""), "{}", found.text);
+    let map = Map::parse(&found.text, "map", &system).unwrap();
+    let (again, counts, _) = watch_file(&path, &map);
+    let bits = |kept: &Kept| -> Vec<u64> { kept.0.iter().map(|(_, _, m)| m[0].to_bits()).collect() };
+    assert_eq!(bits(&again), bits(&kept));
+    assert_eq!(counts.met().count(), 0);
+
+    // Without its end the rest is read, and said.
+    let bytes = std::fs::read(&path).unwrap();
+    let cut = folder.write("cut.mcap", &bytes[..bytes.len() / 2]);
+    let (_, counts, _) = watch_file(&cut, &map);
+    assert_eq!(count(&counts, Kind::CutShort), 1);
+    let mut dice = Dice(3);
+    for _ in 0..100 {
+        let mut damaged = bytes.clone();
+        for _ in 0..1 + dice.roll(4) {
+            let at = dice.roll(bytes.len() as u64) as usize;
+            damaged[at] ^= 1 << dice.roll(8);
+        }
+        let path = folder.write("damaged.mcap", damaged);
+        // It may have lost its columns; it must not panic.
+        if let Ok(mut source) = Address::File(path).open(map.wanted()) {
+            let mut row = Row::default();
+            while source.read(&mut row).unwrap() != Read::End {}
+        }
+    }
+}
+
+/// What the library of another language has written, packed in both ways.
+#[test]
+fn val_mcap_of_the_python_library() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/");
+    for name in ["log_lz4.mcap", "log_zstd.mcap", "log_plain.mcap"] {
+        let system = spring();
+        let text = "format = 1\n[time]\ncolumn = \"log_time\"\nunit = \"ns\"\n[sensors]\n\
+            p_a = { column = \"rig/pressures.a\", unit = \"bar\" }\n\
+            x_p = { column = \"rig/stroke.x\", unit = \"mm\" }\n";
+        let map = Map::parse(text, "map", &system).unwrap();
+        let (kept, counts, _) = watch_file(&PathBuf::from(folder.to_owned() + name), &map);
+        assert_eq!((kept.0.len(), counts.met().count()), (200, 0), "{name}: {counts:?}");
+        let sensor = |id: &str| system.sensors.iter().position(|s| s.id == id).unwrap();
+        for (k, (_, _, measured)) in kept.0.iter().enumerate() {
+            let k = k as f64;
+            assert_eq!(measured[sensor("p_a")], (100.0 + k / 7.0) * 1e5, "{name}");
+            assert_eq!(measured[sensor("x_p")], (k * 0.25) * 1e-3, "{name}");
+        }
+    }
+}
+
+/// A broker of its own, ended at the end.
+struct Broker(Child, u16);
+
+impl Broker {
+    /// `None` where mosquitto is not installed, unless it must be.
+    fn start(folder: &Folder) -> Option<Self> {
+        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = free.local_addr().unwrap().port();
+        drop(free);
+        let settings = format!("listener {port} 127.0.0.1\nallow_anonymous true\n");
+        let settings = folder.write("mosquitto.conf", settings);
+        let path = std::env::var("PATH").unwrap_or_default() + ":/usr/sbin";
+        let started = Command::new("mosquitto")
+            .env("PATH", path)
+            .arg("-c")
+            .arg(settings)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        match started {
+            Ok(child) => Some(Broker(child, port)),
+            Err(error) if std::env::var_os("SERVOTWIN_ALL_PEERS").is_some() => {
+                panic!("mosquitto: {error}; peers/setup.sh installs it")
+            }
+            Err(_) => None,
+        }
+    }
+
+    fn stop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Drop for Broker {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Publishes by the bytes of the standard: connect, then each payload with this quality of service.
+fn publish(port: u16, topic: &str, qos: u8, payloads: &[String]) {
+    use std::io::{Read, Write};
+    let mut stream = connected(port);
+    stream.write_all(b"\x10\x10\x00\x04MQTT\x04\x02\x00\x3c\x00\x04test").unwrap();
+    let mut answer = [0; 4];
+    stream.read_exact(&mut answer).unwrap();
+    assert_eq!(answer, [0x20, 2, 0, 0]);
+    for (number, payload) in payloads.iter().enumerate() {
+        let mut body = (topic.len() as u16).to_be_bytes().to_vec();
+        body.extend(topic.bytes());
+        if qos > 0 {
+            body.extend((1 + number as u16).to_be_bytes());
+        }
+        body.extend(payload.bytes());
+        let mut packet = vec![0x30 | qos << 1, body.len() as u8 | 128, (body.len() >> 7) as u8];
+        packet.extend(body);
+        stream.write_all(&packet).unwrap();
+        if qos > 0 {
+            stream.read_exact(&mut answer).unwrap();
+        }
+    }
+}
+
+/// A connection to a broker that may still be starting.
+fn connected(port: u16) -> std::net::TcpStream {
+    let begin = Instant::now();
+    loop {
+        match std::net::TcpStream::connect(("127.0.0.1", port)) {
+            Ok(stream) => return stream,
+            Err(error) if begin.elapsed() > Duration::from_secs(20) => panic!("{error}"),
+            Err(_) => std::thread::sleep(Duration::from_millis(50)),
+        }
+    }
+}
+
+/// Reads until as many rows have come, or too long nothing.
+fn rows(source: &mut dyn Source, count: usize) -> (Vec<Vec<f64>>, Vec<Read>) {
+    let (mut row, mut found, mut others) = (Row::default(), vec![], vec![]);
+    let begin = Instant::now();
+    while found.len() < count && begin.elapsed() < Duration::from_secs(30) {
+        match source.read(&mut row).unwrap() {
+            Read::Row => found.push(row.values.clone()),
+            Read::Pause | Read::Nothing => {}
+            other => others.push(other),
+        }
+    }
+    (found, others)
+}
+
+#[test]
+fn val_mosquitto_delivers_in_both_qualities_and_after_it_was_away() {
+    let folder = Folder::new("mqtt");
+    let Some(mut broker) = Broker::start(&folder) else {
+        eprintln!("mosquitto is not installed: nothing was tested");
+        return;
+    };
+    let port = broker.1;
+    drop(connected(port));
+    let map = simple_map(&spring());
+    let payload = |k: u64| format!("{{\"t\": {k}, \"p\": {}}}\n{{\"t\": {k}.5, \"p\": 1}}", 2 * k);
+    let expected = |from: u64, to: u64| -> Vec<Vec<f64>> {
+        (from..to).flat_map(|k| [vec![k as f64, 2.0 * k as f64], vec![k as f64 + 0.5, 1.0]]).collect()
+    };
+    let payloads = |from, to| (from..to).map(payload).collect::<Vec<_>>();
+    for qos in [0, 1] {
+        let address = format!("mqtt://127.0.0.1:{port}/rig/+?qos={qos}");
+        let mut source = Address::parse(&address).unwrap().open(map.wanted()).unwrap();
+        publish(port, "rig/one", qos, &payloads(0, 500));
+        let (found, others) = rows(&mut *source, 1000);
+        assert_eq!((found, others), (expected(0, 500), vec![]), "quality {qos}");
+        if qos == 1 {
+            broker.stop();
+            let settings = folder.0.join("mosquitto.conf");
+            let path = std::env::var("PATH").unwrap_or_default() + ":/usr/sbin";
+            let mut again = Command::new("mosquitto");
+            again.env("PATH", path).arg("-c").arg(settings).stdout(Stdio::null());
+            broker.0 = again.stderr(Stdio::null()).spawn().unwrap();
+            drop(connected(port));
+            let mut row = Row::default();
+            let begin = Instant::now();
+            while source.read(&mut row).unwrap() != Read::Reconnected {
+                assert!(begin.elapsed() < Duration::from_secs(30), "no connection again");
+            }
+            publish(port, "rig/two", 1, &payloads(7, 9));
+            assert_eq!(rows(&mut *source, 4).0, expected(7, 9));
+        }
+    }
+    let closed = Address::parse("mqtt://127.0.0.1:1/a").unwrap().open(map.wanted()).err().unwrap();
+    assert!(closed.to_string().starts_with("mqtt://127.0.0.1:1/a: "), "{closed}");
 }

@@ -2,7 +2,7 @@
 //!
 //! A column is taken where its name without unit is that of an input or a sensor, whatever stands
 //! between letters and digits (`PA1 [bar]`, `p_a_1_pa` and `p_A1` are all the sensor `p_a_1` with the
-//! label `p_A1`). Similar names are not taken: `p_a_1` and `p_b_1` are similar.
+//! label `p_A1`), also behind a point (`measured.p_a_1`). Similar names are not taken: `p_a_1` and `p_b_1` are similar.
 
 use super::FORMAT;
 use crate::system::{System, units};
@@ -121,13 +121,20 @@ impl Guess {
         used: &mut Vec<String>,
     ) -> bool {
         let fits = |found: Option<(Unit, &str)>| found.is_none_or(|(found, _)| found == unit);
-        let found = columns.iter().find_map(|(name, given)| {
-            let split = splits(name)
-                .into_iter()
-                .find(|(stem, found)| names.contains(&key(stem)) && fits(*found))?;
-            let given = known(given).filter(|(found, _)| *found == unit);
-            Some((name, given.or(split.1).map(|(_, text)| text)))
-        });
+        let is_named = |stem: &str| names.contains(&key(stem));
+        let is_within = |stem: &str| {
+            let mut points = stem.match_indices('.');
+            points.any(|(place, _)| is_named(&stem[place + 1..]))
+        };
+        let find = |is_it: &dyn Fn(&str) -> bool| {
+            columns.iter().find_map(|(name, given)| {
+                let mut ways = splits(name).into_iter();
+                let way = ways.find(|(stem, found)| is_it(stem) && fits(*found))?;
+                let given = known(given).filter(|(found, _)| *found == unit);
+                Some((name, given.or(way.1).map(|(_, text)| text)))
+            })
+        };
+        let found = find(&is_named).or_else(|| find(&is_within));
         let Some((name, text)) = found else { return false };
         used.push(name.clone());
         let (id, column) = (bare(id), quoted(name));

@@ -1,6 +1,7 @@
 //! Where the results of a watch go.
 
 pub mod events;
+pub mod mcap;
 pub mod strip;
 pub mod timeline;
 

@@ -97,16 +97,48 @@ impl Frames {
         if text.iter().any(|&byte| byte < b' ' && byte != b'\t') {
             return Read::Flawed(Flaw::Noise);
         }
+        self.begin(row);
+        if text.starts_with(b"{") {
+            return match self.add("", text, row) {
+                Ok(()) => self.end(row),
+                Err(flaw) => Read::Flawed(flaw),
+            };
+        }
+        // A tab at the end is a cell.
+        let read = self.cells(line.strip_suffix(b"\r").unwrap_or(line), row);
+        read.unwrap_or_else(Read::Flawed)
+    }
+
+    /// Empties a row.
+    pub fn begin(&self, row: &mut Row) {
         row.values.clear();
         row.values.resize(self.wanted.names.len(), f64::NAN);
         row.bad = 0;
-        let read = if text.starts_with(b"{") {
-            self.object(text, row)
-        } else {
-            // A tab at the end is a cell.
-            self.cells(line.strip_suffix(b"\r").unwrap_or(line), row)
-        };
-        read.unwrap_or_else(Read::Flawed)
+    }
+
+    /// Adds what an object has to a row; before the names of its values stands a prefix.
+    pub fn add(&self, prefix: &str, text: &[u8], row: &mut Row) -> Result<(), Flaw> {
+        let before = row.bad;
+        let parsed = self.parse(prefix, text, row).or_else(|error| {
+            // Some writers put NaN and Infinity where JSON has nothing for them.
+            let Some(plain) = without_special_numbers(text) else { return Err(error) };
+            row.bad = before;
+            self.parse(prefix, &plain, row)
+        });
+        parsed.map_err(|error| match error.is_eof() {
+            true => Flaw::CutShort,
+            false => Flaw::BadObject { cause: error.to_string() },
+        })
+    }
+
+    /// Whether a row that was made of objects is one.
+    pub fn end(&self, row: &Row) -> Read {
+        match self.wanted.time {
+            Some(time) if row.values[time].is_nan() => {
+                Read::Flawed(Flaw::NoTime { text: String::new() })
+            }
+            _ => Read::Row,
+        }
     }
 
     fn cells(&mut self, line: &[u8], row: &mut Row) -> Result<Read, Flaw> {
@@ -170,29 +202,9 @@ impl Frames {
         }
     }
 
-    fn object(&mut self, text: &[u8], row: &mut Row) -> Result<Read, Flaw> {
-        let parsed = self.parse(text, row).or_else(|error| {
-            // Some writers put NaN and Infinity where JSON has nothing for them.
-            let Some(plain) = without_special_numbers(text) else { return Err(error) };
-            row.values.fill(f64::NAN);
-            row.bad = 0;
-            self.parse(&plain, row)
-        });
-        if let Err(error) = parsed {
-            return Err(match error.is_eof() {
-                true => Flaw::CutShort,
-                false => Flaw::BadObject { cause: error.to_string() },
-            });
-        }
-        match self.wanted.time {
-            Some(time) if row.values[time].is_nan() => Err(Flaw::NoTime { text: String::new() }),
-            _ => Ok(Read::Row),
-        }
-    }
-
-    fn parse(&self, text: &[u8], row: &mut Row) -> Result<(), serde_json::Error> {
+    fn parse(&self, prefix: &str, text: &[u8], row: &mut Row) -> Result<(), serde_json::Error> {
         let mut parser = serde_json::Deserializer::from_slice(text);
-        let mut path = String::new();
+        let mut path = prefix.to_owned();
         Node { frames: self, path: &mut path, row }.deserialize(&mut parser)?;
         parser.end()
     }
@@ -321,7 +333,7 @@ impl Node<'_> {
         E: Error,
     {
         let length = self.path.len();
-        if length > 0 {
+        if length > 0 && !self.path.ends_with('.') {
             self.path.push('.');
         }
         self.path.push_str(key);

@@ -6,6 +6,8 @@
 
 pub mod frame;
 mod lines;
+mod mcap;
+pub mod mqtt;
 mod stdin;
 mod table;
 mod udp;
@@ -90,16 +92,19 @@ pub trait Source {
 /// A source by its name.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Address {
-    /// A table: .csv, .parquet, or lines of JSON objects: .jsonl, .ndjson.
+    /// A .parquet or .mcap file, or any other name for CSV or lines of JSON objects.
     File(PathBuf),
     /// Lines of standard input.
     Stdin,
     /// Datagrams sent to this address.
     Udp(SocketAddr),
+    /// Messages of a broker.
+    Mqtt(mqtt::Subscription),
 }
 
 impl Address {
-    /// The source that a text names: a file, `-`, or `udp://HOST:PORT`.
+    /// The source that a text names: a file, `-`, `udp://HOST:PORT`, or
+    /// `mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=1]`.
     ///
     /// # Errors
     /// [`SourceError::Address`].
@@ -113,8 +118,13 @@ impl Address {
             let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
             return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
         }
+        if let Some(rest) = text.strip_prefix("mqtt://") {
+            let found = mqtt::Subscription::parse(rest).map(Address::Mqtt);
+            let needed = "mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=0 or 1]";
+            return found.ok_or_else(|| wrong(needed));
+        }
         if text.contains("://") {
-            return Err(wrong("a file, -, or udp://HOST:PORT"));
+            return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
         }
         Ok(Address::File(PathBuf::from(text)))
     }
@@ -133,9 +143,13 @@ impl Address {
             Address::File(path) if has_extension(path, "parquet") => {
                 Box::new(table::Parquet::open(path, wanted)?)
             }
+            Address::File(path) if has_extension(path, "mcap") => {
+                Box::new(mcap::Mcap::open(path, wanted)?)
+            }
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
             Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
+            Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
         })
     }
 
@@ -146,9 +160,11 @@ impl Address {
     pub fn columns(&self) -> Result<Vec<(String, String)>, SourceError> {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
+            Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
             Address::File(path) => lines::columns(path)?,
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address) => udp::columns(*address)?,
+            Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
         Ok(names.into_iter().map(|name| (name, String::new())).collect())
     }
@@ -160,6 +176,7 @@ impl fmt::Display for Address {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
             Address::Udp(address) => write!(out, "udp://{address}"),
+            Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }
     }
 }
