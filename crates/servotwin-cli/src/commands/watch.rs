@@ -294,8 +294,7 @@ fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<std::fs::Fil
         _ => String::new(),
     };
     let mut open = OpenOptions::new();
-    let mut file =
-        open.write(true).create(true).truncate(true).open(path).map_err(failed)?;
+    let mut file = open.write(true).create(true).truncate(true).open(path).map_err(failed)?;
     file.write_all(kept.as_bytes()).map_err(failed)?;
     Ok(file)
 }

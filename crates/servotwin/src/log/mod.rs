@@ -269,9 +269,8 @@ impl<'w> Watch<'w> {
             };
             *time_s = now_s;
             let values = complete(self.map, values, held, ages, self.period_s);
-            for channel in 0..values.len() {
-                let missing = values[channel].is_nan() && self.map.is_known(channel);
-                counts.missing[channel] += u64::from(missing);
+            for (channel, (value, count)) in values.iter().zip(&mut counts.missing).enumerate() {
+                *count += u64::from(value.is_nan() && self.map.is_known(channel));
             }
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);

@@ -16,10 +16,10 @@ use servotwin::log::{
     Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,
 };
 use servotwin::system::System;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
 
@@ -32,7 +32,8 @@ struct Folder(PathBuf);
 
 impl Folder {
     fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("servotwin-log-{name}-{}", std::process::id()));
+        let path =
+            std::env::temp_dir().join(format!("servotwin-log-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
@@ -130,8 +131,8 @@ p_a = { column = "PA", unit = "bar" }
 x_p = { column = "x", unit = "mm", offset = 2, hold_s = 0.02 }
 "#;
 
-fn watch_file(path: &PathBuf, map: &Map) -> (Kept, Counts, Fake) {
-    let mut source = Address::File(path.clone()).open(map.wanted()).unwrap();
+fn watch_file(path: &Path, map: &Map) -> (Kept, Counts, Fake) {
+    let mut source = Address::File(path.to_path_buf()).open(map.wanted()).unwrap();
     let (mut fake, mut kept) = (Fake::default(), Kept::default());
     let mut watch = Watch::new(&mut *source, map, &mut fake, 0.01);
     watch.sink(&mut kept);
@@ -396,11 +397,8 @@ fn a_watch_goes_on_where_it_stopped() {
         let stop = AtomicBool::new(false);
         for part in 0..2 {
             let mut source = Address::File(log.clone()).open(map.wanted()).unwrap();
-            let mut stopping = Stopping {
-                source: &mut *source,
-                left: stop_at.filter(|_| part == 0),
-                stop: &stop,
-            };
+            let mut stopping =
+                Stopping { source: &mut *source, left: stop_at.filter(|_| part == 0), stop: &stop };
             let (mut fake, mut sink) = (Fake::default(), Events::new(&mut lines));
             let mut watch = Watch::new(&mut stopping, &map, &mut fake, 0.01);
             watch.sink(&mut sink);
@@ -514,7 +512,9 @@ fn damaged(frames: u64, seed: u64) -> Vec<u8> {
                 flipped[at] ^= 1 << dice.roll(8);
                 bytes.extend(flipped);
             }
-            5 => bytes.extend(format!("{time_s},1,{}\n", "2,".repeat(dice.roll(9) as usize)).bytes()),
+            5 => {
+                bytes.extend(format!("{time_s},1,{}\n", "2,".repeat(dice.roll(9) as usize)).bytes())
+            }
             _ => bytes.extend(good.bytes()),
         }
     }
@@ -621,9 +621,9 @@ fn parquet_and_csv_of_the_same_log_say_the_same() {
 }
 
 /// Writes what a watch of a log says as MCAP.
-fn recorded(log: &PathBuf, system: &System, path: &PathBuf) -> Kept {
+fn recorded(log: &Path, system: &System, path: &Path) -> Kept {
     let map = simple_map(system);
-    let mut source = Address::File(log.clone()).open(map.wanted()).unwrap();
+    let mut source = Address::File(log.to_path_buf()).open(map.wanted()).unwrap();
     let scene = Scene::new("a log", system, vec![], 0.01);
     let mut mcap = Mcap::create(path, &scene).unwrap();
     let (mut fake, mut kept) = (Fake::default(), Kept::default());
@@ -649,7 +649,8 @@ fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
     assert!(found.text.contains("\"measured.p_a_pa\", unit = \"pa\""), "{}", found.text);
     let map = Map::parse(&found.text, "map", &system).unwrap();
     let (again, counts, _) = watch_file(&path, &map);
-    let bits = |kept: &Kept| -> Vec<u64> { kept.0.iter().map(|(_, _, m)| m[0].to_bits()).collect() };
+    let bits =
+        |kept: &Kept| -> Vec<u64> { kept.0.iter().map(|(_, _, m)| m[0].to_bits()).collect() };
     assert_eq!(bits(&again), bits(&kept));
     assert_eq!(counts.met().count(), 0);
 
@@ -797,7 +798,9 @@ fn val_mosquitto_delivers_in_both_qualities_and_after_it_was_away() {
     let map = simple_map(&spring());
     let payload = |k: u64| format!("{{\"t\": {k}, \"p\": {}}}\n{{\"t\": {k}.5, \"p\": 1}}", 2 * k);
     let expected = |from: u64, to: u64| -> Vec<Vec<f64>> {
-        (from..to).flat_map(|k| [vec![k as f64, 2.0 * k as f64], vec![k as f64 + 0.5, 1.0]]).collect()
+        (from..to)
+            .flat_map(|k| [vec![k as f64, 2.0 * k as f64], vec![k as f64 + 0.5, 1.0]])
+            .collect()
     };
     let payloads = |from, to| (from..to).map(payload).collect::<Vec<_>>();
     for qos in [0, 1] {

@@ -149,10 +149,7 @@ impl Guess {
                     self.assumed.push(name.clone());
                 }
                 let remark = if unit == Unit::None { "" } else { "  # unit assumed" };
-                writeln!(
-                    self.text,
-                    "{id} = {{ column = {column}, unit = \"{word}\" }}{remark}"
-                )
+                writeln!(self.text, "{id} = {{ column = {column}, unit = \"{word}\" }}{remark}")
             }
         };
         true

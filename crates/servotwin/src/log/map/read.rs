@@ -225,8 +225,7 @@ impl<'s> Reader<'s> {
             Some((found, factor, offset)) if found == unit => return (factor, offset),
             Some(_) => {
                 let id = id.to_owned();
-                self.mistakes
-                    .note(&entry.value_at(), Mistake::WrongUnit { word, id, unit, known });
+                self.mistakes.note(&entry.value_at(), Mistake::WrongUnit { word, id, unit, known });
             }
             None => {
                 self.mistakes.note(&entry.value_at(), Mistake::UnknownUnit { word, known });

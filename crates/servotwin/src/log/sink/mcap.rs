@@ -67,9 +67,7 @@ impl Mcap {
         };
         let features = match scene.features.is_empty() {
             true => None,
-            false => {
-                Some(channel("/features", &plain(scene.features.iter().collect(), ""))?)
-            }
+            false => Some(channel("/features", &plain(scene.features.iter().collect(), ""))?),
         };
         let (inputs, measured) =
             (channel("/inputs", &si(&scene.inputs))?, channel("/measured", &si(&scene.sensors))?);

@@ -324,7 +324,7 @@ impl Node<'_> {
     }
 
     /// Reads what stands under a key or in a place of a list.
-    fn below<'de, T, E>(
+    fn below<T, E>(
         &mut self,
         key: &str,
         read: impl FnOnce(Node<'_>) -> Result<T, E>,
@@ -337,8 +337,7 @@ impl Node<'_> {
             self.path.push('.');
         }
         self.path.push_str(key);
-        let result =
-            read(Node { frames: self.frames, path: &mut *self.path, row: &mut *self.row });
+        let result = read(Node { frames: self.frames, path: &mut *self.path, row: &mut *self.row });
         self.path.truncate(length);
         result
     }

@@ -20,7 +20,8 @@ pub struct Parquet {
 impl Parquet {
     /// Opens a file that must have some columns.
     pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        let known: Vec<String> = ParquetReader::open(path)?.schema().names().map(String::from).collect();
+        let known: Vec<String> =
+            ParquetReader::open(path)?.schema().names().map(String::from).collect();
         let address = path.display().to_string();
         if let Some(error) = SourceError::lacking(&address, wanted, &known) {
             return Err(error);
