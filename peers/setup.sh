@@ -1,6 +1,7 @@
 #!/bin/sh
 # Creates (once) the Python environment of the peer scripts in peers/.venv, and
-# installs CVODE for peers/cvode (Debian; needs the right to install packages).
+# installs CVODE for peers/cvode and the broker mosquitto for the tests of `watch` (Debian; needs
+# the right to install packages).
 # Run it again at any time: it only installs what is missing.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
@@ -9,4 +10,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 [ -e /usr/include/cvode/cvode.h ] || {
     apt-get update
     apt-get install --yes --no-install-recommends libsundials-dev
+}
+[ -x /usr/sbin/mosquitto ] || {
+    apt-get update
+    apt-get install --yes --no-install-recommends mosquitto
 }

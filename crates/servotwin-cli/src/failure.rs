@@ -5,6 +5,11 @@ use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
+use servotwin::log::WatchError;
+use servotwin::log::checkpoint::CheckpointError;
+use servotwin::log::map::MapError;
+use servotwin::log::sink::SinkError;
+use servotwin::log::source::SourceError;
 use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
@@ -102,6 +107,10 @@ pub enum Failure {
     },
     /// The twin or the diagnosis could not run.
     Runtime(RuntimeError),
+    /// The map of a log has mistakes.
+    Map(MapError),
+    /// A log or a stream cannot be read, or what comes of it not be written.
+    Watch(WatchError),
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -122,6 +131,13 @@ impl Failure {
             | Failure::OutOfRange { .. }
             | Failure::Options(_)
             | Failure::Signal { .. } => 2,
+            Failure::Map(_) => 3,
+            Failure::Watch(WatchError::Source(SourceError::Address { .. })) => 2,
+            Failure::Watch(WatchError::Source(SourceError::Connection { .. })) => 1,
+            Failure::Watch(WatchError::Source(_)) => 3,
+            Failure::Watch(WatchError::Checkpoint(CheckpointError::File(_))) => 1,
+            Failure::Watch(WatchError::Checkpoint(_)) => 3,
+            Failure::Watch(WatchError::Sink(_)) => 1,
             Failure::Table(TableError::UnknownFormat { .. }) => 2,
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
             Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
@@ -173,6 +189,8 @@ impl fmt::Display for Failure {
             Failure::Job(error) => write!(out, "error: {error}"),
             Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
             Failure::Runtime(error) => write!(out, "error: {error}"),
+            Failure::Map(error) => write!(out, "{error}"),
+            Failure::Watch(error) => write!(out, "error: {error}"),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
     }
@@ -236,5 +254,35 @@ impl From<JobError> for Failure {
 impl From<FigureError> for Failure {
     fn from(error: FigureError) -> Self {
         Failure::Figure(error)
+    }
+}
+
+impl From<MapError> for Failure {
+    fn from(error: MapError) -> Self {
+        Failure::Map(error)
+    }
+}
+
+impl From<WatchError> for Failure {
+    fn from(error: WatchError) -> Self {
+        Failure::Watch(error)
+    }
+}
+
+impl From<SourceError> for Failure {
+    fn from(error: SourceError) -> Self {
+        Failure::Watch(error.into())
+    }
+}
+
+impl From<SinkError> for Failure {
+    fn from(error: SinkError) -> Self {
+        Failure::Watch(error.into())
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(error: CheckpointError) -> Self {
+        Failure::Watch(error.into())
     }
 }

@@ -10,7 +10,7 @@
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -236,6 +236,15 @@ impl Write for AtomicFile {
     fn flush(&mut self) -> io::Result<()> {
         let flushed = self.writer.as_mut().map_or(Ok(()), BufWriter::flush);
         flushed.inspect_err(|error| self.failure = error.raw_os_error())
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match &mut self.writer {
+            Some(writer) => writer.seek(to),
+            None => Err(io::ErrorKind::BrokenPipe.into()),
+        }
     }
 }
 

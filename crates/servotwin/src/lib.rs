@@ -8,6 +8,7 @@ pub mod figure;
 pub mod files;
 pub mod flight;
 pub mod job;
+pub mod log;
 pub mod nearest;
 pub mod report;
 pub mod signal;

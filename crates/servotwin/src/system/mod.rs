@@ -32,7 +32,7 @@ mod check;
 mod mistake;
 mod read;
 mod scope;
-mod units;
+pub(crate) mod units;
 
 pub use mistake::Mistake;
 

@@ -21,6 +21,29 @@ pub fn meant(text: &str) -> Option<Unit> {
     shown.or_else(|| FOREIGN.iter().find(|f| f.suffix == suffix).map(|f| f.unit))
 }
 
+/// What a unit as people write it measures, and how a number in it becomes SI: times the first number,
+/// plus the second.
+pub fn convert(text: &str) -> Option<(Unit, f64, f64)> {
+    let text = text.trim();
+    if let Some(unit) = find(text) {
+        return Some((unit, 1.0, 0.0));
+    }
+    let spelt = text.replace("°C", "c").replace('°', "deg").replace('%', "percent");
+    let spelt = spelt.replace('µ', "u");
+    let suffix = plain(&spelt.to_lowercase()).replace([' ', '/'], "_");
+    if let Some(f) = FOREIGN.iter().find(|f| f.suffix == suffix) {
+        return Some((f.unit, f.si_per_unit, f.offset));
+    }
+    let si = |unit: &Unit| unit.suffix().strip_prefix('_') == Some(&*suffix);
+    Unit::ALL.into_iter().find(si).map(|unit| (unit, 1.0, 0.0))
+}
+
+/// How numbers for a unit may be written, for messages.
+pub fn spellings(unit: Unit) -> Vec<String> {
+    let foreign = FOREIGN.iter().filter(|f| f.unit == unit).map(|f| f.suffix.to_owned());
+    std::iter::once(word(unit).to_owned()).chain(foreign).collect()
+}
+
 /// Without superscripts.
 fn plain(text: &str) -> String {
     text.replace('²', "2").replace('³', "3")
@@ -77,6 +100,7 @@ static FOREIGN: &[Foreign] = &[
     foreign("per_deg", Unit::PerRadian, 1.0 / RADIAN_PER_DEGREE),
     foreign("ms", Unit::Second, 1e-3),
     foreign("us", Unit::Second, 1e-6),
+    foreign("ns", Unit::Second, 1e-9),
     foreign("min", Unit::Second, 60.0),
     foreign("khz", Unit::Hertz, 1e3),
     foreign("rad_s", Unit::Hertz, 0.5 / std::f64::consts::PI),

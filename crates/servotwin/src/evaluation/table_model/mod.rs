@@ -10,7 +10,7 @@ mod hold_out;
 mod judge;
 mod labels;
 mod predict;
-mod times;
+pub(crate) mod times;
 
 pub use columns::{Input, MOST_CATEGORIES, Unused};
 pub use error::TableModelError;

@@ -42,7 +42,8 @@ impl Numbers {
         self.may_be_comma && self.mark == Some(b',')
     }
 
-    fn real(&mut self, text: &str) -> Option<f64> {
+    /// The number that a text is, if it is one.
+    pub fn real(&mut self, text: &str) -> Option<f64> {
         let mark = text.bytes().find(|byte| matches!(byte, b'.' | b','));
         match (mark, self.mark) {
             (Some(b'.'), Some(b'.') | None) => {

@@ -1,0 +1,358 @@
+//! `servotwin watch`: the twin and the diagnosis beside a log or a live stream.
+
+use super::progress::is_shown;
+use super::{note, read_system, warn};
+use crate::failure::Failure;
+use crate::render::{Grid, Side};
+use crate::{Global, stop};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use servotwin::files;
+use servotwin::log::checkpoint::Checkpoint;
+use servotwin::log::counts::Counts;
+use servotwin::log::map::{Guess, Map, guess};
+use servotwin::log::sink::events::Events;
+use servotwin::log::sink::mcap::Mcap;
+use servotwin::log::sink::strip::Strip;
+use servotwin::log::sink::timeline::Timeline;
+use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
+use servotwin::log::source::Address;
+use servotwin::log::{Checkpoints, End, Observer, Watch};
+use servotwin::system::System;
+use std::fs::OpenOptions;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Watch an actuator: a log, or a live stream, beside its twin.
+///
+/// Which column is which signal says a map file; --make-map writes one for a log to be looked over.
+/// Without one, columns are found by their names. A file is read faster than real time, a stream
+/// until it ends or Ctrl-C.
+#[derive(clap::Args)]
+pub struct Options {
+    /// A log (.csv, .parquet, .mcap, .jsonl), - for lines of standard input,
+    /// udp://HOST:PORT to listen at, or mqtt://HOST/TOPICS to subscribe to.
+    source: String,
+    /// A system file; without it, the aileron with two actuators.
+    #[arg(long, value_name = "FILE")]
+    system: Option<PathBuf>,
+    /// The model, a file that `servotwin train --out` has written.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// The map file: which column is which signal.
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+    /// Write a map file for the columns of the source, and end.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
+    make_map: Option<PathBuf>,
+    /// Write the timeline as an HTML file.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Write inputs, measured values, twin, residuals, bands and decisions as
+    /// MCAP, which Foxglove, Rerun and PlotJuggler open.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
+    /// Write every change as a line of JSON, as it comes.
+    #[arg(long, value_name = "FILE")]
+    events: Option<PathBuf>,
+    /// Keep here what is needed to go on later.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Go on from the checkpoint.
+    #[arg(long, requires = "checkpoint")]
+    resume: bool,
+}
+
+/// The time between two checkpoints, s.
+const CHECKPOINT_S: f64 = 60.0;
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let system = match &options.system {
+        Some(path) => read_system(path)?,
+        None => System::default(),
+    };
+    let address = Address::parse(&options.source)?;
+    if let Some(path) = &options.make_map {
+        return make_map(&address, &system, path, global);
+    }
+    let map = map(options, &address, &system, global)?;
+    let opened = address.open(map.wanted());
+    let mut source = match opened.map_err(|error| map.explain(error)) {
+        Ok(source) => source,
+        Err(Ok(mistakes)) => return Err(mistakes.into()),
+        Err(Err(error)) => return Err(error.into()),
+    };
+    let (mut observer, period_s) = observer(options, &system)?;
+    let title = format!("{}: {address}", system.title);
+    let scene = Scene::new(&title, &system, observer.features(), period_s);
+    let resumed = match options.resume {
+        true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
+        false => None,
+    };
+    let mut outputs = Outputs::new(options, scene, resumed.as_ref(), global)?;
+    let mut watch = Watch::new(&mut *source, &map, &mut *observer, period_s);
+    if let Some(checkpoint) = resumed {
+        watch.resume(checkpoint)?;
+    }
+    if let Some(path) = &options.checkpoint {
+        let every = (CHECKPOINT_S / period_s) as u64;
+        watch.checkpoints(Checkpoints { path: path.clone(), every });
+    }
+    stop::listen();
+    let bar = outputs.bar.clone();
+    watch.sink(&mut outputs);
+    let end = watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share));
+    bar.finish_and_clear();
+    let end = end?;
+    let counts = watch.counts().clone();
+    drop(watch);
+    if let (Some(path), Some(timeline)) = (&options.html, &outputs.timeline) {
+        timeline.write(path, &counts)?;
+    }
+    if let Some(mcap) = outputs.mcap.take() {
+        mcap.finish()?;
+    }
+    // Ctrl-C is how a stream is left, but not how a file is done.
+    if end == End::Stopped && !address.is_live() {
+        return Err(Failure::Stopped);
+    }
+    let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
+    Ok(match global {
+        Global { json: true, .. } => format!("{}\n", summary(&counts, &signals)),
+        Global { quiet: true, .. } => String::new(),
+        _ => outputs.strip.text() + "\n" + &people(&counts, &signals),
+    })
+}
+
+/// What is fed with the samples, and its period, s.
+///
+/// RUNTIME: twin, diagnosis and decision are joined here, from `options.model` and the system.
+fn observer(options: &Options, system: &System) -> Result<(Box<dyn Observer>, f64), Failure> {
+    let _ = (options, system);
+    Err(Failure::Options("this version has no runtime"))
+}
+
+/// The map that is given, or one by the names of the columns.
+fn map(
+    options: &Options,
+    address: &Address,
+    system: &System,
+    global: Global,
+) -> Result<Map, Failure> {
+    if let Some(path) = &options.map {
+        let map = Map::read(path, system)?;
+        let unmeasured: Vec<&str> = map.unmeasured().collect();
+        if !unmeasured.is_empty() {
+            note(global, &format!("without a column: {}", unmeasured.join(", ")));
+        }
+        return Ok(map);
+    }
+    if address.is_live() {
+        return Err(Failure::Options("a live stream needs --map FILE; --make-map FILE writes one"));
+    }
+    let guess = guess(&address.columns()?, system);
+    let map = Map::parse(&guess.text, "the columns as they were found", system)?;
+    told(&guess, global);
+    Ok(map)
+}
+
+/// Says what is uncertain in a map.
+fn told(guess: &Guess, global: Global) {
+    let list = |names: &[String]| names.join(", ");
+    let mut warnings = vec![];
+    if !guess.time {
+        warnings.push("no column with the time: 100 rows for a second are assumed".to_owned());
+    }
+    if !guess.assumed.is_empty() {
+        warnings.push(format!("SI is assumed in {}", list(&guess.assumed)));
+    }
+    warn(global, &warnings);
+    if !guess.sensors.is_empty() {
+        note(global, &format!("no column for the sensors {}", list(&guess.sensors)));
+    }
+    if !guess.inputs.is_empty() {
+        note(global, &format!("no column for the inputs {}", list(&guess.inputs)));
+    }
+}
+
+/// Writes a map file for the columns of a source.
+fn make_map(
+    address: &Address,
+    system: &System,
+    path: &Path,
+    global: Global,
+) -> Result<String, Failure> {
+    if path.exists() {
+        return Err(Failure::Options("the map file exists already; it may hold work of a person"));
+    }
+    if address.is_live() {
+        note(global, &format!("waiting for the first line of {address}"));
+    }
+    let guess = guess(&address.columns()?, system);
+    files::write_atomically(path, |out| out.write_all(guess.text.as_bytes()))
+        .map_err(SinkError::File)?;
+    told(&guess, global);
+    let found = system.sensors.len() - guess.sensors.len();
+    let inputs = system.network().inputs.len();
+    let result = json!({
+        "map": path.display().to_string(),
+        "time": guess.time,
+        "sensors_found": found,
+        "sensors_lacking": guess.sensors,
+        "inputs_lacking": guess.inputs,
+        "units_assumed": guess.assumed,
+        "columns_unused": guess.unused,
+    });
+    Ok(match global {
+        Global { json: true, .. } => crate::render::json(&result),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!(
+            "{}: {found} of {} sensors and {} of {inputs} inputs found, {} columns not used\n",
+            path.display(),
+            system.sensors.len(),
+            inputs - guess.inputs.len(),
+            guess.unused.len()
+        ),
+    })
+}
+
+/// Everything that is told each sample.
+struct Outputs {
+    strip: Strip,
+    timeline: Option<Timeline>,
+    mcap: Option<Mcap>,
+    events: Option<Events<std::fs::File>>,
+    lines: Option<Events<io::Stdout>>,
+    bar: ProgressBar,
+}
+
+impl Outputs {
+    fn new(
+        options: &Options,
+        scene: Scene,
+        resumed: Option<&Checkpoint>,
+        global: Global,
+    ) -> Result<Self, Failure> {
+        let events = match &options.events {
+            Some(path) => Some(Events::new(events_file(path, resumed)?)),
+            None => None,
+        };
+        let mcap = match &options.mcap {
+            Some(path) => Some(Mcap::create(path, &scene)?),
+            None => None,
+        };
+        Ok(Outputs {
+            mcap,
+            strip: Strip::default(),
+            timeline: options.html.is_some().then(|| Timeline::new(scene)),
+            events,
+            lines: global.json.then(|| Events::new(io::stdout())),
+            bar: bar(global),
+        })
+    }
+
+    /// On a terminal every change is a line as it comes.
+    fn told(&self, sample: &Sample) {
+        if sample.changed && !self.bar.is_hidden() {
+            let words = sample.observation.finding.words();
+            self.bar.println(format!("{:>10.2} s  {words}", sample.time_s));
+        }
+    }
+}
+
+impl Sink for Outputs {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        self.told(sample);
+        self.strip.sample(sample)?;
+        if let Some(timeline) = &mut self.timeline {
+            timeline.sample(sample)?;
+        }
+        if let Some(mcap) = &mut self.mcap {
+            mcap.sample(sample)?;
+        }
+        if let Some(events) = &mut self.events {
+            events.sample(sample)?;
+        }
+        if let Some(lines) = &mut self.lines {
+            lines.sample(sample)?;
+        }
+        Ok(())
+    }
+}
+
+/// The file of events: it grows line by line, so that others can follow it. Where a watch goes on, it
+/// keeps what it has up to there.
+fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<std::fs::File, Failure> {
+    let failed = |cause| SinkError::File(files::FileError::from_io(path, cause));
+    let kept = match resumed {
+        Some(checkpoint) if path.exists() => {
+            let text = files::read_text(path).map_err(SinkError::File)?;
+            let lines = text.lines().take(checkpoint.events() as usize);
+            lines.map(|line| format!("{line}\n")).collect()
+        }
+        _ => String::new(),
+    };
+    let mut open = OpenOptions::new();
+    let mut file = open.write(true).create(true).truncate(true).open(path).map_err(failed)?;
+    file.write_all(kept.as_bytes()).map_err(failed)?;
+    Ok(file)
+}
+
+fn bar(global: Global) -> ProgressBar {
+    if !is_shown(global) {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} %");
+    ProgressBar::new(1000).with_style(style.expect("a correct template"))
+}
+
+fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
+    if time_s.is_finite() {
+        bar.set_message(format!("{time_s:.2} s"));
+    }
+    bar.set_position((1000.0 * share.unwrap_or(0.0)) as u64);
+}
+
+/// What was counted, for programs: the last line behind the events.
+fn summary(counts: &Counts, signals: &[&str]) -> Value {
+    let met: serde_json::Map<String, Value> = counts
+        .met()
+        .map(|(kind, tally)| {
+            let first = counts.place(tally);
+            (kind.words().0.to_owned(), json!({ "count": tally.count, "first": first }))
+        })
+        .collect();
+    let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
+    let missing: serde_json::Map<String, Value> =
+        missing.map(|(id, count)| (id.to_string(), json!(count))).collect();
+    json!({ "summary": {
+        "frames": counts.frames,
+        "samples": counts.samples,
+        "met": met,
+        "missing": missing,
+    }})
+}
+
+/// What was counted, for people.
+fn people(counts: &Counts, signals: &[&str]) -> String {
+    let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
+    let mut text = format!("{frames} {counted}s became {samples} samples\n");
+    let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
+    let missing: Vec<String> = missing.map(|(id, count)| format!("{id} in {count}")).collect();
+    if !missing.is_empty() {
+        text += &format!("samples without a value: {}\n", missing.join(", "));
+    }
+    if counts.met().next().is_some() {
+        let heads =
+            [("how often", Side::Right), ("what was met", Side::Left), ("first", Side::Left)];
+        let mut grid = Grid::new(&heads);
+        for (kind, tally) in counts.met() {
+            let words = kind.words().1.to_owned();
+            grid.push(vec![tally.count.to_string(), words, counts.place(tally)]);
+        }
+        text += "\n";
+        text += &grid.text();
+    }
+    text
+}

@@ -1,0 +1,87 @@
+//! `watch` as its users run it: maps, streams, results, messages. Joins the modules of `main.rs` with the
+//! command; what it finds is the runtime's business and tested there.
+
+use super::{Folder, json, servotwin, stderr, stdout};
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+/// A flight as `simulate` writes it.
+fn flight(folder: &Folder) -> String {
+    let path = folder.file("flight.csv");
+    let output = servotwin(&[
+        "simulate",
+        "--command",
+        "sine:amplitude=5deg,frequency=0.5Hz",
+        "--duration",
+        "8s",
+        "--quiet",
+        "--out",
+        &path,
+    ]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    path
+}
+
+#[test]
+fn a_flight_is_watched_from_its_file_and_from_a_stream() {
+    let folder = Folder::new("watch");
+    let log = flight(&folder);
+    let (map, html, mcap) =
+        (folder.file("map.toml"), folder.file("a.html"), folder.file("a.mcap"));
+    let made = json(&["watch", &log, "--make-map", &map, "--json"]);
+    assert_eq!((&made["sensors_found"], &made["time"]), (&13.into(), &true.into()));
+
+    let run = |arguments: &[&str]| {
+        let output = servotwin(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    let text = run(&["watch", &log, "--map", &map, "--json", "--html", &html, "--mcap", &mcap]);
+    let last = text.lines().last().unwrap();
+    let summary: serde_json::Value = serde_json::from_str(last).unwrap();
+    assert_eq!(summary["summary"]["samples"], 801);
+    assert!(summary["summary"]["met"].as_object().unwrap().is_empty(), "{last}");
+    assert!(std::fs::read_to_string(&html).unwrap().contains("from 0.00 s to 8.00 s"));
+
+    let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
+        .args(["watch", "-", "--map", &map, "--json"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let bytes = std::fs::read(&log).unwrap();
+    child.stdin.take().unwrap().write_all(&bytes).unwrap();
+    let streamed = child.wait_with_output().unwrap();
+    assert!(streamed.status.success());
+    assert_eq!(stdout(&streamed), text, "a stream says what its file says");
+
+    // What was written is a log itself.
+    let again = run(&["watch", &mcap, "--json"]);
+    assert_eq!(again.lines().count(), text.lines().count());
+}
+
+#[test]
+fn mistakes_in_watching_are_said_with_their_place() {
+    let folder = Folder::new("watch-mistakes");
+    let log = flight(&folder);
+    let map = folder.file("map.toml");
+    assert!(servotwin(&["watch", &log, "--make-map", &map]).status.success());
+    let text = std::fs::read_to_string(&map).unwrap();
+    let wrong = folder.file("wrong.toml");
+    std::fs::write(&wrong, text.replace("p_a_1_pa", "p_a_1_bar")).unwrap();
+    let cases: &[(&[&str], i32, &str)] = &[
+        (&["watch", &log, "--make-map", &map], 2, "exists already"),
+        (&["watch", &log, "--map", &wrong], 3, "has no column 'p_a_1_bar'"),
+        (&["watch", "/nowhere/a.csv"], 3, "no such file"),
+        (&["watch", "ftp://rig"], 2, "names no source"),
+        (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
+        (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
+    ];
+    for (arguments, code, message) in cases {
+        let output = servotwin(arguments);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(*code), "{arguments:?}: {text}");
+        assert!(text.contains(message), "{arguments:?}: {text}");
+        assert!(!text.contains("panicked"), "{arguments:?}: {text}");
+    }
+}

@@ -1,0 +1,186 @@
+//! What was wrong with a stream, counted by kind, with the first place of each kind.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// What can be wrong with what comes in, and what was done about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Bytes that are in no text.
+    Noise,
+    /// A line longer than any that is read.
+    TooLong,
+    /// The stream ended within a line.
+    CutShort,
+    /// Another number of cells than the header has.
+    WrongColumns,
+    /// A line before the names of the columns are known.
+    NoHeader,
+    /// An object that is no JSON, or none that can be read.
+    BadObject,
+    /// No time, or one that is no number.
+    NoTime,
+    /// A value that is no finite number.
+    BadValue,
+    /// An older sample behind a newer one, put in its place.
+    Reordered,
+    /// A sample whose values are all there already.
+    Doubled,
+    /// A sample that came when its turn was over.
+    Late,
+    /// A sample with a time that no other sample confirms.
+    Outlier,
+    /// A sample between two periods: the log is faster than the diagnosis.
+    Surplus,
+    /// A period without any sample.
+    Gap,
+    /// The clock went back, and stayed there: a new beginning.
+    ClockBack,
+    /// The clock went forward further than a gap may be, and stayed there: a new beginning.
+    ClockForward,
+    /// The connection was lost and made again.
+    Reconnected,
+}
+
+impl Kind {
+    /// All kinds, in the order of reports.
+    pub const ALL: [Kind; 17] = [
+        Kind::Noise,
+        Kind::TooLong,
+        Kind::CutShort,
+        Kind::WrongColumns,
+        Kind::NoHeader,
+        Kind::BadObject,
+        Kind::NoTime,
+        Kind::BadValue,
+        Kind::Reordered,
+        Kind::Doubled,
+        Kind::Late,
+        Kind::Outlier,
+        Kind::Surplus,
+        Kind::Gap,
+        Kind::ClockBack,
+        Kind::ClockForward,
+        Kind::Reconnected,
+    ];
+
+    /// The name in JSON, and in words what was found and done.
+    pub fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Kind::Noise => ("noise", "bytes that are no text: dropped"),
+            Kind::TooLong => ("too_long", "line too long: dropped"),
+            Kind::CutShort => ("cut_short", "the stream ends within a line: dropped"),
+            Kind::WrongColumns => ("wrong_columns", "wrong number of columns: dropped"),
+            Kind::NoHeader => ("no_header", "before the names of the columns: dropped"),
+            Kind::BadObject => ("bad_object", "no JSON object: dropped"),
+            Kind::NoTime => ("no_time", "no time: dropped"),
+            Kind::BadValue => ("bad_value", "value that is no finite number: missing"),
+            Kind::Reordered => ("reordered", "out of order: put in order"),
+            Kind::Doubled => ("doubled", "sent twice: dropped"),
+            Kind::Late => ("late", "too late: dropped"),
+            Kind::Outlier => ("outlier", "impossible time: dropped"),
+            Kind::Surplus => ("surplus", "between two periods: left out"),
+            Kind::Gap => ("gap", "period without a sample: all values missing"),
+            Kind::ClockBack => ("clock_back", "clock set back: begun anew"),
+            Kind::ClockForward => ("clock_forward", "clock set forward: begun anew"),
+            Kind::Reconnected => ("reconnected", "connection lost and made again"),
+        }
+    }
+}
+
+/// How often a kind was met, and where first.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// How often.
+    pub count: u64,
+    /// The first line, row, datagram or message with it, from 1.
+    pub first: u64,
+    /// What was there, in words, where there is more to say than the kind.
+    pub detail: String,
+}
+
+/// All that was counted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Counts {
+    /// What is counted: lines, rows, datagrams or messages.
+    pub counted: String,
+    /// How many came.
+    pub frames: u64,
+    /// How many periods were given on, those without a sample included.
+    pub samples: u64,
+    /// For each kind of [`Kind::ALL`] how often it was met.
+    tallies: Vec<Tally>,
+    /// For each input and sensor in how many periods it had no value.
+    pub missing: Vec<u64>,
+}
+
+impl Counts {
+    /// Nothing counted so far of so many inputs and sensors.
+    pub fn new(counted: &str, channels: usize) -> Self {
+        let tallies = vec![Tally::default(); Kind::ALL.len()];
+        Counts {
+            counted: counted.into(),
+            frames: 0,
+            samples: 0,
+            tallies,
+            missing: vec![0; channels],
+        }
+    }
+
+    /// Counts one of a kind.
+    pub fn note(&mut self, kind: Kind, place: u64) {
+        self.note_with(kind, place, &"");
+    }
+
+    /// Counts one of a kind; the first is kept in words.
+    pub fn note_with(&mut self, kind: Kind, place: u64, detail: &dyn fmt::Display) {
+        let tally = &mut self.tallies[kind as usize];
+        if tally.count == 0 {
+            tally.first = place;
+            tally.detail = detail.to_string();
+        }
+        tally.count += 1;
+    }
+
+    /// How often a kind was met, and where first.
+    pub fn of(&self, kind: Kind) -> &Tally {
+        &self.tallies[kind as usize]
+    }
+
+    /// What was met at all, in the order of [`Kind::ALL`].
+    pub fn met(&self) -> impl Iterator<Item = (Kind, &Tally)> {
+        Kind::ALL.into_iter().map(|kind| (kind, self.of(kind))).filter(|(_, t)| t.count > 0)
+    }
+
+    /// Where a kind was met first: `line 17: 5 cells, 12 are needed`.
+    pub fn place(&self, tally: &Tally) -> String {
+        let place = format!("{} {}", self.counted, tally.first);
+        if tally.detail.is_empty() { place } else { format!("{place}: {}", tally.detail) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_stand_at_their_places_and_have_names_of_their_own() {
+        for (place, kind) in Kind::ALL.into_iter().enumerate() {
+            assert_eq!(kind as usize, place);
+            let name = serde_json::to_value(kind).unwrap();
+            assert_eq!(name, kind.words().0);
+        }
+    }
+
+    #[test]
+    fn the_first_place_is_kept() {
+        let mut counts = Counts::new("line", 0);
+        counts.note_with(Kind::WrongColumns, 7, &"5 cells, 12 are needed");
+        counts.note_with(Kind::WrongColumns, 9, &"6 cells, 12 are needed");
+        let (kind, tally) = counts.met().next().unwrap();
+        assert_eq!((kind, tally.count), (Kind::WrongColumns, 2));
+        assert_eq!(counts.place(tally), "line 7: 5 cells, 12 are needed");
+        assert_eq!(counts.met().count(), 1);
+    }
+}

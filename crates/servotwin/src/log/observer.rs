@@ -1,0 +1,164 @@
+//! What is fed with one sample after the other, and what it says.
+
+use serde::{Deserialize, Serialize};
+
+/// What is fed with one sample after the other.
+pub trait Observer {
+    /// One period: the external inputs of the system in its order and the measured sensor values, in SI;
+    /// NaN is missing.
+    fn push(&mut self, time_s: f64, inputs: &[f64], measured: &[f64]) -> Observation<'_>;
+
+    /// The clock was set or the stream was away for long: what follows has nothing to do with what
+    /// was.
+    fn restart(&mut self);
+
+    /// Everything it knows, to go on later from there.
+    fn save(&self) -> Vec<u8>;
+
+    /// Goes on from what was saved.
+    ///
+    /// # Errors
+    /// In words why that is not possible.
+    fn restore(&mut self, saved: &[u8]) -> Result<(), String>;
+
+    /// The names of [`Observation::features`].
+    fn features(&self) -> Vec<String> {
+        vec![]
+    }
+}
+
+/// What an observer says after a sample.
+#[derive(Debug, Clone, Copy)]
+pub struct Observation<'o> {
+    /// The twin's sensor values, SI.
+    pub twin: &'o [f64],
+    /// Measured less twin, divided by the sensors' scales.
+    pub residuals: &'o [f64],
+    /// Half the width of the band of each residual; NaN for none.
+    pub bands: &'o [f64],
+    /// What else is worth showing, as [`Observer::features`] names it.
+    pub features: &'o [f64],
+    /// What it means.
+    pub finding: &'o Finding,
+}
+
+/// What the observer holds for true.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Nothing so far, or too little data.
+    #[default]
+    NoData,
+    /// All is well.
+    Healthy,
+    /// Something is wrong.
+    Detected,
+    /// It is known what is wrong.
+    Isolated,
+    /// Something is wrong that is outside everything known.
+    Unknown,
+    /// The boundary values cannot be trusted, and so nothing can be said.
+    EnvironmentInvalid,
+}
+
+impl State {
+    /// All states, in the order of reports.
+    pub const ALL: [State; 6] = [
+        State::NoData,
+        State::Healthy,
+        State::Detected,
+        State::Isolated,
+        State::Unknown,
+        State::EnvironmentInvalid,
+    ];
+
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            State::NoData => "no data",
+            State::Healthy => "healthy",
+            State::Detected => "detected, not isolated",
+            State::Isolated => "isolated",
+            State::Unknown => "unknown",
+            State::EnvironmentInvalid => "environment invalid",
+        }
+    }
+
+    /// One character for a timeline of text.
+    pub fn mark(self) -> char {
+        match self {
+            State::NoData => ' ',
+            State::Healthy => '.',
+            State::Detected => '?',
+            State::Isolated => '#',
+            State::Unknown => 'u',
+            State::EnvironmentInvalid => 'e',
+        }
+    }
+}
+
+/// How far an alarm is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// No alarm.
+    #[default]
+    None,
+    /// There is evidence, not enough so far.
+    Pending,
+    /// The command is given.
+    Raised,
+    /// The evidence is gone, the command stands.
+    Recovering,
+}
+
+impl Phase {
+    /// In words; nothing where there is no alarm.
+    pub fn words(self) -> &'static str {
+        match self {
+            Phase::None => "",
+            Phase::Pending => "pending",
+            Phase::Raised => "raised",
+            Phase::Recovering => "recovering",
+        }
+    }
+}
+
+/// A finding: what is wrong, what to do, and why.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// What is held for true.
+    pub state: State,
+    /// How far the alarm is.
+    pub phase: Phase,
+    /// The unit concerned, from 1.
+    pub actuator: Option<u32>,
+    /// What to do; empty for nothing.
+    pub command: String,
+    /// What is wrong in particular; empty where that is not known.
+    pub detail: String,
+    /// How sure that is, from 0 to 1.
+    pub confidence: f64,
+    /// Why: residuals, the path through trees.
+    pub evidence: Vec<String>,
+}
+
+impl Finding {
+    /// Whether another one differs in nothing but how sure it is and why.
+    pub fn says_the_same(&self, other: &Finding) -> bool {
+        let said = |f: &Finding| (f.state, f.phase, f.actuator);
+        said(self) == said(other) && self.command == other.command && self.detail == other.detail
+    }
+
+    /// In words: `isolated, raised: actuator 1, shutdown, supply valve`.
+    pub fn words(&self) -> String {
+        let state = match self.phase {
+            Phase::None => self.state.words().to_owned(),
+            phase => format!("{}, {}", self.state.words(), phase.words()),
+        };
+        let actuator = self.actuator.map(|number| format!("actuator {number}"));
+        let parts = [actuator.unwrap_or_default(), self.command.clone(), self.detail.clone()];
+        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        if parts.is_empty() { state } else { format!("{state}: {}", parts.join(", ")) }
+    }
+}

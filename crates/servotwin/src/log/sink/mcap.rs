@@ -1,0 +1,227 @@
+//! The watch as an MCAP file, which Foxglove, Rerun and PlotJuggler open.
+//!
+//! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`; `/bands` speaks when a band
+//! changes, `/decisions` when the observer says something else. Messages are JSON with a schema; the
+//! name of a number ends with its unit, and what is missing is null.
+
+use super::{Sample, Scene, Sink, SinkError, Trace};
+use crate::files::{AtomicFile, FileError};
+use ::mcap::records::MessageHeader;
+use ::mcap::{McapError, WriteOptions, Writer};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// The size of a chunk, which readers load whole, bytes.
+const CHUNK: u64 = 1 << 17;
+
+/// Writes an MCAP file.
+pub struct Mcap {
+    path: PathBuf,
+    writer: Writer<AtomicFile>,
+    inputs: Channel,
+    measured: Channel,
+    twin: Channel,
+    residuals: Channel,
+    bands: Channel,
+    features: Option<Channel>,
+    decisions: Channel,
+    last_bands: Option<Vec<u64>>,
+    text: String,
+}
+
+/// A topic with the keys of its numbers.
+struct Channel {
+    id: u16,
+    sequence: u32,
+    /// `,"p_a_1_pa":`
+    keys: Vec<String>,
+}
+
+impl Mcap {
+    /// Begins a file; it appears when [`finish`](Self::finish)ed.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn create(path: &Path, scene: &Scene) -> Result<Self, SinkError> {
+        let file = AtomicFile::create(path)?;
+        let failed = |error| sink_error(path, error);
+        let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
+        let options = WriteOptions::new().library(library).chunk_size(Some(CHUNK));
+        let mut writer = options.create(file).map_err(failed)?;
+        let si = |traces: &[Trace]| -> Vec<(String, String)> {
+            let name = |trace: &Trace| match trace.id.ends_with(trace.unit.suffix()) {
+                true => trace.id.clone(),
+                false => format!("{}{}", trace.id, trace.unit.suffix()),
+            };
+            traces.iter().map(|trace| (name(trace), trace.unit.symbol().to_owned())).collect()
+        };
+        let plain = |names: Vec<&String>, unit: &str| -> Vec<(String, String)> {
+            names.into_iter().map(|name| (name.clone(), unit.to_owned())).collect()
+        };
+        let sensors: Vec<&String> = scene.sensors.iter().map(|trace| &trace.id).collect();
+        let share = "share of the sensor's scale";
+        let mut channel = |topic: &str, names: &[(String, String)]| {
+            Channel::new(&mut writer, topic, names).map_err(failed)
+        };
+        let features = match scene.features.is_empty() {
+            true => None,
+            false => Some(channel("/features", &plain(scene.features.iter().collect(), ""))?),
+        };
+        let (inputs, measured) =
+            (channel("/inputs", &si(&scene.inputs))?, channel("/measured", &si(&scene.sensors))?);
+        let twin = channel("/twin", &si(&scene.sensors))?;
+        let residuals = channel("/residuals", &plain(sensors.clone(), share))?;
+        let bands = channel("/bands", &plain(sensors, share))?;
+        let decisions = Channel::decisions(&mut writer).map_err(failed)?;
+        Ok(Mcap {
+            path: path.into(),
+            writer,
+            inputs,
+            measured,
+            twin,
+            residuals,
+            bands,
+            features,
+            decisions,
+            last_bands: None,
+            text: String::new(),
+        })
+    }
+
+    /// Writes the end of the file and puts it in its place.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn finish(mut self) -> Result<(), SinkError> {
+        self.writer.finish().map_err(|error| sink_error(&self.path, error))?;
+        Ok(self.writer.into_inner().commit()?)
+    }
+
+    fn write(&mut self, sample: &Sample) -> Result<(), McapError> {
+        let Mcap { writer, text, .. } = self;
+        let observation = &sample.observation;
+        let time_s = sample.time_s;
+        let mut numbers = |channel: &mut Channel, values: &[f64]| {
+            channel.numbers(time_s, values, text);
+            channel.send(writer, time_s, text)
+        };
+        numbers(&mut self.inputs, sample.inputs)?;
+        numbers(&mut self.measured, sample.measured)?;
+        numbers(&mut self.twin, observation.twin)?;
+        numbers(&mut self.residuals, observation.residuals)?;
+        if let Some(features) = &mut self.features {
+            numbers(features, observation.features)?;
+        }
+        let bits: Vec<u64> = observation.bands.iter().map(|band| band.to_bits()).collect();
+        if self.last_bands.as_ref() != Some(&bits) {
+            numbers(&mut self.bands, observation.bands)?;
+            self.last_bands = Some(bits);
+        }
+        if sample.changed {
+            let mut decision = serde_json::to_value(observation.finding).unwrap_or_default();
+            decision["time_s"] = json!(time_s);
+            self.decisions.send(writer, time_s, &decision.to_string())?;
+        }
+        Ok(())
+    }
+}
+
+impl Sink for Mcap {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        self.write(sample).map_err(|error| sink_error(&self.path, error))
+    }
+}
+
+impl Channel {
+    /// A topic for numbers with units.
+    fn new(
+        writer: &mut Writer<AtomicFile>,
+        topic: &str,
+        names: &[(String, String)],
+    ) -> Result<Self, McapError> {
+        let mut properties = serde_json::Map::new();
+        properties.insert("time_s".into(), json!({ "type": "number", "description": "s" }));
+        for (name, unit) in names {
+            let property = json!({ "type": ["number", "null"], "description": unit });
+            properties.insert(name.clone(), property);
+        }
+        let id = channel_id(writer, topic, properties)?;
+        let keys = names.iter().map(|(name, _)| format!(",{}:", json!(name)));
+        Ok(Channel { id, sequence: 0, keys: keys.collect() })
+    }
+
+    fn decisions(writer: &mut Writer<AtomicFile>) -> Result<Self, McapError> {
+        let text = json!({ "type": "string" });
+        let properties = json!({
+            "time_s": { "type": "number", "description": "s" },
+            "state": text,
+            "phase": text,
+            "actuator": { "type": ["integer", "null"] },
+            "command": text,
+            "detail": text,
+            "confidence": { "type": "number" },
+            "evidence": { "type": "array", "items": text },
+        });
+        let properties = properties.as_object().cloned().unwrap_or_default();
+        let id = channel_id(writer, "/decisions", properties)?;
+        Ok(Channel { id, sequence: 0, keys: vec![] })
+    }
+
+    /// Writes a message with numbers to a text.
+    fn numbers(&self, time_s: f64, values: &[f64], text: &mut String) {
+        text.clear();
+        let _ = write!(text, "{{\"time_s\":{time_s:?}");
+        for (key, value) in self.keys.iter().zip(values) {
+            text.push_str(key);
+            // The shortest text that reads back to the same bits.
+            let _ = match value.is_finite() {
+                true => write!(text, "{value:?}"),
+                false => write!(text, "null"),
+            };
+        }
+        text.push('}');
+    }
+
+    fn send(
+        &mut self,
+        writer: &mut Writer<AtomicFile>,
+        time_s: f64,
+        text: &str,
+    ) -> Result<(), McapError> {
+        // Times before zero have no place in the format: they are written as zero.
+        let log_time = (time_s * 1e9).round() as u64;
+        let header = MessageHeader {
+            channel_id: self.id,
+            sequence: self.sequence,
+            log_time,
+            publish_time: log_time,
+        };
+        self.sequence = self.sequence.wrapping_add(1);
+        writer.write_to_known_channel(&header, text.as_bytes())
+    }
+}
+
+fn channel_id(
+    writer: &mut Writer<AtomicFile>,
+    topic: &str,
+    properties: serde_json::Map<String, serde_json::Value>,
+) -> Result<u16, McapError> {
+    let schema = json!({
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "type": "object",
+        "properties": properties,
+    });
+    let name = format!("servotwin.{}", topic.trim_start_matches('/'));
+    let schema = writer.add_schema(&name, "jsonschema", schema.to_string().as_bytes())?;
+    writer.add_channel(schema, topic, "json", &BTreeMap::new())
+}
+
+fn sink_error(path: &Path, error: McapError) -> SinkError {
+    let cause = match error {
+        McapError::Io(cause) => cause,
+        error => std::io::Error::other(error.to_string()),
+    };
+    SinkError::File(FileError::from_io(path, cause))
+}

@@ -1,0 +1,132 @@
+//! Where the results of a watch go.
+
+pub mod events;
+pub mod mcap;
+pub mod strip;
+pub mod timeline;
+
+use super::observer::Observation;
+use crate::files::FileError;
+use crate::system::System;
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// One period with all that is known of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample<'s> {
+    /// The time, s.
+    pub time_s: f64,
+    /// The line, row, datagram or message it came from; 0 where none did.
+    pub place: u64,
+    /// The external inputs, SI.
+    pub inputs: &'s [f64],
+    /// The measured sensor values, SI.
+    pub measured: &'s [f64],
+    /// What the observer says.
+    pub observation: Observation<'s>,
+    /// Whether it says something else than after the last sample.
+    pub changed: bool,
+}
+
+/// Is told every sample.
+pub trait Sink {
+    /// Takes a sample.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
+
+    /// Brings out what it holds back.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn flush(&mut self) -> Result<(), SinkError> {
+        Ok(())
+    }
+}
+
+/// Why a result cannot be written.
+#[derive(Debug)]
+pub enum SinkError {
+    /// A file.
+    File(FileError),
+    /// Standard output.
+    Output(std::io::Error),
+}
+
+impl fmt::Display for SinkError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SinkError::File(error) => write!(out, "{error}"),
+            SinkError::Output(error) => write!(out, "standard output: {error}"),
+        }
+    }
+}
+
+impl std::error::Error for SinkError {}
+
+impl From<FileError> for SinkError {
+    fn from(error: FileError) -> Self {
+        SinkError::File(error)
+    }
+}
+
+/// The signals of a watch, for those who show them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// One line for people.
+    pub title: String,
+    /// The inputs of the system.
+    pub inputs: Vec<Trace>,
+    /// Its sensors.
+    pub sensors: Vec<Trace>,
+    /// The names of the observer's features.
+    pub features: Vec<String>,
+    /// The period, s.
+    pub period_s: f64,
+}
+
+/// A signal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// The id in files.
+    pub id: String,
+    /// What people see.
+    pub label: String,
+    /// The unit.
+    pub unit: Unit,
+    /// Whether it is a way or a speed of an aircraft, which nobody reads in millimetres.
+    pub far: bool,
+}
+
+impl Trace {
+    fn new(id: &str, label: &str, unit: Unit, is_input: bool) -> Self {
+        let far = is_input && matches!(unit, Unit::Metre | Unit::MetrePerSecond);
+        Trace { id: id.into(), label: label.into(), unit, far }
+    }
+
+    /// The unit that people see.
+    pub fn shown(&self) -> &'static str {
+        if self.far { self.unit.symbol() } else { self.unit.shown() }
+    }
+
+    /// A value in that unit.
+    pub fn to_shown(&self, si: f64) -> f64 {
+        if self.far { si } else { self.unit.to_shown(si) }
+    }
+}
+
+impl Scene {
+    /// The signals of a system.
+    pub fn new(title: &str, system: &System, features: Vec<String>, period_s: f64) -> Self {
+        let inputs = system.network().inputs.iter();
+        let sensors = system.sensors.iter();
+        Scene {
+            title: title.into(),
+            inputs: inputs.map(|i| Trace::new(&i.id, &i.id, i.unit, true)).collect(),
+            sensors: sensors.map(|s| Trace::new(&s.id, &s.label, s.unit, false)).collect(),
+            features,
+            period_s,
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! A signal as the least and the greatest value of equal parts of time, and as text for a script.
+
+use serde_json::{Value, json};
+
+/// The least and the greatest value of each bucket; NaN where there is none.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    buckets: Vec<(f32, f32)>,
+}
+
+impl Series {
+    /// Adds a value to the last bucket, or begins a new one.
+    pub fn push(&mut self, value: f64, begins: bool) {
+        let value = if value.is_finite() { value as f32 } else { f32::NAN };
+        match self.buckets.last_mut() {
+            Some(last) if !begins => *last = merged(*last, (value, value)),
+            _ => self.buckets.push((value, value)),
+        }
+    }
+
+    /// Makes one bucket of every two.
+    pub fn halve(&mut self) {
+        let pairs = self.buckets.chunks(2);
+        self.buckets = pairs.map(|pair| merged(pair[0], pair[pair.len() - 1])).collect();
+    }
+
+    /// The values as 16-bit numbers between the least and the greatest of all, in base 64: least and
+    /// greatest of each bucket in turn, -32768 for none. One value that never changes has no data.
+    pub fn json(&self, label: &str, unit: &str) -> Value {
+        let finite = self.buckets.iter().filter(|(low, _)| !low.is_nan());
+        let none = (f32::INFINITY, f32::NEG_INFINITY);
+        let (low, high) = finite.fold(none, |range, bucket| merged(range, *bucket));
+        if low > high {
+            return json!({ "label": label, "unit": unit, "low": null, "high": null });
+        }
+        let (low, high) = (f64::from(low), f64::from(high));
+        let gaps = self.buckets.iter().any(|(low, _)| low.is_nan());
+        if low == high && !gaps {
+            return json!({ "label": label, "unit": unit, "low": low, "high": high });
+        }
+        let span = if high > low { high - low } else { 1.0 };
+        let short = |value: f32| match value.is_nan() {
+            true => i16::MIN,
+            false => ((f64::from(value) - low) / span * 65_534.0 - 32_767.0).round() as i16,
+        };
+        let pairs = self.buckets.iter().flat_map(|&(low, high)| [short(low), short(high)]);
+        let bytes: Vec<u8> = pairs.flat_map(i16::to_le_bytes).collect();
+        let high = low + span;
+        json!({ "label": label, "unit": unit, "low": low, "high": high, "data": base64(&bytes) })
+    }
+}
+
+/// Of two buckets the least and the greatest value; one without a value adds nothing.
+fn merged(one: (f32, f32), other: (f32, f32)) -> (f32, f32) {
+    // The smaller of a number and NaN is the number.
+    (one.0.min(other.0), one.1.max(other.1))
+}
+
+/// Bytes as text.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for part in bytes.chunks(3) {
+        let byte = |place: usize| u32::from(part.get(place).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            let index = (word >> (18 - 6 * digit)) & 63;
+            let character = if digit <= part.len() { DIGITS[index as usize] } else { b'=' };
+            text.push(char::from(character));
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_as_its_standard_says() {
+        let cases =
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("fooba", "Zm9vYmE=")];
+        for (bytes, text) in cases {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
+
+    #[test]
+    fn no_peak_is_lost() {
+        let mut series = Series::default();
+        for k in 0..64 {
+            series.push(if k == 37 { 100.0 } else { f64::from(k % 3) }, true);
+        }
+        series.push(f64::NAN, true);
+        for _ in 0..3 {
+            series.halve();
+        }
+        assert_eq!(series.buckets.len(), 9);
+        assert_eq!(series.buckets[4], (0.0, 100.0));
+        assert!(series.buckets[8].0.is_nan());
+        series.push(-5.0, false);
+        assert_eq!(series.buckets[8], (-5.0, -5.0));
+    }
+
+    #[test]
+    fn a_constant_needs_no_data_and_a_gap_does() {
+        let mut series = Series::default();
+        series.push(2.0, true);
+        series.push(2.0, true);
+        assert_eq!(series.json("a", "bar")["data"], Value::Null);
+        assert_eq!(series.json("a", "bar")["low"], 2.0);
+        series.push(f64::NAN, true);
+        // -32767 twice, -32767 twice, -32768 twice.
+        assert_eq!(series.json("a", "bar")["data"], "AYABgAGAAYAAgACA");
+        assert_eq!(Series::default().json("a", "")["low"], Value::Null);
+    }
+}

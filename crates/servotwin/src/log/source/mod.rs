@@ -1,0 +1,289 @@
+//! Where samples come from: files and live streams behind one trait.
+//!
+//! A source knows which columns are wanted ([`Wanted`]) and gives their numbers row by row, in the units of
+//! the log. What cannot be read is a [`Flaw`], never an end: only a file or a connection that cannot
+//! be opened is an error.
+
+pub mod frame;
+mod lines;
+mod mcap;
+pub mod mqtt;
+mod stdin;
+mod table;
+mod udp;
+
+use super::counts::Kind;
+use crate::files::FileError;
+use crate::nearest::nearest;
+use crate::table::TableError;
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+pub use frame::Flaw;
+
+/// How long a live source waits before it says that nothing came.
+pub const PAUSE: Duration = Duration::from_millis(200);
+
+/// The columns that are read, in this order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Wanted {
+    /// Their names, each once.
+    pub names: Vec<String>,
+    /// Which of them is the time; without one, rows follow each other in the period of the log.
+    pub time: Option<usize>,
+    /// Whether the time is a date as text.
+    pub dates: bool,
+    /// The columns of lines without a header, from left to right.
+    pub columns: Vec<String>,
+}
+
+/// A row as it came.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Row {
+    /// Its line, row, datagram or message, from 1.
+    pub place: u64,
+    /// The wanted columns; NaN is missing.
+    pub values: Vec<f64>,
+    /// How many of them were there, but no finite number.
+    pub bad: u64,
+}
+
+/// What came of reading on.
+#[derive(Debug, PartialEq)]
+pub enum Read {
+    /// A row.
+    Row,
+    /// Something that is no row.
+    Flawed(Flaw),
+    /// Something that says nothing, as a header.
+    Nothing,
+    /// A live stream is quiet.
+    Pause,
+    /// The connection was lost and made again.
+    Reconnected,
+    /// Nothing will come.
+    End,
+}
+
+/// Gives row by row.
+pub trait Source {
+    /// Reads on. `row` is the last one's, to be overwritten.
+    ///
+    /// # Errors
+    /// The file or the connection fails.
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError>;
+
+    /// What is counted: `line`, `row`, `datagram` or `message`.
+    fn counted(&self) -> &'static str;
+
+    /// Whether it goes on by the clock, and cannot be read again.
+    fn is_live(&self) -> bool {
+        false
+    }
+
+    /// How much of a file is read, from 0 to 1.
+    fn share(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A source by its name.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Address {
+    /// A .parquet or .mcap file, or any other name for CSV or lines of JSON objects.
+    File(PathBuf),
+    /// Lines of standard input.
+    Stdin,
+    /// Datagrams sent to this address.
+    Udp(SocketAddr),
+    /// Messages of a broker.
+    Mqtt(mqtt::Subscription),
+}
+
+impl Address {
+    /// The source that a text names: a file, `-`, `udp://HOST:PORT`, or
+    /// `mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=1]`.
+    ///
+    /// # Errors
+    /// [`SourceError::Address`].
+    pub fn parse(text: &str) -> Result<Self, SourceError> {
+        let wrong = |needed| SourceError::Address { given: text.into(), needed };
+        if text == "-" {
+            return Ok(Address::Stdin);
+        }
+        if let Some(rest) = text.strip_prefix("udp://") {
+            use std::net::ToSocketAddrs;
+            let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
+            return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
+        }
+        if let Some(rest) = text.strip_prefix("mqtt://") {
+            let found = mqtt::Subscription::parse(rest).map(Address::Mqtt);
+            let needed = "mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=0 or 1]";
+            return found.ok_or_else(|| wrong(needed));
+        }
+        if text.contains("://") {
+            return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
+        }
+        Ok(Address::File(PathBuf::from(text)))
+    }
+
+    /// Whether the source goes on by the clock.
+    pub fn is_live(&self) -> bool {
+        !matches!(self, Address::File(_))
+    }
+
+    /// Opens the source for some columns.
+    ///
+    /// # Errors
+    /// It cannot be opened, or a file does not have the columns.
+    pub fn open(&self, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+        Ok(match self {
+            Address::File(path) if has_extension(path, "parquet") => {
+                Box::new(table::Parquet::open(path, wanted)?)
+            }
+            Address::File(path) if has_extension(path, "mcap") => {
+                Box::new(mcap::Mcap::open(path, wanted)?)
+            }
+            Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
+            Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
+            Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
+            Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
+        })
+    }
+
+    /// The columns of a file, or of what comes first in a stream, with their units where these are known.
+    ///
+    /// # Errors
+    /// It cannot be opened, or nothing in it is a header.
+    pub fn columns(&self) -> Result<Vec<(String, String)>, SourceError> {
+        let names = match self {
+            Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
+            Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
+            Address::File(path) => lines::columns(path)?,
+            Address::Stdin => stdin::columns(std::io::stdin().lock())?,
+            Address::Udp(address) => udp::columns(*address)?,
+            Address::Mqtt(subscription) => mqtt::columns(subscription)?,
+        };
+        Ok(names.into_iter().map(|name| (name, String::new())).collect())
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Address::File(path) => write!(out, "{}", path.display()),
+            Address::Stdin => write!(out, "standard input"),
+            Address::Udp(address) => write!(out, "udp://{address}"),
+            Address::Mqtt(subscription) => write!(out, "{subscription}"),
+        }
+    }
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+/// Why there is no source, or no more of it.
+#[derive(Debug)]
+pub enum SourceError {
+    /// The name of the source cannot be understood.
+    Address {
+        /// What was written.
+        given: String,
+        /// What is possible.
+        needed: &'static str,
+    },
+    /// A file.
+    File(FileError),
+    /// A table.
+    Table(TableError),
+    /// A connection.
+    Connection {
+        /// To what.
+        address: String,
+        /// What happened.
+        cause: String,
+    },
+    /// Nothing in it names columns.
+    NoHeader {
+        /// The source.
+        address: String,
+    },
+    /// Columns that the map names are not there.
+    Lacking {
+        /// The log.
+        address: String,
+        /// The columns.
+        columns: Vec<String>,
+        /// All there are.
+        known: Vec<String>,
+    },
+}
+
+impl SourceError {
+    /// The error for wanted names that are not among those there, if there are any.
+    fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
+        let columns = wanted.names.iter().filter(|name| !known.contains(name));
+        let columns: Vec<String> = columns.cloned().collect();
+        let error = || SourceError::Lacking {
+            address: address.to_owned(),
+            known: known.to_vec(),
+            columns: columns.clone(),
+        };
+        (!columns.is_empty()).then(error)
+    }
+}
+
+impl fmt::Display for SourceError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SourceError::Address { given, needed } => {
+                write!(out, "'{given}' names no source: {needed} is needed")
+            }
+            SourceError::File(error) => write!(out, "{error}"),
+            SourceError::Table(error) => write!(out, "{error}"),
+            SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
+            SourceError::NoHeader { address } => {
+                write!(out, "{address}: no line with the names of columns, and no JSON object")
+            }
+            SourceError::Lacking { address, columns, known } => {
+                write!(out, "{address} has no column '{}'; ", columns.join("', '"))?;
+                match nearest(&columns[0], known.iter().map(String::as_str)) {
+                    Some(name) => write!(out, "did you mean '{name}'?"),
+                    None => write!(out, "it has: {}", known.join(", ")),
+                }
+            }
+        }
+    }
+}
+
+impl std::error::Error for SourceError {}
+
+impl From<FileError> for SourceError {
+    fn from(error: FileError) -> Self {
+        SourceError::File(error)
+    }
+}
+
+impl From<TableError> for SourceError {
+    fn from(error: TableError) -> Self {
+        SourceError::Table(error)
+    }
+}
+
+impl Flaw {
+    /// The kind under which it is counted.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Flaw::Noise => Kind::Noise,
+            Flaw::TooLong => Kind::TooLong,
+            Flaw::CutShort => Kind::CutShort,
+            Flaw::WrongColumns { .. } => Kind::WrongColumns,
+            Flaw::NoHeader => Kind::NoHeader,
+            Flaw::BadObject { .. } => Kind::BadObject,
+            Flaw::NoTime { .. } => Kind::NoTime,
+        }
+    }
+}
