@@ -19,7 +19,7 @@ mod stop;
 use clap::{Parser, Subcommand};
 use commands::{
     campaign, check, completions, describe, evaluate, explain, faults, features, flights, fly,
-    predict, report, simulate, study, train,
+    predict, report, simulate, study, train, watch,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -61,6 +61,7 @@ enum Command {
     Predict(predict::Options),
     Flights(flights::Options),
     Fly(Box<fly::Options>),
+    Watch(Box<watch::Options>),
     Report(report::Options),
     Explain(explain::Options),
     Describe(describe::Options),
@@ -83,6 +84,7 @@ impl Command {
             Command::Predict(options) => predict::run(options, global),
             Command::Flights(options) => flights::run(options, global),
             Command::Fly(options) => fly::run(options, global),
+            Command::Watch(options) => watch::run(options, global),
             Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),

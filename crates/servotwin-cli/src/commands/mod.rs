@@ -17,7 +17,6 @@ pub mod simulate;
 pub mod study;
 mod summary;
 pub mod train;
-#[expect(dead_code, reason = "joins the list of commands with the runtime")]
 pub mod watch;
 
 use crate::Global;

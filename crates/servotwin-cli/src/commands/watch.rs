@@ -1,13 +1,16 @@
 //! `servotwin watch`: the twin and the diagnosis beside a log or a live stream.
 
 use super::progress::is_shown;
-use super::{note, read_system, warn};
+use super::{note, warn};
 use crate::failure::Failure;
 use crate::render::{Grid, Side};
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
+use servotwin::evaluation::model_file;
 use servotwin::files;
+use servotwin::flight::watcher::Watcher;
+use servotwin::job::{Folder, flights};
 use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::Counts;
 use servotwin::log::map::{Guess, Map, guess};
@@ -18,10 +21,12 @@ use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::Address;
 use servotwin::log::{Checkpoints, End, Observer, Watch};
+use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Watch an actuator: a log, or a live stream, beside its twin.
 ///
@@ -33,10 +38,11 @@ pub struct Options {
     /// A log (.csv, .parquet, .mcap, .jsonl), - for lines of standard input,
     /// udp://HOST:PORT to listen at, or mqtt://HOST/TOPICS to subscribe to.
     source: String,
-    /// A system file; without it, the aileron with two actuators.
+    /// A study file, which names the system; without it, the paper's study of the aileron.
     #[arg(long, value_name = "FILE")]
-    system: Option<PathBuf>,
-    /// The model, a file that `servotwin train --out` has written.
+    study: Option<PathBuf>,
+    /// The diagnoser, a file that `servotwin flights` has written [default:
+    /// out/diagnoser-realistic.json].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// The map file: which column is which signal.
@@ -68,30 +74,31 @@ const CHECKPOINT_S: f64 = 60.0;
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let system = match &options.system {
-        Some(path) => read_system(path)?,
-        None => System::default(),
+    let study = match &options.study {
+        Some(path) => Study::read(path)?,
+        None => Study::default(),
     };
+    let system = &study.system;
     let address = Address::parse(&options.source)?;
     if let Some(path) = &options.make_map {
-        return make_map(&address, &system, path, global);
+        return make_map(&address, system, path, global);
     }
-    let map = map(options, &address, &system, global)?;
+    let map = map(options, &address, system, global)?;
     let opened = address.open(map.wanted());
     let mut source = match opened.map_err(|error| map.explain(error)) {
         Ok(source) => source,
         Err(Ok(mistakes)) => return Err(mistakes.into()),
         Err(Err(error)) => return Err(error.into()),
     };
-    let (mut observer, period_s) = observer(options, &system)?;
+    let (mut observer, period_s) = observer(options, &study)?;
     let title = format!("{}: {address}", system.title);
-    let scene = Scene::new(&title, &system, observer.features(), period_s);
+    let scene = Scene::new(&title, system, observer.features(), period_s);
     let resumed = match options.resume {
         true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
         false => None,
     };
     let mut outputs = Outputs::new(options, scene, resumed.as_ref(), global)?;
-    let mut watch = Watch::new(&mut *source, &map, &mut *observer, period_s);
+    let mut watch = Watch::new(&mut *source, &map, &mut observer, period_s);
     if let Some(checkpoint) = resumed {
         watch.resume(checkpoint)?;
     }
@@ -125,12 +132,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// What is fed with the samples, and its period, s.
-///
-/// RUNTIME: twin, diagnosis and decision are joined here, from `options.model` and the system.
-fn observer(options: &Options, system: &System) -> Result<(Box<dyn Observer>, f64), Failure> {
-    let _ = (options, system);
-    Err(Failure::Options("this version has no runtime"))
+/// Twin and diagnosis, with the period of their samples, s.
+fn observer<'s>(options: &Options, study: &'s Study) -> Result<(Watcher<'s>, f64), Failure> {
+    let diagnoser = match &options.model {
+        Some(path) => model_file::read_diagnoser(path)?,
+        None => flights::diagnoser(&Folder::new("out"), Setting::Realistic)?,
+    };
+    let period_s = diagnoser.period_s;
+    let watcher = Watcher::new(study, Arc::new(diagnoser)).map_err(Failure::Runtime)?;
+    Ok((watcher, period_s))
 }
 
 /// The map that is given, or one by the names of the columns.
