@@ -32,13 +32,24 @@ pub struct Ensemble<'p> {
     pub cancel: Option<&'p AtomicBool>,
 }
 
+/// What is otherwise from a moment on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Later {
+    /// The moment, s.
+    pub time_s: f64,
+    /// The faults.
+    pub faults: Vec<FaultAt>,
+    /// Parameters that differ from the variant's: (component, parameter, value).
+    pub overrides: Vec<(usize, usize, f64)>,
+}
+
 /// One variant: the system with faults and changed parameters, and its inputs.
 #[derive(Clone, Default)]
 pub struct Variant<'a> {
     /// The faults.
     pub faults: Vec<FaultAt>,
-    /// The faults that hold from a moment on (s, in the order of time), instead of those before.
-    pub later: Vec<(f64, Vec<FaultAt>)>,
+    /// What holds from later moments on, in the order of time, each instead of what held before.
+    pub later: Vec<Later>,
     /// Parameters that differ from the system's, before faults: (component,
     /// parameter, value).
     pub overrides: Vec<(usize, usize, f64)>,
@@ -175,10 +186,11 @@ impl<'p> Ensemble<'p> {
 }
 
 impl Ensemble<'_> {
-    fn change(&self, variant: &Variant, (time_s, faults): &(f64, Vec<FaultAt>)) -> Change {
-        let parameters = self.program.parameters_with(&variant.overrides, faults);
+    fn change(&self, variant: &Variant, later: &Later) -> Change {
+        let overrides = [variant.overrides.as_slice(), &later.overrides].concat();
+        let parameters = self.program.parameters_with(&overrides, &later.faults);
         Change {
-            time_s: *time_s,
+            time_s: later.time_s,
             constants: self.program.block_constants(&parameters),
             stand_ins: self.program.stand_in_values(&parameters),
         }

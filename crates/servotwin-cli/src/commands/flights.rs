@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
+use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome};
 use servotwin::flight::judge::{ClassMerit, Latency, Merit};
 use servotwin::job::flights::{self, Crew, FlightResults};
 use servotwin::job::{Folder, manifest};
@@ -73,8 +74,39 @@ pub fn text(results: &FlightResults) -> String {
     let mut out = String::new();
     for merit in &results.merits {
         setting(&mut out, merit);
+        for merit in results.foreign.iter().filter(|other| other.setting == merit.setting) {
+            foreign(&mut out, merit);
+        }
     }
     out
+}
+
+/// Only what was said at all, so that a line stays a line.
+fn foreign(out: &mut String, merit: &ForeignMerit) {
+    if merit.outcomes.is_empty() {
+        return;
+    }
+    let _ = writeln!(out, "  faults never trained on:");
+    for outcome in &merit.outcomes {
+        let ForeignOutcome { title, strengths, flights, words, .. } = outcome;
+        let said = words.named().into_iter().filter(|(_, count)| *count > 0);
+        let said: Vec<String> = said.map(|(word, count)| format!("{count} {word}")).collect();
+        let strengths =
+            if strengths.is_empty() { String::new() } else { format!(" ({strengths})") };
+        let first = outcome.first_word.as_ref().map(|l| format!("; median {:.2} s", l.median_s));
+        let _ = writeln!(
+            out,
+            "    {title}{strengths}: of {flights} {}; shutdowns of an actuator at fault {}, of a \
+             healthy one {}{}",
+            said.join(", "),
+            outcome.shutdowns_at_fault,
+            outcome.shutdowns_healthy,
+            first.unwrap_or_default(),
+        );
+        for wrong in &outcome.wrong {
+            let _ = writeln!(out, "      healthy one to be shut down: {wrong}");
+        }
+    }
 }
 
 fn setting(out: &mut String, merit: &Merit) {

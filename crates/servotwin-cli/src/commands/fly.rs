@@ -63,6 +63,17 @@ fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
     }
 }
 
+/// The head of the figure: the fault, and when it begins.
+fn title(fault: &str, onset_s: f64) -> String {
+    match fault.split_once('=') {
+        Some((name, intensity)) => {
+            let name = name.replace('_', " ").replace('.', ": ");
+            format!("{name}, intensity {intensity}, at {onset_s} s")
+        }
+        None => "No fault".into(),
+    }
+}
+
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
@@ -85,9 +96,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let kept = Kept::of(&study);
     let fly = |reacts: bool| {
         let inputs = inputs.clone();
+        let faults = fault.map(|fault| (onset_s, fault)).into_iter().collect();
         let specimen = options.specimen;
-        let scenario =
-            Scenario { study: &study, inputs, fault, onset_s, duration_s, specimen, reacts };
+        let scenario = Scenario { study: &study, inputs, faults, duration_s, specimen, reacts };
         closed_loop::fly(&scenario, &diagnoser, &kept.slots).map_err(Failure::Runtime)
     };
     let flown = Flown {
@@ -101,7 +112,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     create_folder(&path).map_err(JobError::from)?;
     table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
     table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
-    flown.figure(onset_s, fault.is_some()).draw().save(path.join("flight.svg"))?;
+    flown.figure(&title(&options.fault, onset_s)).draw().save(path.join("flight.svg"))?;
     Ok(match global {
         Global { json: true, .. } => json(&flown.json(onset_s)),
         Global { quiet: true, .. } => String::new(),
@@ -210,7 +221,7 @@ impl Flown<'_> {
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
-    fn figure(&self, onset_s: f64, has_fault: bool) -> TimeSeries<'_> {
+    fn figure(&self, title: &str) -> TimeSeries<'_> {
         let degrees = |values: &[f64]| values.iter().map(|v| v.to_degrees()).collect::<Vec<f64>>();
         let time = self.with.time_s.as_slice();
         let mut panels = vec![];
@@ -237,7 +248,7 @@ impl Flown<'_> {
         panel("Tracking error", "angle / deg", both(&error));
         let fight =
             |record: &Record| Some(self.force_fight(record)?.iter().map(|f| f / 1e3).collect());
-        panel("Force fight", "half of the difference / kN", both(&fight));
+        panel("Force fight: half the difference of the rods' forces", "force / kN", both(&fight));
         let residual = |record: &Record| Some(self.largest_residual(record));
         panel("Largest residual", "% of scale", both(&residual));
         if let Some(last) = panels.last_mut() {
@@ -245,14 +256,9 @@ impl Flown<'_> {
             let half = 100.0 * half.map(|band| band.half_width).fold(0.0, f64::max);
             last.band = Some(Band::constant("widest band", 0.0, half));
         }
-        let fault =
-            if has_fault { format!("the fault begins at {onset_s} s") } else { "no fault".into() };
-        let did = self
-            .with
-            .actions
-            .first()
-            .map(|action| format!(", the computer reacts at {:.2} s", action.time_s));
-        let title = format!("{}: {fault}{}", self.study.title, did.unwrap_or_default());
+        let did = self.with.actions.first();
+        let did = did.map(|action| format!(", reaction at {:.2} s", action.time_s));
+        let title = format!("{title}{}", did.unwrap_or_default());
         TimeSeries { panels, ..TimeSeries::new(title, "time / s") }
     }
 

@@ -17,10 +17,8 @@ pub struct Scenario<'s> {
     pub study: &'s Study,
     /// One signal for each input of the system.
     pub inputs: Vec<Piecewise>,
-    /// The fault and its intensity; `None` for a healthy flight.
-    pub fault: Option<FaultAt>,
-    /// When it begins, s.
-    pub onset_s: f64,
+    /// When faults begin, s; none for a healthy flight.
+    pub faults: Vec<(f64, FaultAt)>,
     /// How long the flight is, s.
     pub duration_s: f64,
     /// Which specimen flies; `None` for one without tolerances.
@@ -117,7 +115,8 @@ struct Flight<'f> {
     plant: Twin<'f>,
     /// The plant's parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
-    is_faulty: bool,
+    /// How many faults have begun.
+    begun: usize,
     slots: Vec<Slot>,
     imperfections: Vec<Imperfection>,
     noise: Random,
@@ -152,7 +151,7 @@ impl<'f> Flight<'f> {
             period_s,
             plant,
             overrides,
-            is_faulty: false,
+            begun: 0,
             measured: vec![0.0; slots.len()],
             imperfections: sensors.iter().map(|&s| Imperfection::of(&study.system, s)).collect(),
             slots,
@@ -195,9 +194,10 @@ impl<'f> Flight<'f> {
 
     fn step_plant(&mut self, k: usize, time_s: f64) -> Result<(), RuntimeError> {
         let program = self.plant.program();
-        if !self.is_faulty && self.scenario.fault.is_some() && time_s >= self.scenario.onset_s {
-            self.is_faulty = true;
-            self.load();
+        let begun = self.scenario.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s).count();
+        if begun > self.begun {
+            self.begun = begun;
+            self.load(time_s);
         }
         let stepped = if k == 0 {
             let parameters = program.parameters_with(&self.overrides, &[]);
@@ -211,9 +211,9 @@ impl<'f> Flight<'f> {
         })
     }
 
-    fn load(&mut self) {
-        let faults: Vec<FaultAt> =
-            self.scenario.fault.filter(|_| self.is_faulty).into_iter().collect();
+    fn load(&mut self, time_s: f64) {
+        let begun = self.scenario.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s);
+        let faults: Vec<FaultAt> = begun.map(|(_, fault)| *fault).collect();
         let program = self.plant.program();
         self.plant.load(&program.parameters_with(&self.overrides, &faults));
     }
@@ -234,7 +234,7 @@ impl<'f> Flight<'f> {
         let reaction = study.reactions.of(place, command, detail);
         self.set.extend(reaction.inputs.iter().copied());
         self.overrides.extend(reaction.parameters.iter().copied());
-        self.load();
+        self.load(k as f64 * self.period_s);
         self.runtime.follow(raised.unit as usize, &reaction)?;
         Ok(Some(Action { time_s: k as f64 * self.period_s, raised, reaction }))
     }

@@ -9,6 +9,7 @@ use crate::study::flights::Environment;
 use crate::study::{Flights, Imperfection, Setting, Study};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Statistics};
+use std::borrow::Cow;
 use std::sync::atomic::AtomicBool;
 
 /// What watches a flight.
@@ -20,7 +21,7 @@ pub trait Observer: Send {
 /// Flights of one purpose in one setting.
 pub struct Flown<'s> {
     study: &'s Study,
-    environments: &'s [Environment],
+    environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
     setting: Setting,
@@ -46,18 +47,37 @@ impl<'s> Flown<'s> {
         threads: usize,
         cancel: Option<&'s AtomicBool>,
     ) -> Result<Self, CampaignError> {
+        let environments = Cow::Borrowed(purpose.environments(flights));
+        let plan = plan::flights(study, flights, purpose);
+        let lot = (purpose, flights.seed);
+        Flown::planned(study, environments, plan, lot, setting, (threads, cancel))
+    }
+
+    /// The same for flights and environments of one's own: of a purpose with a seed, by so many
+    /// threads, which may be cancelled.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub fn planned(
+        study: &'s Study,
+        environments: Cow<'s, [Environment]>,
+        plan: Vec<Flight>,
+        (purpose, seed): (Purpose, u64),
+        setting: Setting,
+        (threads, cancel): (usize, Option<&'s AtomicBool>),
+    ) -> Result<Self, CampaignError> {
         let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
         let sensors = study.base_sensors();
         ensemble.record.truncate(sensors);
         let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
         let mut flown = Flown {
             study,
-            environments: purpose.environments(flights),
+            environments,
             purpose,
-            seed: flights.seed,
+            seed,
             setting,
             ensemble,
-            plan: plan::flights(study, flights, purpose),
+            plan,
             twins: vec![],
             sensors,
             imperfections: study.measured[..sensors].iter().map(of).collect(),
@@ -117,12 +137,27 @@ impl<'s> Flown<'s> {
         &self,
         which: &[usize],
         observer: impl Fn(&Flight) -> O + Sync,
+        done: impl FnMut(&Flight, O, Result<Statistics, Failure>) + Send,
+    ) {
+        self.fly_altered(which, |_, _| (), observer, done);
+    }
+
+    /// The same with plants that are altered first. Their twins know nothing of it.
+    pub fn fly_altered<'f, O: Observer>(
+        &'f self,
+        which: &[usize],
+        alter: impl Fn(&Flight, &mut Variant<'f>) + Sync,
+        observer: impl Fn(&Flight) -> O + Sync,
         mut done: impl FnMut(&Flight, O, Result<Statistics, Failure>) + Send,
     ) {
         let flight = |job: usize| &self.plan[which[job]];
         self.ensemble.run(
             which.len(),
-            |job| self.variant(flight(job)),
+            |job| {
+                let mut variant = self.variant(flight(job));
+                alter(flight(job), &mut variant);
+                variant
+            },
             |job| self.watch(flight(job), observer(flight(job))),
             |job, watch, outcome| done(flight(job), watch.observer, outcome),
         );

@@ -432,7 +432,7 @@ impl Judged<'_> {
 /// Times at which the share of faults is told, s.
 const TIMES_S: [f64; 10] = [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0];
 
-fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Latency> {
+pub(super) fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Latency> {
     let mut times_s: Vec<f64> = times_s.collect();
     times_s.sort_by(f64::total_cmp);
     let last = times_s.len().checked_sub(1)?;

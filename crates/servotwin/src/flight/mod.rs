@@ -9,9 +9,11 @@
 //! - [`watcher`]: the runtime beside a log or a live stream
 //! - [`closed_loop`]: a plant beside the runtime, and a flight control computer that reacts
 //! - [`judge`]: how fast, how sure, how often wrong it is
+//! - [`foreign`]: what it says of faults that it was never trained on
 
 pub mod closed_loop;
 pub mod flown;
+pub mod foreign;
 pub mod judge;
 pub mod lessons;
 pub mod plan;

@@ -1,5 +1,6 @@
 //! Which flights there are: fault, intensity, onset, environment, specimen.
 
+use crate::ensemble::Later;
 use crate::signal::random::Random;
 use crate::study::flights::{Environment, Size};
 use crate::study::{Flights, Lot, Study};
@@ -155,24 +156,25 @@ fn with_fault(study: &Study, flights: &Flights, purpose: Purpose, slot: Slot) ->
 
 impl Flight {
     /// What the fault is from each moment on, as [`crate::ensemble::Variant::later`] wants it.
-    pub fn later(&self, study: &Study) -> Vec<(f64, Vec<FaultAt>)> {
+    pub fn later(&self, study: &Study) -> Vec<Later> {
         let Some(fault) = self.fault else { return vec![] };
-        let at = |share: f64| match share > 0.0 {
-            true => vec![FaultAt { intensity: self.intensity * share, ..study.faults[fault].at }],
-            false => vec![],
+        let at = |time_s: f64, share: f64| {
+            let fault = FaultAt { intensity: self.intensity * share, ..study.faults[fault].at };
+            let faults = if share > 0.0 { vec![fault] } else { vec![] };
+            Later { time_s, faults, overrides: vec![] }
         };
         match self.onset {
-            Onset::Step => vec![(self.onset_s, at(1.0))],
+            Onset::Step => vec![at(self.onset_s, 1.0)],
             Onset::Drift => {
                 let share = |step: u32| f64::from(step) / f64::from(DRIFT_STEPS);
                 let when = |step: u32| self.onset_s + DRIFT_S * share(step - 1);
-                (1..=DRIFT_STEPS).map(|step| (when(step), at(share(step)))).collect()
+                (1..=DRIFT_STEPS).map(|step| at(when(step), share(step))).collect()
             }
             Onset::Intermittent => {
                 let pulses = ((self.duration_s - self.onset_s) / PULSE_S) as u32;
                 let when = |pulse: u32| self.onset_s + PULSE_S * f64::from(pulse);
                 let there = |pulse: u32| if pulse.is_multiple_of(2) { 1.0 } else { 0.0 };
-                (0..=pulses).map(|pulse| (when(pulse), at(there(pulse)))).collect()
+                (0..=pulses).map(|pulse| at(when(pulse), there(pulse))).collect()
             }
         }
     }

@@ -4,6 +4,7 @@ use super::{Folder, JobError, pools};
 use crate::evaluation::model_file;
 use crate::evaluation::parallel::Workers;
 use crate::flight::flown::Flown;
+use crate::flight::foreign::{self, ForeignMerit};
 use crate::flight::judge::{self, Merit};
 use crate::flight::plan::Purpose;
 use crate::flight::{lessons, train};
@@ -12,6 +13,7 @@ use crate::study::flights::{Limits, Size};
 use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// The settings in which flights are flown: a specimen that is the twin (or to which the twin is
@@ -33,6 +35,8 @@ pub struct FlightResults {
     pub limits: Limits,
     /// For each setting what was measured.
     pub merits: Vec<Merit>,
+    /// For each setting what was said of faults that were never trained on.
+    pub foreign: Vec<ForeignMerit>,
 }
 
 /// Who works, who may stop it, and who is told.
@@ -90,19 +94,24 @@ pub fn fly_all(
 ) -> Result<FlightResults, JobError> {
     let possible = |setting: &Setting| !setting.has_noise() || study.realism.is_some();
     let settings: Vec<Setting> = SETTINGS.into_iter().filter(possible).collect();
-    let mut merits = vec![];
+    let (mut merits, mut foreign) = (vec![], vec![]);
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
         let diagnoser = learn(folder, study, flights, setting, crew)?;
         let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.threads, crew.cancel)?;
         let told = |done: usize, of: usize| {
-            let share = 0.4 + 0.6 * done as f64 / of.max(1) as f64;
+            let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
             (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
         };
         let merit = judge::judge(study, setting.name(), &flown, &diagnoser, &told);
         crew.check()?;
         merits.push(merit.map_err(|error| JobError::Evaluation(error.into()))?);
+        (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
+        let (diagnoser, crew_of) = (Arc::new(diagnoser), (crew.threads, crew.cancel));
+        let said = foreign::judge(study, flights, setting, &diagnoser, crew_of);
+        crew.check()?;
+        foreign.push(said?);
     }
     let results = FlightResults {
         is_full,
@@ -111,6 +120,7 @@ pub fn fly_all(
         windows_s: flights.windows_s.clone(),
         limits: flights.limits,
         merits,
+        foreign,
     };
     model_file::write(folder.flights(), &results)?;
     Ok(results)

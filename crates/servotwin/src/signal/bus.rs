@@ -54,10 +54,22 @@ pub fn as_sent(
     period_s: f64,
     duration_s: f64,
 ) -> Result<Piecewise, CurveError> {
+    sent(|time_s| signal.value(time_s), period_s, duration_s)
+}
+
+/// The same of any function of time.
+///
+/// # Errors
+/// None where it is finite.
+pub fn sent(
+    value: impl Fn(f64) -> f64,
+    period_s: f64,
+    duration_s: f64,
+) -> Result<Piecewise, CurveError> {
     let samples = (duration_s / period_s).ceil() as usize + 1;
     let times_s: Vec<f64> = (0..=samples).map(|k| k as f64 * period_s).collect();
     let mut bus = Bus::default();
-    let knots: Vec<Knot> = times_s.iter().map(|&t| bus.next(signal.value(t), period_s)).collect();
+    let knots: Vec<Knot> = times_s.iter().map(|&t| bus.next(value(t), period_s)).collect();
     let values: Vec<f64> = knots.iter().map(|knot| knot.value).collect();
     let slopes: Vec<f64> = knots.iter().map(|knot| knot.slope_per_s).collect();
     Piecewise::hermite(&times_s, &values, &slopes)

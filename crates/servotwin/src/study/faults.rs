@@ -85,6 +85,6 @@ impl Reader<'_> {
 }
 
 /// A unit without a name stands for the whole system.
-pub(super) fn full_name(unit: &str, rest: &str) -> String {
+pub(crate) fn full_name(unit: &str, rest: &str) -> String {
     if unit.is_empty() { rest.into() } else { format!("{unit}.{rest}") }
 }

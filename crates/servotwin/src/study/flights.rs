@@ -11,7 +11,7 @@
 //! unit_inputs.supply_pressure = [19.6e6, 21.4e6]
 //! unit_parameters."supply.temperature_k" = [253, 343]
 //! learn = { environments = 40, repeats = 4, healthy = 4 }
-//! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300 }
+//! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300, foreign = 2 }
 //! full.learn = { ... }               # the sizes of `servotwin flights --full`
 //! full.judge = { ... }
 //! ```
@@ -75,6 +75,9 @@ pub struct Size {
     pub healthy: usize,
     /// How long healthy flights are, s; as long as the others where it is not said.
     pub healthy_duration_s: Option<f64>,
+    /// Environments in which each fault that nobody was trained on is judged.
+    #[serde(default)]
+    pub foreign: usize,
 }
 
 /// What is asked of the diagnosis at work; beside each the figure that was measured.
@@ -193,7 +196,8 @@ impl Text {
             reader.range("flights.windows_s", w, fits, allowed)?;
         }
         for (name, size) in [("learn", self.learn), ("judge", self.judge)] {
-            let most = [size.environments, size.repeats, size.healthy].into_iter().max();
+            let most =
+                [size.environments, size.repeats, size.healthy, size.foreign].into_iter().max();
             let most = most.unwrap_or(0);
             let fits = most <= MOST && size.environments > 0;
             let field = format!("flights.{name}");

@@ -1,0 +1,353 @@
+//! What a foreign fault changes: the plant, what its sensors show, or what the twin is told.
+
+use crate::ensemble::Later;
+use crate::flight::plan::Flight;
+use crate::signal::bus::sent;
+use crate::signal::random::Random;
+use crate::study::faults::full_name;
+use crate::study::flights::Environment;
+use crate::study::{Imperfection, Study};
+use servotwin_diagnosis::features::Quantity;
+use servotwin_model::program::FaultAt;
+use servotwin_model::signal::Piecewise;
+use std::f64::consts::TAU;
+
+/// One change. Names are those of a unit's parameters, faults and inputs, without its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Effect {
+    /// A fault of the catalogue at an intensity.
+    Fault(&'static str, f64),
+    /// A parameter has another value.
+    Value(&'static str, f64),
+    /// A parameter is so many times what it was.
+    Times(&'static str, f64),
+    /// A parameter grows by so much per second.
+    Drift(&'static str, f64),
+    /// A parameter swings by so much, [`SWING_HZ`] times a second.
+    Swing(&'static str, f64),
+    /// A sensor gives no reading.
+    Missing(Quantity),
+    /// A sensor's noise is so many times what it was.
+    Noise(Quantity, f64),
+    /// An input becomes so many times what it was, and the twin is told.
+    InputTimes(&'static str, f64),
+    /// A parameter of the environment has another value during the whole flight, and the twin knows.
+    Weather(&'static str, f64),
+    /// The twin is told the same value from now on.
+    ToldFrozen(&'static str),
+    /// The twin is told nothing.
+    ToldMissing(&'static str),
+    /// The twin is told what cannot be.
+    ToldTooLarge(&'static str),
+    /// What the twin is told is wrong by this part.
+    ToldOff(&'static str, f64),
+}
+
+/// How often what swings does so, per second.
+const SWING_HZ: f64 = 1.5;
+/// What changes all the time changes so often, s.
+const STEP_S: f64 = 0.05;
+/// How long an input takes to become another one, s.
+const FALL_S: f64 = 0.5;
+/// No input is so large.
+const TOO_LARGE: f64 = 1e9;
+
+/// Whose change it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Who {
+    /// The unit's that is at fault.
+    Own,
+    /// The next one's, which is at fault, too.
+    Other,
+    /// All of them, of which none is at fault.
+    Whole,
+}
+
+/// A change and whose it is.
+pub type On = (Who, Effect);
+
+/// A change of the unit that is at fault.
+pub fn own(effect: Effect) -> On {
+    (Who::Own, effect)
+}
+
+/// A change of the next unit, which is at fault, too.
+pub fn other(effect: Effect) -> On {
+    (Who::Other, effect)
+}
+
+/// A change of everything.
+pub fn whole(effect: Effect) -> On {
+    (Who::Whole, effect)
+}
+
+/// What a reading or an input becomes on its way to the diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Touch {
+    /// A reading is missing.
+    Reading(usize),
+    /// A reading has more noise, of this standard deviation.
+    Noisy(usize, f64),
+    /// An input has another value.
+    Input(usize, f64),
+}
+
+/// A change of a system: what its names stand for.
+#[derive(Clone, Debug)]
+enum Change {
+    Fault(FaultAt),
+    /// A parameter: its value by the value it has and the time since the onset.
+    Parameter(usize, usize, Effect),
+    Touch(Touch),
+    /// An input by what it is worth, and whether the plant and the twin have the change.
+    Input {
+        input: usize,
+        effect: Effect,
+        in_plant: bool,
+        in_twin: bool,
+    },
+    Weather(usize, usize, f64),
+}
+
+/// Everything that a foreign fault changes in a flight.
+#[derive(Clone, Debug, Default)]
+pub struct Changes {
+    list: Vec<Change>,
+    /// Units at fault.
+    pub at_fault: Vec<usize>,
+}
+
+impl Changes {
+    /// What effects on a unit stand for; `None` if the study has no such thing.
+    pub fn new(study: &Study, unit: usize, effects: &[On]) -> Option<Self> {
+        let units = study.units.len();
+        let mut changes = Changes::default();
+        for &(who, effect) in effects {
+            let of: Vec<usize> = match who {
+                Who::Own => vec![unit],
+                Who::Other if units > 1 => vec![(unit + 1) % units],
+                Who::Other => return None,
+                Who::Whole => (0..units).collect(),
+            };
+            for &unit in &of {
+                changes.list.extend(resolved(study, unit, effect)?);
+            }
+            if who != Who::Whole {
+                changes.at_fault.extend(of);
+            }
+        }
+        Some(changes)
+    }
+
+    /// What happens to readings and inputs on their way to the diagnosis, from the onset on.
+    pub fn touches(&self) -> Vec<Touch> {
+        let touch = |change: &Change| match change {
+            Change::Touch(touch) => Some(*touch),
+            _ => None,
+        };
+        self.list.iter().filter_map(touch).collect()
+    }
+
+    /// The environment as the plant has it, and as the twin is told; `None` where it is as it was.
+    pub fn environments(
+        &self,
+        was: &Environment,
+        flight: &Flight,
+        period_s: f64,
+    ) -> [Option<Environment>; 2] {
+        let one = |is_of: &dyn Fn(bool, bool) -> bool| {
+            let (mut environment, mut is_changed) = (was.clone(), false);
+            for change in &self.list {
+                match *change {
+                    Change::Weather(component, parameter, value) => {
+                        environment.parameters.push((component, parameter, value));
+                        is_changed = true;
+                    }
+                    Change::Input { input, effect, in_plant, in_twin }
+                        if is_of(in_plant, in_twin) =>
+                    {
+                        let signal = &environment.inputs[input];
+                        environment.inputs[input] = altered(signal, effect, flight, period_s);
+                        is_changed = true;
+                    }
+                    _ => (),
+                }
+            }
+            is_changed.then_some(environment)
+        };
+        [one(&|plant, _| plant), one(&|_, twin| twin)]
+    }
+
+    /// Faults and parameters from the onset on. `overrides` are those that the variant has.
+    pub fn later(
+        &self,
+        study: &Study,
+        flight: &Flight,
+        overrides: &[(usize, usize, f64)],
+    ) -> Vec<Later> {
+        let is_held = |change: &Change| !matches!(change, Change::Parameter(_, _, e) if e.moves());
+        let is_plant = |c: &&Change| matches!(c, Change::Fault(_) | Change::Parameter(..));
+        let own: Vec<&Change> = self.list.iter().filter(is_plant).collect();
+        let at = |time_s: f64| {
+            let mut later = Later { time_s, ..Later::default() };
+            for change in &own {
+                match change {
+                    Change::Fault(fault) => later.faults.push(*fault),
+                    Change::Parameter(component, parameter, effect) => {
+                        let place = (*component, *parameter);
+                        let value =
+                            moved(study, place, *effect, time_s - flight.onset_s, overrides);
+                        later.overrides.push((place.0, place.1, value));
+                    }
+                    _ => (),
+                }
+            }
+            later
+        };
+        let moments = match () {
+            () if own.is_empty() => 0,
+            () if own.iter().all(|change| is_held(change)) => 1,
+            () => ((flight.duration_s - flight.onset_s) / STEP_S).ceil() as u32,
+        };
+        (0..moments).map(|k| at(flight.onset_s + STEP_S * f64::from(k))).collect()
+    }
+}
+
+impl Effect {
+    fn moves(self) -> bool {
+        matches!(self, Effect::Drift(..) | Effect::Swing(..))
+    }
+}
+
+/// What an effect on a unit stands for; `None` if there is no such thing.
+fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
+    let name = |rest: &str| full_name(&study.units[unit], rest);
+    let parameter = |rest: &str| {
+        let name = name(rest);
+        let (component, parameter) = name.rsplit_once('.')?;
+        let components = &study.system.network().components;
+        let place = components.iter().position(|known| known.id == component)?;
+        Some((place, components[place].component.spec().parameter(parameter)?))
+    };
+    // An input of the unit, or of the whole.
+    let input = |rest: &str| {
+        let find = |name: &str| study.system.network().inputs.iter().position(|i| i.id == name);
+        find(&name(rest)).or_else(|| find(rest))
+    };
+    let told = |rest: &str| {
+        let input = input(rest)?;
+        Some((input, Change::Input { input, effect, in_plant: false, in_twin: true }))
+    };
+    Some(match effect {
+        Effect::Fault(rest, intensity) => {
+            let (component, fault) = study.system.program.find_fault(&name(rest))?;
+            vec![Change::Fault(FaultAt { component, fault, intensity })]
+        }
+        Effect::Value(rest, _)
+        | Effect::Times(rest, _)
+        | Effect::Drift(rest, _)
+        | Effect::Swing(rest, _) => {
+            let (component, parameter) = parameter(rest)?;
+            vec![Change::Parameter(component, parameter, effect)]
+        }
+        Effect::Weather(rest, value) => {
+            let (component, parameter) = parameter(rest)?;
+            vec![Change::Weather(component, parameter, value)]
+        }
+        Effect::Missing(quantity) => {
+            vec![Change::Touch(Touch::Reading(study.sensors.find(quantity, unit)?))]
+        }
+        Effect::Noise(quantity, times) => {
+            let sensor = study.sensors.find(quantity, unit)?;
+            let own = Imperfection::of(&study.system, study.measured[sensor]).deviation();
+            vec![Change::Touch(Touch::Noisy(sensor, own * (times * times - 1.0).sqrt()))]
+        }
+        Effect::InputTimes(rest, _) => {
+            vec![Change::Input { input: input(rest)?, effect, in_plant: true, in_twin: true }]
+        }
+        Effect::ToldFrozen(rest) | Effect::ToldOff(rest, _) => vec![told(rest)?.1],
+        // What makes no sense is not believed: the twin keeps the value before.
+        Effect::ToldMissing(rest) => {
+            let (input, change) = told(rest)?;
+            vec![change, Change::Touch(Touch::Input(input, f64::NAN))]
+        }
+        Effect::ToldTooLarge(rest) => {
+            let (input, change) = told(rest)?;
+            vec![change, Change::Touch(Touch::Input(input, TOO_LARGE))]
+        }
+    })
+}
+
+/// An input from the onset on.
+fn altered(was: &Piecewise, effect: Effect, flight: &Flight, period_s: f64) -> Piecewise {
+    let onset_s = (flight.onset_s / period_s).floor() * period_s;
+    let value = |time_s: f64| {
+        let risen = ((time_s - onset_s) / FALL_S).clamp(0.0, 1.0);
+        match effect {
+            Effect::InputTimes(_, times) => was.value(time_s) * (1.0 + (times - 1.0) * risen),
+            Effect::ToldOff(_, part) => was.value(time_s) * (1.0 + part * risen),
+            _ => was.value(time_s.min(onset_s)),
+        }
+    };
+    sent(value, period_s, flight.duration_s).expect("a finite signal")
+}
+
+/// A parameter so long after the onset, inside of its range.
+fn moved(
+    study: &Study,
+    (component, parameter): (usize, usize),
+    effect: Effect,
+    age_s: f64,
+    overrides: &[(usize, usize, f64)],
+) -> f64 {
+    let instance = &study.system.network().components[component];
+    let own = overrides.iter().rev().find(|o| (o.0, o.1) == (component, parameter));
+    let was = own.map_or(instance.parameters[parameter], |own| own.2);
+    let value = match effect {
+        Effect::Value(_, value) => value,
+        Effect::Times(_, times) => was * times,
+        Effect::Drift(_, per_s) => was + per_s * age_s,
+        Effect::Swing(_, size) => was + size * (TAU * SWING_HZ * age_s).sin(),
+        _ => was,
+    };
+    let declared = &instance.component.spec().parameters[parameter];
+    value.clamp(declared.min, declared.max)
+}
+
+/// Readings and inputs as they reach the diagnosis.
+pub struct Touched {
+    touches: Vec<Touch>,
+    onset: usize,
+    random: Random,
+    /// The readings of the last sample.
+    pub measured: Vec<f64>,
+    /// Its inputs.
+    pub inputs: Vec<f64>,
+}
+
+impl Touched {
+    /// From the sample `onset` on.
+    pub fn new(touches: Vec<Touch>, onset: usize, seed: u64) -> Self {
+        Touched { touches, onset, random: Random::new(seed), measured: vec![], inputs: vec![] }
+    }
+
+    /// Takes a sample.
+    pub fn take(&mut self, index: usize, measured: &[f64], inputs: &[f64]) {
+        self.measured.clear();
+        self.measured.extend_from_slice(measured);
+        self.inputs.clear();
+        self.inputs.extend_from_slice(inputs);
+        if index < self.onset {
+            return;
+        }
+        for touch in &self.touches {
+            match *touch {
+                Touch::Reading(sensor) => self.measured[sensor] = f64::NAN,
+                Touch::Noisy(sensor, sigma) => {
+                    self.measured[sensor] += sigma * self.random.normal();
+                }
+                Touch::Input(input, value) => self.inputs[input] = value,
+            }
+        }
+    }
+}

@@ -1,0 +1,368 @@
+//! What the diagnosis says of faults that it was never trained on.
+//!
+//! Nobody expects the right name for what has none. What is expected is that the healthy actuator stays
+//! on, and that what is said makes sense: the right actuator, or that the fault is unknown, or that what
+//! the twin was told is wrong.
+
+mod effect;
+mod list;
+
+pub use list::{ALL, Foreign, Sensible};
+
+use super::flown::{Flown, Observer};
+use super::judge::{Latency, latency};
+use super::plan::{Flight, Onset, Purpose};
+use crate::study::campaign::CampaignError;
+use crate::study::flights::Environment;
+use crate::study::{Flights, Setting, Study};
+use effect::{Changes, Touched};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session};
+use std::borrow::Cow;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Foreign flights are numbered from here on: other specimens and noise than those of the others.
+const FIRST: usize = 500_000;
+
+/// Of how many flights what was said; every flight counts once, with the most that was said in it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Words {
+    /// A sensible command for an actuator at fault was raised first.
+    pub sensible: u64,
+    /// Another command for an actuator at fault was raised first.
+    pub other_command: u64,
+    /// A command for a healthy actuator was raised first.
+    pub wrong_actuator: u64,
+    /// No command, but the actuator at fault was named.
+    pub actuator: u64,
+    /// Neither, but that it is like nothing known.
+    pub unknown: u64,
+    /// Neither, but that an input is not to be believed.
+    pub environment_invalid: u64,
+    /// Neither, but that readings are missing.
+    pub no_data: u64,
+    /// Only that something is wrong, or a healthy actuator was named without a command.
+    pub detected: u64,
+    /// Nothing.
+    pub healthy: u64,
+}
+
+impl Words {
+    /// Each count with its name, the best first.
+    pub fn named(&self) -> [(&'static str, u64); 9] {
+        [
+            ("sensible command", self.sensible),
+            ("another command", self.other_command),
+            ("actuator", self.actuator),
+            ("unknown", self.unknown),
+            ("environment invalid", self.environment_invalid),
+            ("no data", self.no_data),
+            ("detected", self.detected),
+            ("healthy", self.healthy),
+            ("command for a healthy actuator", self.wrong_actuator),
+        ]
+    }
+}
+
+/// What was said of a foreign fault.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ForeignOutcome {
+    /// What it is.
+    pub title: String,
+    /// Its strengths, in words.
+    pub strengths: String,
+    /// What would be sensible.
+    pub sensible: Sensible,
+    /// Flights that were finished.
+    pub flights: u64,
+    /// Flights that could not be.
+    pub failed: u64,
+    /// What was said.
+    pub words: Words,
+    /// Shutdowns of an actuator at fault.
+    pub shutdowns_at_fault: u64,
+    /// Shutdowns of a healthy actuator.
+    pub shutdowns_healthy: u64,
+    /// From the onset to the first word, whatever it was.
+    pub first_word: Option<Latency>,
+    /// The flights in which a healthy actuator was to be shut down: environment, strength, unit.
+    pub wrong: Vec<String>,
+}
+
+/// What was said of all of them in a setting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ForeignMerit {
+    /// The setting's name.
+    pub setting: String,
+    /// One for each fault that the study's system can have.
+    pub outcomes: Vec<ForeignOutcome>,
+}
+
+impl ForeignMerit {
+    /// Shutdowns of a healthy actuator, of how many flights.
+    pub fn shutdowns_healthy(&self) -> (u64, u64) {
+        let sum = |of: fn(&ForeignOutcome) -> u64| self.outcomes.iter().map(of).sum();
+        (sum(|outcome| outcome.shutdowns_healthy), sum(|outcome| outcome.flights))
+    }
+}
+
+/// One flight with a foreign fault.
+struct Case {
+    /// Its place in [`ALL`].
+    foreign: usize,
+    unit: usize,
+    strength: f64,
+    changes: Changes,
+    /// The plant's environment, where it is not the one that the twin is told.
+    real: Option<Environment>,
+    base: usize,
+}
+
+/// The cases, their flights and the environments as twins are told them.
+#[derive(Default)]
+struct Plan {
+    cases: Vec<Case>,
+    flights: Vec<Flight>,
+    told: Vec<Environment>,
+}
+
+impl Plan {
+    fn new(study: &Study, flights: &Flights) -> Self {
+        let mut plan = Plan { told: flights.judged.clone(), ..Plan::default() };
+        let count = flights.judged.len();
+        for (foreign, fault) in ALL.iter().enumerate() {
+            for (place, &strength) in fault.strengths.iter().enumerate() {
+                for unit in 0..study.units.len() {
+                    let effects = (fault.effects)(strength);
+                    let Some(changes) = Changes::new(study, unit, &effects) else { continue };
+                    for repeat in 0..flights.judge.foreign {
+                        // Eleven and seven have no divisor in common with the usual numbers.
+                        let base = (11 * repeat + 7 * foreign + 5 * place + 3 * unit) % count;
+                        let case = Case {
+                            foreign,
+                            unit,
+                            strength,
+                            changes: changes.clone(),
+                            real: None,
+                            base,
+                        };
+                        plan.add(study, flights, case);
+                    }
+                    // One flight is the same for all units.
+                    if changes.at_fault.is_empty() {
+                        break;
+                    }
+                }
+            }
+        }
+        plan
+    }
+
+    fn add(&mut self, study: &Study, flights: &Flights, mut case: Case) {
+        let [from, to] = flights.onset_s;
+        let mut flight = Flight {
+            number: FIRST + self.cases.len(),
+            environment: case.base,
+            fault: None,
+            intensity: 0.0,
+            onset_s: 0.5 * (from + to),
+            onset: Onset::Step,
+            duration_s: flights.duration_s,
+        };
+        let base = &flights.judged[case.base];
+        let [plant, twin] = case.changes.environments(base, &flight, study.sample_period_s);
+        // A plant that is not changed where its twin is has the environment as it was.
+        case.real = twin.is_some().then(|| plant.unwrap_or_else(|| base.clone()));
+        if let Some(twin) = twin {
+            flight.environment = self.told.len();
+            self.told.push(twin);
+        }
+        self.flights.push(flight);
+        self.cases.push(case);
+    }
+}
+
+/// What was heard in a flight.
+struct Listening {
+    session: Session,
+    touched: Touched,
+    onset: u64,
+    at_fault: Vec<usize>,
+    is_off: Vec<bool>,
+    /// Unit and command raised first.
+    first: Option<(usize, u32)>,
+    heard: Heard,
+    first_word: Option<u64>,
+    off_at_fault: bool,
+    off_healthy: bool,
+}
+
+/// What was found at any time since the onset.
+#[derive(Default)]
+struct Heard {
+    actuator: bool,
+    other: bool,
+    unknown: bool,
+    environment_invalid: bool,
+    no_data: bool,
+}
+
+impl Heard {
+    /// Whether it is a word at all.
+    fn listen(&mut self, outcome: &Outcome, at_fault: &[usize]) -> bool {
+        match outcome.finding {
+            Finding::Healthy => return false,
+            Finding::Unjudged => {
+                let lacks = matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
+                self.no_data |= lacks;
+                return lacks;
+            }
+            Finding::Unknown => self.unknown = true,
+            Finding::EnvironmentInvalid { .. } => self.environment_invalid = true,
+            Finding::Detected => self.other = true,
+            Finding::Actuator { unit }
+            | Finding::Command { unit, .. }
+            | Finding::Detail { unit, .. } => {
+                let is_right = at_fault.contains(&(unit as usize));
+                self.actuator |= is_right;
+                self.other |= !is_right;
+            }
+        }
+        true
+    }
+}
+
+impl Observer for Listening {
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        self.touched.take(index, measured, inputs);
+        let outcome = self.session.push(&self.touched.inputs, &self.touched.measured, twin);
+        let is_late = index as u64 >= self.onset;
+        if let Some(raised) = outcome.raised {
+            let is_guilty = is_late && self.at_fault.contains(&(raised.unit as usize));
+            let is_off = self.is_off[raised.command as usize];
+            self.off_at_fault |= is_off && is_guilty;
+            // What was raised before the onset was raised of a healthy one, and may stay.
+            self.off_healthy |= is_off && !is_guilty && raised.sample == outcome.sample;
+        }
+        if is_late {
+            let is_word = self.heard.listen(outcome, &self.at_fault);
+            self.first_word = self.first_word.or(is_word.then_some(index as u64));
+            let raised = outcome.raised.map(|raised| (raised.unit as usize, raised.command));
+            self.first = self.first.or(raised);
+        }
+    }
+}
+
+impl Listening {
+    fn count(&self, sensible: Sensible, words: &mut Words) {
+        let heard = &self.heard;
+        let word = match self.first {
+            Some((unit, _)) if !self.at_fault.contains(&unit) => &mut words.wrong_actuator,
+            Some((_, command)) => {
+                let is_off = self.is_off[command as usize];
+                let is_sensible = match sensible {
+                    Sensible::Shutdown => is_off,
+                    Sensible::NoShutdown => !is_off,
+                    Sensible::Any => true,
+                    Sensible::Nothing => false,
+                };
+                if is_sensible { &mut words.sensible } else { &mut words.other_command }
+            }
+            None if heard.actuator => &mut words.actuator,
+            None if heard.unknown => &mut words.unknown,
+            None if heard.environment_invalid => &mut words.environment_invalid,
+            None if heard.no_data => &mut words.no_data,
+            None if heard.other => &mut words.detected,
+            None => &mut words.healthy,
+        };
+        *word += 1;
+    }
+}
+
+/// Flies every foreign fault in some of the environments that are judged in, and tells what was said.
+///
+/// # Errors
+/// A twin cannot be simulated; what [`Diagnoser::check`] says stands for a study that does not fit.
+pub fn judge(
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    diagnoser: &Arc<Diagnoser>,
+    (threads, cancel): (usize, Option<&AtomicBool>),
+) -> Result<ForeignMerit, CampaignError> {
+    let Plan { cases, flights: plan, told } = Plan::new(study, flights);
+    let lot = (Purpose::Judge, flights.seed);
+    let told = Cow::Owned(told);
+    let flown = Flown::planned(study, told, plan, lot, setting, (threads, cancel))?;
+    let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
+    let commands = diagnoser.names().commands.iter();
+    let is_off: Vec<bool> =
+        commands.map(|command| diagnoser.decision.off_commands.contains(command)).collect();
+    let case = |flight: &Flight| &cases[flight.number - FIRST];
+    let onset = |flight: &Flight| (flight.onset_s / flown.period_s()).ceil() as usize;
+    let mut ended = vec![];
+    let all: Vec<usize> = (0..cases.len()).collect();
+    flown.fly_altered(
+        &all,
+        |flight, variant| {
+            let case = case(flight);
+            if let Some(real) = &case.real {
+                variant.inputs = real.inputs.iter().collect();
+            }
+            variant.later = case.changes.later(study, flight, &variant.overrides);
+        },
+        |flight| Listening {
+            session: fresh.clone(),
+            touched: Touched::new(
+                case(flight).changes.touches(),
+                onset(flight),
+                flight.number as u64,
+            ),
+            onset: onset(flight) as u64,
+            at_fault: case(flight).changes.at_fault.clone(),
+            is_off: is_off.clone(),
+            first: None,
+            heard: Heard::default(),
+            first_word: None,
+            off_at_fault: false,
+            off_healthy: false,
+        },
+        |flight, listening, outcome| ended.push((*flight, listening, outcome.is_ok())),
+    );
+    ended.sort_by_key(|(flight, ..)| flight.number);
+    let told_of = |foreign: usize| {
+        let own = ended.iter().filter(|(flight, ..)| case(flight).foreign == foreign);
+        let own: Vec<_> = own.map(|(f, heard, is_ok)| (f, case(f), heard, *is_ok)).collect();
+        let finished: Vec<_> = own.iter().filter(|one| one.3).collect();
+        let fault = &ALL[foreign];
+        let mut words = Words::default();
+        finished.iter().for_each(|(_, _, heard, _)| heard.count(fault.sensible, &mut words));
+        let of = finished.len() as u64;
+        let times = finished.iter().filter_map(|(flight, _, heard, _)| {
+            Some(heard.first_word? as f64 * flown.period_s() - flight.onset_s)
+        });
+        let wrong: Vec<String> = finished
+            .iter()
+            .filter(|one| one.2.off_healthy)
+            .map(|(_, case, _, _)| {
+                let environment = &flights.judged[case.base].name;
+                format!("{environment}, {} at {}", study.units[case.unit], case.strength)
+            })
+            .collect();
+        ForeignOutcome {
+            title: fault.title.into(),
+            strengths: fault.strengths_in_words.into(),
+            sensible: fault.sensible,
+            flights: of,
+            failed: own.len() as u64 - of,
+            words,
+            shutdowns_at_fault: finished.iter().filter(|one| one.2.off_at_fault).count() as u64,
+            shutdowns_healthy: wrong.len() as u64,
+            first_word: latency(times.map(|time_s: f64| time_s.max(0.0)), of),
+            wrong,
+        }
+    };
+    let outcomes = (0..ALL.len()).map(told_of).filter(|o| o.flights + o.failed > 0).collect();
+    Ok(ForeignMerit { setting: setting.name().into(), outcomes })
+}

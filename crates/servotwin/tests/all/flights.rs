@@ -1,0 +1,183 @@
+//! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
+//! is said and done.
+
+use servotwin::evaluation::parallel::Workers;
+use servotwin::flight::closed_loop::{self, Record, Scenario};
+use servotwin::flight::flown::Flown;
+use servotwin::flight::foreign;
+use servotwin::flight::judge::{self, Merit};
+use servotwin::flight::plan::Purpose;
+use servotwin::job::Folder;
+use servotwin::job::flights::{Crew, learn};
+use servotwin::signal::Signal;
+use servotwin::signal::bus::as_sent;
+use servotwin::study::{Setting, Study};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::program::FaultAt;
+use servotwin_model::signal::Piecewise;
+use std::sync::{Arc, OnceLock};
+
+const STUDY: &str = r#"
+format = 1
+name = "tiny"
+title = "Flights small enough for a test"
+system = "aileron_dual"
+duration_s = 2
+sample_hz = 50
+intensities = [0.6, 1.0]
+units = ["actuator_1", "actuator_2"]
+[command]
+input = "command"
+signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
+[load]
+input = "load_factor"
+values.100 = 1.0
+[sensors]
+p_a_1 = { quantity = "pressure_a", unit = 1 }
+p_b_1 = { quantity = "pressure_b", unit = 1 }
+x_p_1 = { quantity = "ram", unit = 1 }
+x_v_1 = { quantity = "spool", unit = 1 }
+p_a_2 = { quantity = "pressure_a", unit = 2 }
+p_b_2 = { quantity = "pressure_b", unit = 2 }
+x_p_2 = { quantity = "ram", unit = 2 }
+x_v_2 = { quantity = "spool", unit = 2 }
+[[classes]]
+detail = "control_valve"
+command = "shut_down"
+faults = ["servo_valve.bias_positive", "servo_valve.bias_negative"]
+[[classes]]
+detail = "cylinder_pressure_sensor"
+command = "change_mode"
+faults = ["sensor_pressure_a.bias_positive"]
+[[classes]]
+detail = "valve_displacement_sensor"
+command = "warning"
+faults = ["sensor_spool.bias_positive"]
+[realistic]
+seed = 3
+healthy = 2
+[flights]
+duration_s = 5
+onset_s = [1.5, 2]
+windows_s = [0.5]
+commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
+inputs.load_factor = [0.5, 1]
+learn = { environments = 3, repeats = 3, healthy = 2 }
+judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20, foreign = 1 }
+[reactions]
+shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
+"#;
+
+fn study() -> &'static Study {
+    static MADE: OnceLock<Study> = OnceLock::new();
+    MADE.get_or_init(|| Study::parse(STUDY, "tiny.toml").unwrap())
+}
+
+fn learned(threads: usize) -> Diagnoser {
+    let path =
+        std::env::temp_dir().join(format!("servotwin-flights-{}-{threads}", std::process::id()));
+    std::fs::create_dir_all(&path).unwrap();
+    let crew = Crew { threads, workers: Workers::new(threads), cancel: None, progress: &|_, _| () };
+    let flights = study().flights.as_ref().unwrap();
+    let learned = learn(&Folder::new(&path), study(), flights, Setting::Noise, &crew).unwrap();
+    std::fs::remove_dir_all(&path).unwrap();
+    learned
+}
+
+fn diagnoser() -> &'static Arc<Diagnoser> {
+    static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
+    MADE.get_or_init(|| Arc::new(learned(2)))
+}
+
+fn merit(threads: usize) -> Merit {
+    let flights = study().flights.as_ref().unwrap();
+    let flown =
+        Flown::new(study(), flights, Purpose::Judge, Setting::Noise, threads, None).unwrap();
+    judge::judge(study(), "noise", &flown, diagnoser(), &|_, _| ()).unwrap()
+}
+
+fn text(value: &impl serde::Serialize) -> String {
+    serde_json::to_string(value).unwrap()
+}
+
+#[test]
+fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
+    assert!(text(&learned(1)) == text(&**diagnoser()), "another diagnoser");
+    let [one, two] = [1, 2].map(|threads| text(&merit(threads)));
+    assert_eq!(one, two);
+    let foreign = |threads| {
+        let flights = study().flights.as_ref().unwrap();
+        foreign::judge(study(), flights, Setting::Noise, diagnoser(), (threads, None)).unwrap()
+    };
+    assert_eq!(text(&foreign(1)), text(&foreign(2)));
+}
+
+#[test]
+fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
+    let merit = merit(2);
+    assert_eq!((merit.failed, merit.flights), (0, 16));
+    assert_eq!((merit.healthy.alarms, merit.wrong_shutdowns), (0, 0));
+    let shut_down = merit.classes.iter().find(|class| class.command == "shut_down").unwrap();
+    assert_eq!(shut_down.visible.count, shut_down.visible.of);
+    assert!(shut_down.isolated.count > 0, "{shut_down:?}");
+}
+
+#[test]
+fn faults_never_trained_on_are_counted_once_each() {
+    let flights = study().flights.as_ref().unwrap();
+    let merit = foreign::judge(study(), flights, Setting::Noise, diagnoser(), (2, None)).unwrap();
+    // The study has no sensor of the supply pressure, and so no fault of one that needs it.
+    assert!(merit.outcomes.len() < foreign::ALL.len() && !merit.outcomes.is_empty());
+    for outcome in &merit.outcomes {
+        let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();
+        assert_eq!(said, outcome.flights, "{}", outcome.title);
+    }
+    let of = |title: &str| merit.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
+    let missing = of("no reading of a pressure sensor");
+    assert_eq!(missing.words.no_data, missing.flights);
+    let untold = of("the twin is told no command");
+    assert_eq!(untold.words.environment_invalid, untold.flights);
+    let jam = of("spool jams where it is");
+    assert!(jam.words.healthy < jam.flights, "{jam:?}");
+}
+
+/// Flies for 8 s with a lively command.
+fn fly(faults: Vec<(f64, FaultAt)>) -> Record {
+    let study = study();
+    let (duration_s, network) = (8.0, study.system.network());
+    let signal: Signal = "noise:rms=3deg,bandwidth=0.8Hz,seed=9".parse().unwrap();
+    let command = signal.build(network.inputs[study.command_input].unit, duration_s).unwrap();
+    let constant = |value: f64| Piecewise::constant(value).unwrap();
+    let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
+    inputs[study.command_input] = as_sent(&command, study.sample_period_s, duration_s).unwrap();
+    let scenario = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: true };
+    closed_loop::fly(&scenario, diagnoser(), &[]).unwrap()
+}
+
+fn fault(id: &str) -> FaultAt {
+    let (component, fault) = study().system.program.find_fault(id).unwrap();
+    FaultAt { component, fault, intensity: 1.0 }
+}
+
+#[test]
+fn nothing_is_done_about_a_healthy_flight() {
+    let record = fly(vec![]);
+    assert!(record.actions.is_empty(), "{:?}", record.actions);
+    assert_eq!(record.time_s.len(), 401);
+}
+
+#[test]
+fn a_strong_fault_is_switched_off_and_the_other_actuator_never_is() {
+    let second = "actuator_2.servo_valve.bias_negative";
+    // By itself the second fault would be switched off, too.
+    let alone = fly(vec![(2.0, fault(second))]);
+    let off = |record: &Record| {
+        let off = record.actions.iter().filter(|action| action.reaction.switches_off);
+        off.map(|action| action.raised.unit).collect::<Vec<_>>()
+    };
+    assert_eq!(off(&alone), [1]);
+    let both =
+        fly(vec![(2.0, fault("actuator_1.servo_valve.bias_positive")), (5.0, fault(second))]);
+    assert_eq!(off(&both), [0]);
+    assert!(both.actions[0].time_s > 2.0 && both.actions[0].time_s < 4.0);
+}
