@@ -5,7 +5,7 @@ use super::evaluate::workers;
 use super::simulate::fault;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
-use crate::render::json;
+use crate::render::{json, with_suffix};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
@@ -203,20 +203,21 @@ impl Flown<'_> {
 
     fn table(&self, record: &Record) -> Table {
         let mut columns = vec![Column::new("time_s", "s", Values::Float(record.time_s.clone()))];
-        let mut push = |name: String, unit: &str, values: &Vec<f64>| {
-            columns.push(Column::new(name, unit, Values::Float(values.clone())));
+        let mut push = |name: &str, unit: Unit, values: &Vec<f64>| {
+            let values = Values::Float(values.clone());
+            columns.push(Column::new(with_suffix(name, unit), unit.symbol(), values));
         };
         for (input, values) in self.study.system.network().inputs.iter().zip(&record.inputs) {
-            push(input.id.clone(), input.unit.symbol(), values);
+            push(&input.id, input.unit, values);
         }
         let sensors = self.study.measured.iter().map(|&sensor| &self.study.system.sensors[sensor]);
         for (place, sensor) in sensors.enumerate().take(record.measured.len()) {
-            push(sensor.id.clone(), sensor.unit.symbol(), &record.measured[place]);
-            push(format!("{}.twin", sensor.id), sensor.unit.symbol(), &record.twin[place]);
+            push(&sensor.id, sensor.unit, &record.measured[place]);
+            push(&format!("{}.twin", sensor.id), sensor.unit, &record.twin[place]);
         }
         let kept = self.kept.names.iter().zip(&self.kept.units).zip(&record.plant);
         for ((name, unit), values) in kept {
-            push(format!("plant.{name}"), unit.symbol(), values);
+            push(&format!("plant.{name}"), *unit, values);
         }
         Table::from_columns(columns).expect("columns of one length, named apart")
     }

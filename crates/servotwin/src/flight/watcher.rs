@@ -56,7 +56,8 @@ impl<'s> Watcher<'s> {
         let sensors = &study.system.sensors;
         let place = |name: &str| sensors.iter().position(|sensor| sensor.label == name);
         let named = diagnoser.sensors.iter();
-        let places = named.map(|s| place(&s.name).ok_or(RuntimeError::Sensor { name: s.name.clone() }));
+        let places =
+            named.map(|s| place(&s.name).ok_or(RuntimeError::Sensor { name: s.name.clone() }));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
         let mut bands = vec![f64::NAN; sensors.len()];
         for (&place, band) in places.iter().zip(&diagnoser.lengths[0].panel.bands) {
@@ -65,7 +66,10 @@ impl<'s> Watcher<'s> {
         let names = diagnoser.names();
         let off = (0..names.actuators.len()).map(|unit| {
             let commands = names.commands.iter().map(|c| study.reactions.of(unit, c, None));
-            commands.into_iter().find(|r| r.switches_off && !r.inputs.is_empty()).unwrap_or_default()
+            commands
+                .into_iter()
+                .find(|r| r.switches_off && !r.inputs.is_empty())
+                .unwrap_or_default()
         });
         Ok(Watcher {
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
@@ -113,7 +117,8 @@ impl<'s> Watcher<'s> {
         for (residual, ((measured, twin), scale)) in self.residuals.iter_mut().zip(pairs) {
             *residual = (measured - twin) / scale;
         }
-        let said = |o: &Outcome| (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)));
+        let said =
+            |o: &Outcome| (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)));
         if self.last.as_ref().map(said) != Some(said(&outcome)) {
             self.say(&outcome);
         }
