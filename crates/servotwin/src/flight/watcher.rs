@@ -35,6 +35,8 @@ struct Stored {
     session: diagnoser::State,
     buses: Vec<(Option<f64>, f64)>,
     is_off: Vec<bool>,
+    /// What was said last; `None` if nothing.
+    finding: Option<Finding>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -210,7 +212,8 @@ impl Observer for Watcher<'_> {
             next_tick: twin.next_tick,
             inputs: twin.inputs.iter().map(|knot| (knot.value, knot.slope_per_s)).collect(),
         });
-        let stored = Stored { twin, session, buses, is_off: self.is_off.clone() };
+        let finding = self.last.map(|_| self.finding.clone());
+        let stored = Stored { twin, session, buses, is_off: self.is_off.clone(), finding };
         serde_json::to_vec(&stored).expect("numbers and names are always JSON")
     }
 
@@ -231,7 +234,8 @@ impl Observer for Watcher<'_> {
         let checkpoint = Checkpoint { twin, session: stored.session, buses: stored.buses };
         self.runtime.restore(&checkpoint).map_err(|error| error.to_string())?;
         self.is_off = stored.is_off;
-        self.last = None;
+        self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());
+        self.finding = stored.finding.unwrap_or_default();
         Ok(())
     }
 }

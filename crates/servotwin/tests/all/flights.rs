@@ -68,7 +68,7 @@ judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20, f
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 "#;
 
-fn study() -> &'static Study {
+pub fn study() -> &'static Study {
     static MADE: OnceLock<Study> = OnceLock::new();
     MADE.get_or_init(|| Study::parse(STUDY, "tiny.toml").unwrap())
 }
@@ -84,7 +84,7 @@ fn learned(threads: usize) -> Diagnoser {
     learned
 }
 
-fn diagnoser() -> &'static Arc<Diagnoser> {
+pub fn diagnoser() -> &'static Arc<Diagnoser> {
     static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
     MADE.get_or_init(|| Arc::new(learned(2)))
 }
@@ -142,7 +142,7 @@ fn faults_never_trained_on_are_counted_once_each() {
 }
 
 /// Flies for 8 s with a lively command.
-fn fly(faults: Vec<(f64, FaultAt)>) -> Record {
+pub fn fly(faults: Vec<(f64, FaultAt)>) -> Record {
     let study = study();
     let (duration_s, network) = (8.0, study.system.network());
     let signal: Signal = "noise:rms=3deg,bandwidth=0.8Hz,seed=9".parse().unwrap();
@@ -154,7 +154,7 @@ fn fly(faults: Vec<(f64, FaultAt)>) -> Record {
     closed_loop::fly(&scenario, diagnoser(), &[]).unwrap()
 }
 
-fn fault(id: &str) -> FaultAt {
+pub fn fault(id: &str) -> FaultAt {
     let (component, fault) = study().system.program.find_fault(id).unwrap();
     FaultAt { component, fault, intensity: 1.0 }
 }

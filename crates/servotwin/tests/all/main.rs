@@ -8,6 +8,7 @@ mod flights;
 mod log;
 mod peer_cases;
 mod physics;
+mod runtime;
 mod report;
 mod system;
 mod table;

@@ -1,0 +1,100 @@
+//! Twin and diagnosis beside an actuator: what a log says again is what the flight said.
+
+use crate::flights::{diagnoser, fault, fly, study};
+use servotwin::flight::flown::{Flown, Observer as FlightObserver};
+use servotwin::flight::plan::{Flight, Purpose};
+use servotwin::flight::runtime::Runtime;
+use servotwin::flight::watcher::Watcher;
+use servotwin::log::{Finding, Observer, Phase, State};
+use servotwin::study::Setting;
+
+/// All that an observer of a flight is told.
+#[derive(Default)]
+struct Log {
+    samples: Vec<[Vec<f64>; 3]>,
+}
+
+impl FlightObserver for Log {
+    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        self.samples.push([measured.to_vec(), twin.to_vec(), inputs.to_vec()]);
+    }
+}
+
+#[test]
+fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
+    let flights = study().flights.as_ref().unwrap();
+    let flown = Flown::new(study(), flights, Purpose::Judge, Setting::Realistic, 2, None).unwrap();
+    let mut logs: Vec<(Flight, Log)> = vec![];
+    flown.fly(
+        &[0, 5, flown.plan.len() - 1],
+        |_| Log::default(),
+        |flight, log, outcome| {
+            outcome.unwrap();
+            logs.push((*flight, log));
+        },
+    );
+    assert_eq!(logs.len(), 3);
+    for (flight, log) in logs {
+        // The twin is told the environment's parameters; here there are none.
+        let mut runtime = Runtime::new(study(), diagnoser().clone(), vec![]).unwrap();
+        for (k, [measured, twin, inputs]) in log.samples.iter().enumerate() {
+            runtime.push(inputs, measured).unwrap();
+            assert_eq!(runtime.expected(), twin, "flight {}, sample {k}", flight.number);
+        }
+        assert!(log.samples.len() > 200);
+    }
+}
+
+/// Replays a flight through a watcher that comes from a checkpoint after each of some samples.
+fn replay(checkpoints: &[usize]) -> Vec<(Finding, Vec<f64>)> {
+    let record = fly(vec![(2.0, fault("actuator_1.servo_valve.bias_positive"))]);
+    let mut watcher = Watcher::new(study(), diagnoser().clone()).unwrap();
+    let sensors = study().system.sensors.len();
+    let mut said = vec![];
+    for k in 0..record.time_s.len() {
+        let inputs: Vec<f64> = record.inputs.iter().map(|column| column[k]).collect();
+        let mut measured = vec![f64::NAN; sensors];
+        for (column, &sensor) in record.measured.iter().zip(&study().measured) {
+            measured[sensor] = column[k];
+        }
+        let observation = watcher.push(record.time_s[k], &inputs, &measured);
+        let twin: Vec<f64> = study().measured.iter().map(|&s| observation.twin[s]).collect();
+        let expected: Vec<f64> = record.twin.iter().map(|column| column[k]).collect();
+        assert_eq!(twin[..expected.len()], expected, "sample {k}");
+        said.push((observation.finding.clone(), twin));
+        if checkpoints.contains(&k) {
+            let saved = watcher.save();
+            watcher = Watcher::new(study(), diagnoser().clone()).unwrap();
+            watcher.restore(&saved).unwrap();
+        }
+    }
+    said
+}
+
+#[test]
+fn a_log_is_watched_as_the_flight_was_flown_also_after_a_checkpoint() {
+    let said = replay(&[]);
+    assert!(said == replay(&[0, 55, 127, 250]), "a checkpoint changes nothing");
+    let raised = said.iter().position(|(finding, _)| finding.phase == Phase::Raised).unwrap();
+    let (finding, _) = &said[raised];
+    assert_eq!((finding.actuator, finding.command.as_str()), (Some(1), "shut_down"));
+    // The log says that the actuator is off from then on: nothing more is said of it.
+    assert_eq!(said.last().unwrap().0.state, State::Healthy);
+}
+
+#[test]
+fn values_that_are_missing_or_absurd_say_so_and_raise_nothing() {
+    let mut watcher = Watcher::new(study(), diagnoser().clone()).unwrap();
+    let defaults: Vec<f64> =
+        study().system.network().inputs.iter().map(|input| input.default).collect();
+    let sensors = study().system.sensors.len();
+    let zero = vec![0.0; sensors];
+    for (k, odd) in [f64::NAN, f64::INFINITY, 1e300, -1e300].into_iter().cycle().take(400).enumerate() {
+        let mut inputs = defaults.clone();
+        inputs[k % defaults.len()] = odd;
+        let measured = if k % 3 == 0 { vec![odd; sensors] } else { zero.clone() };
+        let observation = watcher.push(k as f64 * 0.02, &inputs, &measured);
+        assert!(observation.finding.command.is_empty(), "{:?}", observation.finding);
+        assert!(observation.twin.iter().all(|value| value.is_finite()));
+    }
+}
