@@ -80,7 +80,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::listen();
     let folder = Folder::new(&options.study.out);
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
-    let diagnoser = diagnoser(&folder, &study, setting, options.study.threads, global)?;
     let duration_s = seconds("--duration", &options.duration)?;
     let mut inputs = super::default_inputs(&study.system);
     let unit = study.system.network().inputs[study.command_input].unit;
@@ -93,6 +92,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         text => Some(fault(&study.system, text)?),
     };
     let onset_s = seconds("--at", &options.at)?;
+    let diagnoser = diagnoser(&folder, &study, setting, options.study.threads, global)?;
     let kept = Kept::of(&study);
     let fly = |reacts: bool| {
         let inputs = inputs.clone();

@@ -3,6 +3,7 @@
 use super::StudyOptions;
 use super::campaign::{campaign, describe, runs, simulate};
 use super::evaluate::{measure, workers};
+use super::flights::fly;
 use super::progress::Notes;
 use super::summary;
 use crate::failure::Failure;
@@ -15,8 +16,8 @@ use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Runs, one after the other, what `campaign`, `train`, `evaluate` and `report` do alone. An
-/// interrupted study goes on where it was; run again, it gives the same bytes.
+/// Runs, one after the other, what `campaign`, `train`, `flights`, `evaluate` and `report` do
+/// alone. An interrupted study goes on where it was; run again, it gives the same bytes.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
@@ -45,6 +46,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         job::train(&folder, &study, subject, workers)?;
     }
     notes.write(&format!("trained in {:.1} s", training.elapsed().as_secs_f64()));
+    if let Some(flights) = &study.flights {
+        let flying = Instant::now();
+        fly(&folder, &study, flights, false, options.study.threads, global)?;
+        notes.write(&format!("flown in {:.1} s", flying.elapsed().as_secs_f64()));
+    }
     let evaluating = Instant::now();
     let results = measure(&folder, &study, options.study.threads, global)?;
     notes.write(&format!("evaluated in {:.1} s", evaluating.elapsed().as_secs_f64()));

@@ -47,6 +47,16 @@ load = [0.5, 1.0]
 intensity_spread = 0.05
 draws = [{{ count = 3, signal = "noise:rms={{3..6}}deg,bandwidth=1Hz,seed=1{{n}}" }}]
 signals.step = "step:size=5deg,at=0.5s"
+[flights]
+duration_s = 3
+onset_s = [1, 1.5]
+windows_s = [0.5]
+commands = ["noise:rms={{2..4}}deg,bandwidth={{0.5..1}}Hz,seed=4{{n}}"]
+inputs.load_factor = [0.5, 1]
+learn = {{ environments = 3, repeats = 1, healthy = 2 }}
+judge = {{ environments = 2, repeats = 1, healthy = 1, foreign = 1 }}
+[reactions]
+shut_down = {{ switches_off = true, unit_inputs = {{ mode = 0 }} }}
 "#
     )
 }
@@ -127,6 +137,7 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     assert!(stdout(&output).contains("wrong actuator shut down"));
     run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
     run(&["train", &staged]);
+    run(&["flights", &study, "--out", &staged, "--threads", "2"]);
     run(&["evaluate", &staged, "--threads", "2"]);
     run(&["report", &staged]);
     let first = contents(Path::new(&whole));

@@ -6,8 +6,8 @@
 
 use super::flown::{Flown, Observer};
 use super::plan::{Flight, Onset};
-use crate::evaluation::score::Rate;
-use crate::study::Study;
+use crate::evaluation::score::{Rate, Trial};
+use crate::study::{FaultCase, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_diagnosis::error::Error;
@@ -103,6 +103,10 @@ pub struct Merit {
     pub flights: u64,
     /// Flights that could not be simulated to the end, which are left out.
     pub failed: u64,
+    /// How soon 95 % of the visible, strong shutdown faults are to be isolated, s since the onset.
+    pub limit_s: f64,
+    /// How many of them are.
+    pub in_time: Rate,
     /// By command: all intensities, then the strong ones.
     pub classes: Vec<ClassMerit>,
     /// By way of beginning, shutdown faults of strong intensity.
@@ -185,13 +189,14 @@ impl Observer for Watching {
     }
 }
 
-/// Flies every planned flight and judges what was said.
+/// Flies every planned flight of a setting and judges what was said, against the latency that is
+/// asked for.
 ///
 /// # Errors
 /// What [`Diagnoser::check`] says.
 pub fn judge(
     study: &Study,
-    setting: &str,
+    (setting, limit_s): (&str, f64),
     flown: &Flown,
     diagnoser: &Diagnoser,
     progress: &(dyn Fn(usize, usize) + Sync),
@@ -230,7 +235,7 @@ pub fn judge(
     );
     ended.sort_by_key(|ended| ended.flight.number);
     let judged = Judged { study, diagnoser, ended: &ended, period_s };
-    Ok(judged.merit(setting, failed))
+    Ok(judged.merit((setting, limit_s), failed))
 }
 
 /// The diagnoser's own rate first.
@@ -243,6 +248,9 @@ fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
 /// What became of a flight with a fault.
 struct Fate {
     kind: String,
+    /// Faults of one kind at one intensity hang together, and so do those of one kind.
+    cluster: u32,
+    kind_number: u32,
     /// Seconds from the onset to the first window out of band, and to the right command.
     seen_s: Option<f64>,
     isolated_s: Option<f64>,
@@ -267,7 +275,7 @@ struct Judged<'j> {
 }
 
 impl Judged<'_> {
-    fn merit(&self, setting: &str, failed: u64) -> Merit {
+    fn merit(&self, (setting, limit_s): (&str, f64), failed: u64) -> Merit {
         let commands = &self.diagnoser.names().commands;
         let mut classes = vec![];
         for least in [0.0, STRONG] {
@@ -305,6 +313,8 @@ impl Judged<'_> {
             setting: setting.into(),
             flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
             failed,
+            limit_s,
+            in_time: self.in_time(off, limit_s),
             classes,
             onsets,
             healthy: self.healthy(0),
@@ -341,8 +351,15 @@ impl Judged<'_> {
             (is_unit, is_unit && names.commands[raised.command as usize] == class.command)
         };
         let right = since.clone().find(|raised| judged(raised).1);
+        let faults = &self.study.faults;
+        let first = |same: &dyn Fn(&FaultCase) -> bool| {
+            faults.iter().position(same).unwrap_or_default() as u32
+        };
+        let is_kind = |other: &FaultCase| other.kind == fault.kind;
         Some(Fate {
             kind: fault.kind.clone(),
+            cluster: first(&|o| is_kind(o) && o.at.intensity == fault.at.intensity),
+            kind_number: first(&is_kind),
             seen_s: ended.seen.map(after),
             isolated_s: right.map(|raised| after(raised.sample)),
             first: since.clone().next().map(|raised| judged(&raised)),
@@ -372,14 +389,13 @@ impl Judged<'_> {
         }
         let visible: Vec<&Fate> = fates.iter().filter(|fate| fate.seen_s.is_some()).collect();
         let of = visible.len() as u64;
-        let rate = |choice: &dyn Fn(&Fate) -> bool| {
-            Rate::new(visible.iter().filter(|fate| choice(fate)).count() as u64, of)
-        };
+        let rate = |choice: &dyn Fn(&Fate) -> bool| rate(&visible, choice);
+        let all: Vec<&Fate> = fates.iter().collect();
         Some(ClassMerit {
             command: command.into(),
             intensities: ends,
             flown: fates.len() as u64,
-            visible: Rate::new(of, fates.len() as u64),
+            visible: self::rate(&all, &|fate| fate.seen_s.is_some()),
             isolated: rate(&|fate| fate.first == Some((true, true))),
             other_command: rate(&|fate| fate.first == Some((true, false))),
             wrong_actuator: rate(&|fate| fate.first == Some((false, false))),
@@ -389,6 +405,17 @@ impl Judged<'_> {
             isolation: latency(visible.iter().filter_map(|fate| fate.isolated_s), of),
             isolation_since_visible: latency(visible.iter().filter_map(|fate| fate.waited_s()), of),
         })
+    }
+
+    /// Visible, strong faults of a command that were isolated so soon.
+    fn in_time(&self, command: &str, limit_s: f64) -> Rate {
+        let is_of = |flight: &Flight| {
+            let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
+            class.is_some_and(|class| class.command == command) && flight.intensity >= STRONG
+        };
+        let fates = self.fates(0, is_of);
+        let visible: Vec<&Fate> = fates.iter().filter(|fate| fate.seen_s.is_some()).collect();
+        rate(&visible, &|fate| fate.isolated_s.is_some_and(|time_s| time_s <= limit_s))
     }
 
     fn healthy(&self, session: usize) -> HealthyMerit {
@@ -427,6 +454,16 @@ impl Judged<'_> {
             wrong_shutdowns: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
         }
     }
+}
+
+/// The share of flights of which something holds; its interval is that of whole clusters.
+fn rate(fates: &[&Fate], holds: &dyn Fn(&Fate) -> bool) -> Rate {
+    let trial = |fate: &&Fate| Trial {
+        cluster: fate.cluster,
+        kind: fate.kind_number,
+        holds: holds(fate),
+    };
+    Rate::clustered(&fates.iter().map(trial).collect::<Vec<_>>())
 }
 
 /// Times at which the share of faults is told, s.

@@ -104,7 +104,11 @@ pub fn fly_all(
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
             (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
         };
-        let merit = judge::judge(study, setting.name(), &flown, &diagnoser, &told);
+        let limit_s = match setting.has_tolerances() {
+            true => flights.limits.latency_unfitted_s,
+            false => flights.limits.latency_s,
+        };
+        let merit = judge::judge(study, (setting.name(), limit_s), &flown, &diagnoser, &told);
         crew.check()?;
         merits.push(merit.map_err(|error| JobError::Evaluation(error.into()))?);
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));

@@ -1,6 +1,6 @@
 //! The stage that writes the report.
 
-use super::{Folder, JobError, Results, Subject, hierarchy, manifest};
+use super::{Folder, JobError, Results, Subject, flights, hierarchy, manifest};
 use crate::evaluation::model_file;
 use crate::files::{create_folder, write_atomically};
 use crate::report::{self, Material, examples};
@@ -20,10 +20,12 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     // An older report is no source of the new one.
     folder.remove_report()?;
     let manifest = manifest::of(folder, study)?;
+    let flights = flights::results(folder)?;
     let (html, figures) = report::render(&Material {
         study,
         results: &results,
         hierarchies: &hierarchies,
+        flights: flights.as_ref(),
         examples: &examples::simulate(study)?,
         manifest: &manifest,
     });

@@ -16,6 +16,7 @@ pub mod table_model;
 pub mod words;
 
 use crate::figure::Figure;
+use crate::job::flights::FlightResults;
 use crate::job::manifest::Manifest;
 use crate::job::results::SubjectResult;
 use crate::job::{Results, Subject};
@@ -32,6 +33,8 @@ pub struct Material<'a> {
     pub results: &'a Results,
     /// The hierarchy of each subject.
     pub hierarchies: &'a [(Subject, Hierarchy)],
+    /// What was measured in flights, where the study has any.
+    pub flights: Option<&'a FlightResults>,
     /// Faults simulated as examples.
     pub examples: &'a [Example],
     /// Where everything comes from.
@@ -63,6 +66,8 @@ pub static ALL: &[&dyn Section] = &[
     &sections::protocols::Protocols,
     &sections::safety::Safety,
     &sections::committee::Committee,
+    &sections::flights::Flights,
+    &sections::foreign::Foreign,
     &sections::robustness::Robustness,
     &sections::uncertainty::Uncertainty,
     &sections::confusion::Confusion,

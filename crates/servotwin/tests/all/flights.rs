@@ -93,7 +93,7 @@ fn merit(threads: usize) -> Merit {
     let flights = study().flights.as_ref().unwrap();
     let flown =
         Flown::new(study(), flights, Purpose::Judge, Setting::Noise, threads, None).unwrap();
-    judge::judge(study(), "noise", &flown, diagnoser(), &|_, _| ()).unwrap()
+    judge::judge(study(), ("noise", 1.0), &flown, diagnoser(), &|_, _| ()).unwrap()
 }
 
 fn text(value: &impl serde::Serialize) -> String {

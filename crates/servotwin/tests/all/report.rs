@@ -64,6 +64,7 @@ fn sections_have_names_and_stand_a_study_without_results() {
         study: &study,
         results: &results,
         hierarchies: &[],
+        flights: None,
         examples: &[],
         manifest: &manifest,
     };

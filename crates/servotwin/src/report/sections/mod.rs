@@ -12,6 +12,8 @@ pub mod confusion;
 pub mod detectability;
 pub mod exclusions;
 pub mod faults;
+pub mod flights;
+pub mod foreign;
 pub mod leaves;
 pub mod macrostructure;
 pub mod making;

@@ -45,7 +45,11 @@ impl Section for Summary {
             study.cases.len(),
             hardest.title,
         ));
-        page.findings(&findings(&hardest.evaluation));
+        let mut findings = findings(&hardest.evaluation);
+        if let Some(text) = material.flights.and_then(super::flights::finding) {
+            findings.push(("At work".into(), text));
+        }
+        page.findings(&findings);
         page.table(&side_by_side(&settings), &format!(
             "{} Intervals are 95 %: of answers from drawing kinds of fault at their intensities, because \
              rows of one are not independent; of what bands do from Wilson's formula. In shaded rows less \

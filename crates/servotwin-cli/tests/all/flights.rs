@@ -1,0 +1,101 @@
+//! Flights and the closed loop, run as users run them, on a study small enough for a test.
+
+use super::{Folder, servotwin, stderr, stdout};
+use std::path::Path;
+
+const STUDY: &str = r#"
+format = 1
+name = "tiny"
+title = "Flights small enough for a test"
+system = "aileron_dual"
+duration_s = 2
+sample_hz = 50
+intensities = [1.0]
+units = ["actuator_1", "actuator_2"]
+[command]
+input = "command"
+signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
+[load]
+input = "load_factor"
+values.100 = 1.0
+[sensors]
+p_a_1 = { quantity = "pressure_a", unit = 1 }
+p_b_1 = { quantity = "pressure_b", unit = 1 }
+x_p_1 = { quantity = "ram", unit = 1 }
+x_v_1 = { quantity = "spool", unit = 1 }
+p_a_2 = { quantity = "pressure_a", unit = 2 }
+p_b_2 = { quantity = "pressure_b", unit = 2 }
+x_p_2 = { quantity = "ram", unit = 2 }
+x_v_2 = { quantity = "spool", unit = 2 }
+[[classes]]
+detail = "control_valve"
+command = "shut_down"
+faults = ["servo_valve.bias_positive", "servo_valve.bias_negative"]
+[[classes]]
+detail = "cylinder_pressure_sensor"
+command = "change_mode"
+faults = ["sensor_pressure_a.bias_positive"]
+[realistic]
+seed = 3
+healthy = 2
+[flights]
+duration_s = 4
+onset_s = [1.5, 2]
+windows_s = [0.5]
+commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
+inputs.load_factor = [0.5, 1]
+learn = { environments = 3, repeats = 3, healthy = 2 }
+judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
+[reactions]
+shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
+"#;
+
+#[test]
+fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() {
+    let folder = Folder::new("flights");
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    std::fs::write(&study, STUDY).unwrap();
+    let full = servotwin(&["flights", &study, "--out", &out, "--full"]);
+    assert_eq!(full.status.code(), Some(2));
+    assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
+    assert!(!Path::new(&out).exists());
+    let output = servotwin(&["flights", &study, "--out", &out]);
+    let text = stdout(&output);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(text.starts_with("noise: 6 flights with a fault, 0 not finished\n"), "{text}");
+    assert!(text.contains("\nrealistic: 6 flights with a fault"), "{text}");
+    assert!(text.contains("spool jams where it is: of 2 "), "{text}");
+    let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&read("flights.json")).unwrap();
+    assert_eq!(results["is_full"], false);
+    assert_eq!(results["merits"].as_array().unwrap().len(), 2);
+    assert!(read("manifest.json").contains("diagnoser-noise.json"));
+
+    let fly = servotwin(&["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"]);
+    assert!(fly.status.success(), "{}", stderr(&fly));
+    assert!(stdout(&fly).contains("nothing had to be done"), "{}", stdout(&fly));
+    let output = servotwin(&["fly", &study, "--out", &out, "--at", "2s", "--duration", "5s", "--json"]);
+    let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
+    assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");
+    let drawn = read("flight/flight.svg");
+    let head = "actuator 1: servo valve: bias positive, intensity 0.7, at 2 s, reaction at ";
+    assert!(drawn.contains(head), "the title says what happens");
+    assert!(read("flight/flight-alone.csv").starts_with("time_s"));
+}
+
+#[test]
+fn what_cannot_be_flown_is_told_in_one_line() {
+    let folder = Folder::new("not-flown");
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    std::fs::write(&study, STUDY.split("[flights]").next().unwrap()).unwrap();
+    for command in ["flights", "fly"] {
+        let output = servotwin(&[command, &study, "--out", &out]);
+        assert_eq!(output.status.code(), Some(2), "{command}");
+        let text = stderr(&output);
+        assert!(text.contains("no [flights]") && text.trim_end().lines().count() == 1, "{text}");
+    }
+    std::fs::write(&study, STUDY).unwrap();
+    let output = servotwin(&["fly", &study, "--out", &out, "--duration", "never"]);
+    assert!(!output.status.success() && stderr(&output).contains("--duration"), "{output:?}");
+}
