@@ -57,12 +57,8 @@ fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, F
     let name = unknown.name.clone();
     let unknowns: Vec<Unknown> = problem.unknowns.iter().cloned().chain([unknown]).collect();
     let priors: Vec<f64> = unknowns.iter().map(|unknown| unknown.prior).collect();
-    let own = Problem {
-        unknowns,
-        records: problem.records.clone(),
-        suspects: Vec::new(),
-        ..*problem
-    };
+    let own =
+        Problem { unknowns, records: problem.records.clone(), suspects: Vec::new(), ..*problem };
     let last = priors.len() - 1;
     let point = |intensity: &f64| {
         let mut z = vec![0.0; priors.len()];

@@ -14,6 +14,8 @@ const WELL_KNOWN: f64 = 0.5;
 const NOT_SEEN: f64 = 0.95;
 /// A bound is reached within this part of a standard deviation.
 const AT_BOUND: f64 = 1e-6;
+/// Below this correlation an unknown does not trade off against a single other one.
+const TRADES: f64 = 0.5;
 
 /// How well an unknown is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +83,8 @@ impl Known {
         };
         let each = (0..z.len()).map(of).collect();
         let directions = information.eigen().into_iter();
-        let directions = directions.map(|(value, weights)| Direction { information: value.max(0.0), weights });
+        let directions =
+            directions.map(|(value, weights)| Direction { information: value.max(0.0), weights });
         Some(Self { each, directions: directions.collect(), covariance })
     }
 
@@ -100,12 +103,18 @@ impl Known {
         let name = |k: usize| unknowns[k].name.as_str();
         match &self.each[k] {
             Knowledge::Known => "well known from the record".into(),
-            Knowledge::Partly => "partly known: the record narrows its tolerance a little".into(),
-            Knowledge::NotSeen => "not seen in this record: its value is that of the system file".into(),
+            Knowledge::Partly => {
+                "partly known: the record narrows its tolerance, by less than half".into()
+            }
+            Knowledge::NotSeen => {
+                "not seen in this record: its value is that of the system file".into()
+            }
             Knowledge::AtBound => "stands at the bound of its tolerance".into(),
             Knowledge::TradesOff { with, correlation } => {
                 let name = name(*with);
-                format!("trades off against {name} (correlation {correlation:.2}): only together are they known")
+                format!(
+                    "trades off against {name} (correlation {correlation:.2}): only together are they known"
+                )
             }
             Knowledge::KnownByBound { with } => {
                 format!("looks well known only because {} stands at its bound", name(*with))
@@ -127,7 +136,8 @@ impl Judge<'_> {
         let error = self.covariance.at(k, k).sqrt();
         let alone = self.curvature.at(k, k).sqrt().recip();
         // Of a fault nothing is known before: its whole range is the measure.
-        let prior = if self.unknowns[k].prior > 0.0 { self.unknowns[k].prior.sqrt().recip() } else { 0.5 };
+        let prior =
+            if self.unknowns[k].prior > 0.0 { self.unknowns[k].prior.sqrt().recip() } else { 0.5 };
         let correlation = |other: usize| {
             self.covariance.at(k, other) / (error * self.covariance.at(other, other).sqrt())
         };
@@ -144,7 +154,8 @@ impl Judge<'_> {
             }
         }
         if alone <= WELL_KNOWN * prior {
-            if let Some(with) = strongest(&mut (0..self.unknowns.len())) {
+            let trades = |with: &usize| correlation(*with).abs() >= TRADES;
+            if let Some(with) = strongest(&mut (0..self.unknowns.len())).filter(trades) {
                 return Knowledge::TradesOff { with, correlation: correlation(with) };
             }
         }

@@ -89,7 +89,10 @@ impl Symmetric {
         let mut a = self.values.clone();
         let mut v: Vec<f64> = (0..n * n).map(|i| f64::from(u8::from(i / n == i % n))).collect();
         for _sweep in 0..60 {
-            let off: f64 = (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i * n + j].powi(2)).sum();
+            let off: f64 = (0..n)
+                .flat_map(|i| (0..i).map(move |j| (i, j)))
+                .map(|(i, j)| a[i * n + j].powi(2))
+                .sum();
             let all: f64 = a.iter().map(|x| x * x).sum();
             if off <= 1e-30 * all {
                 break;
@@ -101,7 +104,8 @@ impl Symmetric {
             }
         }
         let direction = |k: usize| (0..n).map(|i| v[i * n + k]).collect();
-        let mut found: Vec<(f64, Vec<f64>)> = (0..n).map(|k| (a[k * n + k], direction(k))).collect();
+        let mut found: Vec<(f64, Vec<f64>)> =
+            (0..n).map(|k| (a[k * n + k], direction(k))).collect();
         found.sort_by(|x, y| y.0.total_cmp(&x.0));
         found
     }

@@ -22,9 +22,10 @@ mod solve;
 #[cfg(test)]
 mod tests;
 pub mod unknown;
+mod write;
 
 pub use finding::{Finding, SensorFit, Suspect};
-pub use knowledge::{Known, Knowledge};
+pub use knowledge::{Knowledge, Known};
 pub use record::{Record, RecordError};
 pub use unknown::Unknown;
 
@@ -111,7 +112,10 @@ impl fmt::Display for FitError {
                 write!(out, "the twin of the record stopped at {time_s:.3} s at {state}: {cause}")
             }
             FitError::Undetermined => {
-                write!(out, "the records do not determine an unknown of which nothing is known before")
+                write!(
+                    out,
+                    "the records do not determine an unknown of which nothing is known before"
+                )
             }
             FitError::Cancelled => write!(out, "stopped"),
         }
@@ -156,11 +160,7 @@ impl<'s> Problem<'s> {
         let mut suspects: Vec<(usize, usize)> =
             study.faults.iter().map(|fault| (fault.at.component, fault.at.fault)).collect();
         suspects.dedup();
-        Self {
-            unknowns: Unknown::of_study(study),
-            suspects,
-            ..Self::new(&study.system, records)
-        }
+        Self { unknowns: Unknown::of_study(study), suspects, ..Self::new(&study.system, records) }
     }
 
     /// Without unknowns and suspects.

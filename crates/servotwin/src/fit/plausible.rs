@@ -10,11 +10,13 @@ const MOVES: f64 = 5.0;
 /// How long a sensor may show the same value while the twin moves, s.
 const STUCK_S: f64 = 0.5;
 /// Sensors that are late by fewer samples are left to the fit.
-const LEAST_LAG: usize = 3;
+const LEAST_LAG: f64 = 3.0;
 /// Longest lag that is looked for, s.
 const LONGEST_LAG_S: f64 = 3.0;
+/// Length of the beginning and of the end in which it is looked for, s.
+const LAG_WINDOW_S: f64 = 5.0;
 /// What a shift must take away of the squared difference to be the reason for it.
-const EXPLAINED: f64 = 0.9;
+const EXPLAINED: f64 = 0.8;
 
 /// One sensor of a record beside its twin.
 struct Pair<'r> {
@@ -44,11 +46,14 @@ pub(super) fn check(
     let width = record.sensors.len();
     let pairs: Vec<Pair> = (0..width)
         .map(|place| {
-            let of = |all: &[f64]| -> Vec<f64> { all.iter().skip(place).step_by(width).copied().collect() };
+            let of = |all: &[f64]| -> Vec<f64> {
+                all.iter().skip(place).step_by(width).copied().collect()
+            };
             let measured = of(&record.measured[first * width..]);
             let residuals = of(residuals);
             let deviation = deviations[place];
-            let twin: Vec<f64> = measured.iter().zip(&residuals).map(|(m, r)| m - r * deviation).collect();
+            let twin: Vec<f64> =
+                measured.iter().zip(&residuals).map(|(m, r)| m - r * deviation).collect();
             let sensor = record.sensors[place];
             let known = &system.sensors[sensor];
             Pair {
@@ -71,7 +76,8 @@ pub(super) fn check(
     for pair in &pairs {
         pair.stuck(system, first)?;
     }
-    let moving: Vec<&Pair> = pairs.iter().filter(|pair| pair.sd_twin > MOVES * pair.deviation).collect();
+    let moving: Vec<&Pair> =
+        pairs.iter().filter(|pair| pair.sd_twin > MOVES * pair.deviation).collect();
     let most = |of: fn(&Pair) -> f64| pairs.iter().map(|p| of(p) / p.deviation).fold(0.0, f64::max);
     if most(|p| p.sd_twin) < MOVES || most(|p| p.sd_measured) < MOVES {
         let what = format!("no sensor leaves its mean by {MOVES} times its noise");
@@ -91,22 +97,24 @@ fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
     Err(RecordError::OtherSign { columns, all: against.len() == moving.len() && moving.len() > 1 })
 }
 
-/// Whether sensors come late, and more and more so.
+/// Whether sensors come late, and more and more so: as the sensor says whose difference a shift explains,
+/// the clearest first.
 fn lag(moving: &[&Pair]) -> Result<(), RecordError> {
-    let clearest = moving.iter().max_by(|a, b| a.contrast().total_cmp(&b.contrast()));
-    let Some(pair) = clearest else { return Ok(()) };
-    let samples = pair.measured.len();
-    let third = samples / 3;
-    let (early, late) = (pair.lag(0..third), pair.lag(samples - third..samples));
-    let (Some(early), Some(late)) = (early, late) else { return Ok(()) };
-    let apart = (samples - third) as f64;
-    let drift = (late - early) as f64;
-    if drift.abs() >= LEAST_LAG as f64 {
-        return Err(RecordError::Clock { share: drift / apart });
-    }
-    let by = 0.5 * (early + late) as f64;
-    if by.abs() >= LEAST_LAG as f64 {
-        return Err(RecordError::Shifted { by_s: by * pair.record.period_s });
+    let mut clearest: Vec<&&Pair> = moving.iter().collect();
+    clearest.sort_by(|a, b| b.contrast().total_cmp(&a.contrast()));
+    for pair in clearest {
+        let samples = pair.measured.len();
+        let window = ((LAG_WINDOW_S / pair.record.period_s) as usize).min(samples / 3);
+        let (early, late) = (pair.lag(0..window), pair.lag(samples - window..samples));
+        let (Some(early), Some(late)) = (early, late) else { continue };
+        let drift = (late - early) as f64;
+        if drift.abs() >= LEAST_LAG {
+            return Err(RecordError::Clock { share: drift / (samples - window) as f64 });
+        }
+        let by = 0.5 * (early + late) as f64;
+        if by.abs() >= LEAST_LAG {
+            return Err(RecordError::Shifted { by_s: by * pair.record.period_s });
+        }
     }
     Ok(())
 }
@@ -132,9 +140,12 @@ impl Pair<'_> {
         }
         let unit = system.sensors[self.sensor].unit;
         match other_unit(unit, measured / twin) {
-            Some((factor, looks_like)) => {
-                Err(RecordError::OtherUnit { column: self.column.clone(), unit, factor, looks_like })
-            }
+            Some((factor, looks_like)) => Err(RecordError::OtherUnit {
+                column: self.column.clone(),
+                unit,
+                factor,
+                looks_like,
+            }),
             None => Ok(()),
         }
     }
@@ -147,7 +158,9 @@ impl Pair<'_> {
             }
             let for_s = (end - begin) as f64 * self.record.period_s;
             let twin = &self.twin[begin..end];
-            let (low, high) = twin.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+            let (low, high) = twin
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
             if for_s >= STUCK_S && high - low > 2.0 * MOVES * self.deviation {
                 return Err(RecordError::Stuck {
                     column: self.column.clone(),
@@ -165,13 +178,15 @@ impl Pair<'_> {
     /// By how many samples the sensor is behind the twin in some samples; `None` where no shift
     /// explains the difference.
     fn lag(&self, samples: std::ops::Range<usize>) -> Option<isize> {
-        let longest = ((LONGEST_LAG_S / self.record.period_s) as isize).min(samples.len() as isize / 2);
+        let longest =
+            ((LONGEST_LAG_S / self.record.period_s) as isize).min(samples.len() as isize / 2);
         let difference = |lag: isize| -> f64 {
             let inside = samples.clone().filter_map(|k| {
                 let other = k.checked_add_signed(-lag).filter(|other| *other < self.twin.len())?;
                 Some(self.measured[k] - self.twin[other])
             });
-            let (count, sum, square) = inside.fold((0.0, 0.0, 0.0), |(n, s, q), d| (n + 1.0, s + d, q + d * d));
+            let (count, sum, square) =
+                inside.fold((0.0, 0.0, 0.0), |(n, s, q), d| (n + 1.0, s + d, q + d * d));
             square / f64::max(count, 1.0) - (sum / f64::max(count, 1.0)).powi(2)
         };
         let at_zero = difference(0);
@@ -192,5 +207,6 @@ fn mean(values: &[f64]) -> f64 {
 
 fn sd(values: &[f64]) -> f64 {
     let mean = mean(values);
-    (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len().max(1) as f64).sqrt()
+    (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len().max(1) as f64)
+        .sqrt()
 }

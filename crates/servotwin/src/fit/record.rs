@@ -8,8 +8,8 @@
 //!
 //! (FI1)  m_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2})/12h,  |m_k| ≤ 3 min(|d_{k−1}|, |d_k|)
 //!
-//! d the differences to the neighbours over h (the limit only where both have one sign, and zero where
-//! one of them is zero): exact to the fourth order for what is smooth, without overshoot at a step.
+//! d the differences to the neighbours over h; the limit only where m is not their mean to a twentieth of
+//! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
 
 use crate::system::System;
 use crate::table::{Table, TableError};
@@ -86,11 +86,17 @@ impl fmt::Display for RecordError {
                 write!(out, "no column is a sensor of the system; it has: {}", known.join(", "))
             }
             Self::NotFinite { column, place } => {
-                write!(out, "{column} has no finite value at {place}: cut the record there, or leave the column out")
+                write!(
+                    out,
+                    "{column} has no finite value at {place}: cut the record there, or leave the column out"
+                )
             }
             Self::Uneven { place, time_s, expected_s } => {
                 let (jitter, _) = (JITTER, ());
-                write!(out, "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {jitter} periods)")
+                write!(
+                    out,
+                    "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {jitter} periods)"
+                )
             }
             Self::Period { period_s } => {
                 let (least, most) = PERIODS_S;
@@ -100,11 +106,16 @@ impl fmt::Display for RecordError {
                 out,
                 "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
             ),
-            Self::NoMotion { what } => write!(out, "the record shows no motion: {what}; parameters show only while the actuator moves"),
+            Self::NoMotion { what } => write!(
+                out,
+                "the record shows no motion: {what}; parameters show only while the actuator moves"
+            ),
             Self::Input { column, value, range, unit } => write!(
                 out,
                 "{column} has {value} {}: allowed are {} … {}",
-                unit.symbol(), range.0, range.1
+                unit.symbol(),
+                range.0,
+                range.1
             ),
             Self::OtherUnit { column, unit, factor, looks_like } => write!(
                 out,
@@ -113,7 +124,8 @@ impl fmt::Display for RecordError {
             ),
             Self::OtherSign { columns, all: false } => write!(
                 out,
-                "{} moves against the twin: its sign seems to be wrong", columns.join(", ")
+                "{} moves against the twin: its sign seems to be wrong",
+                columns.join(", ")
             ),
             Self::OtherSign { columns, all: true } => write!(
                 out,
@@ -230,14 +242,22 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     let allowed = PERIODS_S.0..=PERIODS_S.1;
     // A period that is written with a few digits is meant exactly.
     let rounded = (period_s * 1e6).round() / 1e6;
-    let period_s = if (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s { rounded } else { period_s };
+    let period_s = if (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s {
+        rounded
+    } else {
+        period_s
+    };
     if !allowed.contains(&period_s) {
         return Err(RecordError::Period { period_s });
     }
     for (row, &time_s) in times_s.iter().enumerate() {
         let expected_s = times_s[0] + row as f64 * period_s;
         if (time_s - expected_s).abs() > JITTER * period_s {
-            return Err(RecordError::Uneven { place: table.origin().place(row), time_s, expected_s });
+            return Err(RecordError::Uneven {
+                place: table.origin().place(row),
+                time_s,
+                expected_s,
+            });
         }
     }
     Ok((times_s, period_s))
@@ -275,9 +295,14 @@ fn check_input(
 ) -> Result<(), RecordError> {
     let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     // An angle of more than a turn is none; a boundary value is never far from its default.
-    let factor = if unit == Unit::Radian && largest > 2.0 { Some(180.0 / std::f64::consts::PI) } else { None };
+    let factor = if unit == Unit::Radian && largest > 2.0 {
+        Some(180.0 / std::f64::consts::PI)
+    } else {
+        None
+    };
     let ratio = largest / default.abs();
-    let factor = factor.or(Some(ratio).filter(|ratio| unit == Unit::Pascal && !(0.1..10.0).contains(ratio)));
+    let factor =
+        factor.or(Some(ratio).filter(|ratio| unit == Unit::Pascal && !(0.1..10.0).contains(ratio)));
     if let Some((factor, looks_like)) = factor.and_then(|factor| other_unit(unit, factor)) {
         return Err(RecordError::OtherUnit { column: column.into(), unit, factor, looks_like });
     }
@@ -310,11 +335,9 @@ pub(super) fn smooth(period_s: f64, values: &[f64]) -> Piecewise {
     let slope = |k: isize| {
         let whole = (at(k - 2) - 8.0 * at(k - 1) + 8.0 * at(k + 1) - at(k + 2)) / (12.0 * period_s);
         let (before, after) = ((at(k) - at(k - 1)) / period_s, (at(k + 1) - at(k)) / period_s);
-        let most = match before * after {
-            product if product >= 0.0 => 3.0 * before.abs().min(after.abs()),
-            _ => before.abs().max(after.abs()),
-        };
-        whole.clamp(-most, most)
+        let is_smooth = (whole - 0.5 * (before + after)).abs() <= 0.05 * (after - before).abs();
+        let most = if before * after >= 0.0 { 3.0 * before.abs().min(after.abs()) } else { 0.0 };
+        if is_smooth { whole } else { whole.clamp(-most, most) }
     };
     let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
     let slopes: Vec<f64> = (0..values.len() as isize).map(slope).collect();

@@ -14,9 +14,12 @@ use super::{FitError, Problem};
 
 /// The parts of a step that are tried together.
 const LENGTHS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
-/// A fit has ended where a step would lower F by less than this: no unknown moves by more than a tenth
-/// of its standard error.
+/// A fit has ended where a step would lower F by less than this: no unknown would move by more than a
+/// tenth of its standard error.
 const SMALL_GAIN: f64 = 0.005;
+/// A step that promises less than this is taken without a search: the solver's errors move F by about
+/// as much, but the slope of F by far less.
+const SURE_GAIN: f64 = 1.0;
 /// Steps with one J.
 const MOST_STEPS: usize = 4;
 /// Times that J is found anew.
@@ -59,8 +62,13 @@ impl Problem<'_> {
         z: &[f64],
         pull: &[f64],
     ) -> Result<(Vec<f64>, f64), FitError> {
-        let slope: Vec<f64> =
-            self.unknowns.iter().zip(z).zip(pull).map(|((u, z), pull)| pull - u.prior * z).collect();
+        let slope: Vec<f64> = self
+            .unknowns
+            .iter()
+            .zip(z)
+            .zip(pull)
+            .map(|((u, z), pull)| pull - u.prior * z)
+            .collect();
         let room: Vec<(f64, f64)> =
             self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect();
         let step = curvature.minimum_within(&slope, &room).ok_or(FitError::Undetermined)?;
@@ -97,34 +105,37 @@ impl Problem<'_> {
                 converged = true;
                 break;
             }
-            let Some((next, found)) = self.best_of(&z, &step, cost)? else { break };
+            let lengths = if promised < SURE_GAIN { &LENGTHS[..1] } else { &LENGTHS };
+            let bar = if promised < SURE_GAIN { f64::INFINITY } else { cost };
+            let Some((next, found)) = self.best_of(&z, &step, lengths, bar)? else { break };
             let gain = cost - self.cost(&next, &found);
             (z, residuals, cost) = (next, found, cost - gain);
             steps += 1;
-            if gain < GOOD_GAIN * promised {
+            if promised >= SURE_GAIN && gain < GOOD_GAIN * promised {
                 break;
             }
         }
         Ok(Minimum { linear, z, residuals, cost, converged, steps })
     }
 
-    /// The best of several lengths of a step; `None` where none lowers F.
+    /// The best of several lengths of a step; `None` where F is below `bar` for none.
     fn best_of(
         &self,
         z: &[f64],
         step: &[f64],
-        cost: f64,
+        lengths: &[f64],
+        bar: f64,
     ) -> Result<Option<(Vec<f64>, Residuals)>, FitError> {
         let point = |length: &f64| -> Vec<f64> {
             let moved = z.iter().zip(step).map(|(z, step)| z + length * step);
             moved.zip(&self.unknowns).map(|(z, u)| z.clamp(u.range.0, u.range.1)).collect()
         };
-        let points: Vec<Vec<f64>> = LENGTHS.iter().map(point).collect();
+        let points: Vec<Vec<f64>> = lengths.iter().map(point).collect();
         let mut best: Option<(f64, Vec<f64>, Residuals)> = None;
         for (point, found) in points.iter().zip(self.residuals(&points)?) {
             let Ok(residuals) = found else { continue };
             let own = self.cost(point, &residuals);
-            if own < best.as_ref().map_or(cost, |(least, ..)| *least) {
+            if own < best.as_ref().map_or(bar, |(least, ..)| *least) {
                 best = Some((own, point.clone(), residuals));
             }
         }

@@ -18,6 +18,9 @@ pub const TOLERANCE_SIGMAS: f64 = 3.0;
 const PARAMETER_STEP: f64 = 0.5;
 /// The same for the intensity of a fault.
 const FAULT_STEP: f64 = 0.05;
+/// What is known of an intensity before: nothing, but where a record says nothing either, the
+/// equations must have a solution.
+const FAULT_PRIOR: f64 = 1e-6;
 
 /// What an unknown moves.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +94,7 @@ impl Unknown {
             name: format!("{}.{}", instance.id, instance.component.spec().faults[fault].name),
             unit: Unit::None,
             moved: Moved::Fault(component, fault),
-            prior: 0.0,
+            prior: FAULT_PRIOR,
             range: (0.0, 1.0),
             step: FAULT_STEP,
         }
