@@ -6,6 +6,7 @@ pub mod ensemble;
 pub mod evaluation;
 pub mod figure;
 pub mod files;
+pub mod fit;
 pub mod flight;
 pub mod job;
 pub mod log;

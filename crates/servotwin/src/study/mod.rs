@@ -16,7 +16,7 @@ pub use faults::{Class, FaultCase};
 pub use flights::Flights;
 pub use reactions::{Reaction, Reactions};
 pub(crate) use realism::Imperfection;
-pub use realism::{Lot, Realism, Role, Setting};
+pub use realism::{Lot, Realism, Role, Setting, Tolerance};
 pub use training::Training;
 
 use crate::files::{self, FileError};

@@ -29,11 +29,13 @@ struct ToleranceText {
 
 /// Parameters that vary together from specimen to specimen.
 #[derive(Clone, Debug)]
-struct Tolerance {
+pub struct Tolerance {
     /// (component, parameter).
-    parameters: Vec<(usize, usize)>,
-    sigma: f64,
-    absolute: bool,
+    pub parameters: Vec<(usize, usize)>,
+    /// One standard deviation.
+    pub sigma: f64,
+    /// Whether it is in the parameters' unit; otherwise a part of their values.
+    pub absolute: bool,
 }
 
 /// What the realistic setting adds to the ideal one.
@@ -175,6 +177,11 @@ impl Realism {
             }
         }
         values
+    }
+
+    /// Every tolerance of every unit, in the order of the file.
+    pub fn tolerances(&self) -> &[Tolerance] {
+        &self.tolerances
     }
 
     /// The random numbers of one variant's sensors.

@@ -31,10 +31,12 @@
 mod check;
 mod mistake;
 mod read;
+mod rewrite;
 mod scope;
 pub(crate) mod units;
 
 pub use mistake::Mistake;
+pub use rewrite::{NewValue, RewriteError};
 
 use crate::document::Located;
 use crate::files::{self, FileError};

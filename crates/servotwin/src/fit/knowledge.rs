@@ -1,0 +1,164 @@
+//! What a fit knows of each unknown, in numbers and in words.
+//!
+//! With information I = JᵀJ and the prior Q, the covariance of the unknowns is C = (I + Q)⁻¹: its
+//! diagonal gives standard errors, what lies beside it trade-offs. An unknown whose error stays near its
+//! prior's is *not seen* if it would stay so with all others known, and otherwise *trades off*. Where
+//! another one stands at a bound, C without that one says what its bound pretends to know.
+
+use super::linear::Symmetric;
+use super::unknown::Unknown;
+
+/// Above this part of the prior's deviation an unknown is not well known.
+const WELL_KNOWN: f64 = 0.5;
+/// Above this part the record has told nothing.
+const NOT_SEEN: f64 = 0.95;
+/// A bound is reached within this part of a standard deviation.
+const AT_BOUND: f64 = 1e-6;
+/// Below this correlation an unknown does not trade off against a single other one.
+const TRADES: f64 = 0.5;
+
+/// How well an unknown is known.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Knowledge {
+    /// The record determines it.
+    Known,
+    /// The record narrows it, by less than half.
+    Partly,
+    /// Only with another one: both may move together without a trace.
+    TradesOff {
+        /// The other unknown.
+        with: usize,
+        /// The correlation of their errors.
+        correlation: f64,
+    },
+    /// The record does not show it: its value is the prior's.
+    NotSeen,
+    /// It stands at the bound of its range.
+    AtBound,
+    /// It looks well known, but only because another one stands at its bound.
+    KnownByBound {
+        /// The other unknown.
+        with: usize,
+    },
+}
+
+/// A direction in the space of unknowns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// What the records know along it; the prior's is 1.
+    pub information: f64,
+    /// The direction, of length one, in standard deviations of the tolerances.
+    pub weights: Vec<f64>,
+}
+
+/// What is known of all unknowns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// The covariance of the unknowns.
+    pub covariance: Symmetric,
+    /// For each unknown.
+    pub each: Vec<Knowledge>,
+    /// The directions, best known first.
+    pub directions: Vec<Direction>,
+}
+
+impl Known {
+    /// From the information of the records and the values of the unknowns; `None` where some
+    /// unknown without prior is not determined at all.
+    pub fn new(unknowns: &[Unknown], z: &[f64], information: &Symmetric) -> Option<Self> {
+        let priors: Vec<f64> = unknowns.iter().map(|unknown| unknown.prior).collect();
+        let curvature = information.plus_diagonal(&priors);
+        let covariance = curvature.inverse()?;
+        let at_bound = |k: usize| {
+            let (low, high) = unknowns[k].range;
+            z[k] - low < AT_BOUND || high - z[k] < AT_BOUND
+        };
+        let free: Vec<usize> = (0..z.len()).filter(|&k| !at_bound(k)).collect();
+        let held: Vec<usize> = (0..z.len()).filter(|&k| at_bound(k)).collect();
+        let without = curvature.part(&free).inverse()?;
+        let judge = Judge { unknowns, curvature: &curvature, covariance: &covariance, held: &held };
+        let of = |k: usize| match free.iter().position(|&other| other == k) {
+            None => Knowledge::AtBound,
+            Some(place) => judge.of(k, without.at(place, place).sqrt()),
+        };
+        let each = (0..z.len()).map(of).collect();
+        let directions = information.eigen().into_iter();
+        let directions =
+            directions.map(|(value, weights)| Direction { information: value.max(0.0), weights });
+        Some(Self { each, directions: directions.collect(), covariance })
+    }
+
+    /// The standard error of an unknown.
+    pub fn error(&self, unknown: usize) -> f64 {
+        self.covariance.at(unknown, unknown).sqrt()
+    }
+
+    /// The correlation of the errors of two unknowns.
+    pub fn correlation(&self, a: usize, b: usize) -> f64 {
+        self.covariance.at(a, b) / (self.error(a) * self.error(b))
+    }
+
+    /// A plain sentence about an unknown.
+    pub fn sentence(&self, unknowns: &[Unknown], k: usize) -> String {
+        let name = |k: usize| unknowns[k].name.as_str();
+        match &self.each[k] {
+            Knowledge::Known => "well known from the record".into(),
+            Knowledge::Partly => {
+                "partly known: the record narrows its tolerance, by less than half".into()
+            }
+            Knowledge::NotSeen => {
+                "not seen in this record: its value is that of the system file".into()
+            }
+            Knowledge::AtBound => "stands at the bound of its tolerance".into(),
+            Knowledge::TradesOff { with, correlation } => {
+                let name = name(*with);
+                format!(
+                    "trades off against {name} (correlation {correlation:.2}): only together are they known"
+                )
+            }
+            Knowledge::KnownByBound { with } => {
+                format!("looks well known only because {} stands at its bound", name(*with))
+            }
+        }
+    }
+}
+
+struct Judge<'k> {
+    unknowns: &'k [Unknown],
+    curvature: &'k Symmetric,
+    covariance: &'k Symmetric,
+    held: &'k [usize],
+}
+
+impl Judge<'_> {
+    /// `held_error` is the standard error with the unknowns at bounds held there.
+    fn of(&self, k: usize, held_error: f64) -> Knowledge {
+        let error = self.covariance.at(k, k).sqrt();
+        let alone = self.curvature.at(k, k).sqrt().recip();
+        // Of a fault nothing is known before: its whole range is the measure.
+        let prior =
+            if self.unknowns[k].prior > 0.0 { self.unknowns[k].prior.sqrt().recip() } else { 0.5 };
+        let correlation = |other: usize| {
+            self.covariance.at(k, other) / (error * self.covariance.at(other, other).sqrt())
+        };
+        let strongest = |among: &mut dyn Iterator<Item = usize>| {
+            let others = among.filter(|&other| other != k);
+            others.max_by(|&a, &b| correlation(a).abs().total_cmp(&correlation(b).abs()))
+        };
+        if error <= WELL_KNOWN * prior {
+            return Knowledge::Known;
+        }
+        if held_error <= WELL_KNOWN * prior {
+            if let Some(with) = strongest(&mut self.held.iter().copied()) {
+                return Knowledge::KnownByBound { with };
+            }
+        }
+        if alone <= WELL_KNOWN * prior {
+            let trades = |with: &usize| correlation(*with).abs() >= TRADES;
+            if let Some(with) = strongest(&mut (0..self.unknowns.len())).filter(trades) {
+                return Knowledge::TradesOff { with, correlation: correlation(with) };
+            }
+        }
+        if error > NOT_SEEN * prior { Knowledge::NotSeen } else { Knowledge::Partly }
+    }
+}

@@ -1,0 +1,256 @@
+//! Linear algebra of a few dozen unknowns: symmetric matrices, their factor, inverse and
+//! eigenvalues, and a quadratic's minimum between bounds.
+
+/// A symmetric matrix, kept whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Symmetric {
+    size: usize,
+    values: Vec<f64>,
+}
+
+impl Symmetric {
+    /// From the value of each entry; only entries on and below the diagonal are asked for.
+    pub fn new(size: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
+        let mut values = vec![0.0; size * size];
+        for row in 0..size {
+            for column in 0..=row {
+                let value = entry(row, column);
+                values[row * size + column] = value;
+                values[column * size + row] = value;
+            }
+        }
+        Self { size, values }
+    }
+
+    /// Number of rows.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// An entry.
+    pub fn at(&self, row: usize, column: usize) -> f64 {
+        self.values[row * self.size + column]
+    }
+
+    /// The matrix with a diagonal added.
+    pub fn plus_diagonal(&self, diagonal: &[f64]) -> Self {
+        let added = |row, column| if row == column { diagonal[row] } else { 0.0 };
+        Self::new(self.size, |row, column| self.at(row, column) + added(row, column))
+    }
+
+    /// Some rows, and the same columns.
+    pub fn part(&self, which: &[usize]) -> Self {
+        Self::new(which.len(), |row, column| self.at(which[row], which[column]))
+    }
+
+    /// Its product with a vector.
+    pub fn times(&self, vector: &[f64]) -> Vec<f64> {
+        let rows = self.values.chunks(self.size.max(1));
+        rows.map(|row| dot(row, vector)).collect()
+    }
+
+    /// The factor L of L Lᵀ, row by row; `None` where the matrix is not positive definite.
+    fn factor(&self) -> Option<Vec<f64>> {
+        let n = self.size;
+        let mut l = vec![0.0; n * n];
+        for row in 0..n {
+            for column in 0..=row {
+                let sum = dot(&l[row * n..row * n + column], &l[column * n..column * n + column]);
+                let rest = self.at(row, column) - sum;
+                l[row * n + column] = match row == column {
+                    true if rest > 0.0 => rest.sqrt(),
+                    true => return None,
+                    false => rest / l[column * n + column],
+                };
+            }
+        }
+        Some(l)
+    }
+
+    /// The solution of A x = b; `None` where the matrix is not positive definite.
+    pub fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
+        let l = self.factor()?;
+        Some(back_substituted(&l, self.size, b))
+    }
+
+    /// The inverse; `None` where the matrix is not positive definite.
+    pub fn inverse(&self) -> Option<Self> {
+        let (l, n) = (self.factor()?, self.size);
+        let unit = |place: usize| (0..n).map(|i| f64::from(u8::from(i == place))).collect();
+        let columns: Vec<Vec<f64>> =
+            (0..n).map(|place| back_substituted(&l, n, &Vec::<f64>::clone(&unit(place)))).collect();
+        Some(Self::new(n, |row, column| columns[column][row]))
+    }
+
+    /// Eigenvalues, largest first, each with its direction of length one (Jacobi's rotations;
+    /// Golub and Van Loan, *Matrix Computations*, 8.5).
+    pub fn eigen(&self) -> Vec<(f64, Vec<f64>)> {
+        let n = self.size;
+        let mut a = self.values.clone();
+        let mut v: Vec<f64> = (0..n * n).map(|i| f64::from(u8::from(i / n == i % n))).collect();
+        for _sweep in 0..60 {
+            let off: f64 = (0..n)
+                .flat_map(|i| (0..i).map(move |j| (i, j)))
+                .map(|(i, j)| a[i * n + j].powi(2))
+                .sum();
+            let all: f64 = a.iter().map(|x| x * x).sum();
+            if off <= 1e-30 * all {
+                break;
+            }
+            for p in 0..n {
+                for q in p + 1..n {
+                    rotate(&mut a, &mut v, n, p, q);
+                }
+            }
+        }
+        let direction = |k: usize| (0..n).map(|i| v[i * n + k]).collect();
+        let mut found: Vec<(f64, Vec<f64>)> =
+            (0..n).map(|k| (a[k * n + k], direction(k))).collect();
+        found.sort_by(|x, y| y.0.total_cmp(&x.0));
+        found
+    }
+
+    /// The minimum of ½ xᵀAx − gᵀx with every x between its bounds, by active sets: unknowns that
+    /// would leave are held, and let go where their slope points inwards again.
+    pub fn minimum_within(&self, g: &[f64], bounds: &[(f64, f64)]) -> Option<Vec<f64>> {
+        const MOST_TURNS: usize = 100;
+        let n = self.size;
+        let mut held: Vec<Option<f64>> = vec![None; n];
+        let mut x = vec![0.0; n];
+        for _ in 0..MOST_TURNS {
+            let free: Vec<usize> = (0..n).filter(|&i| held[i].is_none()).collect();
+            for i in 0..n {
+                x[i] = held[i].unwrap_or(0.0);
+            }
+            let pull = self.times(&x);
+            let right: Vec<f64> = free.iter().map(|&i| g[i] - pull[i]).collect();
+            let found = self.part(&free).solve(&right)?;
+            for (&i, value) in free.iter().zip(found) {
+                x[i] = value;
+            }
+            let pull = self.times(&x);
+            let next: Vec<Option<f64>> = (0..n)
+                .map(|i| {
+                    let (low, high) = bounds[i];
+                    match held[i] {
+                        None if x[i] > high => Some(high),
+                        None if x[i] < low => Some(low),
+                        None => None,
+                        Some(at) => {
+                            let outwards = if at == high { g[i] - pull[i] } else { pull[i] - g[i] };
+                            Some(at).filter(|_| outwards >= 0.0)
+                        }
+                    }
+                })
+                .collect();
+            if next == held {
+                break;
+            }
+            held = next;
+        }
+        Some(x.iter().zip(bounds).map(|(x, (low, high))| x.clamp(*low, *high)).collect())
+    }
+}
+
+/// The scalar product.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+fn back_substituted(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
+    let mut x = b.to_vec();
+    for row in 0..n {
+        x[row] = (x[row] - dot(&l[row * n..row * n + row], &x[..row])) / l[row * n + row];
+    }
+    for row in (0..n).rev() {
+        let below: f64 = (row + 1..n).map(|other| l[other * n + row] * x[other]).sum();
+        x[row] = (x[row] - below) / l[row * n + row];
+    }
+    x
+}
+
+/// The rotation that makes entry (p, q) zero.
+fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) {
+    let off = a[p * n + q];
+    if off == 0.0 {
+        return;
+    }
+    let theta = (a[q * n + q] - a[p * n + p]) / (2.0 * off);
+    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let c = 1.0 / (t * t + 1.0).sqrt();
+    let s = t * c;
+    let turn = |m: &mut [f64], i: usize, j: usize| {
+        let (x, y) = (m[i], m[j]);
+        m[i] = c * x - s * y;
+        m[j] = s * x + c * y;
+    };
+    for k in 0..n {
+        turn(a, p * n + k, q * n + k);
+    }
+    for k in 0..n {
+        turn(a, k * n + p, k * n + q);
+        turn(v, k * n + p, k * n + q);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::random::Random;
+
+    fn random(size: usize, seed: u64) -> Symmetric {
+        let mut random = Random::new(seed);
+        let rows: Vec<Vec<f64>> =
+            (0..size + 2).map(|_| (0..size).map(|_| random.normal()).collect()).collect();
+        Symmetric::new(size, |i, j| rows.iter().map(|row| row[i] * row[j]).sum())
+    }
+
+    #[test]
+    fn inverse_and_solution_agree() {
+        let a = random(9, 3);
+        let inverse = a.inverse().unwrap();
+        let b: Vec<f64> = (0..9).map(|i| f64::from(i) - 4.0).collect();
+        let x = a.solve(&b).unwrap();
+        for (x, y) in x.iter().zip(inverse.times(&b)) {
+            assert!((x - y).abs() < 1e-9 * x.abs().max(1.0));
+        }
+        for (found, b) in a.times(&x).iter().zip(&b) {
+            assert!((found - b).abs() < 1e-9);
+        }
+        assert_eq!(Symmetric::new(2, |_, _| 1.0).solve(&[1.0, 1.0]), None);
+    }
+
+    #[test]
+    fn directions_are_orthogonal_and_make_the_matrix() {
+        let a = random(8, 5);
+        let eigen = a.eigen();
+        assert!(eigen.windows(2).all(|pair| pair[0].0 >= pair[1].0));
+        for i in 0..8 {
+            for j in 0..8 {
+                let sum: f64 = eigen.iter().map(|(value, v)| value * v[i] * v[j]).sum();
+                assert!((sum - a.at(i, j)).abs() < 1e-10, "{sum} {}", a.at(i, j));
+                let product = dot(&eigen[i].1, &eigen[j].1);
+                assert!((product - f64::from(u8::from(i == j))).abs() < 1e-12);
+            }
+        }
+    }
+
+    /// Against many random points between the bounds.
+    #[test]
+    fn nothing_between_the_bounds_is_lower_than_the_minimum() {
+        let bounds = [(-0.3, 0.3); 6];
+        let mut draws = Random::new(1);
+        for seed in 0..20 {
+            let a = random(6, 100 + seed);
+            let g: Vec<f64> = (0..6).map(|_| 3.0 * draws.normal()).collect();
+            let value = |x: &[f64]| 0.5 * dot(x, &a.times(x)) - dot(&g, x);
+            let best = a.minimum_within(&g, &bounds).unwrap();
+            assert!(best.iter().all(|x| x.abs() <= 0.3));
+            for _ in 0..2000 {
+                let near = |x: &f64| (x + 0.1 * draws.normal()).clamp(-0.3, 0.3);
+                let other: Vec<f64> = best.iter().map(near).collect();
+                assert!(value(&other) >= value(&best) - 1e-12);
+            }
+        }
+    }
+}

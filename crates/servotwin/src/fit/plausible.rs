@@ -1,0 +1,212 @@
+//! Whether a record can be of the system at all: wrong signs and units, sensors that are stuck, clocks
+//! that do not agree. The nominal twin is the measure; what is left to a fit are differences of
+//! percents.
+
+use super::record::{Record, RecordError, named, other_unit};
+use crate::system::System;
+
+/// A sensor moves where it leaves its mean by so many of its deviations.
+const MOVES: f64 = 5.0;
+/// How long a sensor may show the same value while the twin moves, s.
+const STUCK_S: f64 = 0.5;
+/// Sensors that are late by fewer samples are left to the fit.
+const LEAST_LAG: f64 = 3.0;
+/// Longest lag that is looked for, s.
+const LONGEST_LAG_S: f64 = 3.0;
+/// Length of the beginning and of the end in which it is looked for, s.
+const LAG_WINDOW_S: f64 = 5.0;
+/// What a shift must take away of the squared difference to be the reason for it.
+const EXPLAINED: f64 = 0.8;
+
+/// One sensor of a record beside its twin.
+struct Pair<'r> {
+    column: String,
+    sensor: usize,
+    deviation: f64,
+    measured: Vec<f64>,
+    twin: Vec<f64>,
+    mean_measured: f64,
+    mean_twin: f64,
+    sd_measured: f64,
+    sd_twin: f64,
+    record: &'r Record,
+}
+
+/// Looks at a record beside the nominal twin's residuals of all its samples from `first` on.
+///
+/// # Errors
+/// The first mistake that it looks like.
+pub(super) fn check(
+    system: &System,
+    record: &Record,
+    deviations: &[f64],
+    first: usize,
+    residuals: &[f64],
+) -> Result<(), RecordError> {
+    let width = record.sensors.len();
+    let pairs: Vec<Pair> = (0..width)
+        .map(|place| {
+            let of = |all: &[f64]| -> Vec<f64> {
+                all.iter().skip(place).step_by(width).copied().collect()
+            };
+            let measured = of(&record.measured[first * width..]);
+            let residuals = of(residuals);
+            let deviation = deviations[place];
+            let twin: Vec<f64> =
+                measured.iter().zip(&residuals).map(|(m, r)| m - r * deviation).collect();
+            let sensor = record.sensors[place];
+            let known = &system.sensors[sensor];
+            Pair {
+                column: named(&known.id, known.unit),
+                sensor,
+                deviation,
+                mean_measured: mean(&measured),
+                mean_twin: mean(&twin),
+                sd_measured: sd(&measured),
+                sd_twin: sd(&twin),
+                measured,
+                twin,
+                record,
+            }
+        })
+        .collect();
+    for pair in &pairs {
+        pair.unit(system)?;
+    }
+    for pair in &pairs {
+        pair.stuck(system, first)?;
+    }
+    let moving: Vec<&Pair> =
+        pairs.iter().filter(|pair| pair.sd_twin > MOVES * pair.deviation).collect();
+    let most = |of: fn(&Pair) -> f64| pairs.iter().map(|p| of(p) / p.deviation).fold(0.0, f64::max);
+    if most(|p| p.sd_twin) < MOVES || most(|p| p.sd_measured) < MOVES {
+        let what = format!("no sensor leaves its mean by {MOVES} times its noise");
+        return Err(RecordError::NoMotion { what });
+    }
+    lag(&moving)?;
+    signs(&moving)
+}
+
+/// What moves against the twin.
+fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
+    let against: Vec<&&Pair> = moving.iter().filter(|pair| pair.correlation() < -0.5).collect();
+    if against.is_empty() {
+        return Ok(());
+    }
+    let columns = against.iter().map(|pair| pair.column.clone()).collect();
+    Err(RecordError::OtherSign { columns, all: against.len() == moving.len() && moving.len() > 1 })
+}
+
+/// Whether sensors come late, and more and more so: as the sensor says whose difference a shift explains,
+/// the clearest first.
+fn lag(moving: &[&Pair]) -> Result<(), RecordError> {
+    let mut clearest: Vec<&&Pair> = moving.iter().collect();
+    clearest.sort_by(|a, b| b.contrast().total_cmp(&a.contrast()));
+    for pair in clearest {
+        let samples = pair.measured.len();
+        let window = ((LAG_WINDOW_S / pair.record.period_s) as usize).min(samples / 3);
+        let (early, late) = (pair.lag(0..window), pair.lag(samples - window..samples));
+        let (Some(early), Some(late)) = (early, late) else { continue };
+        let drift = (late - early) as f64;
+        if drift.abs() >= LEAST_LAG {
+            return Err(RecordError::Clock { share: drift / (samples - window) as f64 });
+        }
+        let by = 0.5 * (early + late) as f64;
+        if by.abs() >= LEAST_LAG {
+            return Err(RecordError::Shifted { by_s: by * pair.record.period_s });
+        }
+    }
+    Ok(())
+}
+
+impl Pair<'_> {
+    fn contrast(&self) -> f64 {
+        self.sd_twin / self.deviation
+    }
+
+    fn correlation(&self) -> f64 {
+        let products = self.measured.iter().zip(&self.twin);
+        let sum: f64 = products.map(|(m, t)| (m - self.mean_measured) * (t - self.mean_twin)).sum();
+        sum / (self.measured.len() as f64 * self.sd_measured * self.sd_twin).max(f64::MIN_POSITIVE)
+    }
+
+    /// Another unit than the sensor's.
+    fn unit(&self, system: &System) -> Result<(), RecordError> {
+        let rms = |values: &[f64]| mean(&values.iter().map(|v| v * v).collect::<Vec<_>>()).sqrt();
+        let (measured, twin) = (rms(&self.measured), rms(&self.twin));
+        // Zero has no unit.
+        if twin < MOVES * self.deviation {
+            return Ok(());
+        }
+        let unit = system.sensors[self.sensor].unit;
+        match other_unit(unit, measured / twin) {
+            Some((factor, looks_like)) => Err(RecordError::OtherUnit {
+                column: self.column.clone(),
+                unit,
+                factor,
+                looks_like,
+            }),
+            None => Ok(()),
+        }
+    }
+
+    fn stuck(&self, system: &System, first: usize) -> Result<(), RecordError> {
+        let mut begin = 0;
+        for end in 1..=self.measured.len() {
+            if end < self.measured.len() && self.measured[end] == self.measured[begin] {
+                continue;
+            }
+            let for_s = (end - begin) as f64 * self.record.period_s;
+            let twin = &self.twin[begin..end];
+            let (low, high) = twin
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+            if for_s >= STUCK_S && high - low > 2.0 * MOVES * self.deviation {
+                return Err(RecordError::Stuck {
+                    column: self.column.clone(),
+                    from_s: (first + begin) as f64 * self.record.period_s,
+                    for_s,
+                    value: self.measured[begin],
+                    unit: system.sensors[self.sensor].unit,
+                });
+            }
+            begin = end;
+        }
+        Ok(())
+    }
+
+    /// By how many samples the sensor is behind the twin in some samples; `None` where no shift
+    /// explains the difference.
+    fn lag(&self, samples: std::ops::Range<usize>) -> Option<isize> {
+        let longest =
+            ((LONGEST_LAG_S / self.record.period_s) as isize).min(samples.len() as isize / 2);
+        let difference = |lag: isize| -> f64 {
+            let inside = samples.clone().filter_map(|k| {
+                let other = k.checked_add_signed(-lag).filter(|other| *other < self.twin.len())?;
+                Some(self.measured[k] - self.twin[other])
+            });
+            let (count, sum, square) =
+                inside.fold((0.0, 0.0, 0.0), |(n, s, q), d| (n + 1.0, s + d, q + d * d));
+            square / f64::max(count, 1.0) - (sum / f64::max(count, 1.0)).powi(2)
+        };
+        let at_zero = difference(0);
+        let best = (-longest..=longest).map(|lag| (difference(lag), lag));
+        let (least, lag) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let noise = self.deviation * self.deviation;
+        // What is explained already needs no shift.
+        match at_zero < 4.0 * noise || lag == 0 {
+            true => Some(0),
+            false => (least - noise < (1.0 - EXPLAINED) * (at_zero - noise)).then_some(lag),
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn sd(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len().max(1) as f64)
+        .sqrt()
+}

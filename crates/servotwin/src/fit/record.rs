@@ -1,0 +1,370 @@
+//! Records of an actuator: what its sensors showed, and the inputs that it had.
+//!
+//! A record is a table with a column for time, one for each sensor, and one for each input that was not
+//! at its default. Columns have the names of sensors and inputs, with or without their unit's suffix, as
+//! `servotwin simulate` writes them; others are left alone.
+//!
+//! An input's column gives values at samples; between them it is a cubic with the slopes
+//!
+//! (FI1)  m_k = (s_{k−2} − 8 s_{k−1} + 8 s_{k+1} − s_{k+2})/12h,  |m_k| ≤ 3 min(|d_{k−1}|, |d_k|)
+//!
+//! d the differences to the neighbours over h; the limit only where m is not their mean to a twentieth of
+//! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
+
+use crate::system::System;
+use crate::table::{Table, TableError};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// The names that a column of times may have.
+const TIMES: [&str; 3] = ["time_s", "time", "t"];
+/// The shortest record.
+const LEAST_DURATION_S: f64 = 5.0;
+/// The fewest samples.
+const LEAST_SAMPLES: usize = 200;
+/// How far a sample may be beside its place, in periods.
+const JITTER: f64 = 0.1;
+/// The slowest and the fastest sampling.
+const PERIODS_S: (f64, f64) = (1e-4, 0.1);
+
+/// What an actuator showed, sample after sample, and the inputs that it had.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// What it is called in messages.
+    pub name: String,
+    /// Time between samples, s.
+    pub period_s: f64,
+    /// One signal per input of the system.
+    pub inputs: Vec<Piecewise>,
+    /// The sensors, by position in the system's list.
+    pub sensors: Vec<usize>,
+    /// What they showed: one after the other, sample after sample; SI.
+    pub measured: Vec<f64>,
+}
+
+/// Why a table is no record from which anything can be learned.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)] // The fields are what the messages say.
+pub enum RecordError {
+    /// There is no column of times.
+    NoTime,
+    /// A column is not of numbers, as the table says.
+    Column(String),
+    /// None of the system's sensors has a column.
+    NoSensor { known: Vec<String> },
+    /// A value is missing or infinite.
+    NotFinite { column: String, place: String },
+    /// Samples are not even.
+    Uneven { place: String, time_s: f64, expected_s: f64 },
+    /// Time between samples is out of range.
+    Period { period_s: f64 },
+    /// It is too short.
+    TooShort { duration_s: f64, samples: usize },
+    /// No input varies, or nothing moves.
+    NoMotion { what: String },
+    /// An input is not in its range.
+    Input { column: String, value: f64, range: (f64, f64), unit: Unit },
+    /// A column seems to be in another unit.
+    OtherUnit { column: String, unit: Unit, factor: f64, looks_like: &'static str },
+    /// A column moves against the twin.
+    OtherSign { columns: Vec<String>, all: bool },
+    /// A sensor shows the same value although it should move.
+    Stuck { column: String, from_s: f64, for_s: f64, value: f64, unit: Unit },
+    /// What the sensors show goes away from the inputs with time.
+    Clock { share: f64 },
+    /// What the sensors show comes too late or too early.
+    Shifted { by_s: f64 },
+}
+
+impl fmt::Display for RecordError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoTime => write!(out, "there is no column 'time_s' with the time of each sample"),
+            Self::Column(reason) => write!(out, "{reason}"),
+            Self::NoSensor { known } => {
+                write!(out, "no column is a sensor of the system; it has: {}", known.join(", "))
+            }
+            Self::NotFinite { column, place } => {
+                write!(
+                    out,
+                    "{column} has no finite value at {place}: cut the record there, or leave the column out"
+                )
+            }
+            Self::Uneven { place, time_s, expected_s } => {
+                let (jitter, _) = (JITTER, ());
+                write!(
+                    out,
+                    "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {jitter} periods)"
+                )
+            }
+            Self::Period { period_s } => {
+                let (least, most) = PERIODS_S;
+                write!(out, "{period_s} s between samples: allowed are {least} … {most} s")
+            }
+            Self::TooShort { duration_s, samples } => write!(
+                out,
+                "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
+            ),
+            Self::NoMotion { what } => write!(
+                out,
+                "the record shows no motion: {what}; parameters show only while the actuator moves"
+            ),
+            Self::Input { column, value, range, unit } => write!(
+                out,
+                "{column} has {value} {}: allowed are {} … {}",
+                unit.symbol(),
+                range.0,
+                range.1
+            ),
+            Self::OtherUnit { column, unit, factor, looks_like } => write!(
+                out,
+                "{column} seems to be in {looks_like}: it is {factor:.3e} times what the twin shows in {}; columns are in SI units",
+                unit.symbol()
+            ),
+            Self::OtherSign { columns, all: false } => write!(
+                out,
+                "{} moves against the twin: its sign seems to be wrong",
+                columns.join(", ")
+            ),
+            Self::OtherSign { columns, all: true } => write!(
+                out,
+                "everything that moves ({}) moves against the twin: the sign of the command seems to be wrong",
+                columns.join(", ")
+            ),
+            Self::Stuck { column, from_s, for_s, value, unit } => write!(
+                out,
+                "{column} is stuck: from {from_s:.2} s on it shows {value} {} for {for_s:.2} s, while the twin moves",
+                unit.symbol()
+            ),
+            Self::Clock { share } => write!(
+                out,
+                "the clocks of inputs and sensors do not agree: the sensors' time runs {:+.2} % off that of the inputs",
+                100.0 * share
+            ),
+            Self::Shifted { by_s } => write!(
+                out,
+                "the sensors come {} s too {} for the inputs: shift one of them",
+                (by_s.abs() * 1e4).round() / 1e4,
+                if *by_s > 0.0 { "late" } else { "early" }
+            ),
+        }
+    }
+}
+
+impl std::error::Error for RecordError {}
+
+impl From<TableError> for RecordError {
+    fn from(error: TableError) -> Self {
+        RecordError::Column(error.to_string())
+    }
+}
+
+impl Record {
+    /// Reads a record from a table.
+    ///
+    /// # Errors
+    /// What cannot be used, and where.
+    pub fn from_table(name: &str, table: &Table, system: &System) -> Result<Self, RecordError> {
+        let (times_s, period_s) = times(table)?;
+        let sensors: Vec<usize> = (0..system.sensors.len())
+            .filter(|&s| column(table, &system.sensors[s].id, system.sensors[s].unit).is_some())
+            .collect();
+        if sensors.is_empty() {
+            let known = system.sensors.iter().map(|s| named(&s.id, s.unit)).collect();
+            return Err(RecordError::NoSensor { known });
+        }
+        let shown = |&s: &usize| {
+            let sensor = &system.sensors[s];
+            let name = column(table, &sensor.id, sensor.unit).expect("it was found before");
+            finite(table, name)
+        };
+        let columns = sensors.iter().map(shown).collect::<Result<Vec<_>, _>>()?;
+        let rows = 0..times_s.len();
+        let measured = rows.flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+        let record = Self {
+            name: name.into(),
+            period_s,
+            inputs: inputs(table, system, period_s)?,
+            sensors,
+            measured,
+        };
+        let duration_s = record.duration_s();
+        if duration_s < LEAST_DURATION_S || record.samples() < LEAST_SAMPLES {
+            return Err(RecordError::TooShort { duration_s, samples: record.samples() });
+        }
+        Ok(record)
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.measured.len() / self.sensors.len().max(1)
+    }
+
+    /// Time from the first sample to the last, s.
+    pub fn duration_s(&self) -> f64 {
+        self.samples().saturating_sub(1) as f64 * self.period_s
+    }
+}
+
+/// The name of a column with its unit's suffix.
+pub(super) fn named(id: &str, unit: Unit) -> String {
+    if id.ends_with(unit.suffix()) { id.into() } else { format!("{id}{}", unit.suffix()) }
+}
+
+/// The column of a sensor or an input.
+fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
+    let full = named(id, unit);
+    let position = |wanted: &str| table.names().find(|name| *name == wanted);
+    position(&full).or_else(|| position(id))
+}
+
+fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
+    let values = table.f64(name)?;
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(row) => {
+            Err(RecordError::NotFinite { column: name.into(), place: table.origin().place(row) })
+        }
+        None => Ok(values.into_owned()),
+    }
+}
+
+/// The times, and what is between two of them.
+fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
+    let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name));
+    let times_s = finite(table, name.ok_or(RecordError::NoTime)?)?;
+    let samples = times_s.len();
+    if samples < LEAST_SAMPLES {
+        let duration_s = times_s.last().unwrap_or(&0.0) - times_s.first().unwrap_or(&0.0);
+        return Err(RecordError::TooShort { duration_s, samples });
+    }
+    let period_s = (times_s[samples - 1] - times_s[0]) / (samples - 1) as f64;
+    let allowed = PERIODS_S.0..=PERIODS_S.1;
+    // A period that is written with a few digits is meant exactly.
+    let rounded = (period_s * 1e6).round() / 1e6;
+    let period_s = if (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s {
+        rounded
+    } else {
+        period_s
+    };
+    if !allowed.contains(&period_s) {
+        return Err(RecordError::Period { period_s });
+    }
+    for (row, &time_s) in times_s.iter().enumerate() {
+        let expected_s = times_s[0] + row as f64 * period_s;
+        if (time_s - expected_s).abs() > JITTER * period_s {
+            return Err(RecordError::Uneven {
+                place: table.origin().place(row),
+                time_s,
+                expected_s,
+            });
+        }
+    }
+    Ok((times_s, period_s))
+}
+
+/// The inputs: those that have a column, and the others at their defaults.
+fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise>, RecordError> {
+    let mut varies = false;
+    let network = system.network();
+    let mut signals = Vec::new();
+    for (place, input) in network.inputs.iter().enumerate() {
+        let Some(name) = column(table, &input.id, input.unit) else {
+            signals.push(Piecewise::constant(input.default).expect("a default is finite"));
+            continue;
+        };
+        let values = finite(table, name)?;
+        check_input(name, &values, input.unit, input.default, network.input_range(place))?;
+        varies |= values.iter().any(|value| *value != values[0]);
+        signals.push(smooth(period_s, &values));
+    }
+    if !varies {
+        let names: Vec<String> = network.inputs.iter().map(|i| named(&i.id, i.unit)).collect();
+        let what = format!("no input varies (columns {})", names.join(", "));
+        return Err(RecordError::NoMotion { what });
+    }
+    Ok(signals)
+}
+
+fn check_input(
+    column: &str,
+    values: &[f64],
+    unit: Unit,
+    default: f64,
+    range: (f64, f64),
+) -> Result<(), RecordError> {
+    let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    // An angle of more than a turn is none; a boundary value is never far from its default.
+    let factor = if unit == Unit::Radian && largest > 2.0 {
+        Some(180.0 / std::f64::consts::PI)
+    } else {
+        None
+    };
+    let ratio = largest / default.abs();
+    let factor =
+        factor.or(Some(ratio).filter(|ratio| unit == Unit::Pascal && !(0.1..10.0).contains(ratio)));
+    if let Some((factor, looks_like)) = factor.and_then(|factor| other_unit(unit, factor)) {
+        return Err(RecordError::OtherUnit { column: column.into(), unit, factor, looks_like });
+    }
+    match values.iter().find(|value| !(range.0..=range.1).contains(*value)) {
+        Some(&value) => Err(RecordError::Input { column: column.into(), value, range, unit }),
+        None => Ok(()),
+    }
+}
+
+/// The unit that a column seems to be in whose values are so many times what they should be.
+pub(super) fn other_unit(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
+    let known: &[(f64, &'static str)] = match unit {
+        Unit::Pascal => &[(1e-5, "bar"), (1e-6, "MPa"), (1e-3, "kPa"), (1.450_377e-4, "psi")],
+        Unit::Metre => &[(1e3, "mm"), (1e2, "cm"), (1e6, "µm"), (39.370_079, "inches")],
+        Unit::Radian => &[(57.295_78, "degrees"), (1e3, "mrad")],
+        Unit::Newton => &[(1e-3, "kN"), (0.224_809, "pounds")],
+        _ => &[(1e2, "%")],
+    };
+    let near = |factor: f64| (ratio / factor).ln().abs();
+    let best = known.iter().min_by(|a, b| near(a.0).total_cmp(&near(b.0)))?;
+    (near(best.0) < 0.35).then_some(*best)
+}
+
+/// A signal through samples (FI1).
+pub(super) fn smooth(period_s: f64, values: &[f64]) -> Piecewise {
+    if values.iter().all(|value| *value == values[0]) {
+        return Piecewise::constant(values[0]).expect("finite");
+    }
+    let at = |k: isize| values[k.clamp(0, values.len() as isize - 1) as usize];
+    let slope = |k: isize| {
+        let whole = (at(k - 2) - 8.0 * at(k - 1) + 8.0 * at(k + 1) - at(k + 2)) / (12.0 * period_s);
+        let (before, after) = ((at(k) - at(k - 1)) / period_s, (at(k + 1) - at(k)) / period_s);
+        let is_smooth = (whole - 0.5 * (before + after)).abs() <= 0.05 * (after - before).abs();
+        let most = if before * after >= 0.0 { 3.0 * before.abs().min(after.abs()) } else { 0.0 };
+        if is_smooth { whole } else { whole.clamp(-most, most) }
+    };
+    let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
+    let slopes: Vec<f64> = (0..values.len() as isize).map(slope).collect();
+    Piecewise::hermite(&times_s, values, &slopes).expect("times increase, values are finite")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smooth_signal_comes_back_from_its_samples() {
+        let f = |t: f64| 0.1 * (2.0 * std::f64::consts::PI * 1.5 * t).sin();
+        let values: Vec<f64> = (0..500).map(|k| f(0.01 * f64::from(k))).collect();
+        let signal = smooth(0.01, &values);
+        for k in 200..3000 {
+            let t = 0.0015 * f64::from(k);
+            assert!((signal.value(t) - f(t)).abs() < 2e-6, "{t}: {}", signal.value(t) - f(t));
+        }
+    }
+
+    #[test]
+    fn a_step_does_not_overshoot() {
+        let values: Vec<f64> = (0..100).map(|k| if k < 50 { 0.0 } else { 1.0 }).collect();
+        let signal = smooth(0.01, &values);
+        for k in 0..1000 {
+            assert!((0.0..=1.0).contains(&signal.value(0.001 * f64::from(k))));
+        }
+    }
+}

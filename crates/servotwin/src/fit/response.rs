@@ -1,0 +1,186 @@
+//! What the sensors of a twin show for given unknowns, and how that changes with each of them.
+//!
+//! (FR1)  r = (measured − twin)/σ, σ the deviation that a sample of the sensor carries
+//!
+//! (FR2)  J_k = (r(z) − r(z + h e_k))/h, in the end (r(z − h e_k) − r(z + h e_k))/2h
+//!
+//! One unknown is moved in every lane, so that all differences together take little longer than a run.
+//! A step ends on every sample, and therefore nearly the same steps are made in all lanes: the solver's
+//! errors are the same too, and vanish in the difference.
+
+use super::linear::{Symmetric, dot};
+use super::record::Record;
+use super::unknown::Unknown;
+use super::{FitError, Problem};
+use crate::ensemble::{Ensemble, Sink, Variant};
+use servotwin_model::program::Slot;
+use servotwin_model::signal::Piecewise;
+use std::sync::atomic::Ordering;
+
+/// How differences are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Difference {
+    /// To one side.
+    Forward,
+    /// To both sides.
+    Central,
+}
+
+/// Residuals (FR1), sample after sample and record after record.
+pub type Residuals = Vec<f64>;
+
+/// The residuals around a point.
+#[derive(Clone, Debug)]
+pub struct Linear {
+    /// The point.
+    pub z: Vec<f64>,
+    /// The residuals there.
+    pub residuals: Residuals,
+    /// For each unknown how much the twin's sensors move, in their deviations (FR2).
+    pub columns: Vec<Vec<f64>>,
+    /// JᵀJ: what the records know about the unknowns.
+    pub information: Symmetric,
+}
+
+impl Linear {
+    fn new(z: Vec<f64>, residuals: Residuals, columns: Vec<Vec<f64>>) -> Self {
+        let information = Symmetric::new(columns.len(), |i, j| dot(&columns[i], &columns[j]));
+        Self { z, residuals, columns, information }
+    }
+
+    /// Jᵀ r.
+    pub fn pull(&self, residuals: &[f64]) -> Vec<f64> {
+        self.columns.iter().map(|column| dot(column, residuals)).collect()
+    }
+}
+
+/// Collects residuals.
+struct Compare<'r> {
+    measured: &'r [f64],
+    deviations: &'r [f64],
+    first: usize,
+    residuals: Residuals,
+}
+
+impl Sink for Compare<'_> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        if index < self.first {
+            return;
+        }
+        let measured = &self.measured[index * values.len()..][..values.len()];
+        let of = |((m, v), d): ((&f64, &f64), &f64)| (m - v) / d;
+        self.residuals.extend(measured.iter().zip(values).zip(self.deviations).map(of));
+    }
+}
+
+impl<'s> Problem<'s> {
+    /// The ensemble that runs a record's variants.
+    pub(super) fn ensemble(&self, record: &Record) -> Ensemble<'s> {
+        let program = &self.system.program;
+        let slot = |&sensor: &usize| -> Slot {
+            let name = &self.system.sensors[sensor].signal;
+            program.observable(name).expect("a sensor's signal is an output").slot
+        };
+        Ensemble {
+            settings: self.solver,
+            threads: self.threads,
+            cancel: self.cancel,
+            record: record.sensors.iter().map(slot).collect(),
+            duration_s: record.duration_s(),
+            sample_period_s: record.period_s,
+            ..Ensemble::new(program)
+        }
+    }
+
+    /// A variant with given unknowns.
+    pub(super) fn variant<'v>(&self, z: &[f64], inputs: &'v [Piecewise]) -> Variant<'v> {
+        let mut variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
+        for (unknown, &z) in self.unknowns.iter().zip(z) {
+            unknown.apply(z, &mut variant.overrides, &mut variant.faults);
+        }
+        variant
+    }
+
+    /// The residuals at some points; of a point where the solver could not go on, why.
+    pub(super) fn residuals(
+        &self,
+        points: &[Vec<f64>],
+    ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
+        let mut all: Vec<Result<Residuals, FitError>> = vec![Ok(Vec::new()); points.len()];
+        for record in &self.records {
+            let variant = |job: usize| self.variant(&points[job], &record.inputs);
+            for (all, own) in all.iter_mut().zip(self.run(record, points.len(), variant)?) {
+                match (all.as_mut(), own) {
+                    (Ok(all), Ok(own)) => all.extend(own),
+                    (Ok(_), Err(error)) => *all = Err(error),
+                    (Err(_), _) => {}
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// The residuals of some variants of one record.
+    pub(super) fn run<'v>(
+        &self,
+        record: &Record,
+        count: usize,
+        variant: impl Fn(usize) -> Variant<'v> + Sync,
+    ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
+        let deviations = self.deviations(record);
+        let first = self.first_sample(record);
+        let mut found: Vec<Option<Result<Residuals, FitError>>> = vec![None; count];
+        let sink = |_| Compare {
+            measured: &record.measured,
+            deviations: &deviations,
+            first,
+            residuals: Vec::with_capacity(record.measured.len()),
+        };
+        self.ensemble(record).run(count, variant, sink, |job, compare, outcome| {
+            found[job] = Some(match outcome {
+                Ok(_) => Ok(compare.residuals),
+                Err(failure) => Err(FitError::run(self.system, failure)),
+            });
+            (self.progress)();
+        });
+        if self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+            return Err(FitError::Cancelled);
+        }
+        Ok(found.into_iter().map(|one| one.expect("every variant ends")).collect())
+    }
+
+    /// The residuals around a point.
+    pub(super) fn linear(&self, z: &[f64], difference: Difference) -> Result<Linear, FitError> {
+        let mut points = vec![z.to_vec()];
+        let mut moves = Vec::new();
+        for (k, unknown) in self.unknowns.iter().enumerate() {
+            let ends = ends(unknown, z[k], difference);
+            for end in ends {
+                let mut point = z.to_vec();
+                point[k] = end;
+                points.push(point);
+            }
+            moves.push(ends[1] - ends[0]);
+        }
+        let mut found = self.residuals(&points)?.into_iter();
+        let base = found.next().expect("the point itself")?;
+        let mut columns = Vec::new();
+        for moved in moves {
+            let mut end = || found.next().expect("two ends for each unknown");
+            let (low, high) = (end()?, end()?);
+            columns.push(low.iter().zip(&high).map(|(low, high)| (low - high) / moved).collect());
+        }
+        Ok(Linear::new(z.to_vec(), base, columns))
+    }
+}
+
+/// The two ends of a difference, inside of the range.
+fn ends(unknown: &Unknown, z: f64, difference: Difference) -> [f64; 2] {
+    let (low, high) = unknown.range;
+    let h = unknown.step;
+    match difference {
+        Difference::Central => [(z - h).max(low), (z + h).min(high)],
+        Difference::Forward if z + h <= high => [z, z + h],
+        Difference::Forward => [z - h, z],
+    }
+}

@@ -1,0 +1,144 @@
+//! The fit: unknowns that make the residuals and their own deviations from the prior least.
+//!
+//! (FS1)  F = ½ |r|² + ½ Σ q_k z_k²,  q_k what is known before
+//!
+//! (FS2)  (JᵀJ + Q) δ = Jᵀ r − Q z,  every z between its bounds
+//!
+//! A Gauss–Newton step is tried in several lengths side by side, one a lane, so that a search along it
+//! costs no time. As long as a step gains what (FS2) promised, the next one keeps its J; the last
+//! ones have J from differences to both sides.
+
+use super::linear::{Symmetric, dot};
+use super::response::{Difference, Linear, Residuals};
+use super::{FitError, Problem};
+
+/// The parts of a step that are tried together.
+const LENGTHS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
+/// A fit has ended where a step would lower F by less than this: no unknown would move by more than a
+/// tenth of its standard error.
+const SMALL_GAIN: f64 = 0.005;
+/// A step that promises less than this is taken without a search: the solver's errors move F by about
+/// as much, but the slope of F by far less.
+const SURE_GAIN: f64 = 1.0;
+/// Steps with one J.
+const MOST_STEPS: usize = 4;
+/// Times that J is found anew.
+const MOST_TURNS: usize = 6;
+/// Below this part of the promised gain the next step needs another J.
+const GOOD_GAIN: f64 = 0.5;
+
+/// Where a fit ended.
+#[derive(Clone, Debug)]
+pub struct Minimum {
+    /// The residuals around the last point from which J was taken.
+    pub linear: Linear,
+    /// The unknowns.
+    pub z: Vec<f64>,
+    /// The residuals there.
+    pub residuals: Residuals,
+    /// F.
+    pub cost: f64,
+    /// Whether the last step was small enough.
+    pub converged: bool,
+    /// Steps that were taken.
+    pub steps: usize,
+}
+
+impl Problem<'_> {
+    pub(super) fn priors(&self) -> Vec<f64> {
+        self.unknowns.iter().map(|unknown| unknown.prior).collect()
+    }
+
+    /// (FS1).
+    pub(super) fn cost(&self, z: &[f64], residuals: &[f64]) -> f64 {
+        let prior: f64 = self.unknowns.iter().zip(z).map(|(u, z)| u.prior * z * z).sum();
+        0.5 * dot(residuals, residuals) + 0.5 * prior
+    }
+
+    /// The step (FS2) from a point, and by how much it should lower F.
+    pub(super) fn step(
+        &self,
+        curvature: &Symmetric,
+        z: &[f64],
+        pull: &[f64],
+    ) -> Result<(Vec<f64>, f64), FitError> {
+        let slope: Vec<f64> = self
+            .unknowns
+            .iter()
+            .zip(z)
+            .zip(pull)
+            .map(|((u, z), pull)| pull - u.prior * z)
+            .collect();
+        let room: Vec<(f64, f64)> =
+            self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect();
+        let step = curvature.minimum_within(&slope, &room).ok_or(FitError::Undetermined)?;
+        let gain = dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step));
+        Ok((step, gain))
+    }
+
+    /// Finds the minimum from a first guess.
+    pub(super) fn minimum(&self, start: &[f64]) -> Result<Minimum, FitError> {
+        let linear = self.linear(start, Difference::Forward)?;
+        let mut found = self.from_linear(linear)?;
+        for _ in 0..MOST_TURNS {
+            let linear = self.linear(&found.z, Difference::Central)?;
+            let before = found.steps;
+            let last = self.from_linear(linear)?;
+            found = Minimum { steps: before + last.steps, ..last };
+            if found.converged {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Steps that keep J, from where it was taken.
+    fn from_linear(&self, linear: Linear) -> Result<Minimum, FitError> {
+        let curvature = linear.information.plus_diagonal(&self.priors());
+        let mut z = linear.z.clone();
+        let mut residuals = linear.residuals.clone();
+        let mut cost = self.cost(&z, &residuals);
+        let (mut converged, mut steps) = (false, 0);
+        for _ in 0..MOST_STEPS {
+            let (step, promised) = self.step(&curvature, &z, &linear.pull(&residuals))?;
+            if promised < SMALL_GAIN {
+                converged = true;
+                break;
+            }
+            let lengths = if promised < SURE_GAIN { &LENGTHS[..1] } else { &LENGTHS };
+            let bar = if promised < SURE_GAIN { f64::INFINITY } else { cost };
+            let Some((next, found)) = self.best_of(&z, &step, lengths, bar)? else { break };
+            let gain = cost - self.cost(&next, &found);
+            (z, residuals, cost) = (next, found, cost - gain);
+            steps += 1;
+            if promised >= SURE_GAIN && gain < GOOD_GAIN * promised {
+                break;
+            }
+        }
+        Ok(Minimum { linear, z, residuals, cost, converged, steps })
+    }
+
+    /// The best of several lengths of a step; `None` where F is below `bar` for none.
+    fn best_of(
+        &self,
+        z: &[f64],
+        step: &[f64],
+        lengths: &[f64],
+        bar: f64,
+    ) -> Result<Option<(Vec<f64>, Residuals)>, FitError> {
+        let point = |length: &f64| -> Vec<f64> {
+            let moved = z.iter().zip(step).map(|(z, step)| z + length * step);
+            moved.zip(&self.unknowns).map(|(z, u)| z.clamp(u.range.0, u.range.1)).collect()
+        };
+        let points: Vec<Vec<f64>> = lengths.iter().map(point).collect();
+        let mut best: Option<(f64, Vec<f64>, Residuals)> = None;
+        for (point, found) in points.iter().zip(self.residuals(&points)?) {
+            let Ok(residuals) = found else { continue };
+            let own = self.cost(point, &residuals);
+            if own < best.as_ref().map_or(bar, |(least, ..)| *least) {
+                best = Some((own, point.clone(), residuals));
+            }
+        }
+        Ok(best.map(|(_, point, residuals)| (point, residuals)))
+    }
+}

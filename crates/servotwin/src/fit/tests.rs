@@ -1,0 +1,509 @@
+//! Specimens with known parameters, and what a fit makes of their records.
+
+use super::record::smooth;
+use super::*;
+use crate::ensemble::{Ensemble, Variant};
+use crate::signal::Signal;
+use crate::signal::random::Random;
+use crate::study::Lot;
+use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::signal::Piecewise;
+
+/// What the calibration flies.
+const COMMAND: &str = "noise:rms=4deg,bandwidth=1Hz,seed=77";
+
+/// A record of a specimen, as a logger writes it: sensors with noise, commands as samples.
+fn record(study: &Study, specimen: Option<usize>, faults: Vec<FaultAt>, duration_s: f64) -> Record {
+    let system = &study.system;
+    let network = system.network();
+    let constant = |value| Piecewise::constant(value).unwrap();
+    let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
+    let unit = network.inputs[study.command_input].unit;
+    let signal: Signal = COMMAND.parse().unwrap();
+    inputs[study.command_input] = signal.build(unit, duration_s).unwrap();
+    let sensors = study.measured[..study.base_sensors()].to_vec();
+    let slot =
+        |&s: &usize| -> Slot { system.program.observable(&system.sensors[s].signal).unwrap().slot };
+    let ensemble = Ensemble {
+        record: sensors.iter().map(slot).collect(),
+        duration_s,
+        sample_period_s: study.sample_period_s,
+        ..Ensemble::new(&system.program)
+    };
+    let realism = study.realism.as_ref().unwrap();
+    let overrides = specimen.map(|n| realism.specimen(study, Lot::Training, n)).unwrap_or_default();
+    let variant =
+        Variant { overrides, faults, inputs: inputs.iter().collect(), ..Variant::default() };
+    let (columns, _) = ensemble.run_one(&variant).unwrap();
+    let mut noise: Random = realism.noise(Lot::Training, specimen.unwrap_or(0));
+    let imperfections: Vec<Imperfection> =
+        sensors.iter().map(|&s| Imperfection::of(system, s)).collect();
+    let mut measured = Vec::new();
+    for row in 0..columns[0].len() {
+        for (column, imperfection) in columns.iter().zip(&imperfections) {
+            measured.push(imperfection.apply(column[row], &mut noise));
+        }
+    }
+    let samples = measured.len() / sensors.len();
+    let logged: Vec<f64> = (0..samples)
+        .map(|k| inputs[study.command_input].value(k as f64 * study.sample_period_s))
+        .collect();
+    inputs[study.command_input] = smooth(study.sample_period_s, &logged);
+    Record { name: "record".into(), period_s: study.sample_period_s, inputs, sensors, measured }
+}
+
+/// The true unknowns of a specimen.
+fn truth(study: &Study, unknowns: &[Unknown], specimen: usize) -> Vec<f64> {
+    let values = study.realism.as_ref().unwrap().specimen(study, Lot::Training, specimen);
+    let of = |unknown: &Unknown| {
+        let unknown::Moved::Parameters { members, .. } = &unknown.moved else { panic!() };
+        let (component, parameter, nominal) = members[0];
+        let value = values.iter().find(|v| (v.0, v.1) == (component, parameter)).unwrap().2;
+        (value - nominal) / unknown.per_sigma(nominal)
+    };
+    unknowns.iter().map(of).collect()
+}
+
+/// (inside of its 95 % interval, all) over specimens, and how many were refused.
+fn coverage(
+    study: &Study,
+    specimens: std::ops::Range<usize>,
+    duration_s: f64,
+) -> (usize, usize, usize) {
+    let (mut inside, mut all, mut refused) = (0, 0, 0);
+    for specimen in specimens {
+        let problem =
+            Problem::of_study(study, vec![record(study, Some(specimen), vec![], duration_s)]);
+        let begin = std::time::Instant::now();
+        let fitted = problem.solve().unwrap();
+        let truth = truth(study, &problem.unknowns, specimen);
+        let own = (0..truth.len())
+            .filter(|&k| (fitted.z[k] - truth[k]).abs() <= 1.96 * fitted.known.error(k))
+            .count();
+        println!(
+            "{specimen}: {own} of {} inside, {} steps, {:.2} s, F {:.1}, {:?} {}",
+            truth.len(),
+            fitted.steps,
+            begin.elapsed().as_secs_f64(),
+            fitted.cost,
+            fitted.findings.iter().map(|f| f.sentence(&problem)).collect::<Vec<_>>(),
+            fitted.suspects[0]
+        );
+        inside += own;
+        all += truth.len();
+        refused += usize::from(!fitted.is_update());
+    }
+    (inside, all, refused)
+}
+
+#[test]
+#[ignore = "a measurement: minutes"]
+fn measure_coverage() {
+    let study = Study::default();
+    let begin = std::time::Instant::now();
+    let specimens: usize = std::env::var("SPECIMENS").map_or(4, |n| n.parse().unwrap());
+    let (inside, all, refused) = coverage(&study, 0..specimens, 60.0);
+    println!(
+        "{inside} of {all} inside ({:.2} %), {refused} refused, {:.1} s",
+        100.0 * inside as f64 / all as f64,
+        begin.elapsed().as_secs_f64()
+    );
+}
+
+#[test]
+#[ignore = "a measurement: minutes"]
+fn measure_faults() {
+    let study = Study::default();
+    let intensity: f64 = std::env::var("INTENSITY").map_or(0.5, |n| n.parse().unwrap());
+    let units = study.units.len();
+    let mut faults: Vec<_> =
+        study.faults.iter().filter(|f| f.unit == 0).map(|f| (f.id.clone(), f.at)).collect();
+    faults.dedup_by(|a, b| a.0 == b.0);
+    println!("{} kinds, {units} units", faults.len());
+    for (number, (id, at)) in faults.iter().enumerate() {
+        let fault = FaultAt { intensity, ..*at };
+        let problem =
+            Problem::of_study(&study, vec![record(&study, Some(number), vec![fault], 60.0)]);
+        let begin = std::time::Instant::now();
+        match problem.solve() {
+            Ok(fitted) => println!(
+                "{id}: {} findings, {:.1} s; {} | {} | {}",
+                fitted.findings.len(),
+                begin.elapsed().as_secs_f64(),
+                fitted.suspects[0],
+                fitted.suspects[1],
+                fitted.findings.iter().map(|f| f.sentence(&problem)).collect::<Vec<_>>().join("; ")
+            ),
+            Err(error) => println!("{id}: refused: {error}"),
+        }
+    }
+}
+
+#[test]
+#[ignore = "a measurement: minutes"]
+fn measure_intensity() {
+    let study = Study::default();
+    let intensity: f64 = std::env::var("INTENSITY").map_or(0.3, |n| n.parse().unwrap());
+    let mut faults: Vec<_> =
+        study.faults.iter().filter(|f| f.unit == 0).map(|f| (f.id.clone(), f.at)).collect();
+    faults.dedup_by(|a, b| a.0 == b.0);
+    for (number, (id, at)) in faults.iter().enumerate() {
+        let fault = FaultAt { intensity, ..*at };
+        let problem =
+            Problem::of_study(&study, vec![record(&study, Some(number), vec![fault], 60.0)]);
+        let begin = std::time::Instant::now();
+        match intensity::intensity(&problem, &[(at.component, at.fault)]) {
+            Ok(found) => println!(
+                "{id}: {:.4} {:.4?} {} {:.1} s",
+                found[0].intensity,
+                found[0].interval,
+                found[0].interval.0 <= intensity && intensity <= found[0].interval.1,
+                begin.elapsed().as_secs_f64()
+            ),
+            Err(error) => println!("{id}: refused: {error}"),
+        }
+    }
+}
+
+#[test]
+#[ignore = "a measurement: minutes"]
+fn measure_knowledge() {
+    let study = Study::default();
+    let problem = Problem::of_study(&study, vec![record(&study, Some(0), vec![], 60.0)]);
+    let fitted = problem.solve().unwrap();
+    let truth = truth(&study, &problem.unknowns, 0);
+    for (k, unknown) in problem.unknowns.iter().enumerate() {
+        println!(
+            "{:50} {:7.3} ± {:.3} (true {:7.3}) {}",
+            unknown.name,
+            fitted.z[k],
+            fitted.known.error(k),
+            truth[k],
+            fitted.known.sentence(&problem.unknowns, k)
+        );
+    }
+    for direction in &fitted.known.directions {
+        print!("{:.3e} ", direction.information);
+    }
+    println!();
+    for suspect in &fitted.suspects {
+        println!("{suspect}");
+    }
+}
+
+/// The second study: one actuator against a spring, quick to simulate.
+fn spring() -> Study {
+    Study::read("../../studies/spring_actuator.toml").unwrap()
+}
+
+fn fault(study: &Study, id: &str, intensity: f64) -> FaultAt {
+    let (component, fault) = study.system.program.find_fault(id).unwrap();
+    FaultAt { component, fault, intensity }
+}
+
+#[test]
+fn true_parameters_lie_inside_of_their_intervals() {
+    let (inside, all, refused) = coverage(&spring(), 0..20, 12.0);
+    assert_eq!((all, refused), (40, 0));
+    // 40 draws with 95 %: fewer than 34 have a probability below 1 in 1000.
+    assert!(inside >= 34, "{inside}");
+    let (inside, all, refused) = coverage(&Study::default(), 0..2, 10.0);
+    assert_eq!((all, refused), (72, 0));
+    assert!(inside >= 62, "{inside}");
+}
+
+#[test]
+fn the_record_and_not_the_prior_says_what_is_well_known() {
+    let study = spring();
+    let problem = Problem::of_study(&study, vec![record(&study, Some(3), vec![], 12.0)]);
+    let fitted = problem.solve().unwrap();
+    let truth = truth(&study, &problem.unknowns, 3);
+    for k in 0..truth.len() {
+        assert_eq!(fitted.known.each[k], Knowledge::Known);
+        assert!(fitted.known.error(k) < 0.3, "{}", fitted.known.error(k));
+        assert!((fitted.z[k] - truth[k]).abs() < 4.0 * fitted.known.error(k));
+    }
+    // The error is what the record gives: twice the time, less of it.
+    let longer = Problem::of_study(&study, vec![record(&study, Some(3), vec![], 24.0)]);
+    let longer = longer.solve().unwrap();
+    assert!(longer.known.error(0) < 0.9 * fitted.known.error(0));
+    // Two records know more than one.
+    let both = vec![record(&study, Some(3), vec![], 12.0), record(&study, Some(3), vec![], 12.0)];
+    let both = Problem::of_study(&study, both).solve().unwrap();
+    let ratio = both.known.error(0) / fitted.known.error(0);
+    assert!((0.68..0.76).contains(&ratio), "a half of the variance: {ratio}");
+}
+
+#[test]
+fn what_a_record_does_not_show_stays_and_what_is_the_same_trades_off() {
+    let study = spring();
+    let mut problem = Problem::of_study(&study, vec![record(&study, Some(1), vec![], 12.0)]);
+    let tolerance = |id: &str, sigma: f64| {
+        let (component, parameter) = id.rsplit_once('.').unwrap();
+        let components = &study.system.network().components;
+        let component = components.iter().position(|c| c.id == component).unwrap();
+        let parameter = components[component].component.spec().parameter(parameter).unwrap();
+        let parameters = vec![(component, parameter)];
+        Unknown::tolerance(
+            &study.system,
+            &crate::study::Tolerance { parameters, sigma, absolute: false },
+        )
+    };
+    problem.suspects.clear();
+    // No stop is ever reached; the number of steps of a converter is not in the equations.
+    problem.unknowns.push(tolerance("servo_valve.stop_stiffness_per_s2", 0.1));
+    // The flow of an edge is their product.
+    problem.unknowns.push(tolerance("servo_valve.width_pa_m", 0.03));
+    problem.unknowns.push(Unknown { name: "copy".into(), ..problem.unknowns[3].clone() });
+    let fitted = problem.solve().unwrap();
+    assert_eq!(fitted.known.each[2], Knowledge::NotSeen);
+    assert!(fitted.z[2].abs() < 1e-6 && (fitted.known.error(2) - 1.0).abs() < 1e-6);
+    // A copy later in the list overrides the one before: this one is not seen, that one is.
+    assert_eq!(fitted.known.each[3], Knowledge::NotSeen);
+    assert_eq!(fitted.known.each[4], Knowledge::Known);
+    let least = fitted.known.directions.last().unwrap();
+    assert!(least.information < 1e-3 && least.weights[2].abs().max(least.weights[3].abs()) > 0.5);
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let study = spring();
+    let solved = |threads: usize| {
+        let records = vec![record(&study, Some(2), vec![], 8.0)];
+        let problem = Problem { threads, ..Problem::of_study(&study, records) };
+        let fitted = problem.solve().unwrap();
+        (fitted.z.clone(), fitted.cost, fitted.suspects.clone(), fitted.known.covariance.clone())
+    };
+    assert_eq!(solved(1), solved(2));
+}
+
+#[test]
+fn a_fault_is_a_finding_and_no_update() {
+    let study = spring();
+    for id in [
+        "leakage_a.leakage",
+        "servo_valve.gain_low",
+        "sensor_ram.bias_positive",
+        "cylinder.internal_leakage",
+    ] {
+        let faults = vec![fault(&study, id, 0.5)];
+        let problem = Problem::of_study(&study, vec![record(&study, Some(4), faults, 12.0)]);
+        let fitted = problem.solve().unwrap();
+        assert!(!fitted.is_update(), "{id}");
+        assert!(fitted.suspects[0].score > 10.0, "{id}: {}", fitted.suspects[0]);
+        assert!(
+            fitted.suspects[..3].iter().any(|s| s.name == id),
+            "{id}: {:?}",
+            &fitted.suspects[..3]
+        );
+    }
+    let problem = Problem::of_study(&study, vec![record(&study, Some(4), vec![], 12.0)]);
+    assert!(problem.solve().unwrap().is_update());
+}
+
+#[test]
+fn a_parameter_that_would_leave_its_tolerance_is_told() {
+    let study = spring();
+    let mut record = record(&study, None, vec![], 12.0);
+    // The null of the valve is shifted by six standard deviations.
+    let faults = vec![fault(&study, "servo_valve.bias_positive", 0.1)];
+    record.measured = self::record(&study, None, faults, 12.0).measured;
+    let mut problem = Problem::of_study(&study, vec![record]);
+    problem.suspects.clear();
+    let fitted = problem.solve().unwrap();
+    let leaves = |finding: &Finding| matches!(finding, Finding::LeavesTolerance { unknown: 0, .. });
+    assert!(fitted.findings.iter().any(leaves), "{:?}", fitted.findings);
+    assert_eq!(fitted.known.each[0], Knowledge::AtBound);
+}
+
+#[test]
+fn the_intensity_of_a_fault_lies_in_its_interval() {
+    let study = spring();
+    let (mut inside, mut all) = (0, 0);
+    for (number, id) in [
+        "leakage_a.leakage",
+        "servo_valve.clogging_pa",
+        "sensor_ram.gain_high",
+        "cylinder.internal_leakage",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        for intensity in [0.2, 0.6] {
+            let at = fault(&study, id, intensity);
+            let records = vec![record(&study, Some(number), vec![at], 12.0)];
+            let problem = Problem::of_study(&study, records);
+            let other = fault(&study, "servo_valve.gain_low", 0.0);
+            let found = intensity::intensity(
+                &problem,
+                &[(other.component, other.fault), (at.component, at.fault)],
+            )
+            .unwrap();
+            assert_eq!(found[0].name, id, "the likeliest");
+            assert!(found[0].probability > 0.99);
+            assert!((found[0].intensity - intensity).abs() < 0.05, "{id}: {}", found[0].intensity);
+            inside += usize::from((found[0].interval.0..=found[0].interval.1).contains(&intensity));
+            all += 1;
+        }
+    }
+    assert!(all - inside <= 2, "{inside} of {all}");
+}
+
+#[test]
+fn a_fitted_twin_is_written_and_read_again() {
+    let study = Study::default();
+    let mut problem = Problem::of_study(&study, vec![record(&study, Some(1), vec![], 6.0)]);
+    problem.suspects.clear();
+    let fitted = problem.solve().unwrap();
+    let text = fitted.system_text(&problem).unwrap();
+    let read = System::parse(&text, "fitted.toml").unwrap();
+    for &(component, parameter, value) in &fitted.overrides {
+        assert_eq!(
+            read.network().components[component].parameters[parameter].to_bits(),
+            value.to_bits()
+        );
+    }
+    assert!(text.contains("± ") && text.starts_with("# Fitted by servotwin"));
+}
+
+mod records {
+    //! Records from which nothing can be learned, each with its own message.
+
+    use super::*;
+    use crate::table::{Column, Table, Values};
+
+    fn table(study: &Study, record: &Record) -> Table {
+        let samples = record.samples();
+        let times: Vec<f64> = (0..samples).map(|k| k as f64 * record.period_s).collect();
+        let command: Vec<f64> =
+            times.iter().map(|&t| record.inputs[study.command_input].value(t)).collect();
+        let mut table = Table::new();
+        table.push(Column::new("time_s", "s", times)).unwrap();
+        table.push(Column::new("command_rad", "rad", command)).unwrap();
+        for (place, &sensor) in record.sensors.iter().enumerate() {
+            let sensor = &study.system.sensors[sensor];
+            let values: Vec<f64> =
+                record.measured.iter().skip(place).step_by(record.sensors.len()).copied().collect();
+            table.push(Column::new(record::named(&sensor.id, sensor.unit), "", values)).unwrap();
+        }
+        table
+    }
+
+    /// What a changed record is refused with.
+    fn refusal(study: &Study, table: &Table) -> Option<RecordError> {
+        let record = match Record::from_table("log", table, &study.system) {
+            Ok(record) => record,
+            Err(error) => return Some(error),
+        };
+        match Problem::of_study(study, vec![record]).check() {
+            Ok(()) => None,
+            Err(FitError::Record { error, .. }) => Some(error),
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    fn changed(table: &Table, name: &str, change: impl Fn(usize, f64) -> f64) -> Table {
+        let columns = table.columns().iter().map(|column| {
+            let mut column = column.clone();
+            if column.name == name {
+                let Values::Float(values) = &mut column.values else { panic!() };
+                values.iter_mut().enumerate().for_each(|(row, value)| *value = change(row, *value));
+            }
+            column
+        });
+        Table::from_columns(columns.collect()).unwrap()
+    }
+
+    #[test]
+    fn each_mistake_has_its_message() {
+        use RecordError as E;
+        let study = spring();
+        let record = record(&study, Some(1), vec![], 20.0);
+        let good = table(&study, &record);
+        assert_eq!(refusal(&study, &good), None);
+        let of = |name: &str, change: &dyn Fn(usize, f64) -> f64| {
+            let error = refusal(&study, &changed(&good, name, change)).expect("a refusal");
+            println!("{error}");
+            assert!(!error.to_string().is_empty());
+            error
+        };
+        let nan = of("p_a_pa", &|row, v| if row == 700 { f64::NAN } else { v });
+        assert!(matches!(nan, E::NotFinite { .. }) && nan.to_string().contains("row 701"), "{nan}");
+        assert!(matches!(of("x_p_m", &|_, v| -v), E::OtherSign { all: false, .. }));
+        assert!(matches!(of("command_rad", &|_, v| -v), E::OtherSign { all: true, .. }));
+        assert!(matches!(of("p_s_pa", &|_, v| v * 1e-5), E::OtherUnit { looks_like: "bar", .. }));
+        assert!(matches!(of("x_v_m", &|_, v| v * 1e3), E::OtherUnit { looks_like: "mm", .. }));
+        assert!(matches!(
+            of("command_rad", &|_, v| v.to_degrees()),
+            E::OtherUnit { looks_like: "degrees", .. }
+        ));
+        assert!(matches!(of("command_rad", &|_, _| 0.1), E::NoMotion { .. }));
+        let held = record.measured[2];
+        assert!(matches!(of("x_p_m", &|row, v| if row > 900 { held } else { v }), E::Stuck { .. }));
+        assert!(matches!(
+            of("time_s", &|row, v| if row > 900 { v + 0.5 } else { v }),
+            E::Uneven { .. }
+        ));
+        let short = Table::from_columns(
+            good.columns()
+                .iter()
+                .map(|c| Column { values: c.values.rows(0..300), ..c.clone() })
+                .collect(),
+        );
+        assert!(matches!(refusal(&study, &short.unwrap()), Some(E::TooShort { .. })));
+    }
+
+    #[test]
+    fn a_column_that_is_missing_is_no_mistake_unless_all_are() {
+        let study = spring();
+        let mut good = table(&study, &record(&study, Some(1), vec![], 8.0));
+        good.take("p_s_pa").unwrap();
+        assert_eq!(refusal(&study, &good), None);
+        for name in ["p_a_pa", "p_b_pa", "x_p_m", "x_v_m"] {
+            good.take(name).unwrap();
+        }
+        assert!(matches!(refusal(&study, &good), Some(RecordError::NoSensor { .. })));
+        good.take("time_s").unwrap();
+        assert_eq!(refusal(&study, &good), Some(RecordError::NoTime));
+    }
+
+    #[test]
+    fn clocks_that_do_not_agree_are_told() {
+        let study = spring();
+        let record = record(&study, Some(1), vec![], 40.0);
+        let good = table(&study, &record);
+        let samples = record.samples();
+        // The logger of the sensors runs fast by a percent: its values come ever later.
+        let shifted = |name: &str, from: &dyn Fn(usize) -> usize| {
+            let values: Vec<f64> = good.f64(name).unwrap().into_owned();
+            changed(&good, name, |row, _| values[from(row).min(samples - 1)])
+        };
+        let late = shifted("command_rad", &|row| row + row / 100);
+        let Some(RecordError::Clock { share }) = refusal(&study, &late) else {
+            panic!("{:?}", refusal(&study, &late))
+        };
+        assert!((share.abs() - 0.01).abs() < 0.002, "{share}");
+        let delayed = shifted("command_rad", &|row| row + 10);
+        let Some(RecordError::Shifted { by_s }) = refusal(&study, &delayed) else {
+            panic!("{:?}", refusal(&study, &delayed))
+        };
+        assert!((by_s - 0.1).abs() < 0.011, "{by_s}");
+        // Both on one clock that runs fast by a percent: only the dynamics tell.
+        let fast = Record { period_s: record.period_s * 1.01, ..record };
+        let inputs = fast.inputs.iter().map(|signal| {
+            let breaks = signal.breaks_s().iter().map(|b| b * 1.01).collect();
+            let values: Vec<_> = signal
+                .pieces()
+                .iter()
+                .map(|[a, b, c, d]| [*a, b / 1.01, c / 1.0201, d / 1.030301])
+                .collect();
+            Piecewise::new(breaks, values).unwrap()
+        });
+        let fast = Record { inputs: inputs.collect(), ..fast.clone() };
+        let problem = Problem::of_study(&study, vec![fast]);
+        let fitted = problem.solve().unwrap();
+        let clock = fitted.suspects.iter().find(|s| s.name == finding::CLOCK).unwrap();
+        assert!((clock.intensity - 0.01).abs() < 0.003 && clock.score > 5.0, "{clock}");
+        assert!(!fitted.is_update());
+    }
+}

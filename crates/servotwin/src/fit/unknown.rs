@@ -1,0 +1,162 @@
+//! What a fit may change: parameters that vary together, or the intensity of a fault.
+//!
+//! Every unknown is a number z. For parameters it counts standard deviations of their tolerance:
+//!
+//! (FU1)  p = p₀ + z σ  (absolute),  p = p₀ (1 + z σ)  (relative),  |z| ≤ 3
+//!
+//! and p stays inside what its component declares. For a fault z is its intensity.
+
+use crate::study::{Study, Tolerance};
+use crate::system::System;
+use servotwin_model::program::FaultAt;
+use servotwin_model::spec::Unit;
+
+/// A specimen outside of so many standard deviations is not delivered.
+pub const TOLERANCE_SIGMAS: f64 = 3.0;
+/// How far a parameter is moved to see what it does, in standard deviations of its tolerance: the
+/// errors of the solver must be small beside the difference.
+const PARAMETER_STEP: f64 = 0.5;
+/// The same for the intensity of a fault.
+const FAULT_STEP: f64 = 0.05;
+/// What is known of an intensity before: nothing, but where a record says nothing either, the
+/// equations must have a solution.
+const FAULT_PRIOR: f64 = 1e-6;
+
+/// What an unknown moves.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Moved {
+    /// Parameters that vary together: (component, parameter, nominal value).
+    Parameters {
+        /// The parameters.
+        members: Vec<(usize, usize, f64)>,
+        /// One standard deviation of the tolerance.
+        sigma: f64,
+        /// Whether it is in the parameter's unit; otherwise a part of the nominal value.
+        absolute: bool,
+    },
+    /// The intensity of a fault: (component, fault).
+    Fault(usize, usize),
+}
+
+/// One number that is estimated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknown {
+    /// Its first parameter, e.g. `actuator_1.servo_valve.width_pa_m`, or the fault.
+    pub name: String,
+    /// The unit of the parameter; none for a fault.
+    pub unit: Unit,
+    /// What it moves.
+    pub moved: Moved,
+    /// How much is known before, as 1/variance of z.
+    pub prior: f64,
+    /// The range of z.
+    pub range: (f64, f64),
+    /// The step of differences, in z.
+    pub step: f64,
+}
+
+impl Unknown {
+    /// The unknowns of all tolerances of a study, in its order.
+    pub fn of_study(study: &Study) -> Vec<Self> {
+        let tolerances = study.realism.iter().flat_map(|realism| realism.tolerances());
+        tolerances.map(|tolerance| Self::tolerance(&study.system, tolerance)).collect()
+    }
+
+    /// The unknown of a tolerance.
+    pub fn tolerance(system: &System, tolerance: &Tolerance) -> Self {
+        let components = &system.network().components;
+        let member = |&(component, parameter): &(usize, usize)| {
+            (component, parameter, components[component].parameters[parameter])
+        };
+        let members: Vec<_> = tolerance.parameters.iter().map(member).collect();
+        let (component, parameter, _) = members[0];
+        let spec = components[component].component.spec();
+        let mut unknown = Self {
+            name: format!("{}.{}", components[component].id, spec.parameters[parameter].name),
+            unit: spec.parameters[parameter].unit,
+            moved: Moved::Parameters {
+                members,
+                sigma: tolerance.sigma,
+                absolute: tolerance.absolute,
+            },
+            prior: 1.0,
+            range: (-TOLERANCE_SIGMAS, TOLERANCE_SIGMAS),
+            step: PARAMETER_STEP,
+        };
+        unknown.range = unknown.declared_range(system);
+        unknown
+    }
+
+    /// The intensity of a fault, of which nothing is known before.
+    pub fn fault(system: &System, component: usize, fault: usize) -> Self {
+        let instance = &system.network().components[component];
+        Self {
+            name: format!("{}.{}", instance.id, instance.component.spec().faults[fault].name),
+            unit: Unit::None,
+            moved: Moved::Fault(component, fault),
+            prior: FAULT_PRIOR,
+            range: (0.0, 1.0),
+            step: FAULT_STEP,
+        }
+    }
+
+    /// The tolerance, as far as all its parameters stay inside of what is declared for them.
+    fn declared_range(&self, system: &System) -> (f64, f64) {
+        let Moved::Parameters { members, .. } = &self.moved else { return self.range };
+        let (mut low, mut high) = self.range;
+        for &(component, parameter, nominal) in members {
+            let spec = system.network().components[component].component.spec();
+            let declared = &spec.parameters[parameter];
+            let per_sigma = self.per_sigma(nominal);
+            if per_sigma != 0.0 {
+                let ends = [declared.min, declared.max].map(|end| (end - nominal) / per_sigma);
+                low = low.max(ends[0].min(ends[1]));
+                high = high.min(ends[0].max(ends[1]));
+            }
+        }
+        (low.min(0.0), high.max(0.0))
+    }
+
+    /// What a standard deviation is, in the unit of a parameter with this nominal value; for a fault
+    /// intensity itself.
+    pub fn per_sigma(&self, nominal: f64) -> f64 {
+        match &self.moved {
+            Moved::Parameters { sigma, absolute: true, .. } => *sigma,
+            Moved::Parameters { sigma, absolute: false, .. } => nominal * sigma,
+            Moved::Fault(..) => 1.0,
+        }
+    }
+
+    /// Nominal value of its first parameter; zero for a fault.
+    pub fn nominal(&self) -> f64 {
+        match &self.moved {
+            Moved::Parameters { members, .. } => members[0].2,
+            Moved::Fault(..) => 0.0,
+        }
+    }
+
+    /// The value of its first parameter, or the intensity.
+    pub fn value(&self, z: f64) -> f64 {
+        self.nominal() + z * self.per_sigma(self.nominal())
+    }
+
+    /// Puts it into a variant.
+    pub fn apply(
+        &self,
+        z: f64,
+        overrides: &mut Vec<(usize, usize, f64)>,
+        faults: &mut Vec<FaultAt>,
+    ) {
+        match &self.moved {
+            Moved::Parameters { members, .. } => {
+                let moved = members.iter().map(|&(component, parameter, nominal)| {
+                    (component, parameter, nominal + z * self.per_sigma(nominal))
+                });
+                overrides.extend(moved);
+            }
+            &Moved::Fault(component, fault) => {
+                faults.push(FaultAt { component, fault, intensity: z });
+            }
+        }
+    }
+}
