@@ -50,6 +50,15 @@ judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 "#;
 
+/// Study and diagnoser, learned in a folder.
+pub fn learned(folder: &Folder) -> [String; 2] {
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    std::fs::write(&study, STUDY).unwrap();
+    let output = servotwin(&["flights", &study, "--out", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    [study, format!("{out}/diagnoser-realistic.json")]
+}
+
 #[test]
 fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() {
     let folder = Folder::new("flights");
@@ -74,7 +83,8 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let fly = servotwin(&["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"]);
     assert!(fly.status.success(), "{}", stderr(&fly));
     assert!(stdout(&fly).contains("nothing had to be done"), "{}", stdout(&fly));
-    let output = servotwin(&["fly", &study, "--out", &out, "--at", "2s", "--duration", "5s", "--json"]);
+    let output =
+        servotwin(&["fly", &study, "--out", &out, "--at", "2s", "--duration", "5s", "--json"]);
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
     assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");

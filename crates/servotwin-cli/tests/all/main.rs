@@ -4,6 +4,7 @@ mod flights;
 mod public_tables;
 mod study;
 mod tables;
+mod watch;
 
 use std::io::Read;
 use std::path::PathBuf;

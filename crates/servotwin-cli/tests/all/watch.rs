@@ -1,6 +1,7 @@
-//! `watch` as its users run it: maps, streams, results, messages. Joins the modules of `main.rs` with the
-//! command; what it finds is the runtime's business and tested there.
+//! `watch` as its users run it: maps, streams, results, messages. What it finds is the runtime's business
+//! and tested there.
 
+use super::flights::learned;
 use super::{Folder, json, servotwin, stderr, stdout};
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -14,6 +15,8 @@ fn flight(folder: &Folder) -> String {
         "sine:amplitude=5deg,frequency=0.5Hz",
         "--duration",
         "8s",
+        "--rate",
+        "50Hz",
         "--quiet",
         "--out",
         &path,
@@ -26,25 +29,27 @@ fn flight(folder: &Folder) -> String {
 fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     let folder = Folder::new("watch");
     let log = flight(&folder);
-    let (map, html, mcap) =
-        (folder.file("map.toml"), folder.file("a.html"), folder.file("a.mcap"));
+    let [study, model] = learned(&folder);
+    let with = ["--study", &study, "--model", &model];
+    let (map, html, mcap) = (folder.file("map.toml"), folder.file("a.html"), folder.file("a.mcap"));
     let made = json(&["watch", &log, "--make-map", &map, "--json"]);
     assert_eq!((&made["sensors_found"], &made["time"]), (&13.into(), &true.into()));
 
     let run = |arguments: &[&str]| {
-        let output = servotwin(arguments);
+        let output = servotwin(&[arguments, &with].concat());
         assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
         stdout(&output)
     };
     let text = run(&["watch", &log, "--map", &map, "--json", "--html", &html, "--mcap", &mcap]);
     let last = text.lines().last().unwrap();
     let summary: serde_json::Value = serde_json::from_str(last).unwrap();
-    assert_eq!(summary["summary"]["samples"], 801);
+    assert_eq!(summary["summary"]["samples"], 401);
     assert!(summary["summary"]["met"].as_object().unwrap().is_empty(), "{last}");
     assert!(std::fs::read_to_string(&html).unwrap().contains("from 0.00 s to 8.00 s"));
 
     let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
         .args(["watch", "-", "--map", &map, "--json"])
+        .args(with)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()

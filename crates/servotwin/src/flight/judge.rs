@@ -458,11 +458,8 @@ impl Judged<'_> {
 
 /// The share of flights of which something holds; its interval is that of whole clusters.
 fn rate(fates: &[&Fate], holds: &dyn Fn(&Fate) -> bool) -> Rate {
-    let trial = |fate: &&Fate| Trial {
-        cluster: fate.cluster,
-        kind: fate.kind_number,
-        holds: holds(fate),
-    };
+    let trial =
+        |fate: &&Fate| Trial { cluster: fate.cluster, kind: fate.kind_number, holds: holds(fate) };
     Rate::clustered(&fates.iter().map(trial).collect::<Vec<_>>())
 }
 

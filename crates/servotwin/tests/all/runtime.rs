@@ -89,7 +89,9 @@ fn values_that_are_missing_or_absurd_say_so_and_raise_nothing() {
         study().system.network().inputs.iter().map(|input| input.default).collect();
     let sensors = study().system.sensors.len();
     let zero = vec![0.0; sensors];
-    for (k, odd) in [f64::NAN, f64::INFINITY, 1e300, -1e300].into_iter().cycle().take(400).enumerate() {
+    for (k, odd) in
+        [f64::NAN, f64::INFINITY, 1e300, -1e300].into_iter().cycle().take(400).enumerate()
+    {
         let mut inputs = defaults.clone();
         inputs[k % defaults.len()] = odd;
         let measured = if k % 3 == 0 { vec![odd; sensors] } else { zero.clone() };

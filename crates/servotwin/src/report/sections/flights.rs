@@ -29,8 +29,11 @@ impl Section for Flights {
             return;
         };
         page.text(&about(results));
-        page.table(&limits(results), "What the study file asks of the diagnosis at work, and what was \
-            measured. “Met” is said only where the interval is on the right side of the limit.");
+        page.table(
+            &limits(results),
+            "What the study file asks of the diagnosis at work, and what was \
+            measured. “Met” is said only where the interval is on the right side of the limit.",
+        );
         page.note(&sizes(results));
         page.heading("How soon a fault is isolated");
         page.text(&format!(
@@ -71,7 +74,8 @@ impl Section for Flights {
 }
 
 fn about(results: &FlightResults) -> String {
-    let windows: Vec<String> = results.windows_s.iter().map(|&w| format!("{} s", chosen(w))).collect();
+    let windows: Vec<String> =
+        results.windows_s.iter().map(|&w| format!("{} s", chosen(w))).collect();
     format!(
         "Here the twin flies along, and the diagnosis runs sample by sample, with windows of {} that slide. \
          A fault begins during the flight. A command is raised only when the evidence for it beats every \
@@ -282,8 +286,7 @@ fn trade(results: &FlightResults, page: &mut Page) {
         "The sequential test is told how many false alarms are allowed, and takes the time that this \
          needs. The same flights, with several rates asked for:",
     );
-    let mut lines =
-        Lines::new("", "false alarms asked for, per hour", "time since the onset / s");
+    let mut lines = Lines::new("", "false alarms asked for, per hour", "time since the onset / s");
     lines.x_log = true;
     let mut grid = Grid::new([
         ("setting", Side::Left),
@@ -294,7 +297,8 @@ fn trade(results: &FlightResults, page: &mut Page) {
         ("wrong actuator off", Side::Right),
     ]);
     for merit in &results.merits {
-        let isolated = merit.trade.iter().filter_map(|p| Some((p.asked_per_h, p.isolation.as_ref()?)));
+        let isolated =
+            merit.trade.iter().filter_map(|p| Some((p.asked_per_h, p.isolation.as_ref()?)));
         let mut isolated: Vec<(f64, &Latency)> = isolated.collect();
         isolated.sort_by(|a, b| a.0.total_cmp(&b.0));
         let curve = |name: &str, of: fn(&Latency) -> f64| {
@@ -330,12 +334,17 @@ fn trade(results: &FlightResults, page: &mut Page) {
 
 fn wrong_kinds(results: &FlightResults, page: &mut Page) {
     let kinds = results.merits.iter().flat_map(|merit| {
-        let name = |(kind, count): &(String, u64)| format!("{} ({count}, {})", spoken(kind), merit.setting);
+        let name = |(kind, count): &(String, u64)| {
+            format!("{} ({count}, {})", spoken(kind), merit.setting)
+        };
         merit.wrong_kinds.iter().map(name).collect::<Vec<_>>()
     });
     let kinds: Vec<String> = kinds.collect();
     if !kinds.is_empty() {
-        page.note(&format!("Kinds of fault that switched the wrong actuator off: {}.", kinds.join(", ")));
+        page.note(&format!(
+            "Kinds of fault that switched the wrong actuator off: {}.",
+            kinds.join(", ")
+        ));
     }
 }
 
