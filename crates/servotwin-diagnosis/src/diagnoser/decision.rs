@@ -110,6 +110,10 @@ pub struct Settings {
     /// How much overlapping windows count: the exponent q of the share that is new. 1 counts every
     /// sample once, 0 every window in full; the latency is in between, too.
     pub overlap_exponent: f64,
+    /// The share of what deviates that actuators may have in common, above which it is like nothing
+    /// known: one half is a fault of one of them, one is none.
+    #[serde(default = "most_alike")]
+    pub most_alike: f64,
     /// The part of a limit from which an alarm is pending, and below which a raised one recovers.
     pub pending_share: f64,
     /// How long a raised alarm must have been recovering before it is over, in s.
@@ -127,6 +131,10 @@ pub struct Settings {
     pub least_on: u32,
 }
 
+fn most_alike() -> f64 {
+    0.9
+}
+
 impl Settings {
     /// Settings to begin with for these names; `off_commands` switch an actuator off.
     pub fn usual(names: &Names, off_commands: &[&str]) -> Self {
@@ -140,6 +148,7 @@ impl Settings {
             allowance_nats: 0.5,
             in_band_nats: 4.0,
             overlap_exponent: 0.5,
+            most_alike: most_alike(),
             pending_share: 0.5,
             recover_s: 5.0,
             least_detail_confidence: 0.5,
@@ -162,6 +171,8 @@ impl Settings {
         require(share > 0.0 && share <= 1.0, "wrong_isolation", share, "above 0, at most 1")?;
         let clip = self.clip_nats;
         require(clip > 0.0 && clip <= 100.0, "clip_nats", clip, "above 0, at most 100")?;
+        let alike = self.most_alike;
+        require((0.5..=1.0).contains(&alike), "most_alike", alike, "0.5 to 1")?;
         let part = self.pending_share;
         require(part > 0.0 && part < 1.0, "pending_share", part, "between 0 and 1")?;
         let numbers = [

@@ -4,6 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
+use super::alike::Alike;
 use super::decision::{Hypotheses, IsNovel, Said};
 use super::{Diagnoser, Length};
 use crate::error::Error;
@@ -20,6 +21,8 @@ pub(super) struct Judge {
     of_trees: Scratch,
     of_committee: Scratch,
     pub memory: Memory,
+    alike: Alike,
+    most_alike: f64,
     share_of_known: f64,
     in_band_share: f64,
 }
@@ -63,6 +66,8 @@ impl Judge {
             of_trees: trees.scratch(),
             of_committee: committee.scratch(),
             memory: Memory { probabilities: vec![0.0; hypotheses.count()], last: None },
+            alike: Alike::new(&diagnoser.sensors_seen(), diagnoser.watched()),
+            most_alike: diagnoser.decision.most_alike,
             share_of_known: 1.0 - length.novelty.quantile,
             in_band_share: 1.0 / (1.0 + odds),
         })
@@ -136,7 +141,9 @@ impl Judge {
         }
         let view = fault.map_or(0, |(unit, _)| unit).min(rows.len() - 1);
         let command = fault.map(|(_, command)| command as u32);
-        said.is_novel = length.novelty.score(command, &rows[view]) > 1.0;
+        let alike =
+            fault.map_or(0.0, |(unit, _)| self.alike.share(unit, window, &length.panel.bands));
+        said.is_novel = alike > self.most_alike || length.novelty.score(command, &rows[view]) > 1.0;
         *last = Some(said);
         let novelty = IsNovel { novel: said.is_novel, share_of_known: self.share_of_known };
         Ok(Said::Probabilities(probabilities, novelty))

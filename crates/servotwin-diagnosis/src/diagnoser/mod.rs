@@ -21,6 +21,7 @@ use crate::panel::Panel;
 use crate::sliding::{Sliding, Span};
 
 mod alarm;
+mod alike;
 pub mod decision;
 pub mod environment;
 mod judge;

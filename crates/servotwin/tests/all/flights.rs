@@ -137,6 +137,8 @@ fn faults_never_trained_on_are_counted_once_each() {
     assert_eq!(missing.words.no_data, missing.flights);
     let untold = of("the twin is told no command");
     assert_eq!(untold.words.environment_invalid, untold.flights);
+    // Both actuators deviate alike, and neither is at fault.
+    assert_eq!(of("the twin is told a frozen command").shutdowns_healthy, 0);
     let jam = of("spool jams where it is");
     assert!(jam.words.healthy < jam.flights, "{jam:?}");
 }
