@@ -3,6 +3,8 @@
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
+use servotwin::files::FileError;
+use servotwin::fit::FitError;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
 use servotwin::log::WatchError;
@@ -14,7 +16,7 @@ use servotwin::nearest::nearest;
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
 use servotwin::study::campaign::CampaignError;
-use servotwin::system::SystemError;
+use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
 use std::fmt;
 use std::io;
@@ -111,6 +113,19 @@ pub enum Failure {
     Map(MapError),
     /// A log or a stream cannot be read, or what comes of it not be written.
     Watch(WatchError),
+    /// There is no fit.
+    Fit(FitError),
+    /// A fitted system cannot be written.
+    Rewrite(RewriteError),
+    /// A file cannot be written.
+    File(FileError),
+    /// A record shows what no tolerance explains.
+    NoUpdate {
+        /// What is known all the same, for standard output.
+        output: String,
+        /// What is found, as sentences.
+        findings: Vec<String>,
+    },
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -132,6 +147,7 @@ impl Failure {
             | Failure::Options(_)
             | Failure::Signal { .. } => 2,
             Failure::Map(_) => 3,
+            Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,
             Failure::Watch(WatchError::Source(SourceError::Address { .. })) => 2,
             Failure::Watch(WatchError::Source(SourceError::Connection { .. })) => 1,
             Failure::Watch(WatchError::Source(_)) => 3,
@@ -148,6 +164,9 @@ impl Failure {
             | Failure::Table(_)
             | Failure::Figure(_)
             | Failure::Runtime(_)
+            | Failure::Fit(_)
+            | Failure::File(_)
+            | Failure::NoUpdate { .. }
             | Failure::Print(_) => 1,
             Failure::Stopped => 130,
         }
@@ -191,8 +210,28 @@ impl fmt::Display for Failure {
             Failure::Runtime(error) => write!(out, "error: {error}"),
             Failure::Map(error) => write!(out, "{error}"),
             Failure::Watch(error) => write!(out, "error: {error}"),
+            Failure::Fit(error) => write!(out, "error: {error}"),
+            Failure::Rewrite(error) => write!(out, "error: {error}"),
+            Failure::File(error) => write!(out, "error: {error}"),
+            Failure::NoUpdate { findings, .. } => write_findings(out, findings),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
+    }
+}
+
+/// The first findings, and how many there are.
+fn write_findings(out: &mut fmt::Formatter<'_>, findings: &[String]) -> fmt::Result {
+    const SHOWN: usize = 4;
+    write!(
+        out,
+        "error: no update, nothing is written: the record shows what no tolerance explains"
+    )?;
+    for finding in findings.iter().take(SHOWN) {
+        write!(out, "\n  {finding}")?;
+    }
+    match findings.len().saturating_sub(SHOWN) {
+        0 => Ok(()),
+        more => write!(out, "\n  and {more} more"),
     }
 }
 
@@ -223,6 +262,27 @@ impl From<StudyError> for Failure {
 impl From<CampaignError> for Failure {
     fn from(error: CampaignError) -> Self {
         Failure::Campaign(error)
+    }
+}
+
+impl From<FitError> for Failure {
+    fn from(error: FitError) -> Self {
+        match error {
+            FitError::Cancelled => Failure::Stopped,
+            error => Failure::Fit(error),
+        }
+    }
+}
+
+impl From<RewriteError> for Failure {
+    fn from(error: RewriteError) -> Self {
+        Failure::Rewrite(error)
+    }
+}
+
+impl From<FileError> for Failure {
+    fn from(error: FileError) -> Self {
+        Failure::File(error)
     }
 }
 

@@ -18,7 +18,7 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, explain, faults, features, flights, fly,
+    campaign, check, completions, describe, evaluate, explain, faults, features, fit, flights, fly,
     predict, report, simulate, study, train, watch,
 };
 use failure::Failure;
@@ -59,6 +59,7 @@ enum Command {
     Train(train::Options),
     Evaluate(evaluate::Options),
     Predict(predict::Options),
+    Fit(fit::Options),
     Flights(flights::Options),
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
@@ -82,6 +83,7 @@ impl Command {
             Command::Evaluate(options) => evaluate::run(options, global),
             Command::Explain(options) => explain::run(options, global),
             Command::Predict(options) => predict::run(options, global),
+            Command::Fit(options) => fit::run(options, global),
             Command::Flights(options) => flights::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),
@@ -99,6 +101,9 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
+            if let Failure::NoUpdate { output, .. } = &failure {
+                let _ = print(output);
+            }
             // Nobody is left to tell where standard error is closed, too.
             let _ = writeln!(io::stderr(), "{failure}");
             ExitCode::from(failure.exit_code())

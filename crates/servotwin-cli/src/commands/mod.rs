@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod explain;
 pub mod faults;
 pub mod features;
+pub mod fit;
 pub mod flights;
 pub mod fly;
 pub mod predict;

@@ -232,7 +232,8 @@ pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     Ok(FaultAt { component, fault, intensity })
 }
 
-fn all_faults(system: &System) -> Vec<String> {
+/// Every fault of a system by its full name.
+pub fn all_faults(system: &System) -> Vec<String> {
     let components = system.network().components.iter();
     let faults = components.flat_map(|instance| {
         let declared = instance.component.spec().faults.iter();

@@ -6,7 +6,7 @@
 //! another one stands at a bound, C without that one says what its bound pretends to know.
 
 use super::linear::Symmetric;
-use super::unknown::Unknown;
+use super::unknown::{Moved, Unknown};
 
 /// Above this part of the prior's deviation an unknown is not well known.
 const WELL_KNOWN: f64 = 0.5;
@@ -136,8 +136,10 @@ impl Judge<'_> {
         let error = self.covariance.at(k, k).sqrt();
         let alone = self.curvature.at(k, k).sqrt().recip();
         // Of a fault nothing is known before: its whole range is the measure.
-        let prior =
-            if self.unknowns[k].prior > 0.0 { self.unknowns[k].prior.sqrt().recip() } else { 0.5 };
+        let prior = match self.unknowns[k].moved {
+            Moved::Parameters { .. } => self.unknowns[k].prior.sqrt().recip(),
+            Moved::Fault(..) => 0.5,
+        };
         let correlation = |other: usize| {
             self.covariance.at(k, other) / (error * self.covariance.at(other, other).sqrt())
         };

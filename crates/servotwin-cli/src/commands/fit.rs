@@ -1,0 +1,333 @@
+//! `servotwin fit`: the twin's parameters from records of a healthy actuator.
+
+use super::progress::Stages;
+use super::read_table;
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json, number, shown};
+use crate::{Global, stop};
+use serde_json::{Value, json};
+use servotwin::files;
+use servotwin::fit::intensity::{Diagnosed, intensity};
+use servotwin::fit::unknown::Moved;
+use servotwin::fit::{FitError, Fitted, Problem, Record, Unknown};
+use servotwin::signal::Quantity;
+use servotwin::study::{Study, Tolerance};
+use servotwin_model::spec::Unit;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Fit the twin to its actuator: parameters inside of their tolerances from records of its sensors.
+///
+/// A record is a table with a column of times (time_s), one for each sensor and one for each input that
+/// is not at its default, in SI units, as `servotwin simulate --out` writes it. A minute in which the
+/// actuator moves much is good. What no tolerance explains is a finding: then nothing is written, and
+/// the exit code is 1.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The record (.csv or .parquet).
+    #[arg(value_name = "LOG")]
+    log: PathBuf,
+    /// The system file; without it, the study's.
+    #[arg(value_name = "SYSTEM")]
+    system: Option<PathBuf>,
+    /// A study file with the tolerances and faults; without it, the paper's.
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// A further record of the same actuator; may be given for several.
+    #[arg(long = "log", value_name = "LOG")]
+    more: Vec<PathBuf>,
+    /// The parameters, separated by commas: names or their ends, e.g. null_bias; with =SIGMA (a number
+    /// with unit, or a percentage of the value) also those without a tolerance [default: all that have
+    /// one].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    parameters: Vec<String>,
+    /// Estimate the intensity of these faults instead, and say which of them it is.
+    #[arg(long, value_name = "IDS", value_delimiter = ',', conflicts_with = "out")]
+    faults: Vec<String>,
+    /// The system file to write, with the fitted values.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Number of threads [default: all processors; the results do not depend on it].
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+/// The runs that a fit of so many unknowns with so many suspects usually takes.
+fn usual_runs(unknowns: usize, suspects: usize) -> usize {
+    3 * (unknowns + 1) + 20 + suspects
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let study = read_study(options)?;
+    let logs = std::iter::once(&options.log).chain(&options.more);
+    let records = logs.map(|path| read_record(path, &study, global)).collect::<Result<_, _>>()?;
+    stop::listen();
+    let stages = Stages::new(global);
+    let runs = AtomicUsize::new(0);
+    let mut problem = Problem::of_study(&study, records);
+    if !options.parameters.is_empty() {
+        problem.unknowns = chosen(&options.parameters, &problem.unknowns, &study)?;
+    }
+    let usual = usual_runs(problem.unknowns.len(), problem.suspects.len()) * problem.records.len();
+    let progress = || {
+        let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
+        stages.show(&format!("{done} runs"), (done as f64 / usual as f64).min(0.99));
+    };
+    let problem = Problem {
+        threads: options.threads.unwrap_or(problem.threads).max(1),
+        cancel: Some(stop::flag()),
+        progress: &progress,
+        ..problem
+    };
+    if !options.faults.is_empty() {
+        let found = intensities(options, &problem)?;
+        stages.end();
+        return Ok(match global {
+            Global { json: true, .. } => {
+                json(&json!(found.iter().map(diagnosed).collect::<Vec<_>>()))
+            }
+            _ => intensity_text(&found),
+        });
+    }
+    let fitted = problem.solve()?;
+    stages.end();
+    let text = match global {
+        Global { json: true, .. } => json(&as_json(&fitted, &problem)),
+        Global { quiet: true, .. } => String::new(),
+        _ => people(&fitted, &problem),
+    };
+    if !fitted.is_update() {
+        let sentences = fitted.findings.iter().map(|finding| finding.sentence(&problem)).collect();
+        return Err(Failure::NoUpdate { output: text, findings: sentences });
+    }
+    if let Some(path) = &options.out {
+        let system = fitted.system_text(&problem)?;
+        files::write_atomically(path, |out| out.write_all(system.as_bytes()))?;
+    }
+    Ok(text)
+}
+
+fn read_study(options: &Options) -> Result<Study, Failure> {
+    let Some(system) = &options.system else {
+        return match &options.study {
+            Some(path) => Ok(Study::read(path)?),
+            None => Ok(Study::default()),
+        };
+    };
+    let (text, path) = match &options.study {
+        Some(path) => {
+            (files::read_text(path).map_err(servotwin::study::StudyError::File)?, path.clone())
+        }
+        None => (Study::default().text, PathBuf::from("studies/paper.toml")),
+    };
+    Ok(Study::parse_with_system(&text, &path, system)?)
+}
+
+fn read_record(path: &Path, study: &Study, global: Global) -> Result<Record, Failure> {
+    let table = read_table(path, &[], global)?;
+    let name = path.display().to_string();
+    Record::from_table(&name, &table, &study.system)
+        .map_err(|error| Failure::Fit(FitError::Record { name, error }))
+}
+
+/// The unknowns that names stand for.
+fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknown>, Failure> {
+    let components = &study.system.network().components;
+    let full = |(component, parameter): (usize, usize)| {
+        let instance = &components[component];
+        format!("{}.{}", instance.id, instance.component.spec().parameters[parameter].name)
+    };
+    let matches = |id: &str, name: &str| id == name || id.ends_with(&format!(".{name}"));
+    let mut found: Vec<Unknown> = Vec::new();
+    for name in names {
+        let own: Vec<Unknown> = match name.split_once('=') {
+            None => {
+                let members = |unknown: &&Unknown| match &unknown.moved {
+                    Moved::Parameters { members, .. } => {
+                        members.iter().any(|&(c, p, _)| matches(&full((c, p)), name))
+                    }
+                    Moved::Fault(..) => false,
+                };
+                all.iter().filter(members).cloned().collect()
+            }
+            Some((name, sigma)) => {
+                let every = components.iter().enumerate().flat_map(|(c, instance)| {
+                    (0..instance.component.spec().parameters.len()).map(move |p| (c, p))
+                });
+                let own = every.filter(|&place| matches(&full(place), name));
+                own.map(|place| of_parameter(place, sigma, study)).collect::<Result<_, _>>()?
+            }
+        };
+        if own.is_empty() {
+            let (given, known) = (name.clone(), all.iter().map(|unknown| unknown.name.clone()));
+            let what = "tolerance for (give =SIGMA for another parameter)";
+            return Err(Failure::UnknownName { what, given, known: known.collect() });
+        }
+        for unknown in own {
+            if found.iter().any(|other| other.name == unknown.name) {
+                let option = "--parameters";
+                return Err(Failure::Repeated { option, name: unknown.name });
+            }
+            found.push(unknown);
+        }
+    }
+    Ok(found)
+}
+
+fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unknown, Failure> {
+    let instance = &study.system.network().components[place.0];
+    let unit = instance.component.spec().parameters[place.1].unit;
+    let relative = sigma.trim_end().ends_with('%') && unit != Unit::None;
+    let read = Quantity::in_unit(sigma, if relative { Unit::None } else { unit });
+    let value = read.map_err(|error| Failure::Number { option: "--parameters", error })?;
+    if !(value > 0.0 && value.is_finite()) {
+        let (option, range) = ("--parameters", "a standard deviation is greater than 0");
+        return Err(Failure::OutOfRange { option, given: sigma.into(), range });
+    }
+    let tolerance = Tolerance { parameters: vec![place], sigma: value, absolute: !relative };
+    Ok(Unknown::tolerance(&study.system, &tolerance))
+}
+
+fn intensities(options: &Options, problem: &Problem) -> Result<Vec<Diagnosed>, Failure> {
+    let of = |id: &String| {
+        problem.system.program.find_fault(id).ok_or_else(|| Failure::UnknownName {
+            what: "fault",
+            given: id.clone(),
+            known: super::simulate::all_faults(problem.system),
+        })
+    };
+    let candidates = options.faults.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+    Ok(intensity(problem, &candidates)?)
+}
+
+fn diagnosed(one: &Diagnosed) -> Value {
+    json!({
+        "fault": one.name,
+        "intensity": one.intensity,
+        "interval_95": [one.interval.0, one.interval.1],
+        "log_likelihood": one.log_likelihood,
+        "probability": one.probability,
+    })
+}
+
+fn intensity_text(found: &[Diagnosed]) -> String {
+    let heads = [
+        ("fault", Side::Left),
+        ("intensity", Side::Right),
+        ("95 %", Side::Left),
+        ("probability", Side::Right),
+    ];
+    let mut grid = Grid::new(&heads);
+    for one in found {
+        grid.push(vec![
+            one.name.clone(),
+            number(one.intensity, 3),
+            format!("{} … {}", number(one.interval.0, 3), number(one.interval.1, 3)),
+            format!("{:.1} %", 100.0 * one.probability),
+        ]);
+    }
+    grid.text()
+}
+
+fn as_json(fitted: &Fitted, problem: &Problem) -> Value {
+    let parameters = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
+        let per_sigma = unknown.per_sigma(unknown.nominal());
+        json!({
+            "name": unknown.name,
+            "unit": unknown.unit.symbol(),
+            "nominal": unknown.nominal(),
+            "value": unknown.value(fitted.z[k]),
+            "standard_error": (fitted.known.error(k) * per_sigma).abs(),
+            "tolerance_sigma": per_sigma.abs(),
+            "knowledge": fitted.known.sentence(&problem.unknowns, k),
+        })
+    });
+    let size = problem.unknowns.len();
+    let correlations: Vec<Vec<f64>> =
+        (0..size).map(|i| (0..size).map(|j| fitted.known.correlation(i, j)).collect()).collect();
+    let sensors = fitted.left.iter().map(|left| {
+        json!({
+            "record": problem.records[left.record].name,
+            "sensor": problem.system.sensors[left.sensor].id,
+            "mean_square": left.mean_square,
+            "limit": left.limit,
+            "largest_mean": left.largest_mean,
+            "largest_mean_at_s": left.at_s,
+        })
+    });
+    let directions = fitted.known.directions.iter();
+    let directions =
+        directions.map(|d| json!({ "information": d.information, "weights": d.weights }));
+    let suspects = fitted.suspects.iter().take(5);
+    let suspects =
+        suspects.map(|s| json!({ "name": s.name, "score": s.score, "intensity": s.intensity }));
+    json!({
+        "system": problem.system.name,
+        "records": problem.records.iter().map(|r| &r.name).collect::<Vec<_>>(),
+        "is_update": fitted.is_update(),
+        "findings": fitted.findings.iter().map(|f| f.sentence(problem)).collect::<Vec<_>>(),
+        "parameters": parameters.collect::<Vec<_>>(),
+        "correlations": correlations,
+        "directions": directions.collect::<Vec<_>>(),
+        "sensors": sensors.collect::<Vec<_>>(),
+        "suspects": suspects.collect::<Vec<_>>(),
+        "steps": fitted.steps,
+    })
+}
+
+fn people(fitted: &Fitted, problem: &Problem) -> String {
+    let mut text = format!("{}\n", problem.system.title);
+    for record in &problem.records {
+        let (name, duration) = (&record.name, number(record.duration_s(), 4));
+        text += &format!("{name}: {duration} s, {} sensors\n\n", record.sensors.len());
+    }
+    let mut grid = Grid::new(&[
+        ("parameter", Side::Left),
+        ("nominal", Side::Right),
+        ("fitted", Side::Right),
+        ("± 1 σ", Side::Right),
+        ("", Side::Left),
+    ]);
+    for (k, unknown) in problem.unknowns.iter().enumerate() {
+        let per_sigma = unknown.per_sigma(unknown.nominal());
+        let others = match &unknown.moved {
+            Moved::Parameters { members, .. } if members.len() > 1 => {
+                format!(" and {} more", members.len() - 1)
+            }
+            _ => String::new(),
+        };
+        let error = (fitted.known.error(k) * per_sigma).abs();
+        grid.push(vec![
+            unknown.name.clone() + &others,
+            shown(unknown.nominal(), unknown.unit),
+            shown(unknown.value(fitted.z[k]), unknown.unit),
+            number(unknown.unit.difference_to_shown(error), 2),
+            fitted.known.sentence(&problem.unknowns, k),
+        ]);
+    }
+    text += &grid.text();
+    let unseen = fitted.known.directions.iter().filter(|direction| direction.information < 1.0);
+    text += &format!(
+        "\nIn {} of {} directions the record says less than the tolerances did before.\n\n",
+        unseen.count(),
+        problem.unknowns.len()
+    );
+    let mut grid = Grid::new(&[
+        ("residual of", Side::Left),
+        ("mean square / noise", Side::Right),
+        ("limit", Side::Right),
+        ("largest mean / σ", Side::Right),
+        ("at", Side::Right),
+    ]);
+    for left in &fitted.left {
+        grid.push(vec![
+            problem.system.sensors[left.sensor].label.clone(),
+            number(left.mean_square, 3),
+            number(left.limit, 3),
+            number(left.largest_mean, 2),
+            format!("{} s", number(left.at_s, 3)),
+        ]);
+    }
+    text + &grid.text()
+}
