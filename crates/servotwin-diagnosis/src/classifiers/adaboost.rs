@@ -109,14 +109,9 @@ impl Fit for Settings {
         let mut trees: Vec<WeightedTree> = vec![];
         while trees.len() < self.rounds {
             normalise(&mut weights);
-            let growth = Growth {
-                samples,
-                presorted,
-                weights: &weights,
-                impurity_weights: &weights,
-                rules: &rules,
-            };
-            let tree = grow(&growth, &mut Random::new(0));
+            let growth =
+                Growth { samples, weights: &weights, impurity_weights: &weights, rules: &rules };
+            let tree = grow(&growth, presorted, &mut Random::new(0));
             let missed = missed_rows(&tree, samples);
             let error = weights.iter().zip(&missed).filter(|(_, missed)| **missed);
             let error: f64 = error.map(|(weight, _)| weight).sum();

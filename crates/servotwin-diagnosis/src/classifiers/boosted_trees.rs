@@ -16,13 +16,12 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-use super::histogram::Bins;
 use super::{Classifier, Fit};
 use crate::data::{PresentClasses, Samples};
 use crate::error::{Error, require, same_length};
 use crate::numeric::softmax;
 use crate::random::Random;
-use crate::tree::{Branches, separate};
+use crate::tree::{Bins, Branches, separate};
 
 /// Most trees of a model: it stays small enough to look at and to certify.
 pub const MOST_TREES: usize = 64;

@@ -16,7 +16,9 @@ use super::{Classifier, Fit};
 use crate::data::Samples;
 use crate::error::{Error, require, same_length};
 use crate::random::Random;
-use crate::tree::{Costs, Criterion, Growth, Limits, Presorted, Rules, Tree, grow};
+use crate::tree::{
+    Bins, Costs, Criterion, Growth, Limits, Presorted, Rules, Tree, grow, grow_binned,
+};
 
 /// The trained model is the tree.
 pub type Model = Tree;
@@ -49,6 +51,10 @@ pub struct Settings {
     pub min_samples_leaf: usize,
     /// A split must lower the impurity by so much, weighted by the share of samples at the node.
     pub min_impurity_decrease: f64,
+    /// Thresholds are sought between so many groups of a feature's values, 2 to 256, which takes a
+    /// fraction of the time on many rows; `None` seeks them between all values. Rows that weigh
+    /// differently, and missing values, are always learned from as they are.
+    pub max_bins: Option<usize>,
     /// Complexity cost per leaf for pruning after growth; 0 prunes nothing.
     pub ccp_alpha: f64,
     /// Names of features that may not be asked for.
@@ -70,6 +76,7 @@ impl Default for Settings {
             min_samples_split: 2,
             min_samples_leaf: 1,
             min_impurity_decrease: 0.0,
+            max_bins: None,
             ccp_alpha: 0.0,
             excluded_features: vec![],
             resolutions: vec![],
@@ -94,6 +101,8 @@ impl Settings {
             ">= 1",
         )?;
         not_negative("min_impurity_decrease", self.min_impurity_decrease)?;
+        let bins = self.max_bins.unwrap_or(2);
+        require((2..=256).contains(&bins), "max_bins", bins as f64, "2 to 256")?;
         not_negative("ccp_alpha", self.ccp_alpha)
     }
 
@@ -184,15 +193,14 @@ impl Fit for Settings {
         let rules = self.rules(samples)?;
         let weights: Vec<f64> = (0..samples.rows()).map(|row| samples.weight(row)).collect();
         let impurity_weights = self.impurity_weights(samples, &weights, &rules.costs)?;
-        let growth = Growth {
-            samples,
-            presorted: &Presorted::new(samples),
-            weights: &weights,
-            impurity_weights: &impurity_weights,
-            rules: &rules,
+        let impurity_weights = &impurity_weights;
+        let growth = Growth { samples, weights: &weights, impurity_weights, rules: &rules };
+        let may_bin = growth.is_counted() && !samples.has_missing();
+        let tree = match self.max_bins.filter(|_| may_bin) {
+            Some(bins) => grow_binned(&growth, &Bins::new(samples, &growth.rows(), bins)),
+            // All features are tried at each split, so nothing is drawn.
+            None => grow(&growth, &Presorted::new(samples), &mut Random::new(0)),
         };
-        // All features are tried at each split, so nothing is drawn.
-        let tree = grow(&growth, &mut Random::new(0));
         Ok(if self.ccp_alpha > 0.0 { tree.prune(self.ccp_alpha) } else { tree })
     }
 }

@@ -23,7 +23,6 @@ pub mod mlp;
 pub mod naive_bayes;
 pub mod random_forest;
 
-mod histogram;
 mod linear;
 
 /// What the scores of a classifier mean.

@@ -190,9 +190,8 @@ impl Fit for Settings {
         let one_tree = |place| {
             let mut random = Random::stream(self.seed, place as u64);
             let weights = &self.drawn_weights(samples, &mut random);
-            let growth =
-                Growth { samples, presorted, weights, impurity_weights: weights, rules: &rules };
-            VotingTree::new(&grow(&growth, &mut random))
+            let growth = Growth { samples, weights, impurity_weights: weights, rules: &rules };
+            VotingTree::new(&grow(&growth, presorted, &mut random))
         };
         Ok(Model {
             features: samples.features(),

@@ -3,6 +3,7 @@
 use super::{Window, place};
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 impl Window {
     /// The window as it might have been: every statistic moved within the uncertainty that the
@@ -58,19 +59,24 @@ impl Window {
         (self.largest[sensor] + moved).max(0.0)
     }
 
-    /// The lower factor of the covariances of all channels, row by row. A channel that follows
-    /// from others has a zero on the diagonal.
+    /// The lower factor of the covariances of all channels.
     fn cholesky(&self) -> Vec<f64> {
+        self.factor_of(0..2 * self.sensors)
+    }
+
+    /// The lower factor of the covariances of some channels, row by row. A channel that follows
+    /// from others has a zero on the diagonal.
+    pub(super) fn factor_of(&self, channels: Range<usize>) -> Vec<f64> {
         const NOTHING: f64 = 1e-12;
-        let channels = 2 * self.sensors;
-        let mut factor = vec![0.0; channels * channels];
-        for i in 0..channels {
+        let (first, size) = (channels.start, channels.len());
+        let mut factor = vec![0.0; size * size];
+        for i in 0..size {
             for j in 0..=i {
-                let (row_i, row_j) = (i * channels, j * channels);
+                let (row_i, row_j) = (i * size, j * size);
                 let known: f64 = (0..j).map(|k| factor[row_i + k] * factor[row_j + k]).sum();
-                let rest = self.covariance_of(i, j) - known;
+                let rest = self.covariance_of(first + i, first + j) - known;
                 factor[row_i + j] = if i == j {
-                    let least = NOTHING * self.covariance_of(i, i);
+                    let least = NOTHING * self.covariance_of(first + i, first + i);
                     if rest > least { libm::sqrt(rest) } else { 0.0 }
                 } else if factor[row_j + j] > 0.0 {
                     rest / factor[row_j + j]

@@ -15,6 +15,7 @@
 
 mod disturbed;
 mod merge;
+mod scaled;
 
 use alloc::vec;
 use alloc::vec::Vec;

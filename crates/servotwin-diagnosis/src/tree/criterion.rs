@@ -46,6 +46,10 @@ pub(crate) trait Scan {
     fn restart(&mut self, totals: &[f64]);
     /// Moves a row.
     fn move_left(&mut self, class: usize, weight: f64);
+    /// Moves so many rows of a class that weigh 1.
+    fn move_many(&mut self, class: usize, count: u32) {
+        self.move_left(class, f64::from(count));
+    }
     /// How good the split between the rows moved and the others is; larger is better.
     fn score(&self) -> f64;
 }
@@ -119,6 +123,11 @@ impl Scan for CountScan {
     }
 
     #[inline]
+    fn move_many(&mut self, class: usize, count: u32) {
+        self.left[class] += count;
+    }
+
+    #[inline]
     fn score(&self) -> f64 {
         let (mut left_total, mut left_squares, mut right_squares) = (0.0, 0.0, 0.0);
         for (&left, total) in self.left.iter().zip(&self.totals) {
@@ -177,6 +186,50 @@ impl Scan for EntropyScan {
     }
 }
 
+/// The running counts for entropy where every row has the weight 1: logarithms of whole numbers are
+/// computed once.
+#[derive(Default)]
+pub(crate) struct CountEntropyScan {
+    left: Vec<u32>,
+    totals: Vec<u32>,
+    total: u32,
+    /// `n ln n`.
+    logs: Vec<f64>,
+}
+
+impl Scan for CountEntropyScan {
+    fn restart(&mut self, totals: &[f64]) {
+        self.left.clear();
+        self.left.resize(totals.len(), 0);
+        self.totals.clear();
+        self.totals.extend(totals.iter().map(|&total| total as u32));
+        self.total = self.totals.iter().sum();
+        let known = self.logs.len() as u32;
+        self.logs.extend((known..=self.total).map(|count| x_log_x(f64::from(count))));
+    }
+
+    #[inline]
+    fn move_left(&mut self, class: usize, _weight: f64) {
+        self.left[class] += 1;
+    }
+
+    #[inline]
+    fn move_many(&mut self, class: usize, count: u32) {
+        self.left[class] += count;
+    }
+
+    fn score(&self) -> f64 {
+        let log = |count: u32| self.logs[count as usize];
+        let (mut left_total, mut left, mut right) = (0, 0.0, 0.0);
+        for (&count, &total) in self.left.iter().zip(&self.totals) {
+            left_total += count;
+            left += log(count);
+            right += log(total - count);
+        }
+        (left - log(left_total)).min(0.0) + (right - log(self.total - left_total)).min(0.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,6 +267,18 @@ mod tests {
             counts.move_left(class, 1.0);
             sums.move_left(class, 1.0);
             assert_eq!(counts.score().to_bits(), sums.score().to_bits());
+        }
+    }
+
+    #[test]
+    fn counted_logarithms_give_the_same_entropy() {
+        let (mut counts, mut sums) = (CountEntropyScan::default(), EntropyScan::default());
+        counts.restart(&[3.0, 2.0, 4.0]);
+        sums.restart(&[3.0, 2.0, 4.0]);
+        for (class, count) in [(2, 1), (0, 2), (2, 2), (1, 1), (0, 1), (1, 1)] {
+            counts.move_many(class, count);
+            sums.move_many(class, count);
+            assert!((counts.score() - sums.score()).abs() < 1e-12);
         }
     }
 

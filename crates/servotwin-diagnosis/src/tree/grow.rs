@@ -1,4 +1,4 @@
-//! Growing a tree from the root down, depth first.
+//! Growing a tree from the root down, depth first, with every value of a feature as it is.
 //!
 //! When every feature is tried at each split, the presorted rows of all features are carried along
 //! and split in place, which costs O(rows · features) for each level. When features are drawn at
@@ -7,56 +7,24 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::criterion::{CountScan, Criterion, EntropyScan, GiniScan, Scan};
+use super::Tree;
+use super::building::{Building, Growth, Parent, Rules};
+use super::criterion::{CountEntropyScan, CountScan, Criterion, EntropyScan, GiniScan, Scan};
 use super::presorted::Presorted;
-use super::split::{Candidate, Limits, NodeRows, best_of_feature};
-use super::{Costs, RejectedSplit, Tree};
-use crate::data::Samples;
-use crate::numeric::arg_max;
+use super::split::{Candidate, NodeRows, best_of_feature};
 use crate::random::Random;
 
-/// At most so many rejected splits are kept for a node.
-const REJECTED_PER_NODE: usize = 3;
-
-/// A node less impure than this is not split (rounding of the impurity of a pure node).
-const PURE: f64 = f64::EPSILON;
-
-/// When to split and where.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Rules {
-    pub criterion: Criterion,
-    pub max_depth: usize,
-    pub min_rows_split: usize,
-    pub min_rows_leaf: usize,
-    pub min_impurity_decrease: f64,
-    /// The features that may be asked for, ascending, not empty.
-    pub features: Vec<usize>,
-    /// How many of them are drawn for each split; all when not less than `features.len()`.
-    pub drawn_features: usize,
-    /// Limits for every feature of the samples, or empty for none.
-    pub limits: Vec<Limits>,
-    pub costs: Option<Costs>,
-}
-
-/// Everything a tree is grown from.
-pub(crate) struct Growth<'a> {
-    pub samples: &'a Samples,
-    pub presorted: &'a Presorted,
-    /// Weight of each row in counts and decisions; rows of weight 0 are left out.
-    pub weights: &'a [f64],
-    /// Weight of each row in the impurity.
-    pub impurity_weights: &'a [f64],
-    pub rules: &'a Rules,
-}
-
 /// Grows a tree. `random` is used only when features are drawn.
-pub(crate) fn grow(growth: &Growth, random: &mut Random) -> Tree {
-    // Rows without weight are left out.
-    let counted = growth.impurity_weights.iter().all(|&weight| weight == 1.0 || weight == 0.0);
+pub(crate) fn grow(growth: &Growth, presorted: &Presorted, random: &mut Random) -> Tree {
     match growth.rules.criterion {
-        Criterion::Gini if counted => Grower::<CountScan>::new(growth).run(random),
-        Criterion::Gini => Grower::<GiniScan>::new(growth).run(random),
-        Criterion::Entropy => Grower::<EntropyScan>::new(growth).run(random),
+        Criterion::Gini if growth.is_counted() => {
+            Grower::<CountScan>::new(growth, presorted).run(random)
+        }
+        Criterion::Entropy if growth.is_counted() => {
+            Grower::<CountEntropyScan>::new(growth, presorted).run(random)
+        }
+        Criterion::Gini => Grower::<GiniScan>::new(growth, presorted).run(random),
+        Criterion::Entropy => Grower::<EntropyScan>::new(growth, presorted).run(random),
     }
 }
 
@@ -66,15 +34,15 @@ struct Pending {
     start: usize,
     end: usize,
     depth: usize,
-    /// The parent and whether this is its right child.
-    parent: Option<(usize, bool)>,
+    parent: Parent,
     /// Features not known to be constant here, ascending.
     features: Vec<u32>,
 }
 
 struct Grower<'a, S> {
     growth: &'a Growth<'a>,
-    tree: Tree,
+    presorted: &'a Presorted,
+    building: Building<'a>,
     scan: S,
     /// The rows in use, grouped by node.
     rows: Vec<u32>,
@@ -85,35 +53,31 @@ struct Grower<'a, S> {
     spare: Vec<u32>,
     keys: Vec<u64>,
     spare_keys: Vec<u64>,
-    total_weight: f64,
-    /// Weights of the classes at the current node, as the impurity sees them.
-    node_weights: Vec<f64>,
 }
 
 impl<'a, S: Scan + Default> Grower<'a, S> {
-    fn new(growth: &'a Growth<'a>) -> Self {
+    fn new(growth: &'a Growth<'a>, presorted: &'a Presorted) -> Self {
         let samples = growth.samples;
-        let used = |row: &u32| growth.weights[*row as usize] > 0.0;
-        let rows: Vec<u32> = (0..samples.rows() as u32).filter(used).collect();
+        let rows = growth.rows();
         let mut sorted = Vec::new();
         if !draws(growth.rules) {
+            let used = |row: &u32| growth.weights[*row as usize] > 0.0;
             sorted.reserve_exact(rows.len() * samples.features());
             for feature in 0..samples.features() {
-                sorted.extend(growth.presorted.order(feature).iter().copied().filter(used));
+                sorted.extend(presorted.order(feature).iter().copied().filter(used));
             }
         }
         Grower {
-            tree: Tree::empty(samples.features(), samples.classes()),
+            building: Building::new(growth, &rows),
             scan: S::default(),
             sorted,
             goes_left: vec![false; samples.rows()],
             spare: vec![0; rows.len()],
             keys: Vec::new(),
             spare_keys: Vec::new(),
-            total_weight: rows.iter().map(|&row| growth.impurity_weights[row as usize]).sum(),
-            node_weights: vec![],
             rows,
             growth,
+            presorted,
         }
     }
 
@@ -122,7 +86,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         let root = Pending { start: 0, end: self.rows.len(), depth: 0, parent: None, features };
         let mut stack = vec![root];
         while let Some(mut pending) = stack.pop() {
-            let node = self.add_node(&pending);
+            let rows = &self.rows[pending.start..pending.end];
+            let node = self.building.add_node(rows, pending.depth, pending.parent);
             let Some(best) = self.choose_split(node, &mut pending, random) else {
                 continue;
             };
@@ -130,7 +95,8 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             if self.growth.samples.has_missing() {
                 // What was not missing here may be so later: it goes with most rows.
                 let larger = 2 * (middle - pending.start) >= pending.end - pending.start;
-                self.tree.branches.missing_left[node] = best.missing_left.unwrap_or(larger);
+                self.building.tree.branches.missing_left[node] =
+                    best.missing_left.unwrap_or(larger);
             }
             let child = |start, end, is_right, features| Pending {
                 start,
@@ -143,43 +109,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             stack.push(child(middle, pending.end, true, pending.features.clone()));
             stack.push(child(pending.start, middle, false, pending.features));
         }
-        self.tree
-    }
-
-    /// Adds a leaf with its counts; `choose_split` may make it an inner node.
-    fn add_node(&mut self, pending: &Pending) -> usize {
-        let classes = self.tree.classes;
-        let node = self.tree.branches.push_leaf(self.growth.samples.has_missing());
-        match pending.parent {
-            Some((parent, true)) => self.tree.branches.right[parent] = node as u32,
-            Some((parent, false)) => self.tree.branches.left[parent] = node as u32,
-            None => {}
-        }
-        let mut counts = vec![0; classes];
-        let mut weights = vec![0.0; classes];
-        self.node_weights.clear();
-        self.node_weights.resize(classes, 0.0);
-        for &row in &self.rows[pending.start..pending.end] {
-            let row = row as usize;
-            let class = self.growth.samples.labels()[row] as usize;
-            counts[class] += 1;
-            weights[class] += self.growth.weights[row];
-            self.node_weights[class] += self.growth.impurity_weights[row];
-        }
-        let decision = match &self.growth.rules.costs {
-            Some(costs) => costs.decide(&weights),
-            None => arg_max(weights.iter().copied()),
-        };
-        let share = self.node_weights.iter().sum::<f64>() / self.total_weight;
-        let tree = &mut self.tree;
-        tree.decision.push(decision as u32);
-        tree.depth.push(pending.depth as u32);
-        tree.counts.extend(counts);
-        tree.weights.extend(weights);
-        tree.impurity.push(self.growth.rules.criterion.impurity(&self.node_weights));
-        tree.decrease.push(0.0);
-        tree.share.push(share);
-        node
+        self.building.tree
     }
 
     /// Finds the split of a node and writes it into the tree; `None` leaves the node a leaf.
@@ -189,54 +119,17 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         pending: &mut Pending,
         random: &mut Random,
     ) -> Option<Candidate> {
-        let rules = self.growth.rules;
-        let rows = pending.end - pending.start;
-        let final_leaf = pending.depth >= rules.max_depth
-            || rows < rules.min_rows_split
-            || rows < 2 * rules.min_rows_leaf
-            || self.tree.impurity[node] <= PURE;
-        if final_leaf {
+        if !self.building.may_split(node, pending.end - pending.start) {
             return None;
         }
         let mut best: Option<Candidate> = None;
         let mut forbidden: Vec<Candidate> = Vec::new();
-        if draws(rules) {
+        if draws(self.growth.rules) {
             best = self.search_drawn(pending, random, &mut forbidden);
         } else {
             self.search_all(pending, &mut best, &mut forbidden);
         }
-        self.keep_rejected(node, &best, forbidden);
-        let best = best?;
-        let decrease = self.decrease_of(node, &best);
-        if decrease + f64::EPSILON < rules.min_impurity_decrease {
-            return None;
-        }
-        self.tree.branches.feature[node] = best.feature as u32;
-        self.tree.branches.threshold[node] = best.threshold;
-        // A useless split (needed for patterns such as exclusive-or) may round below zero.
-        self.tree.decrease[node] = decrease.max(0.0);
-        Some(best)
-    }
-
-    fn decrease_of(&self, node: usize, candidate: &Candidate) -> f64 {
-        let total: f64 = self.node_weights.iter().sum();
-        let children = self.growth.rules.criterion.of_children(candidate.score, total);
-        self.tree.share[node] * (self.tree.impurity[node] - children)
-    }
-
-    fn keep_rejected(
-        &mut self,
-        node: usize,
-        best: &Option<Candidate>,
-        mut forbidden: Vec<Candidate>,
-    ) {
-        forbidden.retain(|candidate| best.is_none_or(|best| candidate.score > best.score));
-        forbidden.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.feature.cmp(&b.feature)));
-        for candidate in forbidden.into_iter().take(REJECTED_PER_NODE) {
-            let decrease = self.decrease_of(node, &candidate);
-            let Candidate { feature, threshold, gap, .. } = candidate;
-            self.tree.rejected.push(RejectedSplit { node, feature, threshold, gap, decrease });
-        }
+        self.building.settle(node, best, forbidden)
     }
 
     /// Tries all features, and drops those that are constant at this node.
@@ -257,7 +150,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             }
             search(
                 self.growth,
-                &self.node_weights,
+                &self.building.node_weights,
                 &mut self.scan,
                 sorted,
                 feature,
@@ -291,7 +184,15 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             }
             tried += 1;
             let (scan, feature) = (&mut self.scan, feature as usize);
-            search(self.growth, &self.node_weights, scan, sorted, feature, &mut best, forbidden);
+            search(
+                self.growth,
+                &self.building.node_weights,
+                scan,
+                sorted,
+                feature,
+                &mut best,
+                forbidden,
+            );
         }
         if !constant.is_empty() {
             pending.features.retain(|feature| !constant.contains(feature));
@@ -301,7 +202,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
 
     /// Puts the rows of a node into `sorted`, in ascending order of a feature.
     fn sort_rows(&mut self, pending: &Pending, feature: usize) {
-        let ranks = self.growth.presorted.rank(feature);
+        let ranks = self.presorted.rank(feature);
         let rows = &self.rows[pending.start..pending.end];
         self.keys.clear();
         let key = |&row: &u32| u64::from(ranks[row as usize]) << 32 | u64::from(row);
@@ -325,9 +226,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         let (goes_left, spare) = (&self.goes_left, &mut self.spare);
         let left = partition(&mut self.rows[pending.start..pending.end], goes_left, spare);
         let largest = left.max(pending.end - pending.start - left);
-        let may_split = pending.depth + 1 < rules.max_depth
-            && largest >= rules.min_rows_split.max(2 * rules.min_rows_leaf);
-        if may_split && !draws(rules) {
+        if rules.may_split(largest, pending.depth + 1) && !draws(rules) {
             for &feature in &pending.features {
                 let feature = feature as usize;
                 // The rows sorted by the feature of the split are divided already, but for those
@@ -397,7 +296,7 @@ fn search<S: Scan>(
         labels: growth.samples.labels(),
         weights: growth.impurity_weights,
     };
-    let limits = growth.rules.limits.get(feature).copied().unwrap_or_default();
+    let limits = growth.rules.limits_of(feature);
     let min_rows = growth.rules.min_rows_leaf;
     let offer = best_of_feature(&rows, feature, min_rows, limits, node_weights, scan);
     if let Some(candidate) = offer.allowed.filter(|candidate| candidate.beats(best)) {

@@ -9,8 +9,11 @@
 //!
 //! Source: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", 1984.
 
+mod binned;
+mod building;
 mod criterion;
 mod grow;
+mod histogram;
 mod presorted;
 mod prune;
 mod render;
@@ -26,7 +29,10 @@ use crate::numeric::arg_max;
 pub use criterion::Criterion;
 pub use prune::PruningStep;
 
-pub(crate) use grow::{Growth, Rules, grow};
+pub(crate) use binned::grow_binned;
+pub(crate) use building::{Growth, Rules};
+pub(crate) use grow::grow;
+pub(crate) use histogram::Bins;
 pub(crate) use presorted::Presorted;
 pub(crate) use split::{Limits, separate};
 

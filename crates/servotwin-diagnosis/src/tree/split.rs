@@ -13,7 +13,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    fn allow(self, threshold: f64, gap: f64) -> bool {
+    pub fn allow(self, threshold: f64, gap: f64) -> bool {
         gap >= self.gap && libm::fabs(threshold) >= self.magnitude
     }
 
@@ -44,6 +44,11 @@ pub(crate) struct Candidate {
 const SAME_SCORE: f64 = 1e-12;
 
 impl Candidate {
+    /// The least score that may be as good.
+    pub fn worth(&self) -> f64 {
+        self.score - SAME_SCORE * libm::fabs(self.score)
+    }
+
     /// Better; or as good with a wider margin, because a threshold in a wide gap
     /// is the one that unseen rows are likeliest to respect; or as good and as
     /// wide with a lower feature.
@@ -177,7 +182,7 @@ fn try_thresholds<S: Scan>(
     let value_at = |place: usize| rows.column[rows.sorted[place] as usize];
     let range = value_at(known - 1) - value_at(0);
     let mut worth = match &offer.allowed {
-        Some(best) => best.score - SAME_SCORE * libm::fabs(best.score),
+        Some(best) => best.worth(),
         None => f64::NEG_INFINITY,
     };
     let mut value = rows.column[rows.sorted[0] as usize];
@@ -210,7 +215,7 @@ fn try_thresholds<S: Scan>(
                 let candidate = Candidate { feature, threshold, gap, margin, score, missing_left };
                 if limits.allow(threshold, gap) {
                     if candidate.beats(&offer.allowed) {
-                        worth = score - SAME_SCORE * libm::fabs(score);
+                        worth = candidate.worth();
                         offer.allowed = Some(candidate);
                     }
                 } else if candidate.beats(&offer.forbidden) {

@@ -116,6 +116,23 @@ proptest! {
     }
 
     #[test]
+    fn a_bin_for_every_value_changes_nothing(samples in any_samples(), settings in any_settings()) {
+        let weights = (0..samples.rows()).map(|row| samples.weight(row).min(0.5) * 2.0).collect();
+        let samples = samples.with_weights(weights).unwrap();
+        let binned = Settings { max_bins: Some(64), ..settings.clone() };
+        prop_assert_eq!(grow(binned, &samples), grow(settings, &samples));
+    }
+
+    #[test]
+    fn binned_trees_are_sound(samples in any_samples(), settings in any_settings()) {
+        let settings = Settings { max_bins: Some(3), ..settings };
+        let tree = grow(settings.clone(), &samples);
+        tree.check().unwrap();
+        check_counts(&tree, &samples);
+        check_settings_held(&tree, &settings);
+    }
+
+    #[test]
     fn full_trees_separate_all_that_differs(samples in any_samples()) {
         let tree = full(&samples);
         for leaf in tree.leaves().iter().filter(|leaf| leaf.purity < 1.0) {

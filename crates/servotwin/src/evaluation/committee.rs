@@ -53,7 +53,7 @@ pub fn train(
     workers: Workers,
 ) -> Result<Committee, EvaluationError> {
     let settings = &settled(data, settings);
-    let mut hierarchy = settings.fit(&data.examples, rows)?;
+    let mut hierarchy = run::fit(data, settings, rows, workers)?;
     let groups: Vec<u32> = rows.iter().map(|&row| data.rows[row].flown).collect();
     let Ok(folds) = grouped_k_fold(&groups, FOLDS, 1) else {
         return Ok(Committee { hierarchy, least_confidence: None });

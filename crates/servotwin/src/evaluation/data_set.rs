@@ -9,7 +9,7 @@
 //! The rows on which a diagnosis is judged come first, then those from which it learns.
 
 use super::error::EvaluationError;
-use super::flips::Moving;
+use super::flips::{Moved, Moving};
 use super::parallel::{self, Workers};
 use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
@@ -72,6 +72,8 @@ pub struct Row {
     /// Which of several moves of its window within its uncertainty it is, from 1; 0 for the window as it
     /// was. Moved rows are learned from, never judged.
     pub moved: usize,
+    /// How many times as large the fault of its window was made.
+    pub factor: f64,
     /// Whether it has no fault.
     pub is_healthy: bool,
     /// Whether it shows the signals of another row with the actuators exchanged.
@@ -99,19 +101,23 @@ pub struct Lessons {
     pub healthy: f64,
     /// How many moves of each window teach beside it.
     pub moves: usize,
+    /// Whether those with a stronger fault do; those with a weaker one always do.
+    pub stronger: bool,
 }
 
 impl Default for Lessons {
-    /// Detected faults, and healthy specimens that nearly were, with all their moves.
+    /// Detected faults, and healthy specimens that nearly were, with all their moves but those with
+    /// stronger faults.
     fn default() -> Self {
-        Lessons { faults: 1.0, healthy: 0.8, moves: usize::MAX }
+        Lessons { faults: 1.0, healthy: 0.8, moves: usize::MAX, stronger: false }
     }
 }
 
 impl Lessons {
     fn teaches(self, row: &Row) -> bool {
         let least = if row.is_healthy { self.healthy } else { self.faults };
-        row.excess > least && row.moved <= self.moves
+        let is_asked = row.factor <= 1.0 || self.stronger;
+        row.excess > least && row.moved <= self.moves && is_asked
     }
 }
 
@@ -214,6 +220,7 @@ impl DataSet {
             intensity: intensity[place],
             own_intensity: own_intensity[place],
             moved: 0,
+            factor: 1.0,
             is_healthy: kinds[place] == HEALTHY,
             reflected: reflected[place],
             largest: largest.iter().map(|column| column[place]).collect(),
@@ -289,28 +296,52 @@ impl DataSet {
     }
 
     /// The same data with every training row once more for each draw, its window moved within its
-    /// uncertainty: so trees do not learn what no sensor shows.
+    /// uncertainty, so that trees do not learn what no sensor shows; and faults also weaker and stronger
+    /// than they were ([`Moving::spread`]). Bands should have been given before.
     ///
     /// # Errors
     /// [`EvaluationError::Cancelled`], [`EvaluationError::Features`] for a value that is not finite.
     pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
         let rows = self.rows_where(Role::Training, |row| row.excess > LEAST_EXCESS);
+        let specimens = self.specimens();
         let views = self.examples.views();
-        let of = |&row: &usize| -> Vec<Vec<Vec<f64>>> {
-            moving.moved(row).iter().map(|window| moving.views(window, views)).collect()
+        let of = |&row: &usize| -> Vec<(Row, Vec<Vec<f64>>)> {
+            let own = &self.rows[row];
+            let moved = match own.is_healthy {
+                true => {
+                    let still = |window| Moved { window, factor: 1.0 };
+                    moving.moved(row).into_iter().map(still).collect()
+                }
+                false => moving.spread(row, &specimens[own.case as usize]),
+            };
+            let one = |(draw, Moved { window, factor }): (usize, Moved)| {
+                let mut copy = Row { moved: 1 + draw, factor, ..own.clone() };
+                if factor != 1.0 {
+                    let sizes = copy.largest.iter_mut().enumerate();
+                    sizes.for_each(|(sensor, size)| *size = window.largest(sensor));
+                }
+                (copy, moving.views(&window, views))
+            };
+            moved.into_iter().enumerate().map(one).collect()
         };
         let moved = parallel::map(&rows, workers, of)?;
-        let pairs = rows.iter().zip(&moved);
-        let pairs = pairs.flat_map(|(&row, draws)| draws.iter().map(move |views| (row, views)));
-        let (origins, values): (Vec<usize>, Vec<&Vec<Vec<f64>>>) = pairs.unzip();
-        let copy = |(place, &row): (usize, &usize)| Row {
-            moved: 1 + place % moving.draws,
-            ..self.rows[row].clone()
-        };
-        let copies = origins.iter().enumerate().map(copy);
+        let mut origins = vec![];
+        for (&row, moved) in rows.iter().zip(&moved) {
+            origins.extend(moved.iter().map(|_| row));
+        }
+        let (copies, values): (Vec<Row>, Vec<Vec<Vec<f64>>>) = moved.into_iter().flatten().unzip();
         let rows = self.rows.iter().cloned().chain(copies).collect();
         let examples = self.examples.extended(&origins, |row, view| &values[row][view]);
         Ok(DataSet { rows, examples, ..self.clone() })
+    }
+
+    /// For each case the training rows without a fault.
+    fn specimens(&self) -> Vec<Vec<usize>> {
+        let mut specimens = vec![vec![]; self.cases.len()];
+        for row in self.rows_where(Role::Training, |row| row.is_healthy && row.moved == 0) {
+            specimens[self.rows[row].case as usize].push(row);
+        }
+        specimens
     }
 
     /// The same data without some rows.

@@ -13,7 +13,16 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::{self, Sensors};
 use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Stage};
+use servotwin_diagnosis::random::Random as Choices;
 use servotwin_diagnosis::residual::Window;
+
+/// The least factor by which a fault is made weaker to learn from it, and the largest by which it is
+/// made stronger. Factors between are equally likely by their logarithms.
+const WEAKEST: f64 = 0.2;
+const STRONGEST: f64 = 3.0;
+
+/// A weaker fault, a stronger one and the fault as it is take turns.
+const ROUND: usize = 3;
 
 /// Windows of the rows of a data set, and how they may move.
 pub struct Moving<'w> {
@@ -27,10 +36,21 @@ pub struct Moving<'w> {
     pub lasting: f64,
     /// For each feature of the data set its place among all features.
     pub columns: Vec<usize>,
+    /// How far windows are moved, in parts of their uncertainty: for each round of three draws, the
+    /// last for all beyond.
+    pub reaches: &'static [f64],
     /// How often each window is moved.
     pub draws: usize,
     /// The seed.
     pub seed: u64,
+}
+
+/// A window as it might have been.
+pub struct Moved {
+    /// The window.
+    pub window: Window,
+    /// How many times as large its fault is.
+    pub factor: f64,
 }
 
 /// How often something changed.
@@ -98,13 +118,48 @@ impl Moving<'_> {
         (0..views).map(of).collect()
     }
 
-    /// The windows of a row as they might have been.
+    /// The windows of a row as they might have been, its fault as it is.
     pub fn moved(&self, row: usize) -> Vec<Window> {
-        let seed = self.seed ^ (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let mut random = Random::new(seed);
+        let mut errors = Random::new(self.seed_of(row));
         let window = &self.windows[row];
-        let mut one = || window.disturbed(&self.noise, self.lasting, &mut || random.normal());
-        (0..self.draws).map(|_| one()).collect()
+        (0..self.draws).map(|draw| self.disturbed(window, draw, &mut errors)).collect()
+    }
+
+    /// Likewise, but of three draws one with a weaker fault (in one of the `specimens`, rows without a
+    /// fault) and one with a stronger fault.
+    pub fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
+        let mut errors = Random::new(self.seed_of(row));
+        let mut choices = Choices::stream(self.seed_of(row), 1);
+        let window = &self.windows[row];
+        let mut one = |draw: usize| {
+            let factor = match draw % ROUND {
+                0 => {
+                    return Moved {
+                        window: self.disturbed(window, draw, &mut errors),
+                        factor: 1.0,
+                    };
+                }
+                1 => WEAKEST.powf(choices.unit()),
+                _ => STRONGEST.powf(choices.unit()),
+            };
+            let specimen = match specimens.is_empty() {
+                true => None,
+                false => Some(&self.windows[specimens[choices.index(specimens.len())]]),
+            };
+            let scaled = window.scaled(factor, specimen, &self.noise);
+            Moved { window: self.disturbed(&scaled, draw, &mut errors), factor }
+        };
+        (0..self.draws).map(&mut one).collect()
+    }
+
+    fn seed_of(&self, row: usize) -> u64 {
+        self.seed ^ (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+    }
+
+    fn disturbed(&self, window: &Window, draw: usize, errors: &mut Random) -> Window {
+        let reach = self.reaches[(draw / ROUND).min(self.reaches.len() - 1)];
+        let noise: Vec<f64> = self.noise.iter().map(|noise| noise * reach).collect();
+        window.disturbed(&noise, self.lasting * reach, &mut || errors.normal())
     }
 }
 

@@ -42,6 +42,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings as Training};
 use servotwin_diagnosis::residual::BAND;
+use servotwin_diagnosis::tree::Criterion;
 
 use crate::study::Role;
 
@@ -79,9 +80,14 @@ impl Default for Settings {
     fn default() -> Self {
         let boosted = classifiers::Kind::BoostedTrees.default_settings();
         Settings {
-            training: Training::default(),
+            training: trees(Criterion::Entropy, 7),
             committee: Training::all(boosted),
-            committee_lessons: Lessons { faults: 0.8, healthy: 0.0, moves: 2 },
+            committee_lessons: Lessons {
+                faults: 0.8,
+                healthy: 0.0,
+                moves: 3,
+                ..Lessons::default()
+            },
             holding: Holding::default(),
             // Folds of a third: as much to learn from as in the random third.
             comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
@@ -94,6 +100,16 @@ impl Default for Settings {
             ablation: true,
         }
     }
+}
+
+/// The nine trees of a depth.
+pub fn trees(criterion: Criterion, depth: usize) -> Training {
+    Training::all(classifiers::Settings::Cart(classifiers::cart::Settings {
+        criterion,
+        max_depth: Some(depth),
+        max_bins: Some(256),
+        ..Default::default()
+    }))
 }
 
 /// The trees' size: what has to be flown.
@@ -247,7 +263,7 @@ pub fn train(
 ) -> Result<Trained, EvaluationError> {
     let (data, bands) = banded(data, settings, pools);
     let rows = data.learnt_from(settings.holding.lessons)?;
-    let trees = run::settled(&data, &settings.training).fit(&data.examples, &rows)?;
+    let trees = run::fit(&data, &run::settled(&data, &settings.training), &rows, workers)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
     let committee = committee::train(&data, &settings.committee, &rows, workers)?;
     Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })

@@ -197,7 +197,10 @@ impl Protocol {
         if !data.has_training() {
             return Ok(vec![]);
         }
-        let (train, test) = (data.learnt_from(holding.lessons)?, data.detectable()?);
+        // Where only weak faults are known, stronger ones are guessed from them.
+        let stronger = self == Protocol::WeakToStrong;
+        let lessons = Lessons { stronger, ..holding.lessons };
+        let (train, test) = (data.learnt_from(lessons)?, data.detectable()?);
         let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
         let split = |is_train: &dyn Fn(&Row, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {
             let healthy_or =

@@ -9,7 +9,7 @@ use super::parallel::{self, Workers};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::{
-    Diagnosis, FORMAT, Hierarchy, Question, Scratch, Settings, Stage,
+    Diagnosis, FORMAT, Hierarchy, Place, Question, Scratch, Settings, Stage,
 };
 use std::collections::BTreeMap;
 
@@ -51,7 +51,9 @@ pub fn run(
     workers: Workers,
 ) -> Result<Vec<Vec<Outcome>>, EvaluationError> {
     let settings = &settled(data, settings);
-    let one = |split: &Split| run_split(data, settings, split, scope);
+    // The threads share the splits, or the stages of a single one.
+    let within = if splits.len() == 1 { workers } else { Workers::new(1) };
+    let one = |split: &Split| run_split(data, settings, split, scope, within);
     parallel::map(splits, workers, one)?.into_iter().collect()
 }
 
@@ -70,11 +72,9 @@ fn run_split(
     settings: &Settings,
     split: &Split,
     scope: Scope,
+    workers: Workers,
 ) -> Result<Vec<Outcome>, EvaluationError> {
-    let hierarchy = match scope {
-        Scope::Actuator => actuator_only(data, settings, &split.train)?,
-        _ => settings.fit(&data.examples, &split.train)?,
-    };
+    let hierarchy = fit_scope(data, settings, &split.train, scope, workers)?;
     let mut asking = Asking::new(data, &hierarchy);
     let outcomes: Result<Vec<Outcome>, _> = split.test.iter().map(|&row| asking.ask(row)).collect();
     let mut outcomes = outcomes?;
@@ -84,18 +84,37 @@ fn run_split(
     Ok(outcomes)
 }
 
-fn actuator_only(
+/// Trains every stage with some rows, several at a time.
+///
+/// # Errors
+/// What training says.
+pub fn fit(
     data: &DataSet,
     settings: &Settings,
     rows: &[usize],
+    workers: Workers,
 ) -> Result<Hierarchy, EvaluationError> {
-    let mut stages = vec![];
-    for place in data.examples.places(settings.pool) {
-        if place.question == Question::Actuator {
-            stages.extend(settings.fit_stage(&data.examples, rows, &place)?);
+    fit_scope(data, settings, rows, Scope::All, workers)
+}
+
+fn fit_scope(
+    data: &DataSet,
+    settings: &Settings,
+    rows: &[usize],
+    scope: Scope,
+    workers: Workers,
+) -> Result<Hierarchy, EvaluationError> {
+    let mut places = data.examples.places(settings.pool);
+    places.retain(|p| scope != Scope::Actuator || p.question == Question::Actuator);
+    let one = |place: &Place| settings.fit_stage(&data.examples, rows, place);
+    let stages: Result<Vec<_>, _> = parallel::map(&places, workers, one)?.into_iter().collect();
+    let stages: Vec<Stage> = stages?.into_iter().flatten().collect();
+    match stages.is_empty() {
+        true => Err(servotwin_diagnosis::Error::NoSamples.into()),
+        false => {
+            Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
         }
     }
-    Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
 }
 
 /// What a trained hierarchy says of rows.

@@ -31,11 +31,23 @@ use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
 
-/// How often each training window is moved within its uncertainty, and the seed.
-const LEARNED: (usize, u64) = (4, 1);
+/// How windows are moved within their uncertainty.
+#[derive(Clone, Copy)]
+struct Moves {
+    draws: usize,
+    seed: u64,
+    reaches: &'static [f64],
+}
 
-/// How often each judged window is, and the seed.
-const JUDGED: (usize, u64) = (4, 2);
+/// Those of the training windows. The later ones go farther than windows are uncertain, so that
+/// questions keep their distance from what is learned; farthest where no noise makes them do so.
+fn learned(subject: Subject) -> Moves {
+    let reaches: &[f64] = if subject.setting().has_noise() { &[1.0, 2.0] } else { &[1.0, 3.0] };
+    Moves { draws: 9, seed: 1, reaches }
+}
+
+/// Those of the judged windows.
+const JUDGED: Moves = Moves { draws: 4, seed: 2, reaches: &[1.0] };
 
 /// The error of the solver that a campaign promises, in parts of scale.
 const SOLVER_ERROR: f64 = 1e-4;
@@ -93,7 +105,7 @@ pub fn train(
 ) -> Result<Trained, JobError> {
     let data = data_set(folder, study, subject)?;
     let windows = windows(folder, study, subject, &data)?;
-    let data = with_moved(study, subject, data.taught()?, &windows, workers)?;
+    let data = with_moved(study, subject, &data, &windows, workers)?;
     let trained = evaluation::train(&data, &subject.settings(), &pools(study), workers)?;
     let sensors = &study.sensors.0[..study.base_sensors()];
     let half_width = |sensor: usize| {
@@ -136,7 +148,7 @@ pub fn evaluate_all(
         let windows = windows(folder, study, subject, &data)?;
         let moving = moving(study, subject, &windows, JUDGED);
         let all_features = data;
-        let data = with_moved(study, subject, all_features.taught()?, &windows, workers)?;
+        let data = with_moved(study, subject, &all_features, &windows, workers)?;
         let pools = pools(study);
         let told = |what: &str, share: f64| {
             let done = (place as f64 + share) / (subjects.len() as f64 + 0.2);
@@ -193,7 +205,7 @@ fn moving<'w>(
     study: &'w Study,
     subject: Subject,
     windows: &'w [Window],
-    (draws, seed): (usize, u64),
+    Moves { draws, seed, reaches }: Moves,
 ) -> Option<Moving<'w>> {
     let has_noise = subject.setting().has_noise();
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
@@ -206,20 +218,22 @@ fn moving<'w>(
         noise: noise.collect(),
         lasting: SOLVER_ERROR,
         columns: own.map(|(place, _)| place).collect(),
+        reaches,
         draws,
         seed,
     })
 }
 
-/// The data with moved training rows, where there are windows to move.
+/// The data that is learned from: bands, features that teach, moved rows where there are windows.
 fn with_moved(
     study: &Study,
     subject: Subject,
-    data: DataSet,
+    data: &DataSet,
     windows: &[Window],
     workers: Workers,
 ) -> Result<DataSet, JobError> {
-    match moving(study, subject, windows, LEARNED) {
+    let (data, _) = evaluation::banded(&data.taught()?, &subject.settings(), &pools(study));
+    match moving(study, subject, windows, learned(subject)) {
         Some(moving) => Ok(data.with_moved(&moving, workers)?),
         None => Ok(data),
     }

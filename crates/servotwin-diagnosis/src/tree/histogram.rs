@@ -1,11 +1,17 @@
-//! Feature values in bins, and sums over the rows of each bin: how boosted trees find their splits.
+//! Feature values in bins, and sums over the rows of each bin: how boosted trees find their splits,
+//! and single trees on many rows.
 //!
 //! Source: Ke et al., "LightGBM: A Highly Efficient Gradient Boosting Decision Tree", NIPS 2017.
 
+use alloc::borrow::Cow;
 use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::data::Samples;
+use crate::random::Random;
+
+/// So many rows say where a feature's values lie.
+const ENOUGH: usize = 10_000;
 
 /// So many columns are summed at once: their sums do not wait for each other.
 const TOGETHER: usize = 4;
@@ -20,30 +26,51 @@ pub(crate) struct Bins {
     counts: Vec<usize>,
     /// Column-major: the bin of every row.
     table: Vec<u8>,
+    /// Column-major: the lowest and the highest value in each of `max_bins` bins.
+    bounds: Vec<(f64, f64)>,
 }
 
 impl Bins {
     /// Puts the values of `rows` into at most `max_bins` bins a feature (2 to 256), each with as
-    /// many distinct values as the others.
+    /// many distinct values as the others: of at most [`ENOUGH`] rows, drawn where there are more.
     pub fn new(samples: &Samples, rows: &[u32], max_bins: usize) -> Self {
-        let (features, counts, table) = (vec![], vec![], vec![]);
-        let mut bins = Bins { rows: samples.rows(), max_bins, features, counts, table };
-        let mut values = Vec::with_capacity(rows.len());
+        let (features, counts, table, bounds) = (vec![], vec![], vec![], vec![]);
+        let mut bins = Bins { rows: samples.rows(), max_bins, features, counts, table, bounds };
+        let drawn = drawn(rows);
+        let mut values = Vec::with_capacity(drawn.len());
         for feature in 0..samples.features() {
             let column = samples.column(feature);
             values.clear();
-            values.extend(rows.iter().map(|&row| column[row as usize]));
+            values.extend(drawn.iter().map(|&row| column[row as usize]));
             values.sort_unstable_by(f64::total_cmp);
             values.dedup();
             if values.len() > 1 {
-                let bounds = upper_bounds(&values, max_bins);
-                let bin = |value: &f64| bounds.partition_point(|bound| bound < value) as u8;
-                bins.table.extend(column.iter().map(bin));
-                bins.features.push(feature);
-                bins.counts.push(bounds.len() + 1);
+                bins.add_column(feature, column, &ends_of(&values, max_bins), rows);
             }
         }
         bins
+    }
+
+    /// Adds a column whose bins but the last end with `ends`.
+    fn add_column(&mut self, feature: usize, column: &[f64], ends: &[f64], rows: &[u32]) {
+        let first = self.table.len();
+        let bin = |value: &f64| ends.partition_point(|end| end < value) as u8;
+        self.table.extend(column.iter().map(bin));
+        self.features.push(feature);
+        self.counts.push(ends.len() + 1);
+        let own = self.bounds.len();
+        self.bounds.resize(own + self.max_bins, (f64::INFINITY, f64::NEG_INFINITY));
+        let (bins, bounds) = (&self.table[first..], &mut self.bounds[own..]);
+        for &row in rows {
+            let (low, high) = &mut bounds[usize::from(bins[row as usize])];
+            *low = low.min(column[row as usize]);
+            *high = high.max(column[row as usize]);
+        }
+    }
+
+    /// Most bins of a column.
+    pub fn max_bins(&self) -> usize {
+        self.max_bins
     }
 
     /// How many columns are binned.
@@ -64,6 +91,11 @@ impl Bins {
     /// The bins of all rows in a column, ascending with the feature's values.
     pub fn column(&self, column: usize) -> &[u8] {
         &self.table[column * self.rows..(column + 1) * self.rows]
+    }
+
+    /// The lowest and the highest value in each bin of a column.
+    pub fn bounds(&self, column: usize) -> &[(f64, f64)] {
+        &self.bounds[column * self.max_bins..][..self.counts[column]]
     }
 
     /// Sums over `rows` in every bin of some columns. `parts` holds `width` numbers for each of
@@ -117,8 +149,17 @@ impl Bins {
     }
 }
 
+/// Some of the rows where there are more than enough.
+fn drawn(rows: &[u32]) -> Cow<'_, [u32]> {
+    if rows.len() <= ENOUGH {
+        return Cow::Borrowed(rows);
+    }
+    let mut random = Random::new(0);
+    (0..ENOUGH).map(|_| rows[random.index(rows.len())]).collect()
+}
+
 /// The last values of all bins but the last; `values` are distinct and ascending.
-fn upper_bounds(values: &[f64], max_bins: usize) -> Vec<f64> {
+fn ends_of(values: &[f64], max_bins: usize) -> Vec<f64> {
     let bins = values.len().min(max_bins);
     (1..bins).map(|bin| values[bin * values.len() / bins - 1]).collect()
 }
@@ -164,12 +205,14 @@ mod tests {
 
     #[test]
     fn bins_hold_equal_numbers_of_distinct_values() {
-        assert_eq!(upper_bounds(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 3), [2.0, 4.0]);
-        assert_eq!(upper_bounds(&[1.0, 2.0, 3.0], 8), [1.0, 2.0]);
+        let six = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        assert_eq!(ends_of(&six, 3), [2.0, 4.0]);
+        assert_eq!(ends_of(&six[..2], 8), [1.0]);
         let samples = samples(&[&[3.0, -1.0, 3.0, 9.0], &[5.0, 5.0, 5.0, 5.0]]);
         let bins = Bins::new(&samples, &[0, 1, 2, 3], 8);
         assert_eq!((bins.columns(), bins.feature(0), bins.count(0)), (1, 0, 3));
         assert_eq!(bins.column(0), [1, 0, 1, 2]);
+        assert_eq!(bins.bounds(0), [(-1.0, -1.0), (3.0, 3.0), (9.0, 9.0)]);
         // A row that is not learnt from makes no bin, but falls into one.
         assert_eq!(Bins::new(&samples, &[0, 1, 2], 8).column(0), [1, 0, 1, 1]);
     }
