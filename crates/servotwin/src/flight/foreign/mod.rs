@@ -149,10 +149,6 @@ impl Plan {
                         };
                         plan.add(study, flights, case);
                     }
-                    // One flight is the same for all units.
-                    if changes.at_fault.is_empty() {
-                        break;
-                    }
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! The diagnosis at work: how fast, how sure and how often wrong it is while an aircraft flies, and
 //! against which limits.
 
+use crate::evaluation::score::Rate;
 use crate::figure::Figure;
 use crate::figure::lines::{Curve, Lines};
 use crate::flight::judge::{ClassMerit, Latency, Merit, STRONG};
@@ -102,7 +103,7 @@ fn limits(results: &FlightResults) -> Grid {
         let Merit { setting, in_time, healthy, .. } = merit;
         let mut push = |title: &str, limit: String, measured: String, verdict: &str| {
             let row = vec![title.into(), setting.clone(), limit, measured, verdict.into()];
-            if verdict == MET { grid.push(row) } else { grid.push_strong(row) }
+            if [MET, ""].contains(&verdict) { grid.push(row) } else { grid.push_strong(row) }
         };
         push(
             &format!("visible shutdown faults of intensity {STRONG} and more, isolated in time"),
@@ -116,6 +117,18 @@ fn limits(results: &FlightResults) -> Grid {
                 _ => NOT_SHOWN,
             },
         );
+        let strong = strong(merit)
+            .find(|class| merit.onsets.iter().any(|(_, onset)| onset.command == class.command));
+        if let Some(class) = strong {
+            let of = class.visible.count;
+            let isolated = class.isolation.as_ref().map_or(0, |latency| latency.flights);
+            push(
+                "the same faults, never shut down",
+                NONE.into(),
+                stacked(Some(Rate::new(of - isolated, of))),
+                "",
+            );
+        }
         push(
             "false alarms per flight hour",
             number(limits.false_alarms_per_h),
@@ -127,7 +140,7 @@ fn limits(results: &FlightResults) -> Grid {
             ),
             match healthy {
                 h if h.alarms_per_h_upper <= limits.false_alarms_per_h => MET,
-                h if h.alarms > 0 => MISSED,
+                h if h.alarms_per_h > limits.false_alarms_per_h => MISSED,
                 _ => NOT_SHOWN,
             },
         );
@@ -168,7 +181,7 @@ fn none_allowed(count: f64, limit: f64) -> &'static str {
 
 /// The upper end of a share's interval, in words.
 pub(super) fn at_most(count: u64, of: u64) -> String {
-    let rate = crate::evaluation::score::Rate::new(count, of);
+    let rate = Rate::new(count, of);
     format!("at most {:.2} % (95 %)", 100.0 * rate.high)
 }
 
@@ -234,7 +247,7 @@ fn by_command(merit: &Merit) -> Grid {
     ]);
     for class in &merit.classes {
         let [low, high] = class.intensities;
-        let count = |rate: &crate::evaluation::score::Rate| {
+        let count = |rate: &Rate| {
             format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)).replace('\n', ": "))
         };
         grid.push(vec![
@@ -360,7 +373,7 @@ pub(super) fn finding(results: &FlightResults) -> Option<String> {
     Some(format!(
         "In flights in which a fault begins, {} of the visible shutdown faults of intensity {STRONG} and \
          more are isolated within {} s{}; a healthy actuator is shut down in {} of {} flights with \
-         trained faults{foreign}. There were {} false alarms in {:.1} healthy hours (95 %: at most {} \
+         trained faults{foreign}. False alarms: {} in {:.1} healthy hours (95 %: at most {} \
          per hour).",
         bracketed(Some(merit.in_time)),
         chosen(merit.limit_s),
