@@ -7,11 +7,14 @@
 //! - `solve`: the minimum, by Gauss–Newton steps between bounds
 //! - [`knowledge`]: covariance, trade-offs, what is not seen, as sentences
 //! - [`finding`]: what is left: a deviation outside of tolerances is a finding, never an update
+//! - [`suspects`]: what it looks like
+//! - [`fleet`]: many specimens with one calibration flight, for campaigns
 //! - [`intensity`]: how strong a fault is, and which of several it is
 //!
 //! A fit is a finding or an update, never both: what a fault changed must not vanish in parameters.
 
 pub mod finding;
+pub mod fleet;
 pub mod intensity;
 pub mod knowledge;
 pub mod linear;
@@ -19,14 +22,16 @@ mod plausible;
 pub mod record;
 mod response;
 mod solve;
+pub mod suspects;
 #[cfg(test)]
 mod tests;
 pub mod unknown;
 mod write;
 
-pub use finding::{Finding, SensorFit, Suspect};
+pub use finding::{Finding, SensorFit};
 pub use knowledge::{Knowledge, Known};
 pub use record::{Record, RecordError};
+pub use suspects::Suspect;
 pub use unknown::Unknown;
 
 use crate::study::{Imperfection, Study};

@@ -64,7 +64,7 @@ struct Compare<'r> {
 
 impl Sink for Compare<'_> {
     fn sample(&mut self, index: usize, values: &[f64]) {
-        if index < self.first {
+        if index < self.first || index * values.len() >= self.measured.len() {
             return;
         }
         let measured = &self.measured[index * values.len()..][..values.len()];
@@ -109,13 +109,7 @@ impl<'s> Problem<'s> {
         let mut all: Vec<Result<Residuals, FitError>> = vec![Ok(Vec::new()); points.len()];
         for record in &self.records {
             let variant = |job: usize| self.variant(&points[job], &record.inputs);
-            for (all, own) in all.iter_mut().zip(self.run(record, points.len(), variant)?) {
-                match (all.as_mut(), own) {
-                    (Ok(all), Ok(own)) => all.extend(own),
-                    (Ok(_), Err(error)) => *all = Err(error),
-                    (Err(_), _) => {}
-                }
-            }
+            append(&mut all, self.run(record, points.len(), variant)?);
         }
         Ok(all)
     }
@@ -123,6 +117,17 @@ impl<'s> Problem<'s> {
     /// The residuals of some variants of one record.
     pub(super) fn run<'v>(
         &self,
+        record: &Record,
+        count: usize,
+        variant: impl Fn(usize) -> Variant<'v> + Sync,
+    ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
+        self.run_in(&self.ensemble(record), record, count, variant)
+    }
+
+    /// The same in another ensemble than the record's.
+    pub(super) fn run_in<'v>(
+        &self,
+        ensemble: &Ensemble,
         record: &Record,
         count: usize,
         variant: impl Fn(usize) -> Variant<'v> + Sync,
@@ -136,7 +141,7 @@ impl<'s> Problem<'s> {
             first,
             residuals: Vec::with_capacity(record.measured.len()),
         };
-        self.ensemble(record).run(count, variant, sink, |job, compare, outcome| {
+        ensemble.run(count, variant, sink, |job, compare, outcome| {
             found[job] = Some(match outcome {
                 Ok(_) => Ok(compare.residuals),
                 Err(failure) => Err(FitError::run(self.system, failure)),
@@ -171,6 +176,20 @@ impl<'s> Problem<'s> {
             columns.push(low.iter().zip(&high).map(|(low, high)| (low - high) / moved).collect());
         }
         Ok(Linear::new(z.to_vec(), base, columns))
+    }
+}
+
+/// Appends the residuals of a further record; what could not be simulated stays so.
+pub(super) fn append(
+    all: &mut [Result<Residuals, FitError>],
+    more: Vec<Result<Residuals, FitError>>,
+) {
+    for (all, own) in all.iter_mut().zip(more) {
+        match (all.as_mut(), own) {
+            (Ok(all), Ok(own)) => all.extend(own),
+            (Ok(_), Err(error)) => *all = Err(error),
+            (Err(_), _) => {}
+        }
     }
 }
 

@@ -26,6 +26,10 @@ const MOST_STEPS: usize = 4;
 const MOST_TURNS: usize = 6;
 /// Below this part of the promised gain the next step needs another J.
 const GOOD_GAIN: f64 = 0.5;
+/// A fit is given up where residuals are so many times the noise, by their mean square, ...
+const HOPELESS: f64 = 2.0;
+/// ... and another J takes away less than this part of F.
+const LEAST_PROGRESS: f64 = 0.05;
 
 /// Where a fit ended.
 #[derive(Clone, Debug)]
@@ -82,10 +86,13 @@ impl Problem<'_> {
         let mut found = self.from_linear(linear)?;
         for _ in 0..MOST_TURNS {
             let linear = self.linear(&found.z, Difference::Central)?;
-            let before = found.steps;
+            let (before, cost) = (found.steps, found.cost);
             let last = self.from_linear(linear)?;
             found = Minimum { steps: before + last.steps, ..last };
-            if found.converged {
+            let is_hopeless = dot(&found.residuals, &found.residuals)
+                > HOPELESS * found.residuals.len() as f64
+                && found.cost > (1.0 - LEAST_PROGRESS) * cost;
+            if found.converged || is_hopeless {
                 break;
             }
         }

@@ -366,6 +366,64 @@ fn a_fitted_twin_is_written_and_read_again() {
     assert!(text.contains("± ") && text.starts_with("# Fitted by servotwin"));
 }
 
+/// The largest difference of a fleet's unknowns from fits of their own, in standard errors, and how
+/// many of all true values lie inside of their 95 % intervals.
+fn fleet_beside_fits(
+    study: &Study,
+    specimens: usize,
+    duration_s: f64,
+    fits: usize,
+) -> (f64, usize, usize) {
+    let records: Vec<Record> =
+        (0..specimens).map(|n| record(study, Some(n), vec![], duration_s)).collect();
+    let problem =
+        Problem { suspects: vec![], ..Problem::of_study(study, vec![records[0].clone()]) };
+    let begin = std::time::Instant::now();
+    let fleet = fleet::Fleet::new(&problem).unwrap();
+    let measured: Vec<Vec<f64>> = records.iter().map(|record| record.measured.clone()).collect();
+    let found = fleet.fit(&measured).unwrap();
+    println!("{specimens} specimens: {:.2} s", begin.elapsed().as_secs_f64());
+    let covariance = fleet.covariance().unwrap();
+    let (mut worst, mut inside, mut all) = (0.0, 0, 0);
+    for (n, (specimen, record)) in found.iter().zip(records).enumerate() {
+        let specimen = specimen.as_ref().unwrap();
+        let truth = truth(study, &problem.unknowns, n);
+        for (k, truth) in truth.iter().enumerate() {
+            inside +=
+                usize::from((specimen.z[k] - truth).abs() <= 1.96 * covariance.at(k, k).sqrt());
+            all += 1;
+        }
+        assert!(
+            specimen.mean_squares.iter().all(|square| (0.85..1.15).contains(square)),
+            "{specimen:?}"
+        );
+        assert!(specimen.outside < 5.0);
+        if n < fits {
+            let own = Problem { suspects: vec![], ..Problem::of_study(study, vec![record]) };
+            let fitted = own.solve().unwrap();
+            for k in 0..truth.len() {
+                let difference = (specimen.z[k] - fitted.z[k]).abs() / fitted.known.error(k);
+                worst = f64::max(worst, difference);
+            }
+        }
+    }
+    (worst, inside, all)
+}
+
+#[test]
+#[ignore = "a measurement: a minute"]
+fn measure_fleet() {
+    let (worst, inside, all) = fleet_beside_fits(&Study::default(), 64, 60.0, 4);
+    println!("fleet: {worst:.3} standard errors apart, {inside} of {all} inside");
+}
+
+#[test]
+fn a_fleet_is_fitted_as_each_of_it_alone() {
+    let (worst, inside, all) = fleet_beside_fits(&spring(), 12, 12.0, 3);
+    assert!(worst < 0.3, "{worst}");
+    assert!(inside >= all - 5, "{inside} of {all}");
+}
+
 mod records {
     //! Records from which nothing can be learned, each with its own message.
 
@@ -502,7 +560,7 @@ mod records {
         let fast = Record { inputs: inputs.collect(), ..fast.clone() };
         let problem = Problem::of_study(&study, vec![fast]);
         let fitted = problem.solve().unwrap();
-        let clock = fitted.suspects.iter().find(|s| s.name == finding::CLOCK).unwrap();
+        let clock = fitted.suspects.iter().find(|s| s.name == suspects::CLOCK).unwrap();
         assert!((clock.intensity - 0.01).abs() < 0.003 && clock.score > 5.0, "{clock}");
         assert!(!fitted.is_update());
     }

@@ -1,0 +1,397 @@
+//! What a finding may be: faults, and a record whose times are wrong.
+//!
+//! With d the change of the twin's sensors for a fault, in their deviations, r the residuals of the fit,
+//! J and A = JᵀJ + Q those of the unknowns:
+//!
+//! (FF1)  score = dᵀr / √s,  s = dᵀd − (Jᵀd)ᵀ A⁻¹ (Jᵀd)
+//!
+//! It is a standard normal number for a specimen inside of its tolerances, and the most powerful one
+//! against this fault: what parameters could explain counts only as far as their tolerances allow it.
+//! dᵀr / s is the intensity that the fault would have.
+//!
+//! What a finding looks like is another question, and (FF1) is no answer far from health. So every
+//! suspect is then simulated in several sizes around the nominal twin, with residuals r, and judged
+//! by what tolerances leave of them:
+//!
+//! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
+
+use super::linear::{Symmetric, dot};
+use super::record::Record;
+use super::response::{Difference, Linear, append};
+use super::solve::Minimum;
+use super::{FitError, Problem};
+use crate::ensemble::{Ensemble, Sink, Variant};
+use servotwin_model::program::FaultAt;
+use servotwin_model::signal::Piecewise;
+use std::fmt;
+
+/// Largest score, in standard deviations, that chance is believed to make among a hundred suspects.
+pub const SCORE_LIMIT: f64 = 5.0;
+/// The intensity whose effect is compared.
+const INTENSITY: f64 = 0.2;
+/// By what share a clock is fast for comparison: less time has passed than it says.
+const FAST: f64 = 0.005;
+/// A clock that is less off is no finding.
+const LEAST_CLOCK: f64 = 0.001;
+/// The intensities at which all suspects of a finding are simulated.
+const COARSE: [f64; 4] = [0.03, 0.12, 0.35, 0.8];
+/// The intensities at which the likeliest ones are.
+const FINE: [f64; 12] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
+/// How many these are.
+const LIKELIEST: usize = 5;
+/// By how many samples sensors may come late.
+const DELAYS: [f64; 6] = [-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
+/// By which shares a clock may be fast.
+const CLOCKS: [f64; 6] = [-0.02, -0.01, -0.003, 0.003, 0.01, 0.02];
+/// So many suspects are simulated together: their samples are kept.
+const AT_ONCE: usize = 8;
+
+/// The name of a clock that is fast, as a suspect.
+pub const CLOCK: &str = "clock";
+/// The name of sensors that come late, as a suspect.
+pub const DELAY: &str = "delay";
+
+/// Something that a finding may be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suspect {
+    /// The fault's full name, or [`CLOCK`] or [`DELAY`].
+    pub name: String,
+    /// (FF1); of a finding √(2 ΔF) by (FF2), ΔF what the suspect takes away.
+    pub score: f64,
+    /// The intensity that it would have; of a clock the share by which it is fast, of a delay seconds.
+    pub intensity: f64,
+}
+
+impl Suspect {
+    /// Whether chance does not explain it.
+    pub(super) fn is_finding(&self) -> bool {
+        match self.name == CLOCK {
+            true => self.score.abs() > SCORE_LIMIT && self.intensity.abs() > LEAST_CLOCK,
+            false => self.score > SCORE_LIMIT,
+        }
+    }
+
+    /// What it would be, as a sentence.
+    pub fn sentence(&self) -> String {
+        let Self { name, intensity, .. } = self;
+        let (size, is_more) = (intensity.abs(), *intensity > 0.0);
+        match name.as_str() {
+            CLOCK => {
+                let way = if is_more { "fast" } else { "slow" };
+                format!("the clock of the record seems to run {:.1} % {way}", 100.0 * size)
+            }
+            DELAY => {
+                let way = if is_more { "late" } else { "early" };
+                format!("the sensors seem to come {size:.4} s too {way} for the inputs")
+            }
+            _ => format!("it looks like {name} of intensity {intensity:.2} or so"),
+        }
+    }
+}
+
+impl fmt::Display for Suspect {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{} {:.2} (score {:.1})", self.name, self.intensity, self.score)
+    }
+}
+
+impl Problem<'_> {
+    /// Every suspect's score, the largest first.
+    pub(super) fn suspects(
+        &self,
+        found: &Minimum,
+        covariance: &Symmetric,
+    ) -> Result<Vec<Suspect>, FitError> {
+        let base = Base { residuals: &found.residuals, linear: &found.linear };
+        let mut sums = vec![Sums::default(); self.suspects.len()];
+        let mut clock = Sums::default();
+        let mut begin = 0;
+        for record in &self.records {
+            let variant = |job: usize| {
+                let (component, fault) = self.suspects[job];
+                let mut variant = self.variant(&found.z, &record.inputs);
+                variant.faults.push(FaultAt { component, fault, intensity: INTENSITY });
+                variant
+            };
+            let ensemble = self.ensemble(record);
+            let of_faults = self.against(
+                record,
+                &ensemble,
+                base,
+                begin,
+                INTENSITY,
+                self.suspects.len(),
+                variant,
+            );
+            for (sums, own) in sums.iter_mut().zip(of_faults) {
+                sums.add(&own);
+            }
+            let Retimed { inputs, stretch, .. } = on_fast_clock(record, FAST);
+            let ensemble = Ensemble {
+                sample_period_s: record.period_s * stretch,
+                duration_s: record.duration_s() * stretch,
+                ..self.ensemble(record)
+            };
+            let variant = |_| self.variant(&found.z, &inputs);
+            for own in self.against(record, &ensemble, base, begin, FAST, 1, variant) {
+                clock.add(&own);
+            }
+            begin += (record.samples() - self.first_sample(record)) * record.sensors.len();
+        }
+        let faults = self.suspects.iter().zip(&sums);
+        let faults = faults.map(|(at, sums)| sums.suspect(self.fault_name(*at), covariance));
+        let mut all: Vec<Suspect> = faults.collect();
+        all.push(clock.suspect(CLOCK.into(), covariance));
+        let strength = |s: &Suspect| if s.name == CLOCK { s.score.abs() } else { s.score };
+        all.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
+        Ok(all)
+    }
+
+    /// What explains the records best, by (FF2).
+    pub(super) fn likeliest(&self) -> Result<Vec<Suspect>, FitError> {
+        let nominal = vec![0.0; self.unknowns.len()];
+        let linear = self.linear(&nominal, Difference::Forward)?;
+        let healthy = self.explained(&linear, &linear.residuals)?;
+        let suspect = |name: String, (cost, intensity): (f64, f64)| {
+            let score = (2.0 * (healthy - cost).max(0.0)).sqrt();
+            Suspect { name, score, intensity }
+        };
+        let every: Vec<usize> = (0..self.suspects.len()).collect();
+        let coarse = self.costs(&linear, &every, &COARSE)?;
+        let mut order = every;
+        order.sort_by(|&a, &b| coarse[a].0.total_cmp(&coarse[b].0));
+        order.truncate(LIKELIEST);
+        let fine = self.costs(&linear, &order, &FINE)?;
+        let faults = order.iter().zip(fine).map(|(&k, found)| {
+            let least = if found.0 < coarse[k].0 { found } else { coarse[k] };
+            suspect(self.fault_name(self.suspects[k]), least)
+        });
+        let mut all: Vec<Suspect> = faults.collect();
+        all.push(suspect(DELAY.into(), self.retimed(&linear, &DELAYS, delayed)?));
+        all.push(suspect(CLOCK.into(), self.retimed(&linear, &CLOCKS, on_fast_clock)?));
+        all.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(all)
+    }
+
+    /// The least (FF2) of each of some suspects, and at which intensity.
+    fn costs(
+        &self,
+        linear: &Linear,
+        which: &[usize],
+        intensities: &[f64],
+    ) -> Result<Vec<(f64, f64)>, FitError> {
+        let mut all = Vec::new();
+        for suspects in which.chunks(AT_ONCE) {
+            let count = suspects.len() * intensities.len();
+            let mut residuals = vec![Ok(Vec::new()); count];
+            for record in &self.records {
+                let variant = |job: usize| {
+                    let (component, fault) = self.suspects[suspects[job / intensities.len()]];
+                    let intensity = intensities[job % intensities.len()];
+                    let mut variant = self.variant(&linear.z, &record.inputs);
+                    variant.faults.push(FaultAt { component, fault, intensity });
+                    variant
+                };
+                append(&mut residuals, self.run(record, count, variant)?);
+            }
+            let costs = residuals.iter().map(|own| self.cost_of(linear, own));
+            let costs = costs.collect::<Result<Vec<_>, _>>()?;
+            all.extend(costs.chunks(intensities.len()).map(|costs| least(costs, intensities)));
+        }
+        Ok(all)
+    }
+
+    /// The least (FF2) of records whose times are changed by one of some sizes.
+    fn retimed(
+        &self,
+        linear: &Linear,
+        sizes: &[f64],
+        change: fn(&Record, f64) -> Retimed,
+    ) -> Result<(f64, f64), FitError> {
+        let mut residuals = vec![Ok(Vec::new()); sizes.len()];
+        let mut in_units = sizes.to_vec();
+        for record in &self.records {
+            let mut own = Vec::new();
+            for (size, shown) in sizes.iter().zip(&mut in_units) {
+                let Retimed { inputs, stretch, size } = change(record, *size);
+                *shown = size;
+                let ensemble = self.ensemble(record);
+                let ensemble = Ensemble {
+                    sample_period_s: ensemble.sample_period_s * stretch,
+                    duration_s: ensemble.duration_s * stretch,
+                    ..ensemble
+                };
+                own.extend(
+                    self.run_in(&ensemble, record, 1, |_| self.variant(&linear.z, &inputs))?,
+                );
+            }
+            append(&mut residuals, own);
+        }
+        let costs = residuals.iter().map(|own| self.cost_of(linear, own));
+        Ok(least(&costs.collect::<Result<Vec<_>, _>>()?, &in_units))
+    }
+
+    /// (FF2).
+    fn explained(&self, linear: &Linear, residuals: &[f64]) -> Result<f64, FitError> {
+        let curvature = linear.information.plus_diagonal(&self.priors());
+        let (_, gain) = self.step(&curvature, &linear.z, &linear.pull(residuals))?;
+        Ok(0.5 * dot(residuals, residuals) - gain)
+    }
+
+    /// A twin that cannot be simulated explains nothing.
+    fn cost_of(
+        &self,
+        linear: &Linear,
+        residuals: &Result<Vec<f64>, FitError>,
+    ) -> Result<f64, FitError> {
+        residuals.as_ref().map_or(Ok(f64::INFINITY), |residuals| self.explained(linear, residuals))
+    }
+
+    fn fault_name(&self, (component, fault): (usize, usize)) -> String {
+        let instance = &self.system.network().components[component];
+        format!("{}.{}", instance.id, instance.component.spec().faults[fault].name)
+    }
+
+    /// The sums of (FF1) for some variants of a record; of one that cannot be simulated, none.
+    #[expect(clippy::too_many_arguments)]
+    fn against<'v>(
+        &self,
+        record: &Record,
+        ensemble: &Ensemble,
+        base: Base,
+        begin: usize,
+        step: f64,
+        count: usize,
+        variant: impl Fn(usize) -> Variant<'v> + Sync,
+    ) -> Vec<Sums> {
+        let deviations = self.deviations(record);
+        let mut all = vec![Sums::default(); count];
+        let sink = |_| Against {
+            base,
+            record,
+            deviations: &deviations,
+            first: self.first_sample(record),
+            place: begin,
+            step,
+            sums: Sums { along: vec![0.0; base.linear.columns.len()], ..Sums::default() },
+        };
+        ensemble.run(count, variant, sink, |job, against, outcome| {
+            if outcome.is_ok() {
+                all[job] = against.sums;
+            }
+            (self.progress)();
+        });
+        all
+    }
+}
+
+/// The least cost, and its intensity.
+fn least(costs: &[f64], intensities: &[f64]) -> (f64, f64) {
+    let pairs = costs.iter().copied().zip(intensities.iter().copied());
+    pairs.min_by(|a, b| a.0.total_cmp(&b.0)).expect("an intensity")
+}
+
+/// A record with other times.
+struct Retimed {
+    inputs: Vec<Piecewise>,
+    /// The time that passes while the record counts one.
+    stretch: f64,
+    /// The size in the unit of [`Suspect::intensity`].
+    size: f64,
+}
+
+/// Sensors that come so many samples late.
+fn delayed(record: &Record, samples: f64) -> Retimed {
+    let by_s = samples * record.period_s;
+    let later = |signal: &Piecewise| {
+        let breaks = signal.breaks_s().iter().map(|b| b + by_s).collect();
+        Piecewise::new(breaks, signal.pieces().to_vec()).expect("breaks still increase")
+    };
+    Retimed { inputs: record.inputs.iter().map(later).collect(), stretch: 1.0, size: by_s }
+}
+
+/// A record whose clock is fast by a share.
+fn on_fast_clock(record: &Record, share: f64) -> Retimed {
+    let stretch = 1.0 - share;
+    let faster = |signal: &Piecewise| {
+        let breaks = signal.breaks_s().iter().map(|b| b * stretch).collect();
+        let piece = |[c0, c1, c2, c3]: &[f64; 4]| {
+            [*c0, c1 / stretch, c2 / (stretch * stretch), c3 / (stretch * stretch * stretch)]
+        };
+        let pieces = signal.pieces().iter().map(piece).collect();
+        Piecewise::new(breaks, pieces).expect("breaks still increase")
+    };
+    Retimed { inputs: record.inputs.iter().map(faster).collect(), stretch, size: share }
+}
+
+/// What suspects are compared with.
+#[derive(Clone, Copy)]
+struct Base<'f> {
+    residuals: &'f [f64],
+    linear: &'f Linear,
+}
+
+/// The sums of (FF1).
+#[derive(Clone, Debug, Default)]
+struct Sums {
+    /// dᵀr.
+    with: f64,
+    /// dᵀd.
+    square: f64,
+    /// Jᵀd.
+    along: Vec<f64>,
+}
+
+impl Sums {
+    fn add(&mut self, other: &Sums) {
+        self.with += other.with;
+        self.square += other.square;
+        self.along.resize(other.along.len(), 0.0);
+        self.along.iter_mut().zip(&other.along).for_each(|(own, other)| *own += other);
+    }
+
+    fn suspect(&self, name: String, covariance: &Symmetric) -> Suspect {
+        let known = if self.along.is_empty() {
+            0.0
+        } else {
+            dot(&self.along, &covariance.times(&self.along))
+        };
+        // A fault that shows nothing, or nothing of its own, cannot be suspected.
+        let rest = self.square - known;
+        if rest <= 1e-6 * self.square || self.square == 0.0 {
+            return Suspect { name, score: 0.0, intensity: 0.0 };
+        }
+        Suspect { name, score: self.with / rest.sqrt(), intensity: self.with / rest }
+    }
+}
+
+/// Sums (FF1) up while samples come.
+struct Against<'f> {
+    base: Base<'f>,
+    record: &'f Record,
+    deviations: &'f [f64],
+    first: usize,
+    /// Where the next residual stands.
+    place: usize,
+    step: f64,
+    sums: Sums,
+}
+
+impl Sink for Against<'_> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        if index < self.first || index >= self.record.samples() {
+            return;
+        }
+        let measured = &self.record.measured[index * values.len()..][..values.len()];
+        for ((m, v), deviation) in measured.iter().zip(values).zip(self.deviations) {
+            let left = self.base.residuals[self.place];
+            let d = (left - (m - v) / deviation) / self.step;
+            self.sums.with += d * left;
+            self.sums.square += d * d;
+            for (sum, column) in self.sums.along.iter_mut().zip(&self.base.linear.columns) {
+                *sum += d * column[self.place];
+            }
+            self.place += 1;
+        }
+    }
+}
