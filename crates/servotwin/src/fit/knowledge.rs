@@ -150,10 +150,10 @@ impl Judge<'_> {
         if error <= WELL_KNOWN * prior {
             return Knowledge::Known;
         }
-        if held_error <= WELL_KNOWN * prior {
-            if let Some(with) = strongest(&mut self.held.iter().copied()) {
-                return Knowledge::KnownByBound { with };
-            }
+        if held_error <= WELL_KNOWN * prior
+            && let Some(with) = strongest(&mut self.held.iter().copied())
+        {
+            return Knowledge::KnownByBound { with };
         }
         if alone <= WELL_KNOWN * prior {
             let trades = |with: &usize| correlation(*with).abs() >= TRADES;

@@ -83,11 +83,11 @@ impl Problem<'_> {
     /// Finds the minimum from a first guess.
     pub(super) fn minimum(&self, start: &[f64]) -> Result<Minimum, FitError> {
         let linear = self.linear(start, Difference::Forward)?;
-        let mut found = self.from_linear(linear)?;
+        let mut found = self.steps_around(linear)?;
         for _ in 0..MOST_TURNS {
             let linear = self.linear(&found.z, Difference::Central)?;
             let (before, cost) = (found.steps, found.cost);
-            let last = self.from_linear(linear)?;
+            let last = self.steps_around(linear)?;
             found = Minimum { steps: before + last.steps, ..last };
             let is_hopeless = dot(&found.residuals, &found.residuals)
                 > HOPELESS * found.residuals.len() as f64
@@ -100,7 +100,7 @@ impl Problem<'_> {
     }
 
     /// Steps that keep J, from where it was taken.
-    fn from_linear(&self, linear: Linear) -> Result<Minimum, FitError> {
+    fn steps_around(&self, linear: Linear) -> Result<Minimum, FitError> {
         let curvature = linear.information.plus_diagonal(&self.priors());
         let mut z = linear.z.clone();
         let mut residuals = linear.residuals.clone();

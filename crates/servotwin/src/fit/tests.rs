@@ -218,10 +218,10 @@ fn the_record_and_not_the_prior_says_what_is_well_known() {
     let problem = Problem::of_study(&study, vec![record(&study, Some(3), vec![], 12.0)]);
     let fitted = problem.solve().unwrap();
     let truth = truth(&study, &problem.unknowns, 3);
-    for k in 0..truth.len() {
+    for (k, truth) in truth.iter().enumerate() {
         assert_eq!(fitted.known.each[k], Knowledge::Known);
         assert!(fitted.known.error(k) < 0.3, "{}", fitted.known.error(k));
-        assert!((fitted.z[k] - truth[k]).abs() < 4.0 * fitted.known.error(k));
+        assert!((fitted.z[k] - truth).abs() < 4.0 * fitted.known.error(k));
     }
     // The error is what the record gives: twice the time, less of it.
     let longer = Problem::of_study(&study, vec![record(&study, Some(3), vec![], 24.0)]);

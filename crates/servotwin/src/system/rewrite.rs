@@ -68,7 +68,7 @@ impl System {
         // From the end to the beginning, so that places stay true; of lines at one place the first
         // stays first.
         edits.reverse();
-        edits.sort_by(|a, b| b.from.cmp(&a.from));
+        edits.sort_by_key(|edit| std::cmp::Reverse(edit.from));
         let mut text = self.text.clone();
         for edit in edits {
             text.replace_range(edit.from..edit.to, &edit.text);
