@@ -53,14 +53,14 @@ impl Words {
     pub fn named(&self) -> [(&'static str, u64); 9] {
         [
             ("sensible command", self.sensible),
-            ("another command", self.other_command),
+            ("other command", self.other_command),
             ("actuator", self.actuator),
             ("unknown", self.unknown),
-            ("environment invalid", self.environment_invalid),
+            ("input invalid", self.environment_invalid),
             ("no data", self.no_data),
             ("detected", self.detected),
             ("healthy", self.healthy),
-            ("command for a healthy actuator", self.wrong_actuator),
+            ("wrong actuator", self.wrong_actuator),
         ]
     }
 }

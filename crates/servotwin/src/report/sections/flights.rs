@@ -228,7 +228,7 @@ fn latencies(merit: &Merit) -> Figure {
 fn times(latency: &Option<Latency>) -> String {
     latency.as_ref().map_or(NONE.into(), |latency| {
         let Latency { median_s, p95_s, longest_s, .. } = latency;
-        format!("{median_s:.2} s\n{p95_s:.2}, {longest_s:.2} s")
+        format!("{median_s:.2} s\n{p95_s:.2} s\n{longest_s:.2} s")
     })
 }
 
@@ -247,9 +247,8 @@ fn by_command(merit: &Merit) -> Grid {
     ]);
     for class in &merit.classes {
         let [low, high] = class.intensities;
-        let count = |rate: &Rate| {
-            format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)).replace('\n', ": "))
-        };
+        let count =
+            |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
         grid.push(vec![
             spoken(&class.command),
             format!("{} … {}", chosen(low), chosen(high)),

@@ -49,19 +49,21 @@ impl Section for Foreign {
         page.note(
             "Sensible is a command that would be right for the fault as a whole: a shutdown where the \
              actuator does not do what it should, anything but a shutdown where only a sensor is wrong, \
-             and none where no actuator is at fault. The first word is whatever the diagnosis said first \
-             after the onset other than “healthy”.",
+             and none where no actuator is at fault. An actuator whose measured supply or return pressure is \
+             wrong counts as at fault. “Off” are shutdowns, of an actuator at fault and of a healthy one. \
+             The first word is whatever the diagnosis said first after the onset other than “healthy”: \
+             the median, and below it the last.",
         );
     }
 }
 
 fn table(merit: &ForeignMerit) -> Grid {
-    let left = [("fault", Side::Left), ("sensible", Side::Left), ("flights", Side::Right)];
+    let left = [("fault", Side::Left), ("flights", Side::Right)];
     let words = Words::default().named().map(|(word, _)| (word, Side::Right));
     let right = [
-        ("shut down: at fault", Side::Right),
-        ("shut down: healthy", Side::Right),
-        ("first word: median, last", Side::Right),
+        ("off: at fault", Side::Right),
+        ("off: healthy", Side::Right),
+        ("first word", Side::Right),
     ];
     let mut grid = Grid::new(left.into_iter().chain(words).chain(right));
     for outcome in &merit.outcomes {
@@ -73,21 +75,21 @@ fn table(merit: &ForeignMerit) -> Grid {
 
 fn row(outcome: &ForeignOutcome) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
-    let title = match outcome.strengths.as_str() {
-        "" => outcome.title.clone(),
-        strengths => format!("{}\n{strengths}", outcome.title),
-    };
     let sensible = match outcome.sensible {
-        Sensible::Shutdown => "shutdown",
-        Sensible::NoShutdown => "no shutdown",
-        Sensible::Any => "any command",
-        Sensible::Nothing => "no command",
+        Sensible::Shutdown => "sensible: a shutdown",
+        Sensible::NoShutdown => "sensible: anything but a shutdown",
+        Sensible::Any => "sensible: any command",
+        Sensible::Nothing => "sensible: no command",
     };
-    let mut row = vec![title, sensible.into(), outcome.flights.to_string()];
+    let small = match outcome.strengths.as_str() {
+        "" => sensible.into(),
+        strengths => format!("{strengths}; {sensible}"),
+    };
+    let mut row = vec![format!("{}\n{small}", outcome.title), outcome.flights.to_string()];
     row.extend(outcome.words.named().map(|(_, number)| count(number)));
     row.push(count(outcome.shutdowns_at_fault));
     row.push(outcome.shutdowns_healthy.to_string());
     let first = outcome.first_word.as_ref();
-    row.push(first.map_or(NONE.into(), |l| format!("{:.2} s, {:.2} s", l.median_s, l.longest_s)));
+    row.push(first.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.longest_s)));
     row
 }
