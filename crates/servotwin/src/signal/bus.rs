@@ -98,7 +98,9 @@ mod tests {
         let values: Vec<f64> = times.iter().map(|&t| sine(t)).collect();
         let signal = Piecewise::linear(&times, &values).unwrap();
         let sent = as_sent(&signal, 0.01, 2.0).unwrap();
-        let worst = times.iter().map(|&t| (sent.value(t) - sine(t)).abs()).fold(0.0, f64::max);
+        // A bus that has just begun knows no slope.
+        let known = times.iter().filter(|&&t| t > 0.025);
+        let worst = known.map(|&t| (sent.value(t) - sine(t)).abs()).fold(0.0, f64::max);
         assert!(worst < 1.5e-3, "{worst}");
     }
 }

@@ -54,7 +54,7 @@ impl Reactions {
         let known: Vec<String> = commands.chain(both).collect();
         let mut list = vec![];
         for (name, text) in texts {
-            if !known.contains(name) {
+            if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
                 return Err(reader.unknown("command, or command/detail, of a class", name, known));
             }
