@@ -22,9 +22,10 @@ const DURATION_S: f64 = 120.0;
 
 fn main() {
     let study = Study::default();
-    let flights = study.flights.as_ref().expect("the paper's study has flights");
+    let flights = &study.flights().expect("sound flights").expect("the paper's study has flights");
     let setting = Setting::Realistic;
-    let flown = Flown::new(&study, flights, Purpose::Learn, setting, 2, None).expect("a twin");
+    let flown =
+        Flown::new(&study, flights, Purpose::Learn, setting, Workers::all()).expect("a twin");
     let lessons = lessons::tables(&study, flights, setting, &flown, Workers::all());
     let (tables, _) = lessons.expect("windows");
     let pools = job::pools(&study);

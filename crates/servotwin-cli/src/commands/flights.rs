@@ -30,14 +30,14 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
-    let flights = if options.full { &study.full_flights } else { &study.flights };
+    let flights = if options.full { study.full_flights()? } else { study.flights()? };
     let Some(flights) = flights else {
         return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
     };
     stop::listen();
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
-    let results = fly(&folder, &study, flights, options.full, options.study.threads, global)?;
+    let results = fly(&folder, &study, &flights, options.full, options.study.threads, global)?;
     manifest::write(&folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
@@ -56,13 +56,8 @@ pub fn fly(
     global: Global,
 ) -> Result<FlightResults, Failure> {
     let stages = Stages::new(global);
-    let all = || std::thread::available_parallelism().map_or(1, |threads| threads.get());
-    let crew = Crew {
-        threads: threads.unwrap_or_else(all),
-        workers: workers(threads),
-        cancel: Some(stop::flag()),
-        progress: &|what, share| stages.show(what, share),
-    };
+    let crew =
+        Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
     let results = flights::fly_all(folder, study, flights, is_full, &crew);
     stages.end();
     stop::check()?;

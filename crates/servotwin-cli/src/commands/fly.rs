@@ -131,19 +131,13 @@ fn diagnoser(
     if folder.diagnoser(setting).exists() {
         return Ok(Arc::new(flights::diagnoser(folder, setting)?));
     }
-    let Some(plan) = &study.flights else {
+    let Some(plan) = study.flights()? else {
         return Err(Failure::Options("the study has no [flights] to learn from"));
     };
     note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
-    let all = || std::thread::available_parallelism().map_or(1, |threads| threads.get());
-    let crew = Crew {
-        threads: threads.unwrap_or_else(all),
-        workers: workers(threads),
-        cancel: Some(stop::flag()),
-        progress: &|_, _| (),
-    };
+    let crew = Crew { workers: workers(threads), progress: &|_, _| () };
     folder.keep_study(study)?;
-    let learned = flights::learn(folder, study, plan, setting, &crew);
+    let learned = flights::learn(folder, study, &plan, setting, &crew);
     stop::check()?;
     Ok(Arc::new(learned?))
 }

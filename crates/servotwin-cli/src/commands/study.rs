@@ -29,6 +29,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     let study = options.study.read()?;
     stop::listen();
+    // What cannot be flown is told now, not after the campaigns.
+    let flights = study.flights()?;
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let notes = Notes::new(global);
@@ -46,7 +48,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         job::train(&folder, &study, subject, workers)?;
     }
     notes.write(&format!("trained in {:.1} s", training.elapsed().as_secs_f64()));
-    if let Some(flights) = &study.flights {
+    if let Some(flights) = &flights {
         let flying = Instant::now();
         fly(&folder, &study, flights, false, options.study.threads, global)?;
         notes.write(&format!("flown in {:.1} s", flying.elapsed().as_secs_f64()));

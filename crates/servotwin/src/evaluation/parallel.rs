@@ -30,7 +30,18 @@ impl<'c> Workers<'c> {
         Workers { cancel: Some(cancel), ..self }
     }
 
-    fn is_cancelled(&self) -> bool {
+    /// How many threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// What stops them.
+    pub fn cancel(&self) -> Option<&'c AtomicBool> {
+        self.cancel
+    }
+
+    /// Whether they were stopped.
+    pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
     }
 }

@@ -3,6 +3,7 @@
 
 use super::plan::{self, Flight, Purpose};
 use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::evaluation::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::campaign::{CampaignError, ensemble};
 use crate::study::flights::Environment;
@@ -10,7 +11,6 @@ use crate::study::{Flights, Imperfection, Setting, Study};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Statistics};
 use std::borrow::Cow;
-use std::sync::atomic::AtomicBool;
 
 /// What watches a flight.
 pub trait Observer: Send {
@@ -44,17 +44,15 @@ impl<'s> Flown<'s> {
         flights: &'s Flights,
         purpose: Purpose,
         setting: Setting,
-        threads: usize,
-        cancel: Option<&'s AtomicBool>,
+        workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
         let environments = Cow::Borrowed(purpose.environments(flights));
         let plan = plan::flights(study, flights, purpose);
         let lot = (purpose, flights.seed);
-        Flown::planned(study, environments, plan, lot, setting, (threads, cancel))
+        Flown::planned(study, environments, plan, lot, setting, workers)
     }
 
-    /// The same for flights and environments of one's own: of a purpose with a seed, by so many
-    /// threads, which may be cancelled.
+    /// The same for flights and environments of one's own, of a purpose with a seed.
     ///
     /// # Errors
     /// A twin cannot be simulated.
@@ -64,8 +62,9 @@ impl<'s> Flown<'s> {
         plan: Vec<Flight>,
         (purpose, seed): (Purpose, u64),
         setting: Setting,
-        (threads, cancel): (usize, Option<&'s AtomicBool>),
+        workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
+        let (threads, cancel) = (workers.threads(), workers.cancel());
         let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
         let sensors = study.base_sensors();
         ensemble.record.truncate(sensors);

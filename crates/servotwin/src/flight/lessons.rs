@@ -6,7 +6,7 @@
 //! of its own.
 
 use super::flown::{Flown, Observer};
-use super::plan::{Flight, Purpose};
+use super::plan::Flight;
 use crate::evaluation::parallel::{self, Workers};
 use crate::signal::random::Random;
 use crate::study::campaign::{CampaignError, largest_column};
@@ -215,18 +215,4 @@ impl Maker<'_> {
             Column::new("failure", "", Values::Text(vec![String::new(); lessons.len()])),
         ]
     }
-}
-
-/// The flights that a diagnosis learns from in a setting.
-///
-/// # Errors
-/// A twin cannot be simulated.
-pub fn flown<'s>(
-    study: &'s Study,
-    flights: &'s Flights,
-    setting: Setting,
-    threads: usize,
-    cancel: Option<&'s std::sync::atomic::AtomicBool>,
-) -> Result<Flown<'s>, CampaignError> {
-    Flown::new(study, flights, Purpose::Learn, setting, threads, cancel)
 }

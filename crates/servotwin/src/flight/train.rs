@@ -1,7 +1,6 @@
 //! Trees, committee and bands for each length of a window, learned from flights.
 
 use crate::evaluation::parallel::Workers;
-use crate::evaluation::protocol::{self, Protocol, ProtocolResult};
 use crate::evaluation::{self, DataSet, EvaluationError, FeatureInfo, Settings};
 use crate::study::{Flights, Role, Study};
 use crate::table::Table;
@@ -19,11 +18,6 @@ const MARGIN: f64 = 0.25;
 /// their flight, so that they need no moves.
 pub fn settings() -> Settings {
     Settings { learned_bands: true, ..Settings::default() }
-}
-
-fn data_set(study: &Study, tables: &[(Role, Table)]) -> Result<DataSet, EvaluationError> {
-    let features = FeatureInfo::of_study(study, false);
-    DataSet::new(tables, features, &study.units)?.taught()
 }
 
 /// Learns from windows of flights, one table for each length: everything that it takes to diagnose.
@@ -61,7 +55,8 @@ fn length(
     pools: &[usize],
     workers: Workers,
 ) -> Result<Length, EvaluationError> {
-    let data = data_set(study, &[(Role::Training, table)])?;
+    let features = FeatureInfo::of_study(study, false);
+    let data = DataSet::new(&[(Role::Training, table)], features, &study.units)?.taught()?;
     let settings = settings();
     let trained = evaluation::train(&data, &settings, pools, workers)?;
     let (data, bands) = evaluation::banded(&data, &settings, pools);
@@ -126,30 +121,4 @@ fn environment(study: &Study, flights: &Flights) -> Environment {
     };
     let inputs = network.inputs.iter().enumerate().map(input).collect();
     Environment { inputs, differences: vec![] }
-}
-
-/// How good trees and committee are on single windows of flights in environments from which nothing
-/// was learned.
-///
-/// # Errors
-/// What training says.
-pub fn judge_windows(
-    study: &Study,
-    tables: [Table; 2],
-    pools: &[usize],
-    workers: Workers,
-) -> Result<[Option<ProtocolResult>; 2], EvaluationError> {
-    let [learned, judged] = tables;
-    let data = data_set(study, &[(Role::Judged, judged), (Role::Training, learned)])?;
-    let settings = settings();
-    let (data, _) = evaluation::banded(&data, &settings, pools);
-    let judge = |training, lessons| {
-        let holding = protocol::Holding { lessons, ..settings.holding };
-        let protocol = Protocol::NewCommand;
-        protocol::evaluate(protocol, &data, training, holding, &settings.shutdown, workers)
-    };
-    let trees = evaluation::run::settled(&data, &settings.training);
-    let trees = judge(&trees, settings.holding.lessons)?;
-    let committee = judge(&settings.committee, settings.committee_lessons)?;
-    Ok([trees, committee].map(|found| found.map(|(result, _)| result)))
 }

@@ -14,7 +14,6 @@ use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// The settings in which flights are flown: a specimen that is the twin (or to which the twin is
 /// fitted perfectly), and one that is not.
@@ -39,24 +38,19 @@ pub struct FlightResults {
     pub foreign: Vec<ForeignMerit>,
 }
 
-/// Who works, who may stop it, and who is told.
+/// Who works, and who is told.
 pub struct Crew<'c> {
-    /// Number of threads.
-    pub threads: usize,
-    /// The same, for work without lanes.
+    /// Threads, and what stops them.
     pub workers: Workers<'c>,
-    /// Set from elsewhere to stop.
-    pub cancel: Option<&'c AtomicBool>,
     /// Is told what is being done, and how much of all is done, from 0 to 1.
     pub progress: &'c (dyn Fn(&str, f64) + Sync),
 }
 
 impl Crew<'_> {
     fn check(&self) -> Result<(), JobError> {
-        let stopped = |flag: &&AtomicBool| flag.load(std::sync::atomic::Ordering::Relaxed);
-        match self.cancel.filter(stopped) {
-            Some(_) => Err(CampaignError::Cancelled.into()),
-            None => Ok(()),
+        match self.workers.is_cancelled() {
+            true => Err(CampaignError::Cancelled.into()),
+            false => Ok(()),
         }
     }
 }
@@ -72,7 +66,7 @@ pub fn learn(
     setting: Setting,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
-    let flown = Flown::new(study, flights, Purpose::Learn, setting, crew.threads, crew.cancel)?;
+    let flown = Flown::new(study, flights, Purpose::Learn, setting, crew.workers)?;
     let lessons = lessons::tables(study, flights, setting, &flown, crew.workers);
     crew.check()?;
     let (tables, _) = lessons?;
@@ -99,7 +93,7 @@ pub fn fly_all(
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
         let diagnoser = learn(folder, study, flights, setting, crew)?;
-        let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.threads, crew.cancel)?;
+        let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.workers)?;
         let told = |done: usize, of: usize| {
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
             (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
@@ -112,8 +106,8 @@ pub fn fly_all(
         crew.check()?;
         merits.push(merit.map_err(|error| JobError::Evaluation(error.into()))?);
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
-        let (diagnoser, crew_of) = (Arc::new(diagnoser), (crew.threads, crew.cancel));
-        let said = foreign::judge(study, flights, setting, &diagnoser, crew_of);
+        let diagnoser = Arc::new(diagnoser);
+        let said = foreign::judge(study, flights, setting, &diagnoser, crew.workers);
         crew.check()?;
         foreign.push(said?);
     }

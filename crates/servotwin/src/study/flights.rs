@@ -148,7 +148,6 @@ const LONGEST_S: f64 = 1e4;
 
 impl Flights {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
-        text.check(reader)?;
         let mut windows_s = text.windows_s.clone();
         windows_s.sort_by(f64::total_cmp);
         Ok(Flights {
@@ -170,6 +169,15 @@ impl Text {
     pub(super) fn full(&self) -> Option<Text> {
         let Full { learn, judge } = self.full?;
         Some(Text { learn, judge, full: None, ..self.clone() })
+    }
+
+    /// Checks this section and its full sizes, and draws one environment of each pattern: so names and
+    /// patterns that are wrong are told before anything is flown.
+    pub(super) fn check_all(&self, reader: &Reader) -> Result<(), StudyError> {
+        self.check(reader)?;
+        self.full().map_or(Ok(()), |full| full.check(reader))?;
+        let one_each = Size { environments: self.commands.len(), ..self.learn };
+        self.environments(reader, 'L', one_each).map(drop)
     }
 
     fn check(&self, reader: &Reader) -> Result<(), StudyError> {

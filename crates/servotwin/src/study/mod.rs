@@ -153,12 +153,11 @@ pub struct Study {
     /// The flights from which the diagnosis learns, where they are others than those it is judged
     /// on.
     pub training: Option<Training>,
-    /// The flights in which the diagnosis at work learns and is judged.
-    pub flights: Option<Flights>,
-    /// The same flights in full number, where the study says how many that is.
-    pub full_flights: Option<Flights>,
     /// What the flight control computer does when a command is raised.
     pub reactions: Reactions,
+    /// Where it was read.
+    path: String,
+    parsed: Box<Text>,
 }
 
 /// Why there is no study.
@@ -244,8 +243,8 @@ impl std::error::Error for StudyError {}
 /// What a parser knows while it reads one study.
 struct Reader<'a> {
     path: &'a str,
-    text: Text,
-    system: System,
+    text: &'a Text,
+    system: &'a System,
 }
 
 impl Study {
@@ -271,7 +270,7 @@ impl Study {
     }
 
     fn build(text: &str, parsed: Text, path: &str, system: System) -> Result<Self, StudyError> {
-        let reader = Reader { path, text: parsed, system };
+        let reader = Reader { path, text: &parsed, system: &system };
         reader.check_numbers()?;
         let (measured, sensors) = reader.sensors()?;
         let classes = reader.classes();
@@ -286,26 +285,19 @@ impl Study {
             Some(text) => Some(Training::new(text, &reader)?),
             None => None,
         };
-        let flights = match &reader.text.flights {
-            Some(text) => Some(Flights::new(text, &reader)?),
-            None => None,
-        };
-        let full_flights = match reader.text.flights.as_ref().and_then(flights::Text::full) {
-            Some(text) => Some(Flights::new(&text, &reader)?),
-            None => None,
-        };
+        if let Some(text) = &reader.text.flights {
+            text.check_all(&reader)?;
+        }
         let reactions = Reactions::new(&reader.text.reactions, &reader)?;
-        let Reader { text: parsed, system, .. } = reader;
         Ok(Self {
-            name: parsed.name,
-            title: parsed.title,
+            name: parsed.name.clone(),
+            title: parsed.title.clone(),
             text: text.into(),
             duration_s: parsed.duration_s,
             sample_period_s: 1.0 / parsed.sample_hz,
-            intensities: parsed.intensities,
-            units: parsed.units,
-            extra_sensor: parsed.extra_sensor.map(|e| e.title),
-            system,
+            intensities: parsed.intensities.clone(),
+            units: parsed.units.clone(),
+            extra_sensor: parsed.extra_sensor.as_ref().map(|e| e.title.clone()),
             faults,
             classes,
             cases,
@@ -314,10 +306,34 @@ impl Study {
             sensors,
             realism,
             training,
-            flights,
-            full_flights,
             reactions,
+            path: path.into(),
+            parsed: Box::new(parsed),
+            system,
         })
+    }
+
+    fn reader(&self) -> Reader<'_> {
+        Reader { path: &self.path, text: &self.parsed, system: &self.system }
+    }
+
+    /// The flights in which the diagnosis at work learns and is judged, drawn anew: their commands
+    /// take a second to make, and most commands need none.
+    ///
+    /// # Errors
+    /// A command that cannot be flown.
+    pub fn flights(&self) -> Result<Option<Flights>, StudyError> {
+        let text = self.parsed.flights.as_ref();
+        text.map(|text| Flights::new(text, &self.reader())).transpose()
+    }
+
+    /// The same flights in full number, where the study says how many that is.
+    ///
+    /// # Errors
+    /// As [`Study::flights`].
+    pub fn full_flights(&self) -> Result<Option<Flights>, StudyError> {
+        let text = self.parsed.flights.as_ref().and_then(flights::Text::full);
+        text.map(|text| Flights::new(&text, &self.reader())).transpose()
     }
 
     /// Reads a study file.

@@ -77,8 +77,8 @@ fn learned(threads: usize) -> Diagnoser {
     let path =
         std::env::temp_dir().join(format!("servotwin-flights-{}-{threads}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
-    let crew = Crew { threads, workers: Workers::new(threads), cancel: None, progress: &|_, _| () };
-    let flights = study().flights.as_ref().unwrap();
+    let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
+    let flights = &study().flights().unwrap().unwrap();
     let learned = learn(&Folder::new(&path), study(), flights, Setting::Noise, &crew).unwrap();
     std::fs::remove_dir_all(&path).unwrap();
     learned
@@ -90,9 +90,9 @@ pub fn diagnoser() -> &'static Arc<Diagnoser> {
 }
 
 fn merit(threads: usize) -> Merit {
-    let flights = study().flights.as_ref().unwrap();
-    let flown =
-        Flown::new(study(), flights, Purpose::Judge, Setting::Noise, threads, None).unwrap();
+    let flights = &study().flights().unwrap().unwrap();
+    let flown = Flown::new(study(), flights, Purpose::Judge, Setting::Noise, Workers::new(threads))
+        .unwrap();
     judge::judge(study(), ("noise", 1.0), &flown, diagnoser(), &|_, _| ()).unwrap()
 }
 
@@ -106,8 +106,9 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
     let [one, two] = [1, 2].map(|threads| text(&merit(threads)));
     assert_eq!(one, two);
     let foreign = |threads| {
-        let flights = study().flights.as_ref().unwrap();
-        foreign::judge(study(), flights, Setting::Noise, diagnoser(), (threads, None)).unwrap()
+        let flights = &study().flights().unwrap().unwrap();
+        foreign::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(threads))
+            .unwrap()
     };
     assert_eq!(text(&foreign(1)), text(&foreign(2)));
 }
@@ -124,8 +125,9 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
 
 #[test]
 fn faults_never_trained_on_are_counted_once_each() {
-    let flights = study().flights.as_ref().unwrap();
-    let merit = foreign::judge(study(), flights, Setting::Noise, diagnoser(), (2, None)).unwrap();
+    let flights = &study().flights().unwrap().unwrap();
+    let merit =
+        foreign::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(2)).unwrap();
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
     assert!(merit.outcomes.len() < foreign::ALL.len() && !merit.outcomes.is_empty());
     for outcome in &merit.outcomes {

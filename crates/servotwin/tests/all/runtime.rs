@@ -1,6 +1,7 @@
 //! Twin and diagnosis beside an actuator: what a log says again is what the flight said.
 
 use crate::flights::{diagnoser, fault, fly, study};
+use servotwin::evaluation::parallel::Workers;
 use servotwin::flight::flown::{Flown, Observer as FlightObserver};
 use servotwin::flight::plan::{Flight, Purpose};
 use servotwin::flight::runtime::Runtime;
@@ -22,8 +23,9 @@ impl FlightObserver for Log {
 
 #[test]
 fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
-    let flights = study().flights.as_ref().unwrap();
-    let flown = Flown::new(study(), flights, Purpose::Judge, Setting::Realistic, 2, None).unwrap();
+    let flights = &study().flights().unwrap().unwrap();
+    let flown =
+        Flown::new(study(), flights, Purpose::Judge, Setting::Realistic, Workers::new(2)).unwrap();
     let mut logs: Vec<(Flight, Log)> = vec![];
     flown.fly(
         &[0, 5, flown.plan.len() - 1],

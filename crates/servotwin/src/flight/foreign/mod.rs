@@ -12,6 +12,7 @@ pub use list::{ALL, Foreign, Sensible};
 use super::flown::{Flown, Observer};
 use super::judge::{Latency, latency};
 use super::plan::{Flight, Onset, Purpose};
+use crate::evaluation::parallel::Workers;
 use crate::study::campaign::CampaignError;
 use crate::study::flights::Environment;
 use crate::study::{Flights, Setting, Study};
@@ -20,7 +21,6 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Outcome, Session};
 use std::borrow::Cow;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// Foreign flights are numbered from here on: other specimens and noise than those of the others.
 const FIRST: usize = 500_000;
@@ -285,12 +285,12 @@ pub fn judge(
     flights: &Flights,
     setting: Setting,
     diagnoser: &Arc<Diagnoser>,
-    (threads, cancel): (usize, Option<&AtomicBool>),
+    workers: Workers,
 ) -> Result<ForeignMerit, CampaignError> {
     let Plan { cases, flights: plan, told } = Plan::new(study, flights);
     let lot = (Purpose::Judge, flights.seed);
     let told = Cow::Owned(told);
-    let flown = Flown::planned(study, told, plan, lot, setting, (threads, cancel))?;
+    let flown = Flown::planned(study, told, plan, lot, setting, workers)?;
     let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
     let commands = diagnoser.names().commands.iter();
     let is_off: Vec<bool> =
