@@ -40,6 +40,22 @@ pub enum Failure {
         /// The names possible.
         known: Vec<String>,
     },
+    /// A word that no component has.
+    NoComponent {
+        /// The word.
+        word: String,
+        /// The nearest kind.
+        nearest: Option<String>,
+    },
+    /// A file that would be overwritten.
+    Exists(PathBuf),
+    /// Parameters that the system cannot have.
+    Parameters {
+        /// The option.
+        option: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
     /// An option that needs `name=value`.
     NoEqualSign {
         /// The option.
@@ -140,6 +156,9 @@ impl Failure {
             | Failure::Trace { .. } => 3,
             Failure::Signal { error: SignalError::Table(_) | SignalError::Rows { .. }, .. } => 3,
             Failure::UnknownName { .. }
+            | Failure::NoComponent { .. }
+            | Failure::Exists(_)
+            | Failure::Parameters { .. }
             | Failure::NoEqualSign { .. }
             | Failure::Repeated { .. }
             | Failure::Number { .. }
@@ -177,12 +196,26 @@ impl fmt::Display for Failure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Failure::System(error) => write!(out, "{error}"),
-            Failure::Study(error) => write!(out, "error: {error}"),
+            Failure::Study(error) => match error.as_ref() {
+                StudyError::File(error) => write!(out, "error: {error}"),
+                error => write!(out, "{error}"),
+            },
             Failure::Campaign(error) => write!(out, "error: {error}"),
             Failure::UnknownName { what, given, known } => {
                 write!(out, "error: the system has no {what} '{given}'")?;
                 write_known(out, given, known)
             }
+            Failure::NoComponent { word, nearest } => {
+                write!(out, "error: no component has '{word}'")?;
+                match nearest {
+                    Some(kind) => write!(out, "; did you mean '{kind}'?"),
+                    None => write!(out, "; 'servotwin components' lists all"),
+                }
+            }
+            Failure::Exists(path) => {
+                write!(out, "error: {} is there already and stays as it is", path.display())
+            }
+            Failure::Parameters { option, reason } => write!(out, "error: {option}: {reason}"),
             Failure::NoEqualSign { option, given } => {
                 write!(out, "error: {option} needs NAME=VALUE, not '{given}'")
             }

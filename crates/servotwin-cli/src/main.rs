@@ -18,8 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, describe, evaluate, explain, faults, features, fit, flights, fly,
-    predict, report, simulate, study, train, watch,
+    campaign, check, completions, components, describe, evaluate, explain, faults, features, fit,
+    flights, fly, init, man, predict, report, schema, simulate, study, train, watch,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -67,6 +67,10 @@ enum Command {
     Explain(explain::Options),
     Describe(describe::Options),
     Check(check::Options),
+    Components(components::Options),
+    Init(init::Options),
+    Schema(schema::Options),
+    Man(man::Options),
     Completions(completions::Options),
 }
 
@@ -90,6 +94,10 @@ impl Command {
             Command::Report(options) => report::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
+            Command::Components(options) => components::run(options, global),
+            Command::Init(options) => init::run(options, global),
+            Command::Schema(options) => Ok(schema::run(options)),
+            Command::Man(options) => man::run(options),
             Command::Completions(options) => Ok(completions::run(options)),
         }
     }

@@ -148,20 +148,14 @@ pub enum Mistake {
 }
 
 impl Network {
-    /// The values that an external input may have: those that all parameters allow
-    /// which stand in for it where nothing is connected.
+    /// The values that an external input may have: those that everything allows which it feeds.
     pub fn input_range(&self, input: usize) -> (f64, f64) {
-        let stand_ins = self.inputs[input].targets.iter().filter_map(|target| {
+        let ranges = self.inputs[input].targets.iter().filter_map(|target| {
             let spec = self.components[target.component].component.spec();
-            match spec.ports[target.port].kind {
-                PortKind::SignalIn { default: Some(name), .. } => {
-                    spec.parameter(name).map(|index| &spec.parameters[index])
-                }
-                _ => None,
-            }
+            spec.input_range(&spec.ports[target.port])
         });
-        stand_ins.fold((f64::NEG_INFINITY, f64::INFINITY), |(low, high), parameter| {
-            (low.max(parameter.min), high.min(parameter.max))
+        ranges.fold((f64::NEG_INFINITY, f64::INFINITY), |(low, high), (min, max)| {
+            (low.max(min), high.min(max))
         })
     }
 

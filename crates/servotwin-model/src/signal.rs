@@ -124,6 +124,14 @@ pub fn hermite_piece(length_s: f64, [from, to]: [f64; 2], [slope, end_slope]: [f
     [from, slope, square, (slope + end_slope - 2.0 * mean) / (length_s * length_s)]
 }
 
+/// Where the slope of a cubic is zero; not finite where it never is.
+fn turning_points([_, a, b, c]: &Cubic) -> [f64; 2] {
+    // c_1 + 2 c_2 τ + 3 c_3 τ² = 0, in the form that loses no digits.
+    let root = (b * b - 3.0 * a * c).sqrt();
+    let sum = -(b + if *b < 0.0 { -root } else { root });
+    [sum / (3.0 * c), a / sum]
+}
+
 impl Piecewise {
     /// From breaks and the coefficients of the pieces that begin there.
     ///
@@ -245,6 +253,23 @@ impl Piecewise {
         } else {
             Smoothness::Smooth
         }
+    }
+
+    /// The least and the largest value between two times.
+    pub fn bounds(&self, from_s: f64, to_s: f64) -> (f64, f64) {
+        let (mut least, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for k in self.piece(from_s)..=self.piece(to_s) {
+            let piece = &self.pieces[k];
+            let begin = (from_s - self.breaks_s[k]).max(0.0);
+            let end = self.breaks_s.get(k + 1).map_or(to_s, |&b| b.min(to_s)) - self.breaks_s[k];
+            let turns = turning_points(piece).into_iter().filter(|t| (begin..=end).contains(t));
+            for tau_s in turns.chain([begin, end.max(begin)]) {
+                let value = cubic(piece, tau_s);
+                least = least.min(value);
+                largest = largest.max(value);
+            }
+        }
+        (least, largest)
     }
 
     /// The same function times a factor.
@@ -369,6 +394,24 @@ mod tests {
         );
         assert_eq!([-1.0, 0.0, 0.5, 2.0].map(|t| s.slope(t)), [0.0, 2.0, -2.0, 0.0]);
         assert!((0..3).all(|k| s.smoothness(k) == Smoothness::Kink));
+    }
+
+    #[test]
+    fn bounds_are_met_and_never_passed() {
+        let times = [0.0, 0.4, 1.0, 1.3, 2.0];
+        let s =
+            Piecewise::hermite(&times, &[0.0, 1.0, -2.0, 0.5, 0.4], &[9.0, -3.0, 1.0, 0.0, 2.0])
+                .unwrap();
+        for (from, to) in [(0.0, 2.0), (0.1, 0.2), (0.7, 1.9), (-1.0, 0.3), (2.5, 9.0)] {
+            let (least, largest) = s.bounds(from, to);
+            let values = (0..=20_000).map(|i| s.value(from + (to - from) * f64::from(i) / 2e4));
+            let found =
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+            assert!((least - found.0).abs() < 1e-6 && least <= found.0 + 1e-12, "{from} {to}");
+            assert!((largest - found.1).abs() < 1e-6 && largest >= found.1 - 1e-12, "{from} {to}");
+        }
+        let steps = Piecewise::steps(&[1.0, 2.0, 3.0], &[5.0, -3.0, 90.0]).unwrap();
+        assert_eq!(steps.bounds(0.0, 2.5), (-3.0, 5.0));
     }
 
     #[test]

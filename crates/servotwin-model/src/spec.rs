@@ -370,6 +370,8 @@ pub struct Port {
     /// Whether it may be left open (a hydraulic port then is plugged, a
     /// mechanical one is free).
     pub optional: bool,
+    /// What a signal input may be, where no parameter stands in that says so.
+    pub range: Option<(f64, f64)>,
     /// One line for people.
     pub summary: &'static str,
 }
@@ -426,6 +428,17 @@ impl Spec {
     /// The position of a fault by name.
     pub fn fault(&self, name: &str) -> Option<usize> {
         self.faults.iter().position(|f| f.name == name)
+    }
+
+    /// What a signal input may be: the range of the parameter that stands in, or its own.
+    pub fn input_range(&self, port: &Port) -> Option<(f64, f64)> {
+        match port.kind {
+            PortKind::SignalIn { default: Some(name), .. } => {
+                let declared = &self.parameters[self.parameter(name)?];
+                Some((declared.min, declared.max))
+            }
+            _ => port.range,
+        }
     }
 
     /// The position of a port by name.
@@ -505,7 +518,7 @@ pub mod declare {
     }
 
     const fn port(name: &'static str, kind: PortKind, summary: &'static str) -> Port {
-        Port { name, kind, optional: false, summary }
+        Port { name, kind, optional: false, range: None, summary }
     }
 
     /// A hydraulic port whose pressure comes from elsewhere.
@@ -541,6 +554,16 @@ pub mod declare {
     /// A signal input that must be connected.
     pub const fn input(name: &'static str, unit: Unit, summary: &'static str) -> Port {
         port(name, PortKind::SignalIn { unit, default: None }, summary)
+    }
+
+    /// A signal input that must be connected, and what it may be.
+    pub const fn input_within(
+        name: &'static str,
+        unit: Unit,
+        range: (f64, f64),
+        summary: &'static str,
+    ) -> Port {
+        Port { range: Some(range), ..input(name, unit, summary) }
     }
 
     /// A signal input with a parameter that stands in.

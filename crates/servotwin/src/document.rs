@@ -13,6 +13,7 @@
 //!    = nearest: 'orifice'
 //! ```
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 use toml::Spanned;
@@ -71,6 +72,45 @@ pub enum Mistake {
         /// What the number means.
         summary: &'static str,
     },
+    /// A number is not whole where it must be.
+    NotWhole {
+        /// The key.
+        key: String,
+        /// What is there.
+        value: f64,
+    },
+    /// A list or a table has too few entries.
+    TooFew {
+        /// The key.
+        key: String,
+        /// How many there must be.
+        least: usize,
+    },
+    /// Two numbers of a range are not in order.
+    NotInOrder {
+        /// The key.
+        key: String,
+        /// The first number.
+        low: f64,
+        /// The second.
+        high: f64,
+    },
+    /// A signal that cannot be read.
+    Signal {
+        /// What is wrong.
+        message: String,
+    },
+    /// A word that is none of those possible.
+    UnknownWord {
+        /// The key.
+        key: String,
+        /// The word.
+        word: String,
+        /// The nearest possible one.
+        nearest: Option<String>,
+        /// All possible ones.
+        known: Vec<String>,
+    },
     /// A key that must be there is not.
     Missing {
         /// Where it should be.
@@ -108,6 +148,16 @@ impl fmt::Display for Mistake {
                 let (value, range) = (Quantity(*value, unit), Quantities(*min, *max, unit));
                 write!(out, "{key} = {value} is out of range: allowed are {range}")
             }
+            Mistake::NotWhole { key, value } => {
+                write!(out, "{key} = {value} must be a whole number")
+            }
+            Mistake::TooFew { key, least: 1 } => write!(out, "'{key}' is empty"),
+            Mistake::TooFew { key, least } => write!(out, "'{key}' needs at least {least} entries"),
+            Mistake::NotInOrder { key, low, high } => {
+                write!(out, "'{key}' goes from {low} to {high}: the lower number comes first")
+            }
+            Mistake::Signal { message } => write!(out, "{message}"),
+            Mistake::UnknownWord { key, word, .. } => write!(out, "'{key}' cannot be '{word}'"),
             Mistake::Missing { place, key, .. } => write!(out, "{place} lacks '{key}'"),
             Mistake::UnknownKey { key, place, .. } => write!(out, "unknown key '{key}' in {place}"),
         }
@@ -119,7 +169,8 @@ impl Explained for Mistake {
         match self {
             Mistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
             Mistake::Missing { write, .. } => Some(format!("write: {write}")),
-            Mistake::UnknownKey { nearest, known, .. } => Some(suggest(nearest, known)),
+            Mistake::UnknownKey { nearest, known, .. }
+            | Mistake::UnknownWord { nearest, known, .. } => Some(suggest(nearest, known)),
             _ => None,
         }
     }
@@ -180,13 +231,15 @@ pub struct Located<M> {
 }
 
 impl<M> Located<M> {
-    fn new(text: &str, span: &Span, mistake: M) -> Self {
+    /// `breaks` are the places of all line ends.
+    fn new(text: &str, breaks: &[usize], span: &Span, mistake: M) -> Self {
         let start = floor(text, span.start);
-        let begin = text[..start].rfind('\n').map_or(0, |at| at + 1);
-        let end = text[start..].find('\n').map_or(text.len(), |at| start + at);
+        let before = breaks.partition_point(|&at| at < start);
+        let begin = before.checked_sub(1).map_or(0, |last| breaks[last] + 1);
+        let end = breaks.get(before).copied().unwrap_or(text.len());
         let stop = floor(text, span.end).clamp(start, end);
         Self {
-            line: 1 + text[..begin].matches('\n').count(),
+            line: 1 + before,
             column: 1 + text[begin..start].chars().count(),
             width: text[start..stop].chars().count().max(1),
             source: text[begin..end].trim_end().to_owned(),
@@ -228,24 +281,56 @@ impl<M: Explained> Located<M> {
     }
 }
 
+/// The most mistakes that are shown: who mends these sees the next.
+const MOST: usize = 20;
+
+/// Shows the first mistakes of a file, and how many there are.
+pub fn write_mistakes<M: Explained>(
+    out: &mut fmt::Formatter<'_>,
+    path: &str,
+    mistakes: &[Located<M>],
+) -> fmt::Result {
+    for mistake in mistakes.iter().take(MOST) {
+        mistake.write(out, path)?;
+        writeln!(out)?;
+    }
+    let count = mistakes.len();
+    write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })?;
+    if count > MOST { write!(out, ", of which the first {MOST} are shown") } else { Ok(()) }
+}
+
 /// The mistakes found so far.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Collector<M> {
     found: Vec<(Span, M)>,
+    /// Where in `found` those at a place stand.
+    at: BTreeMap<(usize, usize), Vec<usize>>,
 }
 
 impl<M: PartialEq> Collector<M> {
     /// None yet.
     pub fn new() -> Self {
-        Self { found: Vec::new() }
+        Self { found: Vec::new(), at: BTreeMap::new() }
     }
 
     /// Notes a mistake; the same one at the same place only once.
     pub fn note(&mut self, span: &Span, mistake: impl Into<M>) {
-        let found = (span.clone(), mistake.into());
-        if !self.found.contains(&found) {
-            self.found.push(found);
+        let mistake = mistake.into();
+        let here = self.at.entry((span.start, span.end)).or_default();
+        if here.iter().all(|&known| self.found[known].1 != mistake) {
+            here.push(self.found.len());
+            self.found.push((span.clone(), mistake));
         }
+    }
+
+    /// Whether something holds for all mistakes.
+    pub fn all(&self, holds: impl Fn(&M) -> bool) -> bool {
+        self.found.iter().all(|(_, mistake)| holds(mistake))
+    }
+
+    /// Whether something is wrong at a place.
+    pub fn knows(&self, span: &Span) -> bool {
+        self.at.contains_key(&(span.start, span.end))
     }
 
     /// Whether nothing is wrong so far.
@@ -256,7 +341,8 @@ impl<M: PartialEq> Collector<M> {
     /// All mistakes in the order of the file.
     pub fn locate(mut self, text: &str) -> Vec<Located<M>> {
         self.found.sort_by_key(|(span, _)| span.start);
-        self.found.into_iter().map(|(span, m)| Located::new(text, &span, m)).collect()
+        let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
+        self.found.into_iter().map(|(span, m)| Located::new(text, &breaks, &span, m)).collect()
     }
 }
 

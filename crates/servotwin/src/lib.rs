@@ -1,5 +1,7 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
+pub mod built_in;
+pub mod catalogue;
 pub mod document;
 pub mod eigenvalues;
 pub mod ensemble;
@@ -8,11 +10,14 @@ pub mod figure;
 pub mod files;
 pub mod fit;
 pub mod flight;
+pub mod format;
 pub mod job;
 pub mod log;
 pub mod nearest;
 pub mod report;
+pub mod schema;
 pub mod signal;
 pub mod study;
 pub mod system;
 pub mod table;
+pub mod template;

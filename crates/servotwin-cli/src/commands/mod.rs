@@ -3,6 +3,7 @@
 pub mod campaign;
 pub mod check;
 pub mod completions;
+pub mod components;
 pub mod describe;
 pub mod evaluate;
 pub mod explain;
@@ -11,9 +12,12 @@ pub mod features;
 pub mod fit;
 pub mod flights;
 pub mod fly;
+pub mod init;
+pub mod man;
 pub mod predict;
 mod progress;
 pub mod report;
+pub mod schema;
 pub mod simulate;
 pub mod study;
 mod summary;
@@ -35,7 +39,8 @@ use std::path::{Path, PathBuf};
 /// The system that a command is about.
 #[derive(clap::Args)]
 pub struct SystemOption {
-    /// A system file; without it, the aileron with two actuators.
+    /// A system file, or the name of a built-in system (aileron_dual, spring_actuator,
+    /// valve_and_cylinder); without it, the aileron with two actuators.
     #[arg(value_name = "SYSTEM")]
     path: Option<PathBuf>,
 }
@@ -44,7 +49,7 @@ impl SystemOption {
     /// Reads the system.
     pub fn read(&self) -> Result<System, Failure> {
         match &self.path {
-            Some(path) => read_system(path),
+            Some(path) => Ok(System::read(path)?),
             None => Ok(System::default()),
         }
     }
@@ -53,7 +58,8 @@ impl SystemOption {
 /// The study that a command runs, and where its results go.
 #[derive(clap::Args)]
 pub struct StudyOptions {
-    /// A study file; without it, the paper's study of the aileron.
+    /// A study file, or the name of a built-in study (paper, spring_actuator); without it, the paper's
+    /// study of the aileron.
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
     /// The folder for data sets, models, results and the report.
@@ -239,10 +245,6 @@ fn warn(global: Global, warnings: &[String]) {
             let _ = writeln!(io::stderr(), "warning: {warning}");
         }
     }
-}
-
-fn read_system(path: &Path) -> Result<System, Failure> {
-    Ok(System::read(path)?)
 }
 
 /// The inputs of a system as they are where a run gives no signal.

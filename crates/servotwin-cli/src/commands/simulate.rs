@@ -42,6 +42,13 @@ pub struct Options {
     /// A fault with its intensity from 0 (healthy) to 1; may be given for several.
     #[arg(long = "fault", value_name = "ID=INTENSITY")]
     faults: Vec<String>,
+    /// Another value for a parameter, such as servo_valve.null_bias=2% (a number without a unit is
+    /// SI); may be given for several.
+    #[arg(long = "set", value_name = "ID=VALUE")]
+    parameters: Vec<String>,
+    /// Run once for each of N values from A to B of a parameter, or of a fault's intensity.
+    #[arg(long, value_name = "ID=A:B:N")]
+    sweep: Option<String>,
     /// How long.
     #[arg(long, value_name = "TIME", default_value = "5s")]
     duration: String,
@@ -100,6 +107,25 @@ struct Recorded {
     slot: Slot,
 }
 
+/// What is different from run to run.
+struct Sweep {
+    /// Its full name.
+    id: String,
+    unit: Unit,
+    target: Target,
+    values: Vec<f64>,
+}
+
+/// What a sweep changes.
+#[derive(Clone, Copy)]
+enum Target {
+    Parameter(usize, usize),
+    Fault(usize, usize),
+}
+
+/// What a run has given: one list per quantity, and the solver's work.
+type Given = (Vec<Vec<f64>>, Statistics);
+
 /// Everything about a run before it starts.
 struct Plan<'s> {
     system: &'s System,
@@ -108,6 +134,9 @@ struct Plan<'s> {
     duration_s: f64,
     period_s: f64,
     faults: Vec<FaultAt>,
+    /// Parameters with other values: component, parameter, value.
+    overrides: Vec<(usize, usize, f64)>,
+    sweep: Option<Sweep>,
     /// The signal that each input was given, as text.
     signals: Vec<Option<String>>,
     curves: Vec<Piecewise>,
@@ -121,23 +150,25 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let plan = Plan::new(options, &system)?;
     stop::listen();
     let begin = Instant::now();
-    let (values, statistics) = plan.run(global)?;
+    let runs = plan.run(global)?;
     let wall_s = begin.elapsed().as_secs_f64();
-    let times_s: Vec<f64> = (0..values[0].len()).map(|k| k as f64 * plan.period_s).collect();
+    let samples = runs[0].0.first().map_or(0, Vec::len);
+    let times_s: Vec<f64> = (0..samples).map(|k| k as f64 * plan.period_s).collect();
     if let Some(path) = &options.out {
-        table::write(path, &plan.table(&times_s, &values)?)?;
+        table::write(path, &plan.table(&times_s, &runs)?)?;
     }
     if let Some(path) = &options.plot {
-        plan.figure(&times_s, &values).draw().save(path)?;
+        plan.figure(&times_s, &runs).draw().save(path)?;
     }
     if !global.quiet {
-        let factor = number(plan.duration_s / wall_s, 3);
-        eprintln!("{} s in {} s: {factor} times real time", plan.duration_s, number(wall_s, 3));
+        let all_s = plan.duration_s * runs.len() as f64;
+        let factor = number(all_s / wall_s, 3);
+        eprintln!("{all_s} s in {} s: {factor} times real time", number(wall_s, 3));
     }
     Ok(match global {
-        Global { json: true, .. } => json(&plan.json(&values, statistics)),
+        Global { json: true, .. } => json(&plan.json(&runs)),
         Global { quiet: true, .. } => String::new(),
-        _ => plan.people(&values, statistics),
+        _ => plan.people(&runs),
     })
 }
 
@@ -242,6 +273,88 @@ pub fn all_faults(system: &System) -> Vec<String> {
     faults.collect()
 }
 
+/// The parameters that were given other values.
+fn parameters(system: &System, texts: &[String]) -> Result<Vec<(usize, usize, f64)>, Failure> {
+    let mut values: Vec<(usize, usize, f64)> = Vec::new();
+    for text in texts {
+        let (id, value) = split("--set", text)?;
+        let found = system.parameter(id);
+        let (component, parameter) = found.ok_or_else(|| Failure::UnknownName {
+            what: "parameter",
+            given: id.into(),
+            known: system.all_parameters(),
+        })?;
+        if values.iter().any(|&(c, p, _)| (c, p) == (component, parameter)) {
+            return Err(Failure::Repeated { option: "--set", name: id.into() });
+        }
+        let instance = &system.network().components[component];
+        let unit = instance.component.spec().parameters[parameter].unit;
+        let value = Quantity::in_unit(value, unit)
+            .map_err(|error| Failure::Number { option: "--set", error })?;
+        values.push((component, parameter, value));
+    }
+    possible(system, "--set", &values)?;
+    Ok(values)
+}
+
+fn possible(
+    system: &System,
+    option: &'static str,
+    values: &[(usize, usize, f64)],
+) -> Result<(), Failure> {
+    if values.is_empty() {
+        return Ok(());
+    }
+    system.possible_with(values).map_err(|reason| Failure::Parameters { option, reason })
+}
+
+/// At most so many runs of a sweep.
+const MOST: usize = 1000;
+
+/// A sweep from `name=a:b:n`.
+fn sweep(system: &System, text: &str, set: &[(usize, usize, f64)]) -> Result<Sweep, Failure> {
+    let (id, range) = split("--sweep", text)?;
+    let parameter = system.parameter(id).map(|(c, p)| {
+        let spec = system.network().components[c].component.spec();
+        (Target::Parameter(c, p), spec.parameters[p].unit)
+    });
+    let fault = || system.program.find_fault(id).map(|(c, f)| (Target::Fault(c, f), Unit::None));
+    let (target, unit) = parameter.or_else(fault).ok_or_else(|| Failure::UnknownName {
+        what: "parameter or fault",
+        given: id.into(),
+        known: [system.all_parameters(), all_faults(system)].concat(),
+    })?;
+    let wrong = |range| Failure::OutOfRange { option: "--sweep", given: text.into(), range };
+    let parts: Vec<&str> = range.split(':').collect();
+    let [from, to, count] = parts[..] else {
+        return Err(wrong("two values and their number are needed, such as 0:1:5"));
+    };
+    let value = |text| {
+        let number = Quantity::in_unit(text, unit);
+        number.map_err(|error| Failure::Number { option: "--sweep", error })
+    };
+    let (from, to) = (value(from)?, value(to)?);
+    let count = count.parse().ok().filter(|n| (2..=MOST).contains(n));
+    let count = count.ok_or_else(|| wrong("the number of values goes from 2 to 1000"))?;
+    let share = |k: usize| k as f64 / (count - 1) as f64;
+    let values: Vec<f64> = (0..count).map(|k| from + (to - from) * share(k)).collect();
+    match target {
+        Target::Fault(..) if values.iter().any(|v| !(0.0..=1.0).contains(v)) => {
+            return Err(wrong("an intensity goes from 0 to 1"));
+        }
+        Target::Fault(..) => {}
+        Target::Parameter(c, p) => {
+            if set.iter().any(|&(other, place, _)| (other, place) == (c, p)) {
+                return Err(Failure::Repeated { option: "--sweep", name: id.into() });
+            }
+            for &value in &values {
+                possible(system, "--sweep", &[set, &[(c, p, value)]].concat())?;
+            }
+        }
+    }
+    Ok(Sweep { id: id.into(), unit, target, values })
+}
+
 /// The signals that were given: (option, input, signal).
 fn signals(options: &Options) -> Result<Vec<(String, String, Signal)>, Failure> {
     let named =
@@ -273,6 +386,8 @@ impl<'s> Plan<'s> {
             duration_s,
             period_s: 1.0 / rate_hz,
             faults: faults(system, &options.faults)?,
+            overrides: parameters(system, &options.parameters)?,
+            sweep: None,
             signals: vec![None; system.network().inputs.len()],
             curves: default_inputs(system),
             recorded: Vec::new(),
@@ -280,8 +395,18 @@ impl<'s> Plan<'s> {
         for (option, id, signal) in signals(options)? {
             plan.drive(option, &id, &signal)?;
         }
+        if let Some(text) = &options.sweep {
+            let sweep = sweep(system, text, &plan.overrides)?;
+            if let Target::Fault(c, f) = sweep.target
+                && plan.faults.iter().any(|fault| (fault.component, fault.fault) == (c, f))
+            {
+                return Err(Failure::Repeated { option: "--sweep", name: sweep.id });
+            }
+            plan.sweep = Some(sweep);
+        }
         plan.recorded = plan.choose(&options.record)?;
-        if plan.recorded.len() as f64 * duration_s * rate_hz > 2e8 {
+        let runs = plan.runs() as f64;
+        if plan.recorded.len() as f64 * duration_s * rate_hz * runs > 2e8 {
             return Err(Failure::Options(
                 "more than 200 million values would be recorded: choose with --record, or a lower --rate",
             ));
@@ -300,7 +425,7 @@ impl<'s> Plan<'s> {
         if self.signals[place].is_some() {
             return Err(Failure::Repeated { option: "--input", name: id.into() });
         }
-        let curve = signal.build(inputs[place].unit, self.duration_s);
+        let curve = self.system.driven(place, signal, self.duration_s);
         self.curves[place] = curve.map_err(|error| Failure::Signal { option, error })?;
         self.signals[place] = Some(signal.to_string());
         Ok(())
@@ -360,38 +485,62 @@ impl<'s> Plan<'s> {
         sensors.chain(components).chain(observables).collect()
     }
 
-    /// Runs: the recorded values, one list per quantity.
-    fn run(&self, global: Global) -> Result<(Vec<Vec<f64>>, Statistics), Failure> {
+    /// How many runs there are.
+    fn runs(&self) -> usize {
+        self.sweep.as_ref().map_or(1, |sweep| sweep.values.len())
+    }
+
+    /// A run of the sweep, or the only one.
+    fn variant(&self, run: usize) -> Variant<'_> {
+        let mut variant = Variant {
+            faults: self.faults.clone(),
+            overrides: self.overrides.clone(),
+            inputs: self.curves.iter().collect(),
+            ..Variant::default()
+        };
+        if let Some(sweep) = &self.sweep {
+            let value = sweep.values[run];
+            match sweep.target {
+                Target::Parameter(c, p) => variant.overrides.push((c, p, value)),
+                Target::Fault(component, fault) => {
+                    variant.faults.push(FaultAt { component, fault, intensity: value });
+                }
+            }
+        }
+        variant
+    }
+
+    /// Runs: the recorded values of each run, one list per quantity.
+    fn run(&self, global: Global) -> Result<Vec<Given>, Failure> {
+        let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
         let ensemble = Ensemble {
             settings: self.settings,
             level: self.level,
-            threads: 1,
+            threads: processors,
             record: self.recorded.iter().map(|one| one.slot).collect(),
             duration_s: self.duration_s,
             sample_period_s: self.period_s,
             cancel: Some(stop::flag()),
             ..Ensemble::new(&self.system.program)
         };
-        let bar = progress(ensemble.samples(), global);
-        let variant = || Variant {
-            faults: self.faults.clone(),
-            inputs: self.curves.iter().collect(),
-            ..Variant::default()
-        };
+        let bar = progress(ensemble.samples() * self.runs(), global);
         let values =
             || Recorder { values: vec![Vec::new(); self.recorded.len()], bar: bar.clone() };
-        let mut result = None;
+        let mut results: Vec<Option<Result<Given, solver::Failure>>> = Vec::new();
+        results.resize_with(self.runs(), || None);
         ensemble.run(
-            1,
-            |_| variant(),
+            self.runs(),
+            |run| self.variant(run),
             |_| values(),
-            |_, recorder, outcome| {
-                result = Some(outcome.map(|statistics| (recorder.values, statistics)));
+            |run, recorder, outcome| {
+                results[run] = Some(outcome.map(|statistics| (recorder.values, statistics)));
             },
         );
         bar.finish_and_clear();
         // A run that was stopped gives no result at all.
-        result.ok_or(Failure::Stopped)?.map_err(|failure| self.failure(failure))
+        let results: Option<Vec<_>> = results.into_iter().collect();
+        let results = results.ok_or(Failure::Stopped)?.into_iter();
+        results.map(|result| result.map_err(|failure| self.failure(failure))).collect()
     }
 
     fn failure(&self, failure: solver::Failure) -> Failure {
@@ -403,19 +552,27 @@ impl<'s> Plan<'s> {
         }
     }
 
-    fn table(&self, times_s: &[f64], values: &[Vec<f64>]) -> Result<Table, Failure> {
+    /// All runs below each other, with the value of the sweep as the first column.
+    fn table(&self, times_s: &[f64], runs: &[Given]) -> Result<Table, Failure> {
         let mut table = Table::new()
             .with_metadata("servotwin", env!("CARGO_PKG_VERSION"))
             .with_metadata("system", &self.system.name);
-        table.push(Column::new("time_s", Unit::Second.symbol(), times_s.to_vec()))?;
-        for (one, values) in self.recorded.iter().zip(values) {
-            table.push(Column::new(&one.name, one.unit.symbol(), values.clone()))?;
+        if let Some(sweep) = &self.sweep {
+            let of_run = sweep.values.iter().flat_map(|&value| times_s.iter().map(move |_| value));
+            let name = with_suffix(&sweep.id, sweep.unit);
+            table.push(Column::new(&name, sweep.unit.symbol(), of_run.collect::<Vec<f64>>()))?;
+        }
+        let times = times_s.repeat(runs.len());
+        table.push(Column::new("time_s", Unit::Second.symbol(), times))?;
+        for (place, one) in self.recorded.iter().enumerate() {
+            let all: Vec<f64> = runs.iter().flat_map(|run| run.0[place].iter().copied()).collect();
+            table.push(Column::new(&one.name, one.unit.symbol(), all))?;
         }
         Ok(table)
     }
 
     /// One panel per unit, in the order they appear.
-    fn figure(&self, times_s: &[f64], values: &[Vec<f64>]) -> TimeSeries<'static> {
+    fn figure(&self, times_s: &[f64], runs: &[Given]) -> TimeSeries<'static> {
         let mut figure = TimeSeries::new(self.system.title.clone(), "time in s");
         let mut units: Vec<Unit> = Vec::new();
         for one in &self.recorded {
@@ -425,10 +582,16 @@ impl<'s> Plan<'s> {
         }
         for unit in units {
             let mut panel = Panel::new("", unit.shown());
-            let of_unit = self.recorded.iter().zip(values).filter(|(one, _)| one.unit == unit);
-            for (one, values) in of_unit {
-                let shown: Vec<f64> = values.iter().map(|&si| unit.to_shown(si)).collect();
-                panel = panel.with(Series::new(one.label.clone(), times_s.to_vec(), shown));
+            for (place, one) in self.recorded.iter().enumerate().filter(|(_, o)| o.unit == unit) {
+                for (run, (values, _)) in runs.iter().enumerate() {
+                    let values: Vec<f64> =
+                        values[place].iter().map(|&si| unit.to_shown(si)).collect();
+                    let label = match &self.sweep {
+                        Some(sweep) => format!("{} at {}", one.label, sweep.shown(run)),
+                        None => one.label.clone(),
+                    };
+                    panel = panel.with(Series::new(label, times_s.to_vec(), values));
+                }
             }
             figure = figure.with(panel);
         }
@@ -448,7 +611,7 @@ impl<'s> Plan<'s> {
         format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name)
     }
 
-    fn json(&self, values: &[Vec<f64>], statistics: Statistics) -> Value {
+    fn json(&self, runs: &[Given]) -> Value {
         let inputs = self.driven().map(|(place, signal, rms)| {
             let input = &self.system.network().inputs[place];
             json!({ "id": input.id, "signal": signal, "unit": input.unit.symbol(), "rms": rms })
@@ -457,6 +620,38 @@ impl<'s> Plan<'s> {
             .faults
             .iter()
             .map(|fault| json!({ "id": self.fault_id(fault), "intensity": fault.intensity }));
+        let set = self.overrides.iter().map(|&(component, parameter, value)| {
+            let (id, unit) = self.parameter(component, parameter);
+            json!({ "id": id, "unit": unit.symbol(), "value": value })
+        });
+        let mut whole = json!({
+            "system": self.system.name,
+            "duration_s": self.duration_s,
+            "sample_period_s": self.period_s,
+            "samples": runs[0].0.first().map_or(0, Vec::len),
+            "inputs": inputs.collect::<Vec<_>>(),
+            "faults": faults.collect::<Vec<_>>(),
+            "set": set.collect::<Vec<_>>(),
+            "method": self.settings.method.name(),
+        });
+        match &self.sweep {
+            None => self.add_run(&mut whole, &runs[0]),
+            Some(sweep) => {
+                let runs = sweep.values.iter().zip(runs).map(|(value, given)| {
+                    let mut run = json!({ "value": value });
+                    self.add_run(&mut run, given);
+                    run
+                });
+                let runs: Vec<Value> = runs.collect();
+                let (id, unit) = (&sweep.id, sweep.unit.symbol());
+                whole["sweep"] = json!({ "id": id, "unit": unit, "runs": runs });
+            }
+        }
+        whole
+    }
+
+    /// What one run has given.
+    fn add_run(&self, to: &mut Value, (values, statistics): &Given) {
         let recorded = self.recorded.iter().zip(values).map(|(one, values)| {
             let Summary { start, least, most, end } = Summary::of(values);
             json!({
@@ -464,48 +659,69 @@ impl<'s> Plan<'s> {
                 "start": start, "min": least, "max": most, "end": end,
             })
         });
-        json!({
-            "system": self.system.name,
-            "duration_s": self.duration_s,
-            "sample_period_s": self.period_s,
-            "samples": values[0].len(),
-            "inputs": inputs.collect::<Vec<_>>(),
-            "faults": faults.collect::<Vec<_>>(),
-            "recorded": recorded.collect::<Vec<_>>(),
-            "method": self.settings.method.name(),
-            "steps": statistics.steps,
-            "rejected": statistics.rejected,
-            "evaluations": statistics.evaluations,
-            "jacobians": statistics.jacobians,
-        })
+        to["recorded"] = recorded.collect();
+        to["steps"] = json!(statistics.steps);
+        to["rejected"] = json!(statistics.rejected);
+        to["evaluations"] = json!(statistics.evaluations);
+        to["jacobians"] = json!(statistics.jacobians);
     }
 
-    fn people(&self, values: &[Vec<f64>], statistics: Statistics) -> String {
+    /// The full name of a parameter, and its unit.
+    fn parameter(&self, component: usize, parameter: usize) -> (String, Unit) {
+        let instance = &self.system.network().components[component];
+        let declared = &instance.component.spec().parameters[parameter];
+        (format!("{}.{}", instance.id, declared.name), declared.unit)
+    }
+
+    fn people(&self, runs: &[Given]) -> String {
         let mut text = format!("{}\n", self.system.title);
         for (place, signal, rms) in self.driven() {
             let input = &self.system.network().inputs[place];
             text += &format!("{}: {signal}, rms {}\n", input.id, shown(rms, input.unit));
         }
+        for &(component, parameter, value) in &self.overrides {
+            let (id, unit) = self.parameter(component, parameter);
+            text += &format!("{id} = {}\n", shown(value, unit));
+        }
         for fault in &self.faults {
             text += &format!("fault {} at {}\n", self.fault_id(fault), fault.intensity);
         }
-        let mut grid = Grid::new(&[
+        if let Some(sweep) = &self.sweep {
+            text += &format!("for each value of {}:\n", sweep.id);
+        }
+        let mut heads = vec![
             ("quantity", Side::Left),
             ("start", Side::Right),
             ("least", Side::Right),
             ("most", Side::Right),
             ("end", Side::Right),
             ("unit", Side::Left),
-        ]);
-        for (one, values) in self.recorded.iter().zip(values) {
-            let Summary { start, least, most, end } = Summary::of(values);
-            let cells = [start, least, most, end].map(|si| number(one.unit.to_shown(si), 5));
-            let row = [one.label.clone()].into_iter().chain(cells);
-            grid.push(row.chain([one.unit.shown().to_string()]).collect());
+        ];
+        if self.sweep.is_some() {
+            heads.insert(1, ("at", Side::Right));
+        }
+        let mut grid = Grid::new(&heads);
+        for (place, one) in self.recorded.iter().enumerate() {
+            for (run, (values, _)) in runs.iter().enumerate() {
+                let Summary { start, least, most, end } = Summary::of(&values[place]);
+                let cells = [start, least, most, end].map(|si| number(one.unit.to_shown(si), 5));
+                let at = self.sweep.as_ref().map(|sweep| sweep.shown(run));
+                let row = [one.label.clone()].into_iter().chain(at).chain(cells);
+                grid.push(row.chain([one.unit.shown().to_string()]).collect());
+            }
         }
         text += &grid.text();
-        let Statistics { steps, rejected, jacobians, .. } = statistics;
+        let sum = |of: &dyn Fn(&Statistics) -> u64| runs.iter().map(|run| of(&run.1)).sum::<u64>();
+        let (steps, rejected) = (sum(&|s| s.steps as u64), sum(&|s| s.rejected as u64));
+        let jacobians = sum(&|s| s.jacobians as u64);
         text + &format!("{steps} steps, {rejected} rejected, {jacobians} Jacobians\n")
+    }
+}
+
+impl Sweep {
+    /// The value of a run, for people.
+    fn shown(&self, run: usize) -> String {
+        shown(self.values[run], self.unit)
     }
 }
 
@@ -537,7 +753,7 @@ struct Recorder {
 impl Sink for Recorder {
     fn sample(&mut self, index: usize, values: &[f64]) {
         self.values.sample(index, values);
-        self.bar.set_position(index as u64);
+        self.bar.inc(1);
     }
 }
 

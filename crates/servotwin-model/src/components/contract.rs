@@ -4,7 +4,7 @@
 //! the optional ones open. From the wiring it is known what each input of a
 //! block is (a pressure, a position, …), hence in which range to try it.
 
-use super::{ALL, BlockKind, Component, Visitor};
+use super::{ALL, BlockKind, Component, Visitor, description};
 use crate::dual::{Dual, Partial};
 use crate::equation::{Equation, Given};
 use crate::fluid::Fluid;
@@ -299,6 +299,8 @@ fn declarations_hold_together() {
         let spec = component.spec();
         let kind = spec.kind;
         assert!(!spec.summary.is_empty(), "{kind}");
+        let text = description(kind).expect("a component of the list");
+        assert!(text.contains("```text") && !text.contains("//!"), "{kind} has no equations");
         for p in spec.parameters {
             assert!(p.min < p.max && !p.summary.is_empty(), "{kind}.{}", p.name);
             let fits = |value: f64| p.min <= value && value <= p.max;

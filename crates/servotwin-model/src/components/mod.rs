@@ -9,6 +9,8 @@ use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::Spec;
 use crate::wiring::Wiring;
+use alloc::string::String;
+use alloc::vec::Vec;
 
 pub mod accumulator;
 pub mod aerodynamic_load;
@@ -99,6 +101,16 @@ macro_rules! catalogue {
         /// Every component, in the order of the documentation.
         pub static ALL: &[&dyn Component] = &[$(&$module::$component),*];
 
+        /// The heads of their files, in the same order.
+        static HEADS: &[&str] = &[$({
+            const FILE: &[u8] = include_bytes!(concat!(stringify!($module), ".rs"));
+            const HEAD: [u8; head_length(FILE)] = head(FILE);
+            match core::str::from_utf8(&HEAD) {
+                Ok(text) => text,
+                Err(_) => panic!("a source file is UTF-8"),
+            }
+        }),*];
+
         /// Every equation block.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[repr(u8)]
@@ -122,6 +134,40 @@ macro_rules! catalogue {
     };
 }
 
+/// The number of bytes of the `//!` lines that a file begins with.
+const fn head_length(file: &[u8]) -> usize {
+    let mut at = 0;
+    while at + 2 < file.len() && file[at] == b'/' && file[at + 1] == b'/' && file[at + 2] == b'!' {
+        while file[at] != b'\n' {
+            at += 1;
+        }
+        at += 1;
+    }
+    at
+}
+
+/// These lines.
+const fn head<const LENGTH: usize>(file: &[u8]) -> [u8; LENGTH] {
+    let mut head = [0; LENGTH];
+    let mut at = 0;
+    while at < LENGTH {
+        head[at] = file[at];
+        at += 1;
+    }
+    head
+}
+
+/// What a component is, with its equations, their sources and their limits: the head of its file, as
+/// Markdown.
+pub fn description(kind: &str) -> Option<String> {
+    let place = ALL.iter().position(|c| c.spec().kind == kind)?;
+    let lines = HEADS[place].lines().map(|line| {
+        let text = line.strip_prefix("//!").unwrap_or(line);
+        text.strip_prefix(' ').unwrap_or(text)
+    });
+    Some(lines.collect::<Vec<_>>().join("\n"))
+}
+
 /// The component of a kind.
 pub fn find(kind: &str) -> Option<&'static dyn Component> {
     ALL.iter().copied().find(|c| c.spec().kind == kind)
@@ -131,7 +177,7 @@ pub fn find(kind: &str) -> Option<&'static dyn Component> {
 pub(crate) struct Constants<'a, S>(pub &'a Given<'a, S>);
 
 impl<S: Scalar<Base = S>> Visitor for Constants<'_, S> {
-    type Output = alloc::vec::Vec<S>;
+    type Output = Vec<S>;
     fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
     where
         E: Equation<I, O, C>,

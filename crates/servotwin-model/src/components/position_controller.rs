@@ -15,6 +15,7 @@ use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Parameter, Port, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
+use core::f64::consts::FRAC_PI_2;
 
 /// See the module.
 pub struct PositionController;
@@ -43,7 +44,7 @@ pub(crate) const PARAMETERS: [Parameter; 8] = [
 
 /// The ports of the law, which the sampled controller shares.
 pub(crate) const PORTS: [Port; 7] = [
-    input("command", Unit::Radian, "commanded angle θ_c"),
+    input_within("command", Unit::Radian, (-FRAC_PI_2, FRAC_PI_2), "commanded angle θ_c"),
     input("position", Unit::Metre, "measured ram position x_m"),
     input("pressure_a", Unit::Pascal, "measured chamber pressure p_A"),
     input("pressure_b", Unit::Pascal, "measured chamber pressure p_B"),

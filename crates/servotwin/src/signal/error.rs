@@ -2,6 +2,7 @@
 
 use super::ALL;
 use super::spec::Range;
+use crate::document::{Quantities, Quantity};
 use crate::table::TableError;
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
@@ -120,6 +121,19 @@ pub enum SignalError {
         /// The unit of the input.
         wanted: Unit,
     },
+    /// The signal leaves what its input may be.
+    Leaves {
+        /// The input.
+        input: String,
+        /// The value farthest outside, SI.
+        value: f64,
+        /// The least allowed.
+        min: f64,
+        /// The largest allowed.
+        max: f64,
+        /// The unit.
+        unit: Unit,
+    },
     /// The rows of a file make no function of time.
     Rows {
         /// The file.
@@ -183,9 +197,21 @@ impl fmt::Display for SignalError {
                 write!(out, "column '{column}' is in {found}, the input is in ")?;
                 write!(out, "{}", if wanted.is_empty() { "no unit" } else { wanted })
             }
+            SignalError::Leaves { input, value, min, max, unit } => {
+                let [value, min, max] = [*value, *min, *max].map(|si| in_six_digits(*unit, si));
+                let (value, range) =
+                    (Quantity(value, unit.shown()), Quantities(min, max, unit.shown()));
+                write!(out, "'{input}' becomes {value}, but allowed are {range}")
+            }
             SignalError::Rows { file, error } => write!(out, "{file}: {error}"),
         }
     }
+}
+
+/// An SI value in the unit that reports show.
+fn in_six_digits(unit: Unit, si: f64) -> f64 {
+    let shown = unit.to_shown(si);
+    format!("{shown:.5e}").parse().unwrap_or(shown)
 }
 
 impl std::error::Error for SignalError {

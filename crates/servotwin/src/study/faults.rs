@@ -1,7 +1,7 @@
 //! The fault list: every fault of every class, in every unit, with every
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
-use super::{Reader, StudyError};
+use super::reader::{Noted, Reader};
 use servotwin_model::program::FaultAt;
 
 /// A row of Table 1.
@@ -51,13 +51,13 @@ impl Reader<'_> {
         self.text.classes.iter().map(class).collect()
     }
 
-    pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, StudyError> {
+    pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, Noted> {
         let mut faults = Vec::new();
         for (unit, unit_name) in self.text.units.iter().enumerate() {
             for (index, class) in classes.iter().enumerate() {
                 for kind in &class.kinds {
                     let id = full_name(unit_name, kind);
-                    let (component, fault) = self.find_fault(&id)?;
+                    let Ok((component, fault)) = self.find_fault(&id) else { continue };
                     for &intensity in &self.text.intensities {
                         let at = FaultAt { component, fault, intensity };
                         let (id, kind) = (id.clone(), kind.clone());
@@ -69,7 +69,7 @@ impl Reader<'_> {
         Ok(faults)
     }
 
-    fn find_fault(&self, id: &str) -> Result<(usize, usize), StudyError> {
+    fn find_fault(&self, id: &str) -> Result<(usize, usize), Noted> {
         self.system.program.find_fault(id).ok_or_else(|| {
             let components = &self.system.network().components;
             let all: Vec<String> = components
@@ -79,7 +79,7 @@ impl Reader<'_> {
                     faults.map(|f| format!("{}.{}", c.id, f.name)).collect::<Vec<_>>()
                 })
                 .collect();
-            self.unknown("fault in the system", id, all.iter().map(String::as_str))
+            self.unknown("classes", "fault in the system", id, all.iter().map(String::as_str))
         })
     }
 }

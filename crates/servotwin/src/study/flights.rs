@@ -21,9 +21,9 @@
 //! measured), and does not know the specimen.
 
 use super::faults::full_name;
+use super::reader::{Noted, Reader};
 use super::training::filled;
-use super::{Reader, StudyError};
-use crate::signal::Signal;
+use crate::document::Quantities;
 use crate::signal::bus::as_sent;
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
@@ -141,13 +141,11 @@ pub struct Flights {
     pub judged: Vec<Environment>,
 }
 
-/// A slip of the finger is told before it fills the memory.
+/// There are at most so many environments: the draws to judge in lie behind those to learn from.
 const MOST: usize = 100_000;
-/// No flight is longer, s.
-const LONGEST_S: f64 = 1e4;
 
 impl Flights {
-    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let mut windows_s = text.windows_s.clone();
         windows_s.sort_by(f64::total_cmp);
         Ok(Flights {
@@ -173,52 +171,58 @@ impl Text {
 
     /// Checks this section and its full sizes, and draws one environment of each pattern: so names and
     /// patterns that are wrong are told before anything is flown.
-    pub(super) fn check_all(&self, reader: &Reader) -> Result<(), StudyError> {
+    pub(super) fn check_all(&self, reader: &Reader) -> Result<(), Noted> {
+        let ranges = self.check_ranges(reader);
         self.check(reader)?;
-        self.full().map_or(Ok(()), |full| full.check(reader))?;
+        ranges?;
         let one_each = Size { environments: self.commands.len(), ..self.learn };
         self.environments(reader, 'L', one_each).map(drop)
     }
 
-    fn check(&self, reader: &Reader) -> Result<(), StudyError> {
-        let known = self.seed < 1000;
-        reader.range("flights.seed", self.seed as f64, known, "0 … 999")?;
+    fn check(&self, reader: &Reader) -> Result<(), Noted> {
         let d = self.duration_s;
-        reader.range("flights.duration_s", d, (1.0..=LONGEST_S).contains(&d), "1 … 10,000 s")?;
         let [from, to] = self.onset_s;
-        let inside = from >= 0.0 && from <= to && to < d;
+        let inside = from >= 0.0 && to < d;
         reader.range(
             "flights.onset_s",
             from,
             inside,
             "two times inside of the flight, in order",
         )?;
-        if self.windows_s.is_empty() || self.commands.is_empty() {
-            let path = reader.path.into();
-            return Err(StudyError::Empty { path, field: "flights.windows_s or flights.commands" });
-        }
         for &w in &self.windows_s {
             let samples = w * reader.text.sample_hz;
             let fits = samples >= 10.0 && w <= d - to;
             let allowed = "10 samples … what remains of a flight after the latest onset";
             reader.range("flights.windows_s", w, fits, allowed)?;
         }
-        for (name, size) in [("learn", self.learn), ("judge", self.judge)] {
-            let most =
-                [size.environments, size.repeats, size.healthy, size.foreign].into_iter().max();
-            let most = most.unwrap_or(0);
-            let fits = most <= MOST && size.environments > 0;
-            let field = format!("flights.{name}");
-            reader.range(field.clone(), most as f64, fits, "1 … 100,000")?;
-            let healthy = size.healthy_duration_s.unwrap_or(d);
-            let fits = (1.0..=LONGEST_S).contains(&healthy);
-            reader.range(field + ".healthy_duration_s", healthy, fits, "1 … 10,000 s")?;
+        Ok(())
+    }
+
+    /// That both ends of every range are possible.
+    fn check_ranges(&self, reader: &Reader) -> Result<(), Noted> {
+        let units = || reader.text.units.iter();
+        let own = self.inputs.iter().map(|(name, range)| ("inputs", String::new(), name, range));
+        let of_units = self.unit_inputs.iter().flat_map(|(name, range)| {
+            units().map(move |unit| ("unit_inputs", unit.clone(), name, range))
+        });
+        for (section, unit, name, range) in own.chain(of_units) {
+            let section = format!("flights.{section}");
+            let input = reader.input(&section, &full_name(&unit, name))?;
+            for value in range {
+                reader.constant(&format!("{section}.{name}"), input, *value)?;
+            }
         }
-        let ranges = [&self.inputs, &self.unit_inputs, &self.unit_parameters];
-        for (name, [low, high]) in ranges.into_iter().flatten() {
-            let ordered = low.is_finite() && high.is_finite() && low <= high;
-            let field = format!("flights, range of {name}");
-            reader.range(field, *low, ordered, "two finite numbers, the lower one first")?;
+        for (name, range) in &self.unit_parameters {
+            for unit in units() {
+                let section = "flights.unit_parameters";
+                let (component, place) = super::realism::find(reader, section, unit, name)?;
+                let instance = &reader.system.network().components[component];
+                let declared = &instance.component.spec().parameters[place];
+                let fits = range.iter().all(|v| (declared.min..=declared.max).contains(v));
+                let unit = declared.unit.symbol();
+                let allowed = Quantities(declared.min, declared.max, unit).to_string();
+                reader.range(&format!("{section}.{name}"), range[0], fits, allowed)?;
+            }
         }
         Ok(())
     }
@@ -228,9 +232,10 @@ impl Text {
         reader: &Reader,
         letter: char,
         size: Size,
-    ) -> Result<Vec<Environment>, StudyError> {
+    ) -> Result<Vec<Environment>, Noted> {
         let of = |number| self.environment(reader, letter, number, size);
-        (0..size.environments).map(of).collect()
+        let all = reader.sound((0..size.environments).map(of));
+        if all.len() == size.environments { Ok(all) } else { Err(Noted) }
     }
 
     fn environment(
@@ -239,7 +244,7 @@ impl Text {
         letter: char,
         number: usize,
         size: Size,
-    ) -> Result<Environment, StudyError> {
+    ) -> Result<Environment, Noted> {
         let name = format!("{letter}{number:03}");
         let pattern = &self.commands[number % self.commands.len()];
         // Judged environments are other draws than those learned from.
@@ -247,9 +252,10 @@ impl Text {
         let command = filled(pattern, first + number / self.commands.len());
         let longest_s = self.duration_s.max(size.healthy_duration_s.unwrap_or(0.0));
         let mut inputs = reader.default_inputs();
-        let driven = reader.input(&reader.text.command.input)?;
+        let driven = reader.input("command", &reader.text.command.input)?;
         // The twin knows the command as it comes over a bus, and nobody else knows more.
-        let built = reader.built(&name, &command, driven, longest_s)?;
+        let signal = command.parse();
+        let built = reader.signal("flights.commands", pattern, signal, driven, longest_s)?;
         let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);
         inputs[driven] = sent.expect("a signal is finite");
         let mut random =
@@ -257,39 +263,22 @@ impl Text {
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut draw = |[low, high]: [f64; 2]| low + (high - low) * random.unit();
         for (input, range) in &self.inputs {
-            inputs[reader.input(input)?] = constant(draw(*range));
+            inputs[reader.input("flights.inputs", input)?] = constant(draw(*range));
         }
         for (input, range) in &self.unit_inputs {
             for unit in &reader.text.units {
-                inputs[reader.input(&full_name(unit, input))?] = constant(draw(*range));
+                let input = reader.input("flights.unit_inputs", &full_name(unit, input))?;
+                inputs[input] = constant(draw(*range));
             }
         }
         let mut parameters = vec![];
         for (parameter, range) in &self.unit_parameters {
             for unit in &reader.text.units {
-                let (component, place) = super::realism::find(reader, unit, parameter)?;
+                let section = "flights.unit_parameters";
+                let (component, place) = super::realism::find(reader, section, unit, parameter)?;
                 parameters.push((component, place, draw(*range)));
             }
         }
         Ok(Environment { name, command, inputs, parameters })
-    }
-}
-
-impl Reader<'_> {
-    /// A signal from its text, for a flight that lasts so long.
-    fn built(
-        &self,
-        name: &str,
-        text: &str,
-        input: usize,
-        duration_s: f64,
-    ) -> Result<Piecewise, StudyError> {
-        let wrong = |error| StudyError::Signal {
-            path: self.path.into(),
-            name: format!("flights.commands, {name}: {text}"),
-            error: Box::new(error),
-        };
-        let unit = self.system.network().inputs[input].unit;
-        text.parse::<Signal>().and_then(|signal| signal.build(unit, duration_s)).map_err(wrong)
     }
 }

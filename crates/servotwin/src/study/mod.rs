@@ -8,46 +8,48 @@
 pub mod campaign;
 pub mod faults;
 pub mod flights;
+mod keys;
+mod mistake;
 pub mod reactions;
+mod reader;
 mod realism;
 mod training;
 
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
+pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
 pub(crate) use realism::Imperfection;
 pub use realism::{Lot, Realism, Role, Setting, Tolerance};
 pub use training::Training;
 
+use crate::built_in;
+use crate::document::{self, Collector, Entry, Located, Span, entries, write_mistakes};
 use crate::files::{self, FileError};
+use crate::format;
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::{System, SystemError};
+use reader::{Noted, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::features::{Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use toml::de::DeTable;
 
 /// The format of study files that this version reads.
 pub const FORMAT: u32 = 1;
 
 /// The study that is used where none is named: the paper's.
-const DEFAULT: &str = include_str!("../../../../studies/paper.toml");
-
-/// Systems that can be named without a file.
-const BUILT_IN: [(&str, &str); 3] = [
-    ("aileron_dual", include_str!("../../../../systems/aileron_dual.toml")),
-    ("spring_actuator", include_str!("../../../../systems/spring_actuator.toml")),
-    ("valve_and_cylinder", include_str!("../../../../systems/valve_and_cylinder.toml")),
-];
+const DEFAULT: (&str, &str) = built_in::STUDIES[0];
 
 /// A study as its file says it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Text {
-    format: u32,
     name: String,
     title: String,
     system: String,
@@ -165,52 +167,14 @@ pub struct Study {
 pub enum StudyError {
     /// The file cannot be read.
     File(FileError),
-    /// The file is not as a study file must be; the message has line and column.
-    Syntax {
-        /// The file.
-        path: String,
-        /// What is wrong.
-        error: Box<toml::de::Error>,
-    },
     /// The system has mistakes.
     System(SystemError),
-    /// A name that the system does not have.
-    Unknown {
-        /// The study file.
+    /// The file has mistakes.
+    Mistakes {
+        /// The file, as it was named.
         path: String,
-        /// What the name should be.
-        what: &'static str,
-        /// The name.
-        name: String,
-        /// The nearest right one.
-        nearest: Option<String>,
-    },
-    /// A number outside its range.
-    OutOfRange {
-        /// The study file.
-        path: String,
-        /// The field.
-        field: String,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        allowed: &'static str,
-    },
-    /// A signal that cannot be built.
-    Signal {
-        /// The study file.
-        path: String,
-        /// The signal.
-        name: String,
-        /// Why.
-        error: Box<crate::signal::SignalError>,
-    },
-    /// A list that must not be empty.
-    Empty {
-        /// The study file.
-        path: String,
-        /// The list.
-        field: &'static str,
+        /// All that were found, in the order of the file.
+        mistakes: Vec<Located<Mistake>>,
     },
 }
 
@@ -218,81 +182,69 @@ impl fmt::Display for StudyError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             StudyError::File(error) => write!(out, "{error}"),
-            StudyError::Syntax { path, error } => write!(out, "{path}: {error}"),
             StudyError::System(error) => write!(out, "{error}"),
-            StudyError::Unknown { path, what, name, nearest } => {
-                write!(out, "{path}: there is no {what} '{name}'")?;
-                match nearest {
-                    Some(nearest) => write!(out, "; did you mean '{nearest}'?"),
-                    None => Ok(()),
-                }
-            }
-            StudyError::OutOfRange { path, field, value, allowed } => {
-                write!(out, "{path}: {field} is {value}, but must be {allowed}")
-            }
-            StudyError::Signal { path, name, error } => {
-                write!(out, "{path}: signal '{name}': {error}")
-            }
-            StudyError::Empty { path, field } => write!(out, "{path}: '{field}' is empty"),
+            StudyError::Mistakes { path, mistakes } => write_mistakes(out, path, mistakes),
         }
     }
 }
 
 impl std::error::Error for StudyError {}
 
-/// What a parser knows while it reads one study.
-struct Reader<'a> {
-    path: &'a str,
-    text: &'a Text,
-    system: &'a System,
-}
-
 impl Study {
     /// Reads a study from a text; `path` is shown in errors, and a system that
     /// is named as a file is looked for beside it.
     ///
     /// # Errors
-    /// The first mistake that was found.
+    /// Every mistake that was found.
     pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
-        let parsed = parse_text(text, path)?;
-        let system = find_system(&parsed.system, path)?;
-        Self::build(text, parsed, path, system)
+        let (parsed, mistakes) = read_text(text, path)?;
+        let system = find_system(&parsed.system, path);
+        let system = system.map_err(|error| {
+            error.unwrap_or_else(|unknown| {
+                let mut mistakes = mistakes.clone();
+                mistakes.note(&system_at(text), unknown);
+                StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }
+            })
+        })?;
+        Self::build(text, parsed, path, system, mistakes)
     }
 
     /// Reads a study from a text, with the system in a file of its own: as results are stored.
     ///
     /// # Errors
-    /// The first mistake that was found.
+    /// Every mistake that was found.
     pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
         let path = path.display().to_string();
+        let (parsed, mistakes) = read_text(text, &path)?;
         let system = System::read(system).map_err(StudyError::System)?;
-        Self::build(text, parse_text(text, &path)?, &path, system)
+        Self::build(text, parsed, &path, system, mistakes)
     }
 
-    fn build(text: &str, parsed: Text, path: &str, system: System) -> Result<Self, StudyError> {
-        let reader = Reader { path, text: &parsed, system: &system };
-        reader.check_numbers()?;
-        let (measured, sensors) = reader.sensors()?;
-        let classes = reader.classes();
-        let faults = reader.faults(&classes)?;
-        let cases = reader.cases()?;
-        let command_input = reader.input(&reader.text.command.input)?;
-        let realism = match &reader.text.realistic {
-            Some(text) => Some(Realism::new(text, &reader)?),
-            None => None,
-        };
-        let training = match &reader.text.training {
-            Some(text) => Some(Training::new(text, &reader)?),
-            None => None,
-        };
-        if let Some(text) = &reader.text.flights {
-            text.check_all(&reader)?;
-        }
-        let reactions = Reactions::new(&reader.text.reactions, &reader)?;
+    fn build(
+        source: &str,
+        parsed: Text,
+        path: &str,
+        system: System,
+        mistakes: Collector<Mistake>,
+    ) -> Result<Self, StudyError> {
+        let mistakes = RefCell::new(mistakes);
+        let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
+        let parts = Parts::new(&reader);
+        let Parts {
+            measured,
+            sensors,
+            classes,
+            faults,
+            cases,
+            command_input,
+            realism,
+            training,
+            reactions,
+        } = reader.finish(parts)?;
         Ok(Self {
             name: parsed.name.clone(),
             title: parsed.title.clone(),
-            text: text.into(),
+            text: source.into(),
             duration_s: parsed.duration_s,
             sample_period_s: 1.0 / parsed.sample_hz,
             intensities: parsed.intensities.clone(),
@@ -314,7 +266,13 @@ impl Study {
     }
 
     fn reader(&self) -> Reader<'_> {
-        Reader { path: &self.path, text: &self.parsed, system: &self.system }
+        Reader {
+            path: &self.path,
+            source: &self.text,
+            text: &self.parsed,
+            system: &self.system,
+            mistakes: RefCell::default(),
+        }
     }
 
     /// The flights in which the diagnosis at work learns and is judged, drawn anew: their commands
@@ -323,8 +281,7 @@ impl Study {
     /// # Errors
     /// A command that cannot be flown.
     pub fn flights(&self) -> Result<Option<Flights>, StudyError> {
-        let text = self.parsed.flights.as_ref();
-        text.map(|text| Flights::new(text, &self.reader())).transpose()
+        self.drawn(self.parsed.flights.as_ref())
     }
 
     /// The same flights in full number, where the study says how many that is.
@@ -332,16 +289,26 @@ impl Study {
     /// # Errors
     /// As [`Study::flights`].
     pub fn full_flights(&self) -> Result<Option<Flights>, StudyError> {
-        let text = self.parsed.flights.as_ref().and_then(flights::Text::full);
-        text.map(|text| Flights::new(&text, &self.reader())).transpose()
+        self.drawn(self.parsed.flights.as_ref().and_then(flights::Text::full).as_ref())
     }
 
-    /// Reads a study file.
+    fn drawn(&self, text: Option<&flights::Text>) -> Result<Option<Flights>, StudyError> {
+        let reader = self.reader();
+        let drawn = text.map(|text| Flights::new(text, &reader)).transpose();
+        reader.finish(drawn)
+    }
+
+    /// Reads a study file, or a built-in study by its name.
     ///
     /// # Errors
-    /// The file cannot be read, or the first mistake that was found.
+    /// The file cannot be read, or every mistake that was found.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, StudyError> {
         let path = path.as_ref();
+        if let Some(name) = path.to_str()
+            && let Some(text) = built_in::find(&built_in::STUDIES, name)
+        {
+            return Self::parse(text, &format!("studies/{name}.toml"));
+        }
         let text = files::read_text(path).map_err(StudyError::File)?;
         Self::parse(&text, &path.display().to_string())
     }
@@ -380,105 +347,185 @@ impl Study {
 impl Default for Study {
     /// The paper's study of the aileron.
     fn default() -> Self {
-        Self::parse(DEFAULT, "studies/paper.toml").unwrap_or_else(|error| panic!("{error}"))
+        Self::parse(DEFAULT.1, &format!("studies/{}.toml", DEFAULT.0))
+            .unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
-fn parse_text(text: &str, path: &str) -> Result<Text, StudyError> {
-    toml::from_str(text)
-        .map_err(|error| StudyError::Syntax { path: path.into(), error: Box::new(error) })
+/// What a study file may say.
+pub fn keys() -> &'static [format::Key] {
+    &keys::STUDY
 }
 
-fn find_system(name: &str, study: &str) -> Result<System, StudyError> {
-    if let Some((name, text)) = BUILT_IN.iter().find(|(known, _)| *known == name) {
-        return System::parse(text, &format!("systems/{name}.toml")).map_err(StudyError::System);
+/// What a file says, with what is wrong with its form. Where no more can be said, all of that is the
+/// error.
+fn read_text(text: &str, path: &str) -> Result<(Text, Collector<Mistake>), StudyError> {
+    let mut mistakes = Collector::new();
+    let (root, errors) = DeTable::parse_recoverable(text);
+    for error in &errors {
+        let message = error.message().trim().replace('\n', ", ");
+        let span = error.span().unwrap_or(0..0);
+        mistakes.note(&span, document::Mistake::Syntax { message });
+    }
+    let mut parsed = None;
+    let all = entries(root.get_ref());
+    let format = all.iter().find(|entry| entry.key == "format");
+    let found = format.and_then(|entry| entry.number().ok());
+    if let (Some(found), Some(format)) = (found, format)
+        && found != f64::from(FORMAT)
+    {
+        let mistake = document::Mistake::Format { found, supported: FORMAT };
+        mistakes.note(&format.value_at(), mistake);
+    }
+    if mistakes.is_empty() {
+        let note = &mut |at: &Span, mistake| mistakes.note(at, mistake);
+        format::check_table(&keys::STUDY, &(0..0), "the file", &all, note);
+        repetitions(&all, &mut mistakes);
+        // What is unknown was told and must not hide the rest.
+        let mut known: toml::Table = toml::from_str(text).unwrap_or_default();
+        format::keep_known(&keys::STUDY, &mut known);
+        known.remove("format");
+        match Text::deserialize(known) {
+            // With numbers outside their range nothing is built.
+            Ok(text) if mistakes.all(is_only_a_name) => parsed = Some(text),
+            Err(error) if mistakes.is_empty() => {
+                let message = error.message().to_owned();
+                mistakes.note(&(0..0), document::Mistake::Syntax { message });
+            }
+            _ => {}
+        }
+    }
+    match parsed {
+        Some(parsed) => Ok((parsed, mistakes)),
+        None => Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }),
+    }
+}
+
+/// Whether the rest of a file can be understood in spite of a mistake.
+fn is_only_a_name(mistake: &Mistake) -> bool {
+    use document::Mistake::{UnknownKey, UnknownWord};
+    matches!(
+        mistake,
+        Mistake::Document(UnknownKey { .. } | UnknownWord { .. }) | Mistake::Repeated { .. }
+    )
+}
+
+/// What stands twice in a list where each is one thing.
+fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
+    for (key, what) in [("intensities", "intensity"), ("units", "unit")] {
+        let entry = root.iter().find(|entry| entry.key == key);
+        let list = entry.and_then(|entry| entry.list().ok()).unwrap_or_default();
+        let mut seen: Vec<String> = vec![];
+        for element in list.iter().map(|value| Entry::element(key, value)) {
+            let text = element.text().map(str::to_owned);
+            let Ok(name) = text.or_else(|_| element.number().map(|n| n.to_string())) else {
+                continue;
+            };
+            // The empty name is the whole system: it has no second unit.
+            if seen.contains(&name) || (name.is_empty() && list.len() > 1) {
+                let name = name.clone();
+                mistakes.note(&element.value_at(), Mistake::Repeated { what, name });
+            }
+            seen.push(name);
+        }
+    }
+}
+
+/// Where the file names its system.
+fn system_at(text: &str) -> Span {
+    let (root, _) = DeTable::parse_recoverable(text);
+    let all = entries(root.get_ref());
+    all.iter().find(|entry| entry.key == "system").map_or(0..0, Entry::value_at)
+}
+
+/// The system of a study; a name that is none is told by the study.
+fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, Mistake>> {
+    let system = |error| Ok(StudyError::System(error));
+    if let Some(text) = built_in::find(&built_in::SYSTEMS, name) {
+        return System::parse(text, &format!("systems/{name}.toml")).map_err(system);
     }
     if !name.ends_with(".toml") {
-        let known = BUILT_IN.iter().map(|(known, _)| *known);
-        return Err(StudyError::Unknown {
-            path: study.into(),
+        let known = built_in::SYSTEMS.iter().map(|(known, _)| *known);
+        return Err(Err(Mistake::Unknown {
             what: "built-in system (a file ends in .toml)",
             name: name.into(),
-            nearest: nearest(name, known).map(Into::into),
-        });
+            nearest: nearest(name, known.clone()).map(Into::into),
+            known: known.map(Into::into).collect(),
+        }));
     }
     let beside: PathBuf = Path::new(study).parent().unwrap_or(Path::new("")).join(name);
-    System::read(beside).map_err(StudyError::System)
+    System::read(beside).map_err(system)
 }
 
+/// What a study is made of, once its text is understood.
+struct Parts {
+    measured: Vec<usize>,
+    sensors: Sensors,
+    classes: Vec<Class>,
+    faults: Vec<FaultCase>,
+    cases: Vec<OperatingCase>,
+    command_input: usize,
+    realism: Option<Realism>,
+    training: Option<Training>,
+    reactions: Reactions,
+}
+
+impl Parts {
+    /// All parts are looked at, whatever is wrong with the others.
+    fn new(reader: &Reader) -> Result<Self, Noted> {
+        let text = reader.text;
+        let sensors = reader.sensors();
+        let classes = reader.classes();
+        let faults = reader.faults(&classes);
+        let command_input = reader.input("command", &text.command.input);
+        let cases = reader.cases();
+        let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader)).transpose();
+        let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
+        let flights = text.flights.as_ref().map(|text| text.check_all(reader)).transpose();
+        let reactions = Reactions::new(&text.reactions, reader);
+        flights?;
+        let (measured, sensors) = sensors?;
+        Ok(Parts {
+            measured,
+            sensors,
+            classes,
+            faults: faults?,
+            cases: cases?,
+            command_input: command_input?,
+            realism: realism?,
+            training: training?,
+            reactions: reactions?,
+        })
+    }
+}
+
+/// The input that is the load, and its value; nothing where a study has none.
+type Load = Option<(usize, Piecewise)>;
+
 impl Reader<'_> {
-    fn unknown<'n>(
-        &self,
-        what: &'static str,
-        name: &str,
-        known: impl IntoIterator<Item = &'n str>,
-    ) -> StudyError {
-        StudyError::Unknown {
-            path: self.path.into(),
-            what,
-            name: name.into(),
-            nearest: nearest(name, known).map(Into::into),
-        }
-    }
-
-    fn range(
-        &self,
-        field: impl Into<String>,
-        value: f64,
-        ok: bool,
-        allowed: &'static str,
-    ) -> Result<(), StudyError> {
-        if ok {
-            return Ok(());
-        }
-        Err(StudyError::OutOfRange { path: self.path.into(), field: field.into(), value, allowed })
-    }
-
-    fn check_numbers(&self) -> Result<(), StudyError> {
-        let t = &self.text;
-        let format = f64::from(t.format);
-        self.range("format", format, t.format == FORMAT, "1")?;
-        let d = t.duration_s;
-        self.range("duration_s", d, (0.1..=1e5).contains(&d), "0.1 … 100,000 s")?;
-        let f = t.sample_hz;
-        self.range("sample_hz", f, (1.0..=1e4).contains(&f), "1 … 10,000 Hz")?;
-        for &i in &t.intensities {
-            self.range("an intensity", i, i > 0.0 && i <= 1.0, "above 0, at most 1")?;
-        }
-        let empty = |field| Err(StudyError::Empty { path: self.path.into(), field });
-        if t.units.is_empty() {
-            return empty("units");
-        }
-        if t.command.signals.is_empty() {
-            return empty("command.signals");
-        }
-        if t.sensors.is_empty() {
-            return empty("sensors");
-        }
-        Ok(())
-    }
-
     /// Positions of the measured sensors, in the system's order, the extra one
     /// last.
-    fn sensors(&self) -> Result<(Vec<usize>, Sensors), StudyError> {
+    fn sensors(&self) -> Result<(Vec<usize>, Sensors), Noted> {
         let list = &self.system.sensors;
         let ids = || list.iter().map(|s| s.id.as_str());
         let mut measured = Vec::new();
         let mut seen = Vec::new();
         for id in self.text.sensors.keys() {
             if !ids().any(|known| known == id) {
-                return Err(self.unknown("sensor in the system", id, ids()));
+                self.unknown("sensors", "sensor in the system", id, ids());
             }
         }
         for (position, sensor) in list.iter().enumerate() {
             let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
-            measured.push(position);
-            seen.push(self.sensor(position, text)?);
+            if let Ok(sensor) = self.sensor(position, text) {
+                measured.push(position);
+                seen.push(sensor);
+            }
         }
         if let Some(extra) = &self.text.extra_sensor {
             let position = ids().position(|id| id == extra.id);
-            let position =
-                position.ok_or_else(|| self.unknown("sensor in the system", &extra.id, ids()))?;
+            let unknown = || self.unknown("extra_sensor", "sensor in the system", &extra.id, ids());
+            let position = position.ok_or_else(unknown)?;
             measured.push(position);
             let (name, noise) = (list[position].label.clone(), self.noise(position));
             seen.push(Sensor {
@@ -492,14 +539,16 @@ impl Reader<'_> {
         Ok((measured, Sensors(seen)))
     }
 
-    fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, StudyError> {
-        let label = &self.system.sensors[position].label;
+    fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
+        let crate::system::Sensor { id, label, .. } = &self.system.sensors[position];
         let words = || Quantity::ALL.iter().map(|(_, word)| *word);
         let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
         let (quantity, _) =
-            found.ok_or_else(|| self.unknown("quantity", &text.quantity, words()))?;
+            found.ok_or_else(|| self.unknown("sensors", "quantity", &text.quantity, words()))?;
         let known = text.unit <= self.text.units.len();
-        self.range(format!("unit of {label}"), text.unit as f64, known, "0 … number of units")?;
+        let field = format!("sensors.{id}.unit");
+        let units = self.text.units.len();
+        self.range(&field, text.unit as f64, known, format!("0 … {units}, as there are units"))?;
         // A surface is moved by all units, whatever the file says.
         let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
         let (name, noise) = (label.clone(), self.noise(position));
@@ -509,26 +558,25 @@ impl Reader<'_> {
     /// What a sample of a sensor carries of noise and quantisation, in parts of its scale.
     fn noise(&self, position: usize) -> f64 {
         let scale = self.system.sensors[position].scale;
-        Imperfection::of(&self.system, position).deviation() / scale
+        Imperfection::of(self.system, position).deviation() / scale
     }
 
-    fn cases(&self) -> Result<Vec<OperatingCase>, StudyError> {
-        let command = self.input(&self.text.command.input)?;
-        let loads: Vec<(String, Option<(usize, f64)>)> = match &self.text.load {
-            None => vec![(String::new(), None)],
-            Some(load) => {
-                let input = self.input(&load.input)?;
-                let values = sorted_by_value(&load.values);
-                values.into_iter().map(|(n, v)| (format!("/{n}"), Some((input, v)))).collect()
-            }
-        };
-        let mut cases = Vec::new();
+    fn cases(&self) -> Result<Vec<OperatingCase>, Noted> {
+        let loads = self.loads();
+        let command = self.input("command", &self.text.command.input)?;
+        let mut commands = vec![];
         for (name, signal) in &self.text.command.signals {
+            let (signal, duration_s) = (Ok(signal.clone()), self.text.duration_s);
+            let built = self.signal("command.signals", name, signal, command, duration_s);
+            commands.extend(built.map(|built| (name, built)));
+        }
+        let (loads, mut cases) = (loads?, Vec::new());
+        for (name, built) in commands {
             for (load_name, load) in &loads {
                 let mut inputs = self.default_inputs();
-                inputs[command] = self.signal(name, signal, command)?;
-                if let Some((input, value)) = *load {
-                    inputs[input] = Piecewise::constant(value).expect("a finite value");
+                inputs[command] = built.clone();
+                if let Some((input, value)) = load {
+                    inputs[*input] = value.clone();
                 }
                 let name = name.clone();
                 let case = format!("{name}{load_name}");
@@ -538,25 +586,20 @@ impl Reader<'_> {
         Ok(cases)
     }
 
+    /// What the loads add to the names of cases, and what they do.
+    fn loads(&self) -> Result<Vec<(String, Load)>, Noted> {
+        let Some(load) = &self.text.load else { return Ok(vec![(String::new(), None)]) };
+        let input = self.input("load", &load.input)?;
+        let values = sorted_by_value(&load.values).into_iter().map(|(name, value)| {
+            let value = self.constant(&format!("load.values.{name}"), input, value)?;
+            Ok((format!("/{name}"), Some((input, value))))
+        });
+        Ok(self.sound(values))
+    }
+
     fn default_inputs(&self) -> Vec<Piecewise> {
         let inputs = &self.system.network().inputs;
         inputs.iter().map(|i| Piecewise::constant(i.default).expect("checked")).collect()
-    }
-
-    fn signal(&self, name: &str, signal: &Signal, input: usize) -> Result<Piecewise, StudyError> {
-        let unit = self.system.network().inputs[input].unit;
-        signal.build(unit, self.text.duration_s).map_err(|error| StudyError::Signal {
-            path: self.path.into(),
-            name: name.into(),
-            error: Box::new(error),
-        })
-    }
-
-    fn input(&self, id: &str) -> Result<usize, StudyError> {
-        let inputs = &self.system.network().inputs;
-        let position = inputs.iter().position(|i| i.id == id);
-        let known = inputs.iter().map(|i| i.id.as_str());
-        position.ok_or_else(|| self.unknown("input of the system", id, known))
     }
 }
 

@@ -10,7 +10,8 @@
 //! parameters with `unit_` are those of the faulty unit.
 
 use super::faults::full_name;
-use super::{Reader, StudyError};
+use super::reader::{Noted, Reader};
+use crate::document::Quantities;
 use serde::Deserialize;
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
@@ -47,7 +48,7 @@ pub struct Reactions {
 }
 
 impl Reactions {
-    pub(super) fn new(texts: &BTreeMap<String, Text>, reader: &Reader) -> Result<Self, StudyError> {
+    pub(super) fn new(texts: &BTreeMap<String, Text>, reader: &Reader) -> Result<Self, Noted> {
         let classes = &reader.text.classes;
         let commands = classes.iter().map(|class| class.command.clone());
         let both = classes.iter().map(|class| format!("{}/{}", class.command, class.detail));
@@ -56,12 +57,14 @@ impl Reactions {
         for (name, text) in texts {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
-                return Err(reader.unknown("command, or command/detail, of a class", name, known));
+                let what = "command, or command/detail, of a class";
+                reader.unknown("reactions", what, name, known);
+                continue;
             }
             let units = 0..reader.text.units.len();
-            let of_units =
-                units.map(|unit| text.reaction(reader, unit)).collect::<Result<_, _>>()?;
-            list.push((name.clone(), of_units));
+            let section = format!("reactions.{name}");
+            let of_units = units.map(|unit| text.reaction(reader, &section, unit));
+            list.push((name.clone(), reader.sound(of_units)));
         }
         Ok(Reactions { list })
     }
@@ -81,28 +84,35 @@ impl Reactions {
 }
 
 impl Text {
-    fn reaction(&self, reader: &Reader, unit: usize) -> Result<Reaction, StudyError> {
+    fn reaction(&self, reader: &Reader, section: &str, unit: usize) -> Result<Reaction, Noted> {
         let name = &reader.text.units[unit];
         let mut reaction = Reaction { switches_off: self.switches_off, ..Reaction::default() };
         for (input, value) in &self.unit_inputs {
-            reaction.inputs.push((reader.input(&full_name(name, input))?, *value));
+            let field = format!("{section}.unit_inputs");
+            let place = reader.input(&field, &full_name(name, input))?;
+            reader.constant(&format!("{field}.{input}"), place, *value)?;
+            reaction.inputs.push((place, *value));
         }
-        let own = self.unit_parameters.iter().map(|(p, value)| (name.as_str(), p, value));
-        let common = self.parameters.iter().map(|(p, value)| ("", p, value));
-        for (unit, parameter, &value) in own.chain(common) {
-            let (component, place) = super::realism::find(reader, unit, parameter)?;
+        let own = self.unit_parameters.iter();
+        let own = own.map(|(p, value)| (name.as_str(), "unit_parameters", p, value));
+        let common = self.parameters.iter().map(|(p, value)| ("", "parameters", p, value));
+        for (unit, of, parameter, &value) in own.chain(common) {
+            let section = format!("{section}.{of}");
+            let (component, place) = super::realism::find(reader, &section, unit, parameter)?;
             let instance = &reader.system.network().components[component];
             let declared = &instance.component.spec().parameters[place];
             let fits = (declared.min..=declared.max).contains(&value);
-            let field = format!("reaction's {parameter}");
-            reader.range(field, value, fits, "inside of the parameter's range")?;
+            let unit = declared.unit.symbol();
+            let allowed = Quantities(declared.min, declared.max, unit).to_string();
+            reader.range(&format!("{section}.{parameter}"), value, fits, allowed)?;
             reaction.parameters.push((component, place, value));
         }
         let (_, sensors) = reader.sensors()?;
         for word in &self.takes_out {
             let known = || Quantity::ALL.iter().map(|(_, word)| *word);
             let found = Quantity::ALL.iter().find(|(_, known)| known == word);
-            let (quantity, _) = found.ok_or_else(|| reader.unknown("quantity", word, known()))?;
+            let (quantity, _) =
+                found.ok_or_else(|| reader.unknown(section, "quantity", word, known()))?;
             reaction.takes_out.extend(sensors.find(*quantity, unit));
         }
         Ok(reaction)

@@ -1,8 +1,9 @@
 //! How reality differs from the twin: noise and quantisation of the sensors, and
 //! specimens that differ by their tolerances.
 
+use super::Study;
 use super::faults::full_name;
-use super::{Reader, Study, StudyError};
+use super::reader::{Noted, Reader};
 use crate::signal::random::Random;
 use crate::system::System;
 use serde::Deserialize;
@@ -138,16 +139,15 @@ impl From<Role> for Lot {
 }
 
 impl Realism {
-    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let mut tolerances = Vec::new();
         for tolerance in &text.tolerances {
             let sigma = tolerance.sigma;
-            let named = || format!("sigma of {}", tolerance.parameters.join(", "));
-            reader.range(named(), sigma, (0.0..1.0).contains(&sigma), "0 … 1")?;
             for unit in &reader.text.units {
-                let parameters = tolerance.parameters.iter().map(|name| find(reader, unit, name));
+                let names = tolerance.parameters.iter();
+                let found = names.map(|name| find(reader, "realistic.tolerances", unit, name));
                 tolerances.push(Tolerance {
-                    parameters: parameters.collect::<Result<_, _>>()?,
+                    parameters: reader.sound(found),
                     sigma,
                     absolute: tolerance.absolute,
                 });
@@ -200,7 +200,13 @@ fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
     seed ^ (variant as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (purpose << 60)
 }
 
-pub(super) fn find(reader: &Reader, unit: &str, name: &str) -> Result<(usize, usize), StudyError> {
+/// The component and the parameter of a name in a section.
+pub(super) fn find(
+    reader: &Reader,
+    section: &str,
+    unit: &str,
+    name: &str,
+) -> Result<(usize, usize), Noted> {
     let id = full_name(unit, name);
     let components = &reader.system.network().components;
     let all = || {
@@ -215,7 +221,7 @@ pub(super) fn find(reader: &Reader, unit: &str, name: &str) -> Result<(usize, us
     });
     found.ok_or_else(|| {
         let all: Vec<String> = all().collect();
-        reader.unknown("parameter in the system", &id, all.iter().map(String::as_str))
+        reader.unknown(section, "parameter in the system", &id, all.iter().map(String::as_str))
     })
 }
 

@@ -19,11 +19,11 @@
 //! is the intensity of every fault, around each of the study's intensities: what changes abruptly
 //! between two of them is then seen.
 
-use super::{OperatingCase, Reader, StudyError};
-use crate::signal::Signal;
+use super::OperatingCase;
+use super::reader::{Noted, Reader};
+use crate::signal::{Signal, SignalError};
 use serde::Deserialize;
 use servotwin_model::math::{exp, ln};
-use servotwin_model::signal::Piecewise;
 use std::collections::BTreeMap;
 
 /// The section of a study file.
@@ -65,36 +65,31 @@ pub struct Training {
 /// The bases of Halton's sequence: one for each range of a pattern, the first for the load.
 const BASES: [u64; 6] = [7, 2, 3, 5, 11, 13];
 
-/// At most so many commands and specimens, so that a slip of the finger is told.
-const MOST: usize = 10_000;
-
 /// A range wider than this is drawn on a logarithmic scale.
 const WIDE: f64 = 3.0;
 
 impl Training {
-    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, StudyError> {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let d = text.duration_s;
         let judged = reader.text.duration_s;
-        let fits = (0.1..=judged).contains(&d);
-        reader.range("training.duration_s", d, fits, "0.1 s … the study's duration_s")?;
-        let healthy = text.healthy as f64;
-        reader.range("training.healthy", healthy, text.healthy <= MOST, "0 … 10,000")?;
+        reader.range("training.duration_s", d, d <= judged, "at most the study's duration_s")?;
         let spread = text.intensity_spread;
-        let range = (0.0..0.5).contains(&spread);
-        reader.range("training.intensity_spread", spread, range, "0 … 0.5")?;
-        let signals = text.commands(reader)?;
+        let signals = text.commands();
         if signals.is_empty() {
-            let path = reader.path.into();
-            return Err(StudyError::Empty { path, field: "training.draws and training.signals" });
+            return Err(reader.empty("training", "training.draws and training.signals"));
         }
-        let command = reader.input(&reader.text.command.input)?;
+        let command = reader.input("command", &reader.text.command.input)?;
         let mut cases = vec![];
-        for (place, (name, signal)) in signals.iter().enumerate() {
+        for (place, (section, name, signal)) in signals.into_iter().enumerate() {
             let mut inputs = reader.default_inputs();
-            inputs[command] = reader.signal(name, signal, command)?;
+            let duration_s = reader.text.duration_s;
+            let Ok(built) = reader.signal(section, &name, signal, command, duration_s) else {
+                continue;
+            };
+            inputs[command] = built;
             let load = text.load_of(place, reader)?;
             if let Some((input, value)) = load {
-                inputs[input] = Piecewise::constant(value).expect("a finite value");
+                inputs[input] = reader.constant("training.load", input, value)?;
             }
             let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
             cases.push(OperatingCase {
@@ -118,37 +113,30 @@ impl Training {
 const LEAST_INTENSITY: f64 = 0.01;
 
 impl Text {
-    /// The commands with their names: those drawn, then those named.
-    fn commands(&self, reader: &Reader) -> Result<Vec<(String, Signal)>, StudyError> {
+    /// The commands with where they stand and their names: those drawn, then those named.
+    fn commands(&self) -> Vec<(&'static str, String, Result<Signal, SignalError>)> {
         let mut commands = vec![];
         for draws in &self.draws {
-            let (first, count) = (commands.len(), draws.count as f64);
-            reader.range("training.draws.count", count, draws.count <= MOST, "0 … 10,000")?;
+            let first = commands.len();
             for draw in 1..=draws.count {
                 let name = format!("T{:02}", first + draw);
-                let signal = filled(&draws.signal, draw).parse::<Signal>();
-                let wrong = |error| StudyError::Signal {
-                    path: reader.path.into(),
-                    name: format!("training.draws.signal, {name}"),
-                    error: Box::new(error),
-                };
-                commands.push((name.clone(), signal.map_err(wrong)?));
+                commands.push(("training.draws", name, filled(&draws.signal, draw).parse()));
             }
         }
-        commands.extend(self.signals.iter().map(|(name, signal)| (name.clone(), signal.clone())));
-        Ok(commands)
+        let named = self.signals.iter();
+        let named = named.map(|(name, s)| ("training.signals", name.clone(), Ok(s.clone())));
+        commands.extend(named);
+        commands
     }
 
     /// The input that is the load, and its value in a case.
-    fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, StudyError> {
+    fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, Noted> {
         let Some([low, high]) = self.load else { return Ok(None) };
-        let ordered = low.is_finite() && high.is_finite() && low <= high;
-        reader.range("training.load", low, ordered, "two finite numbers, the lower one first")?;
         let Some(load) = &reader.text.load else {
-            return Err(StudyError::Empty { path: reader.path.into(), field: "load" });
+            return Err(reader.empty("training.load", "load"));
         };
         let value = rounded(low + (high - low) * halton(place as u64 + 1, BASES[0]));
-        Ok(Some((reader.input(&load.input)?, value)))
+        Ok(Some((reader.input("load", &load.input)?, value)))
     }
 }
 

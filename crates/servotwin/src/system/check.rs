@@ -105,6 +105,7 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
             mistakes.note(&input.at, Mistake::InputUnused { id: input.id.clone() });
         }
         for target in &input.targets {
+            default_in_range(scope, input, target.port, mistakes);
             for port in scope.joined(target.port) {
                 let other = fed.iter().find(|&&(of, by)| of == port && by != index);
                 if let PortKind::SignalOut { .. } = scope.port(port).kind {
@@ -119,6 +120,19 @@ fn signals(scope: &Scope, mistakes: &mut Collector<Mistake>) {
             fed.push((target.port, index));
         }
     }
+}
+
+/// That an input's default is what a port may be.
+fn default_in_range(scope: &Scope, input: &Input, port: PortOf, mistakes: &mut Collector<Mistake>) {
+    let spec = scope.parts[port.component].spec();
+    let Some((min, max)) = spec.input_range(scope.port(port)) else { return };
+    if (min..=max).contains(&input.default) || input.default.is_nan() {
+        return;
+    }
+    let (unit, summary) = (input.unit.symbol(), scope.port(port).summary);
+    let (key, value) = (format!("default of '{}'", input.id), input.default);
+    let mistake = document::Mistake::OutOfRange { key, value, min, max, unit, summary };
+    mistakes.note(&input.at, mistake);
 }
 
 fn unused(reader: &mut Reader) {

@@ -36,12 +36,16 @@ mod scope;
 pub(crate) mod units;
 
 pub use mistake::Mistake;
+pub(crate) use read::FLUID;
 pub use rewrite::{NewValue, RewriteError};
 
-use crate::document::Located;
+use crate::built_in;
+use crate::document::{Located, Quantities, Quantity, write_mistakes};
 use crate::files::{self, FileError};
-use servotwin_model::network::Network;
+use crate::signal::{Signal, SignalError};
+use servotwin_model::network::{self, Network};
 use servotwin_model::program::Program;
+use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::fmt;
 use std::path::Path;
@@ -50,7 +54,7 @@ use std::path::Path;
 pub const FORMAT: u32 = 1;
 
 /// The system that is used where none is named: an aileron with two actuators.
-const DEFAULT: &str = include_str!("../../../../systems/aileron_dual.toml");
+const DEFAULT: (&str, &str) = built_in::SYSTEMS[0];
 
 /// A measured signal, compared with the virtual twin's.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,14 +105,7 @@ impl fmt::Display for SystemError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             SystemError::File(error) => write!(out, "{error}"),
-            SystemError::Mistakes { path, mistakes } => {
-                for mistake in mistakes {
-                    mistake.write(out, path)?;
-                    writeln!(out)?;
-                }
-                let count = mistakes.len();
-                write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })
-            }
+            SystemError::Mistakes { path, mistakes } => write_mistakes(out, path, mistakes),
         }
     }
 }
@@ -148,12 +145,17 @@ impl System {
         }
     }
 
-    /// Reads a system file.
+    /// Reads a system file, or a built-in system by its name.
     ///
     /// # Errors
     /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, SystemError> {
         let path = path.as_ref();
+        if let Some(name) = path.to_str()
+            && let Some(text) = built_in::find(&built_in::SYSTEMS, name)
+        {
+            return Self::parse(text, &format!("systems/{name}.toml"));
+        }
         let text = files::read_text(path).map_err(SystemError::File)?;
         Self::parse(&text, &path.display().to_string())
     }
@@ -161,6 +163,83 @@ impl System {
     /// Components, connections and inputs.
     pub fn network(&self) -> &Network {
         self.program.network()
+    }
+
+    /// A parameter by its full name, as component and parameter.
+    pub fn parameter(&self, name: &str) -> Option<(usize, usize)> {
+        let (id, parameter) = name.rsplit_once('.')?;
+        let components = &self.network().components;
+        let component = components.iter().position(|c| c.id == id)?;
+        Some((component, components[component].component.spec().parameter(parameter)?))
+    }
+
+    /// Every parameter by its full name.
+    pub fn all_parameters(&self) -> Vec<String> {
+        let components = self.network().components.iter();
+        let names = components.flat_map(|instance| {
+            let declared = instance.component.spec().parameters.iter();
+            declared.map(|parameter| format!("{}.{}", instance.id, parameter.name))
+        });
+        names.collect()
+    }
+
+    /// Whether the system is possible with other values for some parameters: (component, parameter,
+    /// value).
+    ///
+    /// # Errors
+    /// What is not, in words.
+    pub fn possible_with(&self, values: &[(usize, usize, f64)]) -> Result<(), String> {
+        let mut network = self.network().clone();
+        for &(component, parameter, value) in values {
+            let instance = &mut network.components[component];
+            let declared = &instance.component.spec().parameters[parameter];
+            let (mut min, mut max) = (declared.min, declared.max);
+            if declared.name == "temperature_k" && instance.component.spec().reference {
+                let (coldest, hottest) = instance.fluid.kind.range_k();
+                (min, max) = (min.max(coldest), max.min(hottest));
+            }
+            if !(min..=max).contains(&value) {
+                let (unit, id) =
+                    (declared.unit.symbol(), format!("{}.{}", instance.id, declared.name));
+                let (value, range) = (Quantity(value, unit), Quantities(min, max, unit));
+                return Err(format!("{id} = {value} is out of range: allowed are {range}"));
+            }
+            instance.parameters[parameter] = value;
+        }
+        let ids = |component: usize| &self.network().components[component].id;
+        network.compile().map(drop).map_err(|mistakes| match mistakes.first() {
+            Some(network::Mistake::Impossible { component, reason }) => {
+                format!("'{}' is impossible: {reason}", ids(*component))
+            }
+            Some(network::Mistake::TwoFluids { first, second }) => format!(
+                "'{}' and '{}' are in one circuit: set the temperatures of both",
+                ids(*first),
+                ids(*second)
+            ),
+            _ => "the system is impossible with it".into(),
+        })
+    }
+
+    /// What a signal does to an input in a run of so many seconds.
+    ///
+    /// # Errors
+    /// A signal that is none for this input, or leaves its range.
+    pub fn driven(
+        &self,
+        input: usize,
+        signal: &Signal,
+        duration_s: f64,
+    ) -> Result<Piecewise, SignalError> {
+        let unit = self.network().inputs[input].unit;
+        let curve = signal.build(unit, duration_s)?;
+        let (min, max) = self.network().input_range(input);
+        let (least, largest) = curve.bounds(0.0, duration_s);
+        if least >= min && largest <= max {
+            return Ok(curve);
+        }
+        let value = if least < min { least } else { largest };
+        let input = self.network().inputs[input].id.clone();
+        Err(SignalError::Leaves { input, value, min, max, unit })
     }
 
     /// A sensor by id.
@@ -172,7 +251,7 @@ impl System {
 impl Default for System {
     /// The aileron with two actuators of `systems/aileron_dual.toml`.
     fn default() -> Self {
-        let system = Self::parse(DEFAULT, "systems/aileron_dual.toml");
+        let system = Self::parse(DEFAULT.1, &format!("systems/{}.toml", DEFAULT.0));
         system.unwrap_or_else(|error| panic!("the embedded system is wrong:\n{error}"))
     }
 }

@@ -16,7 +16,7 @@ use toml::de::DeTable;
 const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 
 /// The numbers of a fluid, in the order of [`set_fluid`].
-static FLUID: [Parameter; 3] = [
+pub(crate) static FLUID: [Parameter; 3] = [
     parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
     parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
     parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
@@ -681,7 +681,7 @@ impl Reader {
             at: entry.at.clone(),
             unit,
             unit_at,
-            default: default.unwrap_or(0.0),
+            default: default.unwrap_or(f64::NAN),
             targets: Vec::new(),
         });
         if let Some(to) = get(&all, "to") {

@@ -49,6 +49,7 @@ pub(super) struct Input {
     pub unit: Unit,
     /// Where the unit stands.
     pub unit_at: Span,
+    /// NaN where the file gives none that can be read.
     pub default: f64,
     pub targets: Vec<End>,
 }

@@ -45,7 +45,7 @@ pub fn spellings(unit: Unit) -> Vec<String> {
 }
 
 /// Without superscripts.
-fn plain(text: &str) -> String {
+pub(crate) fn plain(text: &str) -> String {
     text.replace('²', "2").replace('³', "3")
 }
 

@@ -10,6 +10,8 @@ mod peer_cases;
 mod physics;
 mod report;
 mod runtime;
+mod schema;
+mod study_mistakes;
 mod system;
 mod table;
 mod table_model;

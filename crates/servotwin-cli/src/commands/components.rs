@@ -1,0 +1,153 @@
+//! `servotwin components`: the catalogue.
+
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json, shown};
+use serde_json::{Value, json};
+use servotwin::catalogue::{self, Hit, default, flow, law, prose, range};
+use servotwin::nearest::nearest;
+use servotwin_model::spec::{PortKind, Spec};
+
+/// List the components of the catalogue, describe one, or search them.
+///
+/// Without a word all kinds are listed. A kind is described: equations, ports, parameters with their
+/// ranges, faults with their laws. Any other word is searched for in all of these.
+#[derive(clap::Args)]
+pub struct Options {
+    /// A kind of component, or a word to search for.
+    #[arg(value_name = "KIND|WORD")]
+    word: Option<String>,
+    /// Write pages in Markdown, as the book has them.
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let word = options.word.as_deref();
+    let chosen = word.and_then(catalogue::find);
+    if let (Some(word), None) = (word, chosen) {
+        let hits = catalogue::search(word);
+        if hits.is_empty() {
+            return Err(unknown(word));
+        }
+        return Ok(match options.markdown || global.json {
+            true => whole(hits.iter().map(|hit| hit.spec), global),
+            false => hits.iter().map(found).collect(),
+        });
+    }
+    Ok(match chosen {
+        Some(spec) if options.markdown => catalogue::markdown(spec),
+        Some(spec) if global.json => json(&as_json(spec)),
+        Some(spec) => people(spec),
+        None if options.markdown || global.json => whole(catalogue::all(), global),
+        None => list(),
+    })
+}
+
+fn unknown(word: &str) -> Failure {
+    let known: Vec<String> = catalogue::all().map(|spec| spec.kind.to_owned()).collect();
+    let hint = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
+    Failure::NoComponent { word: word.into(), nearest: hint }
+}
+
+/// Several components, as JSON or Markdown.
+fn whole(specs: impl Iterator<Item = &'static Spec>, global: Global) -> String {
+    match global.json {
+        true => json(&specs.map(as_json).collect()),
+        false => specs.map(catalogue::markdown).collect::<Vec<_>>().join("\n"),
+    }
+}
+
+fn list() -> String {
+    let mut grid = Grid::new(&[
+        ("kind", Side::Left),
+        ("parameters", Side::Right),
+        ("faults", Side::Right),
+        ("what it is", Side::Left),
+    ]);
+    let mut kinds = 0;
+    for spec in catalogue::all() {
+        let numbers = [spec.parameters.len(), spec.faults.len()].map(|n| n.to_string());
+        let [parameters, faults] = numbers;
+        grid.push(vec![spec.kind.into(), parameters, faults, spec.summary.into()]);
+        kinds += 1;
+    }
+    format!("{}\n{kinds} kinds; 'servotwin components KIND' tells all about one\n", grid.text())
+}
+
+fn found(hit: &Hit) -> String {
+    let lines: String = hit.lines.iter().map(|line| format!("    {line}\n")).collect();
+    format!("{}: {}\n{lines}", hit.spec.kind, hit.spec.summary)
+}
+
+fn people(spec: &Spec) -> String {
+    let mut text = format!("{}: {}\n\n{}\n", spec.kind, spec.summary, prose(spec.kind).trim_end());
+    let mut ports =
+        Grid::new(&[("port", Side::Left), ("what flows", Side::Left), ("meaning", Side::Left)]);
+    for port in spec.ports {
+        ports.push(vec![port.name.into(), flow(port, spec), port.summary.into()]);
+    }
+    text += &format!("\n{}", ports.text());
+    if !spec.parameters.is_empty() {
+        let mut grid = Grid::new(&[
+            ("parameter", Side::Left),
+            ("default", Side::Right),
+            ("shown as", Side::Right),
+            ("range", Side::Left),
+            ("meaning", Side::Left),
+        ]);
+        for p in spec.parameters {
+            let value = p.default.map_or(String::new(), |value| shown(value, p.unit));
+            grid.push(vec![p.name.into(), default(p), value, range(p), p.summary.into()]);
+        }
+        text += &format!("\n{}", grid.text());
+    }
+    if !spec.faults.is_empty() {
+        let mut grid = Grid::new(&[
+            ("fault", Side::Left),
+            ("category", Side::Left),
+            ("parameter at intensity i", Side::Left),
+            ("meaning", Side::Left),
+        ]);
+        for f in spec.faults {
+            let category = f.category.name().into();
+            grid.push(vec![f.name.into(), category, law(f, spec), f.summary.into()]);
+        }
+        text += &format!("\n{}", grid.text());
+    }
+    text
+}
+
+fn as_json(spec: &Spec) -> Value {
+    let ports = spec.ports.iter().map(|port| {
+        let unit = match port.kind {
+            PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit.symbol()),
+            _ => None,
+        };
+        json!({
+            "name": port.name, "family": port.kind.family(), "sets": port.kind.sets(),
+            "unit": unit, "range": spec.input_range(port), "optional": port.optional,
+            "summary": port.summary,
+        })
+    });
+    let parameters = spec.parameters.iter().map(|p| {
+        json!({
+            "name": p.name, "unit": p.unit.symbol(), "default": p.default,
+            "range": [p.min, p.max], "summary": p.summary,
+        })
+    });
+    let faults = spec.faults.iter().map(|f| {
+        json!({
+            "name": f.name, "category": f.category.name(), "parameter": f.parameter,
+            "law": law(f, spec), "full": f.full, "range": [f.full_min, f.full_max],
+            "summary": f.summary,
+        })
+    });
+    json!({
+        "kind": spec.kind, "summary": spec.summary, "description": prose(spec.kind),
+        "ports": ports.collect::<Vec<_>>(), "parameters": parameters.collect::<Vec<_>>(),
+        "faults": faults.collect::<Vec<_>>(),
+        "states": spec.states.iter().map(|s| s.name).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,45 @@
+//! `servotwin init`: a system and a study to begin with.
+
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::json;
+use serde_json::json;
+use servotwin::files;
+use servotwin::template::Template;
+use std::path::PathBuf;
+
+/// Write a system and a study of your own to begin with: a servo actuator that runs as it is.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The name of the system: small letters, digits and '_'.
+    name: String,
+    /// The folder for both files.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    folder: PathBuf,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let template = Template::new(&options.name)
+        .ok_or(Failure::Options("a system's name has small letters, digits and '_'"))?;
+    let system = options.folder.join(template.system_name());
+    let study = options.folder.join(template.study_name());
+    for path in [&system, &study] {
+        if path.exists() {
+            return Err(Failure::Exists(path.clone()));
+        }
+    }
+    for (path, text) in [(&system, template.system()), (&study, template.study())] {
+        files::write_atomically(path, |out| out.write_all(text.as_bytes()))?;
+    }
+    let (system, study) = (system.display().to_string(), study.display().to_string());
+    Ok(match global {
+        Global { json: true, .. } => json(&json!({ "system": system, "study": study })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!(
+            "{system}: the system    servotwin simulate {system} --command step:size=5deg\n\
+             {study}: the study    servotwin study {study} --out out_{}\n",
+            options.name
+        ),
+    })
+}

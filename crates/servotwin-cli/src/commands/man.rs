@@ -1,0 +1,30 @@
+//! `servotwin man`: manual pages.
+
+use crate::Cli;
+use crate::failure::Failure;
+use clap::CommandFactory;
+use clap_mangen::Man;
+
+/// Write a manual page to standard output: of the program, or of one of its commands.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The command.
+    command: Option<String>,
+}
+
+/// The page.
+pub fn run(options: &Options) -> Result<String, Failure> {
+    let mut cli = Cli::command();
+    cli.build();
+    let page = match &options.command {
+        None => cli,
+        Some(name) => {
+            let known = cli.get_subcommands().map(|c| c.get_name().to_owned()).collect();
+            let unknown = || Failure::UnknownName { what: "command", given: name.clone(), known };
+            cli.find_subcommand(name).cloned().ok_or_else(unknown)?
+        }
+    };
+    let mut text = Vec::new();
+    Man::new(page).render(&mut text).expect("writing to memory does not fail");
+    Ok(String::from_utf8(text).expect("clap writes UTF-8"))
+}

@@ -1,0 +1,28 @@
+//! `servotwin schema`: the JSON Schema of a file format, for editors.
+
+use crate::render::json;
+use servotwin::schema;
+
+/// Write the JSON Schema (draft 2020-12) of system or study files, with which editors complete and check.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Whose.
+    format: Format,
+}
+
+/// A format of files.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// System files.
+    System,
+    /// Study files.
+    Study,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options) -> String {
+    json(&match options.format {
+        Format::System => schema::system(),
+        Format::Study => schema::study(),
+    })
+}

@@ -1,0 +1,194 @@
+//! What a new user does in the first hour: the catalogue, a template, checks, variations of a run.
+
+use super::{Folder, SPRING, json, servotwin, stderr, stdout};
+
+const STEP: [&str; 6] = ["--command", "step:size=2deg", "--duration", "300ms", "-q", "--json"];
+
+#[test]
+fn components_are_listed_described_and_found() {
+    let list = stdout(&servotwin(&["components"]));
+    let all = json(&["components", "--json"]);
+    let all = all.as_array().unwrap();
+    assert!(all.len() >= 30, "{}", all.len());
+    for one in all {
+        assert!(list.contains(one["kind"].as_str().unwrap()), "{}", one["kind"]);
+    }
+    let valve = stdout(&servotwin(&["components", "servo_valve"]));
+    for part in ["(W1)", "spool_position", "clogging_pa", "natural_frequency_hz", "2000 Hz"] {
+        assert!(valve.contains(part), "{part}:\n{valve}");
+    }
+    let found = stdout(&servotwin(&["components", "stribeck"]));
+    assert!(found.contains("cylinder:") && !found.contains("tank:"), "{found}");
+    let pages = stdout(&servotwin(&["components", "--markdown"]));
+    assert_eq!(pages.matches("\n## ").count() + 1, all.len());
+    let wrong = servotwin(&["components", "servo_vlave"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(stderr(&wrong).contains("did you mean 'servo_valve'?"), "{}", stderr(&wrong));
+}
+
+#[test]
+fn a_template_is_checked_simulated_and_studied() {
+    let folder = Folder::new("init");
+    let place = folder.0.display().to_string();
+    let made = json(&["init", "press", "--folder", &place, "--json"]);
+    let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
+    for file in [system, study] {
+        let checked = servotwin(&["check", file]);
+        assert!(checked.status.success(), "{}", stderr(&checked));
+    }
+    let run = json(&[&["simulate", system], &STEP[..]].concat());
+    assert_eq!(run["system"], "press");
+    // Nothing of the user's is overwritten.
+    let again = servotwin(&["init", "press", "--folder", &place]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(stderr(&again).contains("press.toml is there already"), "{}", stderr(&again));
+    assert_eq!(servotwin(&["init", "My Press"]).status.code(), Some(2));
+    // A short version of the study, to its report.
+    let text = std::fs::read_to_string(study).unwrap();
+    let short = [
+        ("duration_s = 10", "duration_s = 4"),
+        ("duration_s = 10", "duration_s = 4"),
+        ("intensities = [0.25, 0.5, 0.75, 1.0]", "intensities = [0.5, 1.0]"),
+        ("healthy = 20", "healthy = 4"),
+        ("healthy = 10", "healthy = 4"),
+    ];
+    let text = short.iter().fold(text, |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replacen(from, to, 1)
+    });
+    std::fs::write(study, text).unwrap();
+    let out = folder.file("out");
+    let done = servotwin(&["study", study, "--out", &out, "--threads", "1"]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(std::path::Path::new(&out).join("report.html").is_file());
+}
+
+#[test]
+fn built_in_names_stand_wherever_a_file_is() {
+    assert_eq!(
+        json(&[&["simulate", "spring_actuator"], &STEP[..]].concat()),
+        json(&[&["simulate", SPRING], &STEP[..]].concat())
+    );
+    assert_eq!(json(&["describe", "valve_and_cylinder", "--json"])["name"], "valve_and_cylinder");
+    for name in ["aileron_dual", "paper"] {
+        assert_eq!(json(&["check", name, "--json"])["name"], name);
+    }
+}
+
+#[test]
+fn studies_are_checked_with_their_places() {
+    let folder = Folder::new("check_study");
+    let wrong = folder.file("wrong.toml");
+    let text = include_str!("../../../../studies/spring_actuator.toml")
+        .replace("input = \"command\"", "input = \"comand\"")
+        .replace("\"leakage_a.leakage\"", "\"leakage_x.leakage\"");
+    std::fs::write(&wrong, text).unwrap();
+    let output = servotwin(&["check", &wrong]);
+    assert_eq!(output.status.code(), Some(3));
+    let told = stderr(&output);
+    for part in ["wrong.toml:17:9: there is no input of the system 'comand'", "nearest: 'command'"]
+    {
+        assert!(told.contains(part), "{told}");
+    }
+    assert!(told.contains("'leakage_x.leakage'") && told.contains("2 mistakes"), "{told}");
+    let output = servotwin(&["check", &wrong, "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["mistakes"].as_array().unwrap().len(), 2);
+    assert_eq!(report["mistakes"][0]["line"], 17);
+}
+
+#[test]
+fn the_first_twenty_mistakes_are_shown() {
+    let folder = Folder::new("many");
+    let wrong = folder.file("wrong.toml");
+    let parts = (0..50).map(|n| format!("[components.v{n}]\nkind = \"volum\"\n"));
+    std::fs::write(&wrong, format!("format = 1\nname = \"many\"\n{}", parts.collect::<String>()))
+        .unwrap();
+    let told = stderr(&servotwin(&["check", &wrong]));
+    assert_eq!(told.matches("unknown kind of component").count(), 20, "{told}");
+    assert!(told.contains("50 mistakes, of which the first 20 are shown"), "{told}");
+}
+
+#[test]
+fn parameters_are_set_and_swept() {
+    let run = |more: &[&str]| json(&[&["simulate", SPRING], &STEP[..], more].concat());
+    let nominal = run(&[]);
+    let same = run(&["--set", "spring.stiffness_n_m=5.3e5"]);
+    assert_eq!(same["recorded"], nominal["recorded"], "the nominal value changes nothing");
+    let stiff = run(&["--set", "spring.stiffness_n_m=9e5", "--set", "controller.gain_per_m=200"]);
+    assert_ne!(stiff["recorded"], nominal["recorded"]);
+    assert_eq!(stiff["set"][1]["value"], 200.0);
+
+    // A run of a sweep is the run with that value.
+    let swept = run(&["--sweep", "spring.stiffness_n_m=5.3e5:9e5:3"]);
+    let runs = swept["sweep"]["runs"].as_array().unwrap();
+    assert_eq!(runs.len(), 3);
+    assert_eq!(runs[0]["recorded"], nominal["recorded"]);
+    assert_eq!(runs[2]["recorded"], run(&["--set", "spring.stiffness_n_m=9e5"])["recorded"]);
+    let faulty = run(&["--sweep", "servo_valve.clogging_pa=0:1:2"]);
+    let worst = run(&["--fault", "servo_valve.clogging_pa=1"]);
+    assert_eq!(faulty["sweep"]["runs"][0]["recorded"], nominal["recorded"]);
+    assert_eq!(faulty["sweep"]["runs"][1]["recorded"], worst["recorded"]);
+
+    let folder = Folder::new("sweep");
+    let (csv, svg) = (folder.file("a.csv"), folder.file("a.svg"));
+    let sweep = ["--sweep", "supply.pressure_pa=150bar:200bar:2", "--record", "x_p"];
+    run(&[&sweep[..], &["--out", &csv, "--plot", &svg]].concat());
+    let table = servotwin::table::read(&csv).unwrap();
+    assert_eq!(table.row_count(), 2 * 31);
+    assert_eq!(table.f64("supply.pressure_pa").unwrap()[31], 2e7);
+    assert!(std::fs::read_to_string(&svg).unwrap().contains("x_p at 200 bar"));
+    let people =
+        stdout(&servotwin(&[&["simulate", SPRING, "--duration", "50ms"], &sweep[..]].concat()));
+    assert!(people.contains("150 bar") && people.contains("for each value of"), "{people}");
+}
+
+#[test]
+fn impossible_parameters_and_inputs_are_refused() {
+    let cases: &[(&[&str], &str)] = &[
+        (&["--set", "spring.stiffness_n_m=-1"], "allowed are 0 … 1e12 N/m"),
+        (&["--set", "spring.stifness_n_m=1"], "did you mean 'spring.stiffness_n_m'?"),
+        (&["--set", "supply.pressure_pa=20mm"], "wrong unit"),
+        (&["--set", "supply.temperature_k=300"], "'supply' and 'tank' are in one circuit"),
+        (&["--set", "supply.temperature_k=470", "--set", "tank.temperature_k=470"], "out of range"),
+        (&["--set", "cylinder.stroke_half_m=1"], "impossible"),
+        (&["--sweep", "spring.stiffness_n_m=0:1"], "such as 0:1:5"),
+        (&["--sweep", "spring.stiffness_n_m=0:1:1"], "from 2 to 1000"),
+        (&["--sweep", "servo_valve.clogging_pa=0:1.5:3"], "from 0 to 1"),
+        (&["--sweep", "servo_valve.clogging=0:1:3"], "did you mean 'servo_valve.clogging_"),
+        (
+            &["--sweep", "servo_valve.clogging_pa=0:1:3", "--fault", "servo_valve.clogging_pa=1"],
+            "given twice",
+        ),
+        (&["--command", "1000deg"], "'command' becomes 1000 °, but allowed are -90 … 90 °"),
+        (
+            &["--input", "supply_pressure=-100bar"],
+            "'supply_pressure' becomes -100 bar, but allowed are 0.1 … 1000 bar",
+        ),
+    ];
+    for (more, message) in cases {
+        let output =
+            servotwin(&[&["simulate", "spring_actuator", "--duration", "50ms"], *more].concat());
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {told}");
+        assert!(told.contains(message), "{more:?}: {told}");
+    }
+    // The aileron's inputs as the issue has them: mode 2, 50 km, faster than sound.
+    for input in ["actuator_1.mode=2", "altitude=50000m", "air_speed=400m/s"] {
+        let output = servotwin(&["simulate", "--duration", "50ms", "--input", input]);
+        assert_eq!(output.status.code(), Some(2), "{input}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn schemas_and_manual_pages_are_written() {
+    for format in ["system", "study"] {
+        let schema = json(&["schema", format]);
+        assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
+    }
+    let page = stdout(&servotwin(&["man"]));
+    assert!(page.contains(".TH servotwin 1") && page.contains("components"), "{page}");
+    let page = stdout(&servotwin(&["man", "simulate"]));
+    assert!(page.contains("\\-\\-sweep"), "{page}");
+    assert_eq!(servotwin(&["man", "simulat"]).status.code(), Some(2));
+}

@@ -1,0 +1,186 @@
+//! The catalogue of components as documents: found by words, and written as Markdown. All of it comes
+//! from what components declare and from the heads of their files.
+
+use crate::document::{Quantities, Quantity};
+use crate::system::units::word;
+use servotwin_model::components::{ALL, description};
+use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind, Spec};
+
+/// Every component, in the order of the documentation.
+pub fn all() -> impl Iterator<Item = &'static Spec> {
+    ALL.iter().map(|component| component.spec())
+}
+
+/// The component of a kind.
+pub fn find(kind: &str) -> Option<&'static Spec> {
+    all().find(|spec| spec.kind == kind)
+}
+
+/// A component in which a word was found, and the lines that have it.
+pub struct Hit {
+    /// The component.
+    pub spec: &'static Spec,
+    /// What has the word: a parameter, a fault, a port, a sentence of the description.
+    pub lines: Vec<String>,
+}
+
+/// Every component that has a word anywhere in what it says of itself; small and large letters are the
+/// same.
+pub fn search(word: &str) -> Vec<Hit> {
+    let wanted = word.to_lowercase();
+    let has = |text: &str| text.to_lowercase().contains(&wanted);
+    let found = all().filter_map(|spec| {
+        let mut lines = Vec::new();
+        let mut keep = |what: &str, name: &str, summary: &str| {
+            if has(name) || has(summary) {
+                lines.push(format!("{what} {name}: {summary}"));
+            }
+        };
+        for p in spec.parameters {
+            keep("parameter", p.name, p.summary);
+        }
+        for f in spec.faults {
+            keep("fault", f.name, &format!("{} ({})", f.summary, f.category.name()));
+        }
+        for p in spec.ports {
+            keep("port", p.name, p.summary);
+        }
+        let text = prose(spec.kind);
+        lines.extend(text.lines().filter(|line| has(line)).map(|line| line.trim().to_owned()));
+        let itself = has(spec.kind) || has(spec.summary);
+        (itself || !lines.is_empty()).then_some(Hit { spec, lines })
+    });
+    found.collect()
+}
+
+/// What a component is, with its equations: Markdown whose links to other files are names.
+pub fn prose(kind: &str) -> String {
+    let text = description(kind).unwrap_or_default();
+    let mut plain = String::new();
+    let mut rest = text.as_str();
+    while let Some((before, after)) = rest.split_once("[`") {
+        let Some((link, behind)) = after.split_once("`]") else { break };
+        let name = link.rsplit("::").next().unwrap_or(link);
+        plain += &format!("{before}`{name}`");
+        rest = behind;
+    }
+    plain + rest
+}
+
+/// The name of a unit in tables.
+fn unit(parameter: &Parameter) -> &'static str {
+    word(parameter.unit)
+}
+
+/// What a parameter may be.
+pub fn range(parameter: &Parameter) -> String {
+    Quantities(parameter.min, parameter.max, parameter.unit.symbol()).to_string()
+}
+
+/// A parameter's default in words.
+pub fn default(parameter: &Parameter) -> String {
+    parameter.default.map_or("obligatory".into(), |value| Quantity(value, "").to_string())
+}
+
+/// What a fault does to its parameter, with `i` the intensity.
+pub fn law(fault: &Fault, spec: &Spec) -> String {
+    let (name, full) = (fault.parameter, Quantity(fault.full, ""));
+    let unit = spec.parameter(name).map_or("", |p| spec.parameters[p].unit.symbol());
+    let sign = if fault.full < 0.0 { '−' } else { '+' };
+    match fault.law {
+        Law::Add => format!("{name} {sign} {} i", Quantity(fault.full.abs(), unit)),
+        Law::Scale => format!("{name} (1 − i (1 − {full}))"),
+        Law::Geometric => format!("{name} · {full}^i"),
+    }
+}
+
+/// What flows through a port, in words.
+pub fn flow(port: &Port, spec: &Spec) -> String {
+    match port.kind {
+        PortKind::SignalIn { unit, default } => {
+            let range = spec
+                .input_range(port)
+                .map_or(String::new(), |(min, max)| format!(", {}", Quantities(min, max, "")));
+            let stand_in = default.map_or(String::new(), |name| format!("; open: {name}"));
+            format!("signal in ({}{range}{stand_in})", word(unit))
+        }
+        PortKind::SignalOut { unit } => format!("signal out ({})", word(unit)),
+        kind => {
+            let what = match (kind, kind.sets()) {
+                (_, false) => "",
+                (PortKind::Hydraulic { .. }, true) => ", sets the pressure",
+                (_, true) => ", sets the motion",
+            };
+            let open = if port.optional { ", may be left open" } else { "" };
+            format!("{}{what}{open}", kind.family())
+        }
+    }
+}
+
+/// A page about a component, in Markdown.
+pub fn markdown(spec: &Spec) -> String {
+    let mut page = format!("## {}\n\n{}\n", spec.kind, prose(spec.kind).trim_end());
+    let table = |heads: &[&str], rows: Vec<Vec<String>>| {
+        let cells = |row: &[String]| format!("| {} |\n", row.join(" | "));
+        let heads: Vec<String> = heads.iter().map(|&head| head.to_owned()).collect();
+        let rule = vec!["---".to_owned(); heads.len()];
+        let rows: String = rows.iter().map(|row| cells(row)).collect();
+        format!("\n{}{}{rows}", cells(&heads), cells(&rule))
+    };
+    let code = |text: &str| format!("`{text}`");
+    let plain = |text: &str| text.replace('|', "\\|");
+    let ports = spec.ports.iter();
+    let ports = ports.map(|p| vec![code(p.name), flow(p, spec), plain(p.summary)]);
+    page += &table(&["port", "what flows through it", "meaning"], ports.collect());
+    if !spec.parameters.is_empty() {
+        let rows = spec
+            .parameters
+            .iter()
+            .map(|p| vec![code(p.name), unit(p).into(), default(p), range(p), plain(p.summary)]);
+        page += &table(&["parameter", "unit", "default", "range", "meaning"], rows.collect());
+    }
+    if !spec.faults.is_empty() {
+        let rows = spec.faults.iter().map(|f| {
+            vec![code(f.name), f.category.name().into(), code(&law(f, spec)), plain(f.summary)]
+        });
+        let heads = ["fault", "category", "the parameter at intensity i", "meaning"];
+        page += &table(&heads, rows.collect());
+    }
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_declaration_stands_on_its_page() {
+        for spec in all() {
+            let page = markdown(spec);
+            let names = spec.parameters.iter().map(|p| p.name);
+            let names = names.chain(spec.faults.iter().map(|f| f.name));
+            for name in names.chain(spec.ports.iter().map(|p| p.name)) {
+                assert!(page.contains(&format!("`{name}`")), "{}.{name}", spec.kind);
+            }
+            assert!(!page.contains("super::") && !page.contains("crate::"), "{page}");
+        }
+    }
+
+    #[test]
+    fn words_are_found_in_faults_and_descriptions() {
+        let kinds = |word| search(word).iter().map(|hit| hit.spec.kind).collect::<Vec<_>>();
+        assert!(kinds("CLOGGING").contains(&"servo_valve"));
+        assert!(kinds("stribeck").contains(&"cylinder"));
+        assert_eq!(kinds("no such word"), Vec::<&str>::new());
+        let hits = search("clogging_pa");
+        assert_eq!(hits.len(), 1);
+        assert!(hits[0].lines[0].starts_with("fault clogging_pa"), "{:?}", hits[0].lines);
+    }
+
+    #[test]
+    fn laws_read_as_they_act() {
+        let spec = find("relief_valve").unwrap();
+        assert_eq!(law(&spec.faults[0], spec), "set_pa (1 − i (1 − 0.5))");
+        assert_eq!(law(&spec.faults[1], spec), "leak_area_m2 + 2e-7 m² i");
+    }
+}

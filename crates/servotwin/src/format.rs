@@ -1,0 +1,313 @@
+//! What a file may say, as data: from it a file is checked, its JSON Schema made, and the table of its
+//! keys in the book.
+
+use crate::document::{self, Entry, Span, entries};
+use crate::nearest::nearest;
+use crate::signal::Signal;
+use serde::Deserialize;
+use serde_json::{Value as Json, json};
+use toml::Spanned;
+use toml::de::{DeValue, ValueDeserializer};
+
+/// A key of a table.
+pub struct Key {
+    /// The key.
+    pub name: &'static str,
+    /// What stands behind it.
+    pub value: Value,
+    /// Whether it must be there.
+    pub obligatory: bool,
+    /// One line for people.
+    pub summary: &'static str,
+}
+
+/// What stands behind a key.
+pub enum Value {
+    /// A number, from the first to the second, in a unit.
+    Number(f64, f64, &'static str),
+    /// A whole number, from the first to the second.
+    Whole(f64, f64),
+    /// Two numbers, the lower one first.
+    Range,
+    /// True or false.
+    Flag,
+    /// A text.
+    Text,
+    /// One of some words.
+    Word(fn() -> Vec<&'static str>),
+    /// A signal: a text, a number, a table with `kind`, or a list of them.
+    Signal,
+    /// A list of at least so many.
+    List(usize, &'static Value),
+    /// A table of at least so many names that are chosen freely.
+    Names(usize, &'static Value),
+    /// A table with known keys.
+    Table(&'static [Key]),
+}
+
+/// A key that must be there.
+pub const fn must(name: &'static str, value: Value, summary: &'static str) -> Key {
+    Key { name, value, obligatory: true, summary }
+}
+
+/// A key that may be there.
+pub const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
+    Key { name, value, obligatory: false, summary }
+}
+
+/// Where mistakes go: the place, and what is wrong there.
+pub type Note<'n> = &'n mut dyn FnMut(&Span, document::Mistake);
+
+/// Checks the keys of a table that stands at a place.
+pub fn check_table(keys: &[Key], at: &Span, place: &str, all: &[Entry], note: Note) {
+    for entry in all {
+        match keys.iter().find(|key| key.name == entry.key) {
+            Some(key) => key.value.check(key.summary, entry, note),
+            None => {
+                let known: Vec<String> = keys.iter().map(|key| key.name.to_owned()).collect();
+                let nearest = nearest(entry.key, known.iter().map(String::as_str));
+                let (key, place) = (entry.key.into(), place.into());
+                let nearest = nearest.map(str::to_owned);
+                note(&entry.at, document::Mistake::UnknownKey { key, place, nearest, known });
+            }
+        }
+    }
+    for key in keys.iter().filter(|key| key.obligatory) {
+        if all.iter().all(|entry| entry.key != key.name) {
+            let write = format!("{} ({})", key.value.example(key.name), key.summary);
+            note(at, document::Mistake::Missing { place: place.into(), key: key.name, write });
+        }
+    }
+}
+
+impl Value {
+    fn check(&self, summary: &'static str, entry: &Entry, note: Note) {
+        if let Err(mistake) = self.checked(summary, entry, note) {
+            // The value of a section is its whole text: the key is the better place.
+            let is_section = matches!(self, Value::Table(_) | Value::Names(..));
+            let at = if is_section { entry.at.clone() } else { entry.value_at() };
+            note(&at, mistake);
+        }
+    }
+
+    fn checked(
+        &self,
+        summary: &'static str,
+        entry: &Entry,
+        note: Note,
+    ) -> Result<(), document::Mistake> {
+        let key = || entry.key.to_owned();
+        let within = |value: f64, min: f64, max: f64, unit: &'static str| {
+            if (min..=max).contains(&value) {
+                return Ok(());
+            }
+            Err(document::Mistake::OutOfRange { key: key(), value, min, max, unit, summary })
+        };
+        match *self {
+            Value::Number(min, max, unit) => within(entry.number()?, min, max, unit),
+            Value::Whole(min, max) => {
+                let value = entry.number()?;
+                if value.fract() != 0.0 || !matches!(entry.value.get_ref(), DeValue::Integer(_)) {
+                    return Err(document::Mistake::NotWhole { key: key(), value });
+                }
+                within(value, min, max, "")
+            }
+            Value::Range => {
+                let list = entry.list()?;
+                let [low, high] = list else { return Err(entry.wrong_type("two numbers")) };
+                let [low, high] = [low, high].map(|of| Entry::element(entry.key, of).number());
+                let (low, high) = (low?, high?);
+                if low <= high {
+                    return Ok(());
+                }
+                Err(document::Mistake::NotInOrder { key: key(), low, high })
+            }
+            Value::Flag => match entry.value.get_ref() {
+                DeValue::Boolean(_) => Ok(()),
+                _ => Err(entry.wrong_type("true or false")),
+            },
+            Value::Text => entry.text().map(drop),
+            Value::Word(words) => {
+                let word = entry.text()?.to_owned();
+                let known = words();
+                if known.contains(&word.as_str()) {
+                    return Ok(());
+                }
+                let nearest = nearest(&word, known.iter().copied()).map(str::to_owned);
+                let known = known.into_iter().map(str::to_owned).collect();
+                Err(document::Mistake::UnknownWord { key: key(), word, nearest, known })
+            }
+            Value::Signal => signal(entry.value).map(drop),
+            Value::List(least, of) => {
+                let list = entry.list()?;
+                for element in list {
+                    of.check(summary, &Entry::element(entry.key, element), note);
+                }
+                enough(list.len(), least, entry)
+            }
+            Value::Names(least, of) => {
+                let all = entries(entry.table()?);
+                all.iter().for_each(|named| of.check(summary, named, note));
+                enough(all.len(), least, entry)
+            }
+            Value::Table(keys) => {
+                let all = entries(entry.table()?);
+                check_table(keys, &entry.at, &format!("'{}'", entry.key), &all, note);
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes out of a value all keys that are not known.
+    pub fn keep_known(&self, value: &mut toml::Value) {
+        match (self, value) {
+            (Value::List(_, of), toml::Value::Array(list)) => {
+                list.iter_mut().for_each(|element| of.keep_known(element));
+            }
+            (Value::Names(_, of), toml::Value::Table(table)) => {
+                table.iter_mut().for_each(|(_, named)| of.keep_known(named));
+            }
+            (Value::Table(keys), toml::Value::Table(table)) => keep_known(keys, table),
+            _ => {}
+        }
+    }
+
+    /// How a key with such a value is written.
+    fn example(&self, name: &str) -> String {
+        match self {
+            Value::Number(min, max, unit) => {
+                format!("{name} = …, {}", document::Quantities(*min, *max, unit))
+            }
+            Value::Whole(..) => format!("{name} = 1"),
+            Value::Range => format!("{name} = [0, 1]"),
+            Value::Flag => format!("{name} = true"),
+            Value::Text => format!("{name} = \"…\""),
+            Value::Word(words) => format!("{name} = \"{}\"", words().join("\" or \"")),
+            Value::Signal => format!("{name} = \"step:size=…\""),
+            Value::List(..) => format!("{name} = […]"),
+            Value::Names(..) => format!("{name}.… = …"),
+            Value::Table(_) => format!("{name} = {{ … }}"),
+        }
+    }
+
+    /// Its JSON Schema.
+    pub fn schema(&self) -> Json {
+        match *self {
+            Value::Number(min, max, _) => number(min, max),
+            Value::Whole(min, max) => json!({ "type": "integer", "minimum": min, "maximum": max }),
+            Value::Range => json!({
+                "type": "array", "items": { "type": "number" }, "minItems": 2, "maxItems": 2,
+            }),
+            Value::Flag => json!({ "type": "boolean" }),
+            Value::Text => json!({ "type": "string" }),
+            Value::Word(words) => json!({ "type": "string", "enum": words() }),
+            Value::Signal => json!({ "$ref": "#/$defs/signal" }),
+            Value::List(least, of) => {
+                json!({ "type": "array", "items": of.schema(), "minItems": least })
+            }
+            Value::Names(least, of) => json!({
+                "type": "object", "additionalProperties": of.schema(), "minProperties": least,
+            }),
+            Value::Table(keys) => object(keys),
+        }
+    }
+
+    /// What it is, in words.
+    pub fn words(&self) -> String {
+        match self {
+            Value::Number(min, max, unit) if max.is_finite() => {
+                document::Quantities(*min, *max, unit).to_string()
+            }
+            Value::Number(..) => "a number".into(),
+            Value::Whole(min, max) => format!("whole, {}", document::Quantities(*min, *max, "")),
+            Value::Range => "two numbers, the lower one first".into(),
+            Value::Flag => "true or false".into(),
+            Value::Text => "a text".into(),
+            Value::Word(words) => words().join(", "),
+            Value::Signal => "a signal".into(),
+            Value::List(_, of) => format!("a list: {}", of.words()),
+            Value::Names(_, of) => format!("names of yours with: {}", of.words()),
+            Value::Table(_) => "a table".into(),
+        }
+    }
+}
+
+/// Takes all keys out of a table that are not known.
+pub fn keep_known(keys: &[Key], table: &mut toml::Table) {
+    table.retain(|name, _| keys.iter().any(|key| key.name == name));
+    for key in keys {
+        if let Some(value) = table.get_mut(key.name) {
+            key.value.keep_known(value);
+        }
+    }
+}
+
+fn enough(count: usize, least: usize, entry: &Entry) -> Result<(), document::Mistake> {
+    if count >= least {
+        return Ok(());
+    }
+    Err(document::Mistake::TooFew { key: entry.key.into(), least })
+}
+
+/// The signal that a value is.
+fn signal(value: &Spanned<DeValue>) -> Result<Signal, document::Mistake> {
+    Signal::deserialize(ValueDeserializer::from(value.clone())).map_err(|error| {
+        let message = error.message().trim().to_owned();
+        document::Mistake::Signal { message }
+    })
+}
+
+/// A number within a range, as JSON Schema.
+pub fn number(min: f64, max: f64) -> Json {
+    let mut schema = json!({ "type": "number" });
+    for (word, limit) in [("minimum", min), ("maximum", max)] {
+        if limit.is_finite() {
+            schema[word] = json!(limit);
+        }
+    }
+    schema
+}
+
+/// A table with known keys, as JSON Schema.
+pub fn object(keys: &[Key]) -> Json {
+    let mut properties = serde_json::Map::new();
+    for key in keys {
+        let mut schema = key.value.schema();
+        let unit = match key.value {
+            Value::Number(_, _, unit) if !unit.is_empty() => format!(", {unit}"),
+            _ => String::new(),
+        };
+        schema["description"] = json!(format!("{}{unit}", key.summary));
+        properties.insert(key.name.into(), schema);
+    }
+    let required: Vec<&str> =
+        keys.iter().filter(|key| key.obligatory).map(|key| key.name).collect();
+    json!({
+        "type": "object", "properties": properties, "required": required,
+        "additionalProperties": false,
+    })
+}
+
+/// All keys with what they are, as a Markdown table; those of inner tables with dots.
+pub fn markdown(keys: &[Key]) -> String {
+    let mut text = String::from("| key | what it is | meaning |\n| --- | --- | --- |\n");
+    rows(keys, "", &mut text);
+    text
+}
+
+fn rows(keys: &[Key], before: &str, text: &mut String) {
+    for key in keys {
+        let name = format!("{before}{}", key.name);
+        let must = if key.obligatory { ", obligatory" } else { "" };
+        *text += &format!("| `{name}` | {}{must} | {} |\n", key.value.words(), key.summary);
+        let (inner, dots) = match &key.value {
+            Value::Table(keys) => (Some(*keys), "."),
+            Value::List(_, Value::Table(keys)) => (Some(*keys), "[]."),
+            Value::Names(_, Value::Table(keys)) => (Some(*keys), ".NAME."),
+            _ => (None, ""),
+        };
+        if let Some(inner) = inner {
+            rows(inner, &format!("{name}{dots}"), text);
+        }
+    }
+}

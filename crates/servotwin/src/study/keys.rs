@@ -1,0 +1,137 @@
+//! What a study file may say.
+
+use super::FORMAT;
+use crate::format::{Key, Value, may, must};
+use servotwin_diagnosis::features::Quantity;
+
+const ANY: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
+/// At most so many specimens, so that a slip of the finger is told.
+const MOST: f64 = 10_000.0;
+/// At most so many flights.
+const MOST_FLIGHTS: f64 = 100_000.0;
+/// Whole numbers are read as f64, exact up to 2⁵³.
+const SEED: Value = Value::Whole(0.0, 9_007_199_254_740_992.0);
+
+fn quantities() -> Vec<&'static str> {
+    Quantity::ALL.iter().map(|(_, word)| *word).collect()
+}
+
+/// The keys of a study file.
+pub(crate) static STUDY: [Key; 17] = [
+    must("format", Value::Whole(FORMAT as f64, FORMAT as f64), "of this file"),
+    must("name", Value::Text, "the name in files"),
+    must("title", Value::Text, "one line for people"),
+    must("system", Value::Text, "a built-in system, or a file beside this one"),
+    must("duration_s", Value::Number(0.1, 1e5, "s"), "length of every run"),
+    must("sample_hz", Value::Number(1.0, 1e4, "Hz"), "samples per second"),
+    must("intensities", Value::List(0, &INTENSITY), "the intensities of every fault"),
+    must("units", Value::List(1, &Value::Text), "what can fail; \"\" for a system of one unit"),
+    must("command", Value::Table(&COMMAND), "what the cases are driven by"),
+    may("load", Value::Table(&LOAD), "at which loads every command is flown"),
+    must("sensors", Value::Names(1, &Value::Table(&SENSOR)), "what the sensors measure"),
+    may("extra_sensor", Value::Table(&EXTRA), "a sensor that the system could have"),
+    may("classes", Value::List(0, &Value::Table(&CLASS)), "faults, and what must be done"),
+    may("realistic", Value::Table(&REALISTIC), "how reality differs from the twin"),
+    may("training", Value::Table(&TRAINING), "commands to learn from"),
+    may("flights", Value::Table(&FLIGHTS), "flights in which a fault begins"),
+    may("reactions", Value::Names(0, &Value::Table(&REACTION)), "what a command does"),
+];
+
+static INTENSITY: Value = Value::Number(1e-6, 1.0, "");
+
+static COMMAND: [Key; 2] = [
+    must("input", Value::Text, "the input that is driven"),
+    must("signals", Value::Names(1, &Value::Signal), "the commands by name"),
+];
+
+static LOAD: [Key; 2] = [
+    must("input", Value::Text, "the input that is the load"),
+    must("values", Value::Names(1, &ANY), "its values by name, SI"),
+];
+
+static SENSOR: [Key; 2] = [
+    must("quantity", Value::Word(quantities), "what it measures"),
+    must("unit", Value::Whole(0.0, 1e6), "the unit it belongs to, from 1; 0 for none"),
+];
+
+static EXTRA: [Key; 2] = [
+    must("id", Value::Text, "the sensor in the system"),
+    must("title", Value::Text, "what it is, in words"),
+];
+
+static CLASS: [Key; 3] = [
+    must("detail", Value::Text, "what is at fault"),
+    must("command", Value::Text, "what must be done"),
+    must("faults", Value::List(1, &Value::Text), "names of faults without the unit"),
+];
+
+static REALISTIC: [Key; 3] = [
+    must("seed", SEED, "of noise and specimens"),
+    may("healthy", Value::Whole(0.0, MOST), "fault-free specimens for each case"),
+    may("tolerances", Value::List(0, &Value::Table(&TOLERANCE)), "how specimens differ"),
+];
+
+static TOLERANCE: [Key; 3] = [
+    must("parameters", Value::List(1, &Value::Text), "that vary together, without the unit"),
+    must("sigma", Value::Number(0.0, 1.0, ""), "one standard deviation"),
+    may("absolute", Value::Flag, "sigma is in the parameters' unit, else a part of them"),
+];
+
+static TRAINING: [Key; 6] = [
+    must("duration_s", Value::Number(0.1, 1e5, "s"), "length of records of faults"),
+    may("healthy", Value::Whole(0.0, MOST), "fault-free specimens for each command"),
+    may("load", Value::Range, "between which values of the load commands are flown"),
+    may("intensity_spread", Value::Number(0.0, 0.5, ""), "around each of the intensities"),
+    may("draws", Value::List(0, &Value::Table(&DRAWS)), "commands that are drawn"),
+    may("signals", Value::Names(0, &Value::Signal), "commands by name"),
+];
+
+static DRAWS: [Key; 2] = [
+    must("count", Value::Whole(0.0, MOST), "how many"),
+    must("signal", Value::Text, "a signal with {a..b} for a number between, {n} for the draw's"),
+];
+
+static FLIGHTS: [Key; 12] = [
+    may("seed", Value::Whole(0.0, 999.0), "of environments, specimens and noise"),
+    must("duration_s", Value::Number(1.0, 1e4, "s"), "length of a flight with a fault"),
+    must("onset_s", Value::Range, "between which times a fault begins"),
+    must("windows_s", Value::List(1, &WINDOW), "lengths of what is looked at"),
+    must("commands", Value::List(1, &Value::Text), "signals with {a..b} and {n}, in turn"),
+    may("inputs", Value::Names(0, &Value::Range), "ranges of inputs"),
+    may("unit_inputs", Value::Names(0, &Value::Range), "ranges of inputs of every unit"),
+    may("unit_parameters", Value::Names(0, &Value::Range), "ranges of parameters of every unit"),
+    must("learn", Value::Table(&SIZE), "how many flights to learn from"),
+    must("judge", Value::Table(&SIZE), "how many flights to be judged in"),
+    may("full", Value::Table(&FULL), "the sizes of servotwin flights --full"),
+    may("limits", Value::Table(&LIMITS), "what is asked of the diagnosis"),
+];
+
+static WINDOW: Value = Value::Number(1e-3, 1e4, "s");
+
+static FULL: [Key; 2] = [
+    must("learn", Value::Table(&SIZE), "how many flights to learn from"),
+    must("judge", Value::Table(&SIZE), "how many flights to be judged in"),
+];
+
+static SIZE: [Key; 5] = [
+    must("environments", Value::Whole(1.0, MOST_FLIGHTS), "different environments"),
+    must("repeats", Value::Whole(0.0, MOST_FLIGHTS), "flights of each fault with each intensity"),
+    must("healthy", Value::Whole(0.0, MOST_FLIGHTS), "healthy flights in each environment"),
+    may("healthy_duration_s", Value::Number(1.0, 1e4, "s"), "how long these are"),
+    may("foreign", Value::Whole(0.0, MOST_FLIGHTS), "environments with untrained faults"),
+];
+
+static LIMITS: [Key; 4] = [
+    may("latency_s", Value::Number(0.0, 1e4, "s"), "for 95 % of visible shutdown faults"),
+    may("latency_unfitted_s", Value::Number(0.0, 1e4, "s"), "the same with an unfitted twin"),
+    may("false_alarms_per_h", Value::Number(0.0, 1e4, "1/h"), "of healthy actuators"),
+    may("wrong_shutdowns", Value::Number(0.0, 1e4, ""), "of the wrong actuator"),
+];
+
+static REACTION: [Key; 5] = [
+    may("switches_off", Value::Flag, "whether the unit is off then"),
+    may("unit_inputs", Value::Names(0, &ANY), "inputs of the unit at fault"),
+    may("unit_parameters", Value::Names(0, &ANY), "parameters of the unit at fault"),
+    may("parameters", Value::Names(0, &ANY), "parameters of the system"),
+    may("takes_out", Value::List(0, &Value::Word(quantities)), "sensors nobody listens to"),
+];

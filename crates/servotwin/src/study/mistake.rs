@@ -1,0 +1,82 @@
+//! Everything that can be wrong with a study file beside its form, in words.
+
+use crate::document::{self, Explained, suggest};
+use std::fmt;
+
+/// What is wrong with a study file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mistake {
+    /// With any TOML file.
+    Document(document::Mistake),
+    /// A name that the system does not have.
+    Unknown {
+        /// What the name should be.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// The nearest right one.
+        nearest: Option<String>,
+        /// All right ones, where they are few.
+        known: Vec<String>,
+    },
+    /// A number outside its range.
+    OutOfRange {
+        /// The field.
+        field: String,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: String,
+    },
+    /// A signal that cannot be built.
+    Signal {
+        /// The signal.
+        name: String,
+        /// Why.
+        error: String,
+    },
+    /// Something that must not be empty.
+    Empty {
+        /// The fields of which one is needed.
+        field: &'static str,
+    },
+    /// Something that stands twice.
+    Repeated {
+        /// What it is.
+        what: &'static str,
+        /// Its name or value.
+        name: String,
+    },
+}
+
+impl From<document::Mistake> for Mistake {
+    fn from(mistake: document::Mistake) -> Self {
+        Mistake::Document(mistake)
+    }
+}
+
+impl fmt::Display for Mistake {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Mistake::Document(mistake) => write!(out, "{mistake}"),
+            Mistake::Unknown { what, name, .. } => write!(out, "there is no {what} '{name}'"),
+            Mistake::OutOfRange { field, value, allowed } => {
+                write!(out, "{field} is {value}, but must be {allowed}")
+            }
+            Mistake::Signal { name, error } => write!(out, "signal '{name}': {error}"),
+            Mistake::Empty { field } => write!(out, "'{field}' is empty"),
+            Mistake::Repeated { what, name } => write!(out, "the {what} '{name}' stands twice"),
+        }
+    }
+}
+
+impl Explained for Mistake {
+    fn help(&self) -> Option<String> {
+        match self {
+            Mistake::Document(mistake) => mistake.help(),
+            Mistake::Unknown { nearest: None, known, .. } if known.is_empty() => None,
+            Mistake::Unknown { nearest, known, .. } => Some(suggest(nearest, known)),
+            _ => None,
+        }
+    }
+}
