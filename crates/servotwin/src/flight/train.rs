@@ -8,16 +8,22 @@ use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
 use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Novelty, decision, novelty};
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::sliding::Span;
+use servotwin_diagnosis::tree::Criterion;
 
 /// A window is judged so often while it passes.
 const PANES: u32 = 5;
 /// An input may leave the range of the flights that were learned from by this part of its width.
 const MARGIN: f64 = 0.25;
 
+/// Questions on the longest way of a tree of flights: windows of many environments are more different
+/// than records of one command, and of fewer questions those that come last are not asked for every actuator.
+const DEPTH: usize = 11;
+
 /// How windows of flights are learned from: bands are learned too, and windows carry the noise of
 /// their flight, so that they need no moves.
 pub fn settings() -> Settings {
-    Settings { learned_bands: true, ..Settings::default() }
+    let training = evaluation::trees(Criterion::Entropy, DEPTH);
+    Settings { learned_bands: true, training, ..Settings::default() }
 }
 
 /// Learns from windows of flights, one table for each length: everything that it takes to diagnose.
