@@ -43,10 +43,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let training = Instant::now();
     let workers = workers(options.study.threads);
-    for subject in job::subjects(&folder, &study)? {
-        stop::check()?;
-        job::train(&folder, &study, subject, workers)?;
-    }
+    stop::check()?;
+    job::train_all(&folder, &study, workers)?;
     notes.write(&format!("trained in {:.1} s", training.elapsed().as_secs_f64()));
     if let Some(flights) = &flights {
         let flying = Instant::now();

@@ -100,8 +100,7 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
     stop::listen();
     let study = folder.read_study()?;
     let (mut text, mut results) = (String::new(), vec![]);
-    for subject in job::subjects(folder, &study)? {
-        let trained = job::train(folder, &study, subject, workers(None))?;
+    for (subject, trained) in job::train_all(folder, &study, workers(None))? {
         let path = folder.panel(subject);
         let stages: Vec<&str> =
             trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();

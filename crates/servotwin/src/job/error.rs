@@ -1,6 +1,7 @@
 //! Why a stage of the main job stops.
 
 use crate::evaluation::EvaluationError;
+use crate::evaluation::parallel::Cancelled;
 use crate::files::FileError;
 use crate::study::StudyError;
 use crate::study::campaign::CampaignError;
@@ -77,6 +78,12 @@ impl From<StudyError> for JobError {
 impl From<CampaignError> for JobError {
     fn from(error: CampaignError) -> Self {
         JobError::Campaign(error)
+    }
+}
+
+impl From<Cancelled> for JobError {
+    fn from(_: Cancelled) -> Self {
+        CampaignError::Cancelled.into()
     }
 }
 

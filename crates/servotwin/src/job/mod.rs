@@ -20,7 +20,7 @@ pub use subject::Subject;
 
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
-use crate::evaluation::parallel::Workers;
+use crate::evaluation::parallel::{self, Workers};
 use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
 use crate::study::campaign::{Campaign, data_features};
 use crate::study::{Role, Study};
@@ -30,6 +30,7 @@ use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
+use std::sync::{Mutex, PoisonError};
 
 /// How windows are moved within their uncertainty.
 #[derive(Clone, Copy)]
@@ -128,6 +129,23 @@ pub fn train(
     Ok(trained)
 }
 
+/// Trains every subject in a folder, and writes what was trained. Subjects are worked on at the same time:
+/// much of one of them is work for one thread.
+///
+/// # Errors
+/// As [`train`].
+pub fn train_all(
+    folder: &Folder,
+    study: &Study,
+    workers: Workers,
+) -> Result<Vec<(Subject, Trained)>, JobError> {
+    let subjects = subjects(folder, study)?;
+    let trained = parallel::map(&subjects, workers, |&subject| {
+        Ok((subject, train(folder, study, subject, workers)?))
+    });
+    trained?.into_iter().collect()
+}
+
 /// Evaluates every subject in a folder with what was trained for them, and writes
 /// the results. `progress` is told what is being done, and how much of all is done, from 0 to 1.
 ///
@@ -137,38 +155,27 @@ pub fn evaluate_all(
     folder: &Folder,
     study: &Study,
     workers: Workers,
-    progress: &dyn Fn(&str, f64),
+    progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Results, JobError> {
-    let mut list = vec![];
     let subjects = subjects(folder, study)?;
-    let mut read = vec![];
-    for (place, &subject) in subjects.iter().enumerate() {
-        let data = data_set(folder, study, subject)?;
-        let trained = trained(folder, subject)?;
-        let windows = windows(folder, study, subject, &data)?;
-        let moving = moving(study, subject, &windows, JUDGED);
-        let all_features = data;
-        let data = with_moved(study, subject, &all_features, &windows, workers)?;
-        let pools = pools(study);
+    let shares = Mutex::new(vec![0.0; subjects.len()]);
+    let numbered: Vec<(usize, Subject)> = subjects.into_iter().enumerate().collect();
+    let evaluated = parallel::map(&numbered, workers, |&(place, subject)| {
         let told = |what: &str, share: f64| {
-            let done = (place as f64 + share) / (subjects.len() as f64 + 0.2);
+            let mut shares = shares.lock().unwrap_or_else(PoisonError::into_inner);
+            shares[place] = share;
+            let done = shares.iter().sum::<f64>() / (shares.len() as f64 + 0.2);
             progress(&format!("{}: {what}", subject.name()), done);
         };
-        let context = Context {
-            trained: &trained,
-            pools: &pools,
-            all_features: &all_features,
-            moving: moving.as_ref(),
-            workers,
-            progress: &told,
-        };
-        let settings = subject.settings();
-        let evaluation = evaluation::evaluate(&data, &settings, &context)?;
-        list.push(SubjectResult::new(subject, study, settings.clone(), evaluation));
-        if !subject.extra_sensor() {
-            let (data, _) = evaluation::banded(&data, &settings, &pools);
-            read.push((subject.name().to_owned(), data, trained));
-        }
+        let evaluated = evaluate(folder, study, subject, workers, &told);
+        told("done", 1.0);
+        evaluated
+    });
+    let (mut list, mut read) = (vec![], vec![]);
+    for evaluated in evaluated? {
+        let (result, tested) = evaluated?;
+        list.push(result);
+        read.extend(tested);
     }
     progress("trained on one setting, tested on another", 0.95);
     let shutdown = &evaluation::Settings::default().shutdown;
@@ -176,6 +183,36 @@ pub fn evaluate_all(
     let results = Results::new(study, list, robustness);
     model_file::write(folder.results(), &results)?;
     Ok(results)
+}
+
+/// Evaluates a subject; also what others are tested on, where it is a setting and not a sensor more.
+fn evaluate(
+    folder: &Folder,
+    study: &Study,
+    subject: Subject,
+    workers: Workers,
+    progress: &dyn Fn(&str, f64),
+) -> Result<(SubjectResult, Option<(String, DataSet, Trained)>), JobError> {
+    let all_features = data_set(folder, study, subject)?;
+    let trained = trained(folder, subject)?;
+    let windows = windows(folder, study, subject, &all_features)?;
+    let data = with_moved(study, subject, &all_features, &windows, workers)?;
+    let (pools, moving) = (pools(study), moving(study, subject, &windows, JUDGED));
+    let context = Context {
+        trained: &trained,
+        pools: &pools,
+        all_features: &all_features,
+        moving: moving.as_ref(),
+        workers,
+        progress,
+    };
+    let settings = subject.settings();
+    let evaluation = evaluation::evaluate(&data, &settings, &context)?;
+    let tested = (!subject.extra_sensor()).then(|| {
+        let (data, _) = evaluation::banded(&data, &settings, &pools);
+        (subject.name().to_owned(), data, trained)
+    });
+    Ok((SubjectResult::new(subject, study, settings, evaluation), tested))
 }
 
 /// The windows of all rows of a data set, in their order; none where the study has no training
