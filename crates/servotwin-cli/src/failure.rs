@@ -12,7 +12,8 @@ use servotwin::log::checkpoint::CheckpointError;
 use servotwin::log::map::MapError;
 use servotwin::log::sink::SinkError;
 use servotwin::log::source::SourceError;
-use servotwin::nearest::nearest;
+use servotwin::nearest::UnknownName;
+use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
 use servotwin::study::campaign::CampaignError;
@@ -32,14 +33,7 @@ pub enum Failure {
     /// A campaign could not be run or written.
     Campaign(CampaignError),
     /// A name that the system does not have.
-    UnknownName {
-        /// What it should name.
-        what: &'static str,
-        /// What was written.
-        given: String,
-        /// The names possible.
-        known: Vec<String>,
-    },
+    UnknownName(UnknownName),
     /// A word that no component has.
     NoComponent {
         /// The word.
@@ -96,14 +90,7 @@ pub enum Failure {
         error: SignalError,
     },
     /// The solver could not finish.
-    Run {
-        /// When, s.
-        time_s: f64,
-        /// The state with the largest error.
-        state: String,
-        /// What happened.
-        cause: String,
-    },
+    Run(Stopped),
     /// The equations at rest give numbers that are not finite.
     Eigenvalues,
     /// Ctrl-C.
@@ -155,7 +142,7 @@ impl Failure {
             | Failure::Evaluation(_)
             | Failure::Trace { .. } => 3,
             Failure::Signal { error: SignalError::Table(_) | SignalError::Rows { .. }, .. } => 3,
-            Failure::UnknownName { .. }
+            Failure::UnknownName(_)
             | Failure::NoComponent { .. }
             | Failure::Exists(_)
             | Failure::Parameters { .. }
@@ -178,7 +165,7 @@ impl Failure {
             Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
             Failure::Job(_) => 3,
             Failure::Campaign(_)
-            | Failure::Run { .. }
+            | Failure::Run(_)
             | Failure::Eigenvalues
             | Failure::Table(_)
             | Failure::Figure(_)
@@ -201,9 +188,9 @@ impl fmt::Display for Failure {
                 error => write!(out, "{error}"),
             },
             Failure::Campaign(error) => write!(out, "error: {error}"),
-            Failure::UnknownName { what, given, known } => {
-                write!(out, "error: the system has no {what} '{given}'")?;
-                write_known(out, given, known)
+            Failure::UnknownName(error) => {
+                let list = "; 'servotwin describe' and 'servotwin faults' list them";
+                write!(out, "error: {error}{}", if error.is_long() { list } else { "" })
             }
             Failure::NoComponent { word, nearest } => {
                 write!(out, "error: no component has '{word}'")?;
@@ -228,9 +215,7 @@ impl fmt::Display for Failure {
             }
             Failure::Options(reason) => write!(out, "error: {reason}"),
             Failure::Signal { option, error } => write!(out, "error: {option}: {error}"),
-            Failure::Run { time_s, state, cause } => {
-                write!(out, "error: the run stopped at {time_s} s at {state}: {cause}")
-            }
+            Failure::Run(stopped) => write!(out, "error: {stopped}"),
             Failure::Eigenvalues => {
                 write!(out, "error: the equations at rest give numbers that are not finite")
             }
@@ -268,14 +253,17 @@ fn write_findings(out: &mut fmt::Formatter<'_>, findings: &[String]) -> fmt::Res
     }
 }
 
-/// The nearest name, or all where they are few, or how many there are.
-fn write_known(out: &mut fmt::Formatter<'_>, given: &str, known: &[String]) -> fmt::Result {
-    match nearest(given, known.iter().map(String::as_str)) {
-        Some(name) => write!(out, "; did you mean '{name}'?"),
-        None if known.is_empty() => write!(out, "; it has none at all"),
-        None if known.len() <= 20 => write!(out, "; it has: {}", known.join(", ")),
-        None => {
-            write!(out, "; it has {}, see 'servotwin describe' or 'servotwin faults'", known.len())
+impl From<UnknownName> for Failure {
+    fn from(error: UnknownName) -> Self {
+        Failure::UnknownName(error)
+    }
+}
+
+impl From<RestError> for Failure {
+    fn from(error: RestError) -> Self {
+        match error {
+            RestError::Stopped(stopped) => Failure::Run(stopped),
+            RestError::NotFinite => Failure::Eigenvalues,
         }
     }
 }

@@ -91,14 +91,6 @@ pub fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
     (number(value, 5), unit)
 }
 
-/// A name of a column: with the unit's suffix, once.
-pub fn with_suffix(name: &str, unit: Unit) -> String {
-    match name.ends_with(unit.suffix()) {
-        true => name.into(),
-        false => format!("{name}{}", unit.suffix()),
-    }
-}
-
 /// JSON as lines for people and programs.
 pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
@@ -132,12 +124,5 @@ mod tests {
         grid.push(vec!["µ".into(), "1".into()]);
         grid.push(vec!["longer".into(), "-10".into()]);
         assert_eq!(grid.text(), "name      °\nµ         1\nlonger  -10\n");
-    }
-
-    #[test]
-    fn suffixes_are_added_once() {
-        assert_eq!(with_suffix("p_a_1", Unit::Pascal), "p_a_1_pa");
-        assert_eq!(with_suffix("x.pressure_pa", Unit::Pascal), "x.pressure_pa");
-        assert_eq!(with_suffix("mode", Unit::None), "mode");
     }
 }

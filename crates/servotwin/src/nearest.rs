@@ -1,5 +1,7 @@
 //! The nearest known name to a mistyped one, for error messages that help.
 
+use std::fmt;
+
 /// The candidate nearest to `word`, if near enough to be what was meant.
 ///
 /// Near enough is a third of the word's letters, and two in a short word; case does not count.
@@ -33,3 +35,41 @@ pub fn distance(left: &str, right: &str) -> usize {
     }
     row[right.len()]
 }
+
+/// A name that a system, or what is asked, does not have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnknownName {
+    /// What it should name.
+    pub what: &'static str,
+    /// What was written.
+    pub given: String,
+    /// The names possible.
+    pub known: Vec<String>,
+}
+
+impl UnknownName {
+    /// Whether neither a similar name nor a short list helps.
+    pub fn is_long(&self) -> bool {
+        self.known.len() > 20 && self.nearest().is_none()
+    }
+
+    /// The most similar name there is.
+    pub fn nearest(&self) -> Option<&str> {
+        nearest(&self.given, self.known.iter().map(String::as_str))
+    }
+}
+
+impl fmt::Display for UnknownName {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let UnknownName { what, given, known } = self;
+        write!(out, "the system has no {what} '{given}'")?;
+        match self.nearest() {
+            Some(name) => write!(out, "; did you mean '{name}'?"),
+            None if known.is_empty() => write!(out, "; it has none at all"),
+            None if known.len() <= 20 => write!(out, "; it has: {}", known.join(", ")),
+            None => write!(out, "; it has {}", known.len()),
+        }
+    }
+}
+
+impl std::error::Error for UnknownName {}

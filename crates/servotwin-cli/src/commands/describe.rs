@@ -1,13 +1,11 @@
 //! `servotwin describe`: what a system consists of and how it behaves at rest.
 
-use super::{SystemOption, default_inputs};
+use super::SystemOption;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number, number_and_unit, shown};
-use serde_json::{Value, json};
-use servotwin::eigenvalues::{self, Complex};
-use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::report::schematic;
+use servotwin::rest::{self, Rest};
 use servotwin::system::System;
 use servotwin_model::network::Network;
 use std::f64::consts::TAU;
@@ -24,75 +22,14 @@ pub struct Options {
     schematic: Option<PathBuf>,
 }
 
-/// A system at rest.
-struct Rest {
-    states: Vec<f64>,
-    /// Slowest first.
-    eigenvalues: Vec<Complex>,
-}
-
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = options.system.read()?;
     if let Some(path) = &options.schematic {
         schematic::of(&system).draw().save(path)?;
     }
-    let rest = rest(&system)?;
-    Ok(if global.json { json(&as_json(&system, &rest)) } else { people(&system, &rest) })
-}
-
-fn rest(system: &System) -> Result<Rest, Failure> {
-    let program = &system.program;
-    let inputs = default_inputs(system);
-    let variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
-    let states = Ensemble::new(program).settle(&variant).map_err(|failure| Failure::Run {
-        time_s: failure.time_s,
-        state: program.states()[failure.state].name.clone(),
-        cause: failure.cause.to_string(),
-    })?;
-    let values: Vec<f64> = inputs.iter().map(|input| input.value(0.0)).collect();
-    let eigenvalues = eigenvalues::of_system(program, &states, &values);
-    let eigenvalues = eigenvalues.ok_or(Failure::Eigenvalues)?;
-    Ok(Rest { states, eigenvalues })
-}
-
-fn as_json(system: &System, rest: &Rest) -> Value {
-    let network = system.network();
-    let components = network.components.iter().map(|instance| {
-        let spec = instance.component.spec();
-        let parameters = spec.parameters.iter().zip(&instance.parameters);
-        let parameters = parameters.map(|(declared, value)| {
-            json!({ "name": declared.name, "unit": declared.unit.symbol(), "value": value })
-        });
-        json!({
-            "id": instance.id, "kind": spec.kind, "summary": spec.summary,
-            "parameters": parameters.collect::<Vec<_>>(),
-            "faults": spec.faults.iter().map(|fault| fault.name).collect::<Vec<_>>(),
-        })
-    });
-    let states = system.program.states().iter().zip(&rest.states).map(|(state, value)| {
-        json!({
-            "name": state.name, "unit": state.unit.symbol(), "scale": state.scale, "rest": value,
-        })
-    });
-    let inputs = network.inputs.iter().map(
-        |input| json!({ "id": input.id, "unit": input.unit.symbol(), "default": input.default }),
-    );
-    let sensors = system.sensors.iter().map(|sensor| {
-        json!({
-            "id": sensor.id, "label": sensor.label, "signal": sensor.signal,
-            "unit": sensor.unit.symbol(), "scale": sensor.scale,
-        })
-    });
-    let eigenvalues = rest.eigenvalues.iter().map(|value| json!([value.re, value.im]));
-    json!({
-        "name": system.name, "title": system.title,
-        "components": components.collect::<Vec<_>>(),
-        "states": states.collect::<Vec<_>>(),
-        "inputs": inputs.collect::<Vec<_>>(),
-        "sensors": sensors.collect::<Vec<_>>(),
-        "eigenvalues_per_s": eigenvalues.collect::<Vec<_>>(),
-    })
+    let rest = rest::of(&system)?;
+    Ok(if global.json { json(&rest::describe(&system, &rest)) } else { people(&system, &rest) })
 }
 
 fn people(system: &System, rest: &Rest) -> String {

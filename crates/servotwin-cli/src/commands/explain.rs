@@ -10,6 +10,7 @@ use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model;
 use servotwin::job::explain::{Answer, Explanation, Verdict, explain};
 use servotwin::job::{self, Folder, Subject};
+use servotwin::nearest::UnknownName;
 use servotwin::report::words::{number, of_unit, percent, spoken};
 use servotwin_diagnosis::hierarchy::Question;
 use std::path::{Path, PathBuf};
@@ -44,10 +45,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = folder.read_study()?;
     let subjects = job::subjects(&folder, &study)?;
     let subject = subjects.iter().find(|subject| subject.name() == options.subject);
-    let unknown = |what, given: &str, known: Vec<String>| Failure::UnknownName {
-        what,
-        given: given.into(),
-        known,
+    let unknown = |what, given: &str, known: Vec<String>| {
+        Failure::from(UnknownName { what, given: given.into(), known })
     };
     let names = || subjects.iter().map(|subject: &Subject| subject.name().into()).collect();
     let subject = *subject.ok_or_else(|| unknown("data set", &options.subject, names()))?;

@@ -5,10 +5,9 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number};
 use serde_json::json;
-use servotwin::system::System;
-use servotwin::table::{Column, Table, csv};
-use servotwin_model::program::FaultAt;
-use servotwin_model::spec::Unit;
+use servotwin::system::ListedFault;
+use servotwin::system::listing::fault_table;
+use servotwin::table::csv;
 
 /// List every fault that the components of a system can have.
 #[derive(clap::Args)]
@@ -20,96 +19,40 @@ pub struct Options {
     csv: bool,
 }
 
-/// One line of the list.
-struct Line {
-    id: String,
-    component: String,
-    kind: &'static str,
-    category: &'static str,
-    parameter: &'static str,
-    unit: Unit,
-    healthy: f64,
-    full: f64,
-    summary: &'static str,
-}
-
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let lines = lines(&options.system.read()?);
+    let lines = options.system.read()?.fault_list();
     if global.json {
-        return Ok(json(&lines.iter().map(Line::json).collect()));
+        return Ok(json(&lines.iter().map(as_json).collect()));
     }
     if options.csv {
-        return csv_text(&lines);
+        return Ok(csv_text(&lines));
     }
     Ok(people(&lines))
 }
 
-fn lines(system: &System) -> Vec<Line> {
-    let mut lines = Vec::new();
-    let healthy = system.program.parameters(&[]);
-    for (component, instance) in system.network().components.iter().enumerate() {
-        let spec = instance.component.spec();
-        for (fault, declared) in spec.faults.iter().enumerate() {
-            let place = spec.parameter(declared.parameter).expect("checked by the contract");
-            let full = system.program.parameters(&[FaultAt { component, fault, intensity: 1.0 }]);
-            lines.push(Line {
-                id: format!("{}.{}", instance.id, declared.name),
-                component: instance.id.clone(),
-                kind: spec.kind,
-                category: declared.category.name(),
-                parameter: declared.parameter,
-                unit: spec.parameters[place].unit,
-                healthy: healthy[component][place],
-                full: full[component][place],
-                summary: declared.summary,
-            });
-        }
-    }
-    lines
+fn as_json(line: &ListedFault) -> serde_json::Value {
+    json!({
+        "id": line.id,
+        "component": line.component,
+        "kind": line.kind,
+        "category": line.category,
+        "intensity": [0, 1],
+        "parameter": line.parameter,
+        "unit": line.unit.symbol(),
+        "healthy": line.healthy,
+        "at_intensity_1": line.full,
+        "summary": line.summary,
+    })
 }
 
-impl Line {
-    fn json(&self) -> serde_json::Value {
-        json!({
-            "id": self.id,
-            "component": self.component,
-            "kind": self.kind,
-            "category": self.category,
-            "intensity": [0, 1],
-            "parameter": self.parameter,
-            "unit": self.unit.symbol(),
-            "healthy": self.healthy,
-            "at_intensity_1": self.full,
-            "summary": self.summary,
-        })
-    }
-}
-
-fn csv_text(lines: &[Line]) -> Result<String, Failure> {
-    let text = |name: &str, of: &dyn Fn(&Line) -> String| {
-        Column::new(name, "", lines.iter().map(of).collect::<Vec<String>>())
-    };
-    let numbers = |name: &str, of: &dyn Fn(&Line) -> f64| {
-        Column::new(name, "", lines.iter().map(of).collect::<Vec<f64>>())
-    };
-    let table = Table::from_columns(vec![
-        text("id", &|line| line.id.clone()),
-        text("component", &|line| line.component.clone()),
-        text("kind", &|line| line.kind.into()),
-        text("category", &|line| line.category.into()),
-        text("parameter", &|line| line.parameter.into()),
-        text("unit", &|line| line.unit.symbol().into()),
-        numbers("healthy", &|line| line.healthy),
-        numbers("at_intensity_1", &|line| line.full),
-        text("summary", &|line| line.summary.into()),
-    ])?;
+fn csv_text(lines: &[ListedFault]) -> String {
     let mut text = Vec::new();
-    csv::write_to(&mut text, &table).expect("writing to memory does not fail");
-    Ok(String::from_utf8(text).expect("a CSV table is UTF-8"))
+    csv::write_to(&mut text, &fault_table(lines)).expect("writing to memory does not fail");
+    String::from_utf8(text).expect("a CSV table is UTF-8")
 }
 
-fn people(lines: &[Line]) -> String {
+fn people(lines: &[ListedFault]) -> String {
     let mut grid = Grid::new(&[
         ("fault", Side::Left),
         ("category", Side::Left),

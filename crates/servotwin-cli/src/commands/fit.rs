@@ -10,6 +10,7 @@ use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity};
 use servotwin::fit::unknown::Moved;
 use servotwin::fit::{FitError, Fitted, Problem, Record, Unknown};
+use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
 use servotwin::study::{Study, Tolerance};
 use servotwin_model::spec::Unit;
@@ -162,7 +163,7 @@ fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknow
         if own.is_empty() {
             let (given, known) = (name.clone(), all.iter().map(|unknown| unknown.name.clone()));
             let what = "tolerance for (give =SIGMA for another parameter)";
-            return Err(Failure::UnknownName { what, given, known: known.collect() });
+            return Err(UnknownName { what, given, known: known.collect() }.into());
         }
         for unknown in own {
             if found.iter().any(|other| other.name == unknown.name) {
@@ -190,13 +191,7 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
 }
 
 fn intensities(options: &Options, problem: &Problem) -> Result<Vec<Diagnosed>, Failure> {
-    let of = |id: &String| {
-        problem.system.program.find_fault(id).ok_or_else(|| Failure::UnknownName {
-            what: "fault",
-            given: id.clone(),
-            known: super::simulate::all_faults(problem.system),
-        })
-    };
+    let of = |id: &String| problem.system.find_fault(id);
     let candidates = options.faults.iter().map(of).collect::<Result<Vec<_>, _>>()?;
     Ok(intensity(problem, &candidates)?)
 }

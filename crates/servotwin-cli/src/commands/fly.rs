@@ -5,7 +5,7 @@ use super::evaluate::workers;
 use super::simulate::fault;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
-use crate::render::{json, with_suffix};
+use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
@@ -13,6 +13,7 @@ use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
+use servotwin::recording::with_suffix;
 use servotwin::signal::{Quantity, Signal};
 use servotwin::study::{Setting, Study};
 use servotwin::table::{self, Column, Table, Values};
@@ -81,7 +82,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.study.out);
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
     let duration_s = seconds("--duration", &options.duration)?;
-    let mut inputs = super::default_inputs(&study.system);
+    let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
     inputs[study.command_input] = options
         .command

@@ -32,7 +32,6 @@ use servotwin::evaluation::table_model::{
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
-use servotwin_model::signal::Piecewise;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -245,11 +244,4 @@ fn warn(global: Global, warnings: &[String]) {
             let _ = writeln!(io::stderr(), "warning: {warning}");
         }
     }
-}
-
-/// The inputs of a system as they are where a run gives no signal.
-fn default_inputs(system: &System) -> Vec<Piecewise> {
-    let inputs = system.network().inputs.iter();
-    let constant = |value| Piecewise::constant(value).expect("a system's defaults are finite");
-    inputs.map(|input| constant(input.default)).collect()
 }

@@ -1,25 +1,27 @@
 //! `servotwin simulate`: one run of a system, healthy or with faults.
 
+use super::SystemOption;
 use super::progress::is_shown;
-use super::{SystemOption, default_inputs};
 use crate::failure::Failure;
-use crate::render::{Grid, Side, json, number, shown, with_suffix};
+use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use servotwin::ensemble::{Ensemble, Sink, Variant};
 use servotwin::figure::FigureError;
-use servotwin::figure::time_series::{Panel, Series, TimeSeries};
+use servotwin::figure::time_series::TimeSeries;
+use servotwin::nearest::UnknownName;
+use servotwin::recording::{self, Recorded, with_suffix};
+use servotwin::rest::Stopped;
 use servotwin::signal::{Quantity, Signal, help};
 use servotwin::system::System;
 use servotwin::table::{self, Column, Table};
 use servotwin_model::lanes::{self, Level};
-use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{self, Control, Method, Settings, Statistics};
 use servotwin_model::spec::Unit;
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -95,16 +97,6 @@ fn levels() -> impl TypedValueParser<Value = Level> {
         let found = lanes::ALL.into_iter().find(|level| level.name() == name);
         found.expect("clap admits known names only")
     })
-}
-
-/// Something that is recorded.
-struct Recorded {
-    /// The column's name, with the unit's suffix.
-    name: String,
-    /// What a figure shows.
-    label: String,
-    unit: Unit,
-    slot: Slot,
 }
 
 /// What is different from run to run.
@@ -248,12 +240,7 @@ fn faults(system: &System, texts: &[String]) -> Result<Vec<FaultAt>, Failure> {
 /// A fault from `name=intensity`.
 pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     let (id, value) = split("--fault", text)?;
-    let found = system.program.find_fault(id);
-    let (component, fault) = found.ok_or_else(|| Failure::UnknownName {
-        what: "fault",
-        given: id.into(),
-        known: all_faults(system),
-    })?;
+    let (component, fault) = system.find_fault(id)?;
     let intensity = Quantity::in_unit(value, Unit::None)
         .map_err(|error| Failure::Number { option: "--fault", error })?;
     if !(0.0..=1.0).contains(&intensity) {
@@ -263,27 +250,12 @@ pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     Ok(FaultAt { component, fault, intensity })
 }
 
-/// Every fault of a system by its full name.
-pub fn all_faults(system: &System) -> Vec<String> {
-    let components = system.network().components.iter();
-    let faults = components.flat_map(|instance| {
-        let declared = instance.component.spec().faults.iter();
-        declared.map(|fault| format!("{}.{}", instance.id, fault.name))
-    });
-    faults.collect()
-}
-
 /// The parameters that were given other values.
 fn parameters(system: &System, texts: &[String]) -> Result<Vec<(usize, usize, f64)>, Failure> {
     let mut values: Vec<(usize, usize, f64)> = Vec::new();
     for text in texts {
         let (id, value) = split("--set", text)?;
-        let found = system.parameter(id);
-        let (component, parameter) = found.ok_or_else(|| Failure::UnknownName {
-            what: "parameter",
-            given: id.into(),
-            known: system.all_parameters(),
-        })?;
+        let (component, parameter) = system.find_parameter(id)?;
         if values.iter().any(|&(c, p, _)| (c, p) == (component, parameter)) {
             return Err(Failure::Repeated { option: "--set", name: id.into() });
         }
@@ -319,10 +291,10 @@ fn sweep(system: &System, text: &str, set: &[(usize, usize, f64)]) -> Result<Swe
         (Target::Parameter(c, p), spec.parameters[p].unit)
     });
     let fault = || system.program.find_fault(id).map(|(c, f)| (Target::Fault(c, f), Unit::None));
-    let (target, unit) = parameter.or_else(fault).ok_or_else(|| Failure::UnknownName {
+    let (target, unit) = parameter.or_else(fault).ok_or_else(|| UnknownName {
         what: "parameter or fault",
         given: id.into(),
-        known: [system.all_parameters(), all_faults(system)].concat(),
+        known: [system.all_parameters(), system.all_faults()].concat(),
     })?;
     let wrong = |range| Failure::OutOfRange { option: "--sweep", given: text.into(), range };
     let parts: Vec<&str> = range.split(':').collect();
@@ -389,7 +361,7 @@ impl<'s> Plan<'s> {
             overrides: parameters(system, &options.parameters)?,
             sweep: None,
             signals: vec![None; system.network().inputs.len()],
-            curves: default_inputs(system),
+            curves: system.default_inputs(),
             recorded: Vec::new(),
         };
         for (option, id, signal) in signals(options)? {
@@ -404,7 +376,9 @@ impl<'s> Plan<'s> {
             }
             plan.sweep = Some(sweep);
         }
-        plan.recorded = plan.choose(&options.record)?;
+        let inputs = system.network().inputs.iter().zip(&plan.signals);
+        let driven = inputs.filter(|(_, signal)| signal.is_some()).map(|(input, _)| &*input.id);
+        plan.recorded = recording::choose(system, &options.record, &driven.collect::<Vec<_>>())?;
         let runs = plan.runs() as f64;
         if plan.recorded.len() as f64 * duration_s * rate_hz * runs > 2e8 {
             return Err(Failure::Options(
@@ -415,13 +389,7 @@ impl<'s> Plan<'s> {
     }
 
     fn drive(&mut self, option: String, id: &str, signal: &Signal) -> Result<(), Failure> {
-        let inputs = &self.system.network().inputs;
-        let place = inputs.iter().position(|input| input.id == id);
-        let place = place.ok_or_else(|| Failure::UnknownName {
-            what: "input",
-            given: id.into(),
-            known: inputs.iter().map(|input| input.id.clone()).collect(),
-        })?;
+        let place = self.system.find_input(id)?;
         if self.signals[place].is_some() {
             return Err(Failure::Repeated { option: "--input", name: id.into() });
         }
@@ -431,61 +399,6 @@ impl<'s> Plan<'s> {
         Ok(())
     }
 
-    /// What to record, by the names that were given.
-    fn choose(&self, names: &[String]) -> Result<Vec<Recorded>, Failure> {
-        let mut recorded = Vec::new();
-        if names.is_empty() {
-            let inputs = self.system.network().inputs.iter().zip(&self.signals);
-            let driven = inputs.filter(|(_, signal)| signal.is_some());
-            recorded.extend(driven.flat_map(|(input, _)| self.named(&input.id)));
-            recorded.extend(self.system.sensors.iter().flat_map(|sensor| self.named(&sensor.id)));
-            if self.system.sensors.is_empty() {
-                let states = self.system.program.states().iter();
-                recorded.extend(states.flat_map(|state| self.named(&state.name)));
-            }
-        }
-        for name in names {
-            let found = self.named(name);
-            if found.is_empty() {
-                let known = self.all_names();
-                return Err(Failure::UnknownName { what: "quantity", given: name.clone(), known });
-            }
-            recorded.extend(found);
-        }
-        let mut seen = BTreeSet::new();
-        recorded.retain(|one| seen.insert(one.name.clone()));
-        Ok(recorded)
-    }
-
-    /// What a name stands for; empty where it is unknown.
-    fn named(&self, name: &str) -> Vec<Recorded> {
-        let program = &self.system.program;
-        if let Some(sensor) = self.system.sensor(name) {
-            let slot = program.observable(&sensor.signal).expect("a checked sensor").slot;
-            let (name, label) = (with_suffix(&sensor.id, sensor.unit), sensor.label.clone());
-            return vec![Recorded { name, label, unit: sensor.unit, slot }];
-        }
-        let inside = format!("{name}.");
-        let observables = program.observables().iter();
-        let found =
-            observables.filter(|o| name == "all" || o.name == name || o.name.starts_with(&inside));
-        let recorded = found.map(|o| Recorded {
-            name: with_suffix(&o.name, o.unit),
-            label: o.name.clone(),
-            unit: o.unit,
-            slot: o.slot,
-        });
-        recorded.collect()
-    }
-
-    fn all_names(&self) -> Vec<String> {
-        let sensors = self.system.sensors.iter().map(|sensor| sensor.id.clone());
-        let components = self.system.network().components.iter().map(|c| c.id.clone());
-        let observables = self.system.program.observables().iter().map(|o| o.name.clone());
-        sensors.chain(components).chain(observables).collect()
-    }
-
-    /// How many runs there are.
     fn runs(&self) -> usize {
         self.sweep.as_ref().map_or(1, |sweep| sweep.values.len())
     }
@@ -540,62 +453,38 @@ impl<'s> Plan<'s> {
         // A run that was stopped gives no result at all.
         let results: Option<Vec<_>> = results.into_iter().collect();
         let results = results.ok_or(Failure::Stopped)?.into_iter();
-        results.map(|result| result.map_err(|failure| self.failure(failure))).collect()
-    }
-
-    fn failure(&self, failure: solver::Failure) -> Failure {
-        let state = self.system.program.states().get(failure.state);
-        Failure::Run {
-            time_s: failure.time_s,
-            state: state.map_or_else(String::new, |state| state.name.clone()),
-            cause: failure.cause.to_string(),
-        }
+        let named = |failure| Failure::Run(Stopped::new(self.system, failure));
+        results.map(|result| result.map_err(named)).collect()
     }
 
     /// All runs below each other, with the value of the sweep as the first column.
     fn table(&self, times_s: &[f64], runs: &[Given]) -> Result<Table, Failure> {
-        let mut table = Table::new()
-            .with_metadata("servotwin", env!("CARGO_PKG_VERSION"))
-            .with_metadata("system", &self.system.name);
-        if let Some(sweep) = &self.sweep {
-            let of_run = sweep.values.iter().flat_map(|&value| times_s.iter().map(move |_| value));
-            let name = with_suffix(&sweep.id, sweep.unit);
-            table.push(Column::new(&name, sweep.unit.symbol(), of_run.collect::<Vec<f64>>()))?;
-        }
+        let below = |place: usize| runs.iter().flat_map(|run| run.0[place].iter().copied()).collect();
+        let values = (0..self.recorded.len()).map(below).collect();
         let times = times_s.repeat(runs.len());
-        table.push(Column::new("time_s", Unit::Second.symbol(), times))?;
-        for (place, one) in self.recorded.iter().enumerate() {
-            let all: Vec<f64> = runs.iter().flat_map(|run| run.0[place].iter().copied()).collect();
-            table.push(Column::new(&one.name, one.unit.symbol(), all))?;
-        }
-        Ok(table)
+        let table = recording::table(self.system, &self.recorded, times, values)?;
+        let Some(sweep) = &self.sweep else { return Ok(table) };
+        let of_run = sweep.values.iter().flat_map(|&value| times_s.iter().map(move |_| value));
+        let (name, unit) = (with_suffix(&sweep.id, sweep.unit), sweep.unit.symbol());
+        let first = Column::new(&name, unit, of_run.collect::<Vec<f64>>());
+        let columns = [first].into_iter().chain(table.columns().iter().cloned()).collect();
+        Ok(Table { metadata: table.metadata.clone(), ..Table::from_columns(columns)? })
     }
 
     /// One panel per unit, in the order they appear.
     fn figure(&self, times_s: &[f64], runs: &[Given]) -> TimeSeries<'static> {
-        let mut figure = TimeSeries::new(self.system.title.clone(), "time in s");
-        let mut units: Vec<Unit> = Vec::new();
-        for one in &self.recorded {
-            if !units.contains(&one.unit) {
-                units.push(one.unit);
+        let (mut recorded, mut values) = (vec![], vec![]);
+        for (place, one) in self.recorded.iter().enumerate() {
+            for (run, given) in runs.iter().enumerate() {
+                let label = match &self.sweep {
+                    Some(sweep) => format!("{} at {}", one.label, sweep.shown(run)),
+                    None => one.label.clone(),
+                };
+                recorded.push(Recorded { label, ..one.clone() });
+                values.push(given.0[place].as_slice());
             }
         }
-        for unit in units {
-            let mut panel = Panel::new("", unit.shown());
-            for (place, one) in self.recorded.iter().enumerate().filter(|(_, o)| o.unit == unit) {
-                for (run, (values, _)) in runs.iter().enumerate() {
-                    let values: Vec<f64> =
-                        values[place].iter().map(|&si| unit.to_shown(si)).collect();
-                    let label = match &self.sweep {
-                        Some(sweep) => format!("{} at {}", one.label, sweep.shown(run)),
-                        None => one.label.clone(),
-                    };
-                    panel = panel.with(Series::new(label, times_s.to_vec(), values));
-                }
-            }
-            figure = figure.with(panel);
-        }
-        figure
+        recording::figure(&self.system.title, &recorded, times_s, &values)
     }
 
     /// The inputs that were driven: (place, text of the signal, rms).

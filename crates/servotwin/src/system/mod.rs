@@ -29,12 +29,14 @@
 //! ```
 
 mod check;
+pub mod listing;
 mod mistake;
 mod read;
 mod rewrite;
 mod scope;
 pub(crate) mod units;
 
+pub use listing::ListedFault;
 pub use mistake::Mistake;
 pub(crate) use read::FLUID;
 pub use rewrite::{NewValue, RewriteError};
@@ -240,6 +242,13 @@ impl System {
         let value = if least < min { least } else { largest };
         let input = self.network().inputs[input].id.clone();
         Err(SignalError::Leaves { input, value, min, max, unit })
+    }
+
+    /// The inputs as they are where a run gives no signal.
+    pub fn default_inputs(&self) -> Vec<Piecewise> {
+        let inputs = self.network().inputs.iter();
+        let constant = |value| Piecewise::constant(value).expect("defaults are finite");
+        inputs.map(|input| constant(input.default)).collect()
     }
 
     /// A sensor by id.

@@ -1,0 +1,162 @@
+//! What of a run is recorded, by the names that people use: a sensor, an input, a quantity such as
+//! `actuator_1.cylinder.position_m`, a component for all of its quantities, or `all`.
+
+use crate::ensemble::Ensemble;
+use crate::figure::time_series::{Panel, Series, TimeSeries};
+use crate::nearest::UnknownName;
+use crate::system::System;
+use crate::table::{Column, Table, TableError};
+use servotwin_model::program::Slot;
+use servotwin_model::spec::Unit;
+use std::collections::BTreeSet;
+
+/// Something that is recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// The column's name, with the unit's suffix.
+    pub name: String,
+    /// What a figure shows.
+    pub label: String,
+    /// The unit.
+    pub unit: Unit,
+    /// Where it stands in the variables.
+    pub slot: Slot,
+}
+
+/// A name of a column: with the unit's suffix, once.
+pub fn with_suffix(name: &str, unit: Unit) -> String {
+    match name.ends_with(unit.suffix()) {
+        true => name.into(),
+        false => format!("{name}{}", unit.suffix()),
+    }
+}
+
+/// What to record by `names`; without any the inputs `driven` and the sensors, or the states of a
+/// system without sensors.
+///
+/// # Errors
+/// A name that is none of the system's.
+pub fn choose(
+    system: &System,
+    names: &[String],
+    driven: &[&str],
+) -> Result<Vec<Recorded>, UnknownName> {
+    let mut recorded = Vec::new();
+    if names.is_empty() {
+        recorded.extend(driven.iter().flat_map(|id| named(system, id)));
+        recorded.extend(system.sensors.iter().flat_map(|sensor| named(system, &sensor.id)));
+        if system.sensors.is_empty() {
+            let states = system.program.states().iter();
+            recorded.extend(states.flat_map(|state| named(system, &state.name)));
+        }
+    }
+    for name in names {
+        let found = named(system, name);
+        if found.is_empty() {
+            let known = all_names(system);
+            return Err(UnknownName { what: "quantity", given: name.clone(), known });
+        }
+        recorded.extend(found);
+    }
+    let mut seen = BTreeSet::new();
+    recorded.retain(|one| seen.insert(one.name.clone()));
+    Ok(recorded)
+}
+
+/// What a name stands for; empty where it is unknown.
+fn named(system: &System, name: &str) -> Vec<Recorded> {
+    let program = &system.program;
+    if let Some(sensor) = system.sensor(name) {
+        let slot = program.observable(&sensor.signal).expect("a checked sensor").slot;
+        let (name, label) = (with_suffix(&sensor.id, sensor.unit), sensor.label.clone());
+        return vec![Recorded { name, label, unit: sensor.unit, slot }];
+    }
+    let inside = format!("{name}.");
+    let observables = program.observables().iter();
+    let found =
+        observables.filter(|o| name == "all" || o.name == name || o.name.starts_with(&inside));
+    let recorded = found.map(|o| Recorded {
+        name: with_suffix(&o.name, o.unit),
+        label: o.name.clone(),
+        unit: o.unit,
+        slot: o.slot,
+    });
+    recorded.collect()
+}
+
+fn all_names(system: &System) -> Vec<String> {
+    let sensors = system.sensors.iter().map(|sensor| sensor.id.clone());
+    let components = system.network().components.iter().map(|c| c.id.clone());
+    let observables = system.program.observables().iter().map(|o| o.name.clone());
+    sensors.chain(components).chain(observables).collect()
+}
+
+/// The times of a run's samples, s.
+pub fn times_s(ensemble: &Ensemble) -> Vec<f64> {
+    (0..ensemble.samples()).map(|k| k as f64 * ensemble.sample_period_s).collect()
+}
+
+/// The recorded values of a run as a table, with the time in front.
+///
+/// # Errors
+/// Two quantities of one name.
+pub fn table(
+    system: &System,
+    recorded: &[Recorded],
+    times_s: Vec<f64>,
+    values: Vec<Vec<f64>>,
+) -> Result<Table, TableError> {
+    let mut table = Table::new()
+        .with_metadata("servotwin", env!("CARGO_PKG_VERSION"))
+        .with_metadata("system", &system.name);
+    table.push(Column::new("time_s", Unit::Second.symbol(), times_s))?;
+    for (one, values) in recorded.iter().zip(values) {
+        table.push(Column::new(&one.name, one.unit.symbol(), values))?;
+    }
+    Ok(table)
+}
+
+/// A figure with a panel for each unit, in the order they appear.
+pub fn figure(
+    title: &str,
+    recorded: &[Recorded],
+    times_s: &[f64],
+    values: &[&[f64]],
+) -> TimeSeries<'static> {
+    let mut figure = TimeSeries::new(title.to_owned(), "time in s");
+    let mut units: Vec<Unit> = Vec::new();
+    for one in recorded {
+        if !units.contains(&one.unit) {
+            units.push(one.unit);
+        }
+    }
+    for unit in units {
+        let mut panel = Panel::new("", unit.shown());
+        let of_unit = recorded.iter().zip(values).filter(|(one, _)| one.unit == unit);
+        for (one, values) in of_unit {
+            let shown: Vec<f64> = values.iter().map(|&si| unit.to_shown(si)).collect();
+            panel = panel.with(Series::new(one.label.clone(), times_s.to_vec(), shown));
+        }
+        figure = figure.with(panel);
+    }
+    figure
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn suffixes_are_added_once() {
+        assert_eq!(with_suffix("p_a_1", Unit::Pascal), "p_a_1_pa");
+        assert_eq!(with_suffix("x.pressure_pa", Unit::Pascal), "x.pressure_pa");
+        assert_eq!(with_suffix("mode", Unit::None), "mode");
+    }
+
+    #[test]
+    fn a_slip_in_a_name_is_told_with_the_nearest() {
+        let system = System::default();
+        let error = choose(&system, &["actuator_1.cylinder.positin_m".into()], &[]).unwrap_err();
+        assert_eq!(error.nearest(), Some("actuator_1.cylinder.position_m"));
+    }
+}

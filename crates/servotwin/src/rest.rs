@@ -1,0 +1,121 @@
+//! A system at rest: its states there, its eigenvalues, and all that it consists of as JSON.
+
+use crate::eigenvalues::{self, Complex};
+use crate::ensemble::{Ensemble, Variant};
+use crate::system::System;
+use serde_json::{Value, json};
+use servotwin_model::solver::{self, Cause};
+use std::fmt;
+
+/// A system at rest.
+pub struct Rest {
+    /// The states, in the order of the program.
+    pub states: Vec<f64>,
+    /// Slowest first.
+    pub eigenvalues: Vec<Complex>,
+}
+
+/// Why a run stopped, with names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stopped {
+    /// When, s.
+    pub time_s: f64,
+    /// The state with the largest error.
+    pub state: String,
+    /// What happened.
+    pub cause: Cause,
+}
+
+impl Stopped {
+    /// A solver's failure with the name of the state.
+    pub fn new(system: &System, failure: solver::Failure) -> Self {
+        let state = system.program.states().get(failure.state);
+        let state = state.map_or_else(String::new, |state| state.name.clone());
+        Stopped { time_s: failure.time_s, state, cause: failure.cause }
+    }
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "the run stopped at {} s at {}: {}", self.time_s, self.state, self.cause)
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+/// Why there is nothing to say of a system at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RestError {
+    /// The search for rest stopped.
+    Stopped(Stopped),
+    /// The equations at rest give numbers that are not finite.
+    NotFinite,
+}
+
+impl fmt::Display for RestError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RestError::Stopped(stopped) => write!(out, "{stopped}"),
+            RestError::NotFinite => {
+                write!(out, "the equations at rest give numbers that are not finite")
+            }
+        }
+    }
+}
+
+impl std::error::Error for RestError {}
+
+/// The rest of a system at the inputs that it has where a run gives no signal.
+///
+/// # Errors
+/// Numbers that are not finite.
+pub fn of(system: &System) -> Result<Rest, RestError> {
+    let program = &system.program;
+    let inputs = system.default_inputs();
+    let variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
+    let states = Ensemble::new(program).settle(&variant);
+    let states = states.map_err(|failure| RestError::Stopped(Stopped::new(system, failure)))?;
+    let values: Vec<f64> = inputs.iter().map(|input| input.value(0.0)).collect();
+    let eigenvalues = eigenvalues::of_system(program, &states, &values);
+    Ok(Rest { states, eigenvalues: eigenvalues.ok_or(RestError::NotFinite)? })
+}
+
+/// Components, states, inputs, sensors and eigenvalues, in SI units.
+pub fn describe(system: &System, rest: &Rest) -> Value {
+    let network = system.network();
+    let components = network.components.iter().map(|instance| {
+        let spec = instance.component.spec();
+        let parameters = spec.parameters.iter().zip(&instance.parameters);
+        let parameters = parameters.map(|(declared, value)| {
+            json!({ "name": declared.name, "unit": declared.unit.symbol(), "value": value })
+        });
+        json!({
+            "id": instance.id, "kind": spec.kind, "summary": spec.summary,
+            "parameters": parameters.collect::<Vec<_>>(),
+            "faults": spec.faults.iter().map(|fault| fault.name).collect::<Vec<_>>(),
+        })
+    });
+    let states = system.program.states().iter().zip(&rest.states).map(|(state, value)| {
+        json!({
+            "name": state.name, "unit": state.unit.symbol(), "scale": state.scale, "rest": value,
+        })
+    });
+    let inputs = network.inputs.iter().map(
+        |input| json!({ "id": input.id, "unit": input.unit.symbol(), "default": input.default }),
+    );
+    let sensors = system.sensors.iter().map(|sensor| {
+        json!({
+            "id": sensor.id, "label": sensor.label, "signal": sensor.signal,
+            "unit": sensor.unit.symbol(), "scale": sensor.scale,
+        })
+    });
+    let eigenvalues = rest.eigenvalues.iter().map(|value| json!([value.re, value.im]));
+    json!({
+        "name": system.name, "title": system.title,
+        "components": components.collect::<Vec<_>>(),
+        "states": states.collect::<Vec<_>>(),
+        "inputs": inputs.collect::<Vec<_>>(),
+        "sensors": sensors.collect::<Vec<_>>(),
+        "eigenvalues_per_s": eigenvalues.collect::<Vec<_>>(),
+    })
+}

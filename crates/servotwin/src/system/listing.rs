@@ -1,0 +1,120 @@
+//! What a system has, by name, and every fault that its components can have as a list and a table.
+
+use super::System;
+use crate::nearest::UnknownName;
+use crate::table::{Column, Table};
+use servotwin_model::program::FaultAt;
+use servotwin_model::spec::Unit;
+
+/// A fault that a component of a system can have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ListedFault {
+    /// The id, e.g. `actuator_1.servo_valve.clogging_pa`.
+    pub id: String,
+    /// The component.
+    pub component: String,
+    /// The component's kind.
+    pub kind: &'static str,
+    /// What sort of fault it is.
+    pub category: &'static str,
+    /// The parameter that it changes.
+    pub parameter: &'static str,
+    /// The parameter's unit.
+    pub unit: Unit,
+    /// The parameter's value without the fault.
+    pub healthy: f64,
+    /// Its value at intensity 1.
+    pub full: f64,
+    /// What it means.
+    pub summary: &'static str,
+}
+
+impl System {
+    /// Every fault, in the order of components.
+    pub fn fault_list(&self) -> Vec<ListedFault> {
+        let mut list = Vec::new();
+        let healthy = self.program.parameters(&[]);
+        for (component, instance) in self.network().components.iter().enumerate() {
+            let spec = instance.component.spec();
+            for (fault, declared) in spec.faults.iter().enumerate() {
+                let place = spec.parameter(declared.parameter).expect("checked by the contract");
+                let full = self.program.parameters(&[FaultAt { component, fault, intensity: 1.0 }]);
+                list.push(ListedFault {
+                    id: format!("{}.{}", instance.id, declared.name),
+                    component: instance.id.clone(),
+                    kind: spec.kind,
+                    category: declared.category.name(),
+                    parameter: declared.parameter,
+                    unit: spec.parameters[place].unit,
+                    healthy: healthy[component][place],
+                    full: full[component][place],
+                    summary: declared.summary,
+                });
+            }
+        }
+        list
+    }
+
+    /// Every fault by its full name.
+    pub fn all_faults(&self) -> Vec<String> {
+        let components = self.network().components.iter();
+        let names = components.flat_map(|instance| {
+            let declared = instance.component.spec().faults.iter();
+            declared.map(|fault| format!("{}.{}", instance.id, fault.name))
+        });
+        names.collect()
+    }
+
+    /// A fault by its id, e.g. `actuator_1.servo_valve.clogging_pa`: (component, fault).
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn find_fault(&self, id: &str) -> Result<(usize, usize), UnknownName> {
+        let known = || self.all_faults();
+        let found = self.program.find_fault(id);
+        found.ok_or_else(|| UnknownName { what: "fault", given: id.into(), known: known() })
+    }
+
+    /// The place of an input.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn find_input(&self, id: &str) -> Result<usize, UnknownName> {
+        let inputs = &self.network().inputs;
+        let known = || inputs.iter().map(|input| input.id.clone()).collect();
+        let found = inputs.iter().position(|input| input.id == id);
+        found.ok_or_else(|| UnknownName { what: "input", given: id.into(), known: known() })
+    }
+
+    /// A parameter by its id, e.g. `actuator_1.cylinder.area_a_m2`: (component, parameter).
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn find_parameter(&self, id: &str) -> Result<(usize, usize), UnknownName> {
+        let known = || self.all_parameters();
+        let found = self.parameter(id);
+        found.ok_or_else(|| UnknownName { what: "parameter", given: id.into(), known: known() })
+    }
+}
+
+/// A list of faults as a table.
+pub fn fault_table(list: &[ListedFault]) -> Table {
+    let text = |name: &str, of: &dyn Fn(&ListedFault) -> &str| {
+        Column::new(name, "", list.iter().map(|line| of(line).to_owned()).collect::<Vec<String>>())
+    };
+    let numbers = |name: &str, of: &dyn Fn(&ListedFault) -> f64| {
+        Column::new(name, "", list.iter().map(of).collect::<Vec<f64>>())
+    };
+    let columns = vec![
+        text("id", &|line| &line.id),
+        text("component", &|line| &line.component),
+        text("kind", &|line| line.kind),
+        text("category", &|line| line.category),
+        text("parameter", &|line| line.parameter),
+        text("unit", &|line| line.unit.symbol()),
+        numbers("healthy", &|line| line.healthy),
+        numbers("at_intensity_1", &|line| line.full),
+        text("summary", &|line| line.summary),
+    ];
+    Table::from_columns(columns).expect("names are different and columns of one length")
+}

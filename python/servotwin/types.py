@@ -1,0 +1,33 @@
+"""What arguments may be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, TypedDict, Union
+
+import numpy as np
+import numpy.typing as npt
+
+Path = Union[str, "os.PathLike[str]"]
+"""A file or folder."""
+
+Signal = Union[str, float, Sequence[float], "npt.NDArray[np.float64]"]
+"""An input: a text as on the command line, a constant in SI, or its value at every sample."""
+
+Progress = Callable[[str, int, int], Any]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+Method = Literal["rodas3", "rodas4p2", "rodas5p", "rk4"]
+"""A method of the solver."""
+
+Between = Literal["hold", "line", "cubic"]
+"""How an input goes from sample to sample."""
+
+
+class Variant(TypedDict, total=False):
+    """A run that differs from others: every entry may be left out."""
+
+    inputs: dict[str, Signal]
+    faults: dict[str, float]
+    parameters: dict[str, float]

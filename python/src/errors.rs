@@ -1,0 +1,264 @@
+//! Errors of the toolkit as exceptions of `servotwin.errors`, with file, line and range.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use servotwin::document::{self, Explained, Located};
+use servotwin::files::FileError;
+use servotwin::nearest::UnknownName;
+use servotwin::rest::{RestError, Stopped};
+use servotwin::signal::{QuantityError, SignalError};
+use servotwin::study::StudyError;
+use servotwin::system::{Mistake, SystemError};
+use servotwin::table::{ContentError, TableError};
+use std::fmt::Display;
+
+/// What is known of an error besides its message.
+#[derive(Clone, Debug)]
+enum Detail {
+    Text(String),
+    Count(usize),
+    Number(f64),
+    Range(f64, f64),
+    Names(Vec<String>),
+    Mistakes(Vec<Place>),
+}
+
+/// A mistake at its place in a file.
+#[derive(Clone, Debug)]
+pub struct Place {
+    file: String,
+    line: usize,
+    column: usize,
+    width: usize,
+    message: String,
+    help: Option<String>,
+    range: Option<(f64, f64)>,
+}
+
+impl Place {
+    /// A mistake of a system file.
+    pub fn new(file: &str, located: &Located<Mistake>) -> Self {
+        let range = match &located.mistake {
+            Mistake::Document(document::Mistake::OutOfRange { min, max, .. }) => Some((*min, *max)),
+            Mistake::FluidTemperature { range_k, .. } => Some(*range_k),
+            _ => None,
+        };
+        Place {
+            file: file.into(),
+            line: located.line,
+            column: located.column,
+            width: located.width,
+            message: located.mistake.to_string(),
+            help: located.mistake.help(),
+            range,
+        }
+    }
+
+    /// The Python object.
+    pub fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let class = py.import("servotwin.errors")?.getattr("Mistake")?;
+        let Place { file, line, column, width, message, help, range } = self;
+        class.call1((file, *line, *column, *width, message, help.as_ref(), *range))
+    }
+}
+
+/// An error on its way to Python.
+#[derive(Clone, Debug)]
+pub struct Failure {
+    class: &'static str,
+    message: String,
+    details: Vec<(&'static str, Detail)>,
+}
+
+impl Failure {
+    fn new(class: &'static str, message: impl Display) -> Self {
+        Failure { class, message: message.to_string(), details: vec![] }
+    }
+
+    /// A value that is not as it must be.
+    pub fn value(message: impl Display) -> Self {
+        Self::new("InputError", message)
+    }
+
+    /// A number outside its range.
+    pub fn range(name: &str, value: f64, (least, largest): (f64, f64), unit: &str) -> Self {
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        let text = format!("{name} is {value}{unit}, but must be within {least} … {largest}{unit}");
+        Self::value(text).with("range", Detail::Range(least, largest))
+    }
+
+    /// The same error with a word in front, such as the input that it is about.
+    pub fn about(mut self, what: &str) -> Self {
+        self.message = format!("{what}: {}", self.message);
+        self
+    }
+
+    fn with(mut self, name: &'static str, detail: Detail) -> Self {
+        self.details.push((name, detail));
+        self
+    }
+
+    fn in_file(self, file: impl Display) -> Self {
+        self.with("file", Detail::Text(file.to_string()))
+    }
+
+    fn to_python(&self, py: Python<'_>) -> PyResult<PyErr> {
+        let class = py.import("servotwin.errors")?.getattr(self.class)?;
+        let details = PyDict::new(py);
+        for (name, detail) in &self.details {
+            match detail {
+                Detail::Text(text) => details.set_item(name, text)?,
+                Detail::Count(count) => details.set_item(name, count)?,
+                Detail::Number(number) => details.set_item(name, number)?,
+                Detail::Range(least, largest) => details.set_item(name, (least, largest))?,
+                Detail::Names(names) => details.set_item(name, names)?,
+                Detail::Mistakes(places) => {
+                    let places = places.iter().map(|place| place.to_python(py));
+                    details.set_item(name, places.collect::<PyResult<Vec<_>>>()?)?;
+                }
+            }
+        }
+        Ok(PyErr::from_value(class.call((&self.message,), Some(&details))?))
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> Self {
+        Python::attach(|py| failure.to_python(py).unwrap_or_else(|error| error))
+    }
+}
+
+impl From<FileError> for Failure {
+    fn from(error: FileError) -> Self {
+        let class = match error {
+            FileError::Missing { .. } | FileError::MissingFolder { .. } => "MissingFileError",
+            _ => "FileError",
+        };
+        let failure = Failure::new(class, &error).in_file(error.path().display());
+        match error {
+            FileError::NotText { line, .. } => failure.with("line", Detail::Count(line)),
+            _ => failure,
+        }
+    }
+}
+
+impl From<SystemError> for Failure {
+    fn from(error: SystemError) -> Self {
+        let message = error.to_string();
+        match error {
+            SystemError::File(error) => error.into(),
+            SystemError::Mistakes { path, mistakes } => {
+                let places: Vec<Place> =
+                    mistakes.iter().map(|located| Place::new(&path, located)).collect();
+                let mut failure = Failure::new("MistakesError", message).in_file(path);
+                if let Some(first) = places.first() {
+                    failure = failure
+                        .with("line", Detail::Count(first.line))
+                        .with("column", Detail::Count(first.column));
+                    if let Some((least, largest)) = first.range {
+                        failure = failure.with("range", Detail::Range(least, largest));
+                    }
+                }
+                failure.with("mistakes", Detail::Mistakes(places))
+            }
+        }
+    }
+}
+
+/// An error in a study's text.
+pub fn in_study(error: StudyError, text: &str) -> Failure {
+    let message = error.to_string();
+    let failure = |path: String| Failure::new("MistakesError", &message).in_file(path);
+    match error {
+        StudyError::File(error) => error.into(),
+        StudyError::System(error) => error.into(),
+        StudyError::Syntax { path, error } => {
+            let start = error.span().map_or(0, |span| span.start.min(text.len()));
+            let before = &text.as_bytes()[..start];
+            let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+            let column = 1 + String::from_utf8_lossy(&before[begin..]).chars().count();
+            failure(path).with("line", Detail::Count(line)).with("column", Detail::Count(column))
+        }
+        StudyError::OutOfRange { path, allowed, .. } => {
+            failure(path).with("allowed", Detail::Text(allowed.into()))
+        }
+        StudyError::Unknown { path, .. }
+        | StudyError::Signal { path, .. }
+        | StudyError::Empty { path, .. } => failure(path),
+    }
+}
+
+impl From<TableError> for Failure {
+    fn from(error: TableError) -> Self {
+        let message = error.to_string();
+        match error {
+            TableError::File(error) => error.into(),
+            TableError::UnknownFormat { path } => Self::value(message).in_file(path.display()),
+            TableError::Content { path, problem } => {
+                let failure = Failure::new("MistakesError", message).in_file(path.display());
+                match problem {
+                    ContentError::RaggedRow { line, .. }
+                    | ContentError::BadCell { line, .. }
+                    | ContentError::OpenQuote { line }
+                    | ContentError::TextAfterQuote { line }
+                    | ContentError::ZeroByte { line } => failure.with("line", Detail::Count(line)),
+                    _ => failure,
+                }
+            }
+            TableError::UnknownColumn { column, nearest } => {
+                let known = nearest.clone().into_iter().collect();
+                unknown(message, column, nearest, known)
+            }
+            _ => Self::value(message),
+        }
+    }
+}
+
+fn unknown(message: String, given: String, nearest: Option<String>, known: Vec<String>) -> Failure {
+    let failure = Failure::new("UnknownNameError", message).with("given", Detail::Text(given));
+    let failure = failure.with("known", Detail::Names(known));
+    match nearest {
+        Some(nearest) => failure.with("nearest", Detail::Text(nearest)),
+        None => failure,
+    }
+}
+
+impl From<UnknownName> for Failure {
+    fn from(error: UnknownName) -> Self {
+        let nearest = error.nearest().map(str::to_owned);
+        unknown(error.to_string(), error.given, nearest, error.known)
+    }
+}
+
+impl From<Stopped> for Failure {
+    fn from(stopped: Stopped) -> Self {
+        Failure::new("RunError", &stopped)
+            .with("time_s", Detail::Number(stopped.time_s))
+            .with("state", Detail::Text(stopped.state))
+    }
+}
+
+impl From<RestError> for Failure {
+    fn from(error: RestError) -> Self {
+        match error {
+            RestError::Stopped(stopped) => stopped.into(),
+            RestError::NotFinite => Failure::new("RunError", error),
+        }
+    }
+}
+
+impl From<SignalError> for Failure {
+    fn from(error: SignalError) -> Self {
+        match error {
+            SignalError::Table(error) => (*error).into(),
+            error => Self::value(error),
+        }
+    }
+}
+
+impl From<QuantityError> for Failure {
+    fn from(error: QuantityError) -> Self {
+        Self::value(error)
+    }
+}

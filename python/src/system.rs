@@ -1,0 +1,200 @@
+//! `System`: a system file, checked and compiled.
+
+use crate::errors::{Failure, Place};
+use crate::table::Table;
+use pyo3::prelude::*;
+use servotwin::rest;
+use servotwin::report::schematic;
+use servotwin::system::listing::fault_table;
+use servotwin::system::{System as Inner, SystemError};
+use servotwin::table::{Column, Table as Columns};
+use servotwin::files;
+use servotwin_model::spec::Unit;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A system that can be simulated; without a file the aileron with two actuators.
+#[pyclass(frozen, module = "servotwin")]
+pub struct System {
+    /// The compiled system.
+    pub inner: Arc<Inner>,
+    /// The file, as it was named.
+    path: String,
+}
+
+impl System {
+    /// The system of a study.
+    pub fn parsed(text: &str, path: &str) -> Result<Self, Failure> {
+        let inner = Arc::new(Inner::parse(text, path)?);
+        Ok(System { inner, path: path.into() })
+    }
+}
+
+/// Columns of texts and numbers, one row for each of a list.
+struct Lines<T>(Vec<T>);
+
+impl<T> Lines<T> {
+    fn text(&self, name: &str, of: impl Fn(&T) -> String) -> Column {
+        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
+    }
+
+    fn number(&self, name: &str, of: impl Fn(&T) -> f64) -> Column {
+        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
+    }
+}
+
+fn table(columns: Vec<Column>) -> Table {
+    Columns::from_columns(columns).expect("different names, one length").into()
+}
+
+fn symbol(unit: Unit) -> String {
+    unit.symbol().into()
+}
+
+#[pymethods]
+impl System {
+    /// The system in a file; the built-in aileron with two actuators without one.
+    #[new]
+    #[pyo3(signature = (path = None))]
+    fn new(py: Python<'_>, path: Option<PathBuf>) -> PyResult<Self> {
+        match path {
+            Some(path) => Self::load(py, path),
+            None => {
+                let inner = Arc::new(py.detach(Inner::default));
+                Ok(System { inner, path: "systems/aileron_dual.toml".into() })
+            }
+        }
+    }
+
+    /// Reads a system file.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let read = || -> Result<Self, Failure> {
+            Self::parsed(&files::read_text(&path)?, &path.display().to_string())
+        };
+        Ok(py.detach(read)?)
+    }
+
+    /// Reads a system from a text; `path` is only shown in mistakes.
+    #[staticmethod]
+    #[pyo3(signature = (text, path = "system.toml"))]
+    fn parse(py: Python<'_>, text: &str, path: &str) -> PyResult<Self> {
+        Ok(py.detach(|| Self::parsed(text, path))?)
+    }
+
+    /// Every mistake of a system file; an empty list if it is right.
+    #[staticmethod]
+    fn check<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        match py.detach(|| Inner::read(&path)) {
+            Ok(_) => Ok(vec![]),
+            Err(SystemError::File(error)) => Err(Failure::from(error).into()),
+            Err(SystemError::Mistakes { path, mistakes }) => {
+                mistakes.iter().map(|located| Place::new(&path, located).to_python(py)).collect()
+            }
+        }
+    }
+
+    /// The name in files and commands.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// One line for people.
+    #[getter]
+    fn title(&self) -> &str {
+        &self.inner.title
+    }
+
+    /// The text of the file.
+    #[getter]
+    fn text(&self) -> &str {
+        &self.inner.text
+    }
+
+    /// The components: id, kind, summary.
+    #[getter]
+    fn components(&self) -> Table {
+        let lines = Lines(self.inner.network().components.iter().collect());
+        table(vec![
+            lines.text("id", |line| line.id.clone()),
+            lines.text("kind", |line| line.component.spec().kind.into()),
+            lines.text("summary", |line| line.component.spec().summary.into()),
+        ])
+    }
+
+    /// Every parameter of every component with its value and allowed range, SI.
+    #[getter]
+    fn parameters(&self) -> Table {
+        let components = self.inner.network().components.iter();
+        let all = components.flat_map(|instance| {
+            let declared = instance.component.spec().parameters.iter().zip(&instance.parameters);
+            declared.map(move |(declared, value)| (instance, declared, *value))
+        });
+        let lines = Lines(all.collect());
+        table(vec![
+            lines.text("id", |(instance, declared, _)| format!("{}.{}", instance.id, declared.name)),
+            lines.text("component", |(instance, _, _)| instance.id.clone()),
+            lines.text("unit", |(_, declared, _)| symbol(declared.unit)),
+            lines.number("value", |(_, _, value)| *value),
+            lines.number("least", |(_, declared, _)| declared.min),
+            lines.number("largest", |(_, declared, _)| declared.max),
+            lines.text("summary", |(_, declared, _)| declared.summary.into()),
+        ])
+    }
+
+    /// Every fault that the components can have.
+    #[getter]
+    fn faults(&self) -> Table {
+        fault_table(&self.inner.fault_list()).into()
+    }
+
+    /// The inputs with unit and default.
+    #[getter]
+    fn inputs(&self) -> Table {
+        let lines = Lines(self.inner.network().inputs.iter().collect());
+        table(vec![
+            lines.text("id", |line| line.id.clone()),
+            lines.text("unit", |line| symbol(line.unit)),
+            lines.number("default", |line| line.default),
+        ])
+    }
+
+    /// The sensors with unit and scale.
+    #[getter]
+    fn sensors(&self) -> Table {
+        let lines = Lines(self.inner.sensors.iter().collect());
+        table(vec![
+            lines.text("id", |line| line.id.clone()),
+            lines.text("label", |line| line.label.clone()),
+            lines.text("signal", |line| line.signal.clone()),
+            lines.text("unit", |line| symbol(line.unit)),
+            lines.number("scale", |line| line.scale),
+        ])
+    }
+
+    /// Components, states at rest, inputs, sensors and eigenvalues, SI.
+    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = py.detach(|| -> Result<String, Failure> {
+            Ok(rest::describe(&self.inner, &rest::of(&self.inner)?).to_string())
+        })?;
+        py.import("json")?.call_method1("loads", (text,))
+    }
+
+    fn __repr__(&self) -> String {
+        let components = self.inner.network().components.len();
+        let states = self.inner.program.states().len();
+        format!("System('{}', {components} components, {states} states)", self.inner.name)
+    }
+
+    /// Components and connections.
+    fn _repr_svg_(&self) -> String {
+        schematic::of(&self.inner).draw().svg
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let make = slf.py().get_type::<System>().getattr("parse")?;
+        let this = slf.get();
+        Ok((make, (this.inner.text.clone(), this.path.clone())).into_pyobject(slf.py())?.into_any())
+    }
+}
