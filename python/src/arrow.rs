@@ -98,12 +98,8 @@ impl ArrowSchema {
         let (format, name, metadata) = (text(format), text(name), packed(pairs));
         let children: Vec<*mut ArrowSchema> =
             children.into_iter().map(|child| Box::into_raw(Box::new(child))).collect();
-        let mut owner = Box::new(SchemaOwner {
-            _metadata: metadata,
-            _format: format,
-            _name: name,
-            children,
-        });
+        let mut owner =
+            Box::new(SchemaOwner { _metadata: metadata, _format: format, _name: name, children });
         ArrowSchema {
             format: owner._format.as_ptr(),
             name: owner._name.as_ptr(),

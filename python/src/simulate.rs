@@ -16,7 +16,9 @@ use servotwin::system::System as Inner;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{Control, Knot, Method, Settings};
-use std::collections::BTreeSet;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// More values than this are not recorded at once.
 const MOST_VALUES: f64 = 2e8;
@@ -26,6 +28,8 @@ pub struct Plan {
     duration_s: f64,
     period_s: f64,
     settings: Settings,
+    /// Signals by input and text: variants often share theirs.
+    built: RefCell<BTreeMap<(usize, String), Arc<Piecewise>>>,
 }
 
 /// A number within a range.
@@ -68,7 +72,7 @@ pub struct Given {
     pub faults: Vec<FaultAt>,
     /// Parameters that differ.
     pub overrides: Vec<(usize, usize, f64)>,
-    curves: Vec<Piecewise>,
+    curves: Vec<Arc<Piecewise>>,
     driven: Vec<String>,
 }
 
@@ -109,6 +113,15 @@ pub fn overrides(
 }
 
 impl Plan {
+    fn new(duration_s: f64, period_s: f64, settings: Settings) -> Result<Self, Failure> {
+        Ok(Plan {
+            duration_s: within("duration_s", duration_s, (1e-6, 1e6), "s")?,
+            period_s: within("sample_period_s", period_s, (1e-6, 1e6), "s")?,
+            settings,
+            built: RefCell::default(),
+        })
+    }
+
     fn given(
         &self,
         system: &Inner,
@@ -119,7 +132,7 @@ impl Plan {
         let mut given = Given {
             faults: faults(system, faults_given)?,
             overrides: overrides(system, parameters)?,
-            curves: system.default_inputs(),
+            curves: system.default_inputs().into_iter().map(Arc::new).collect(),
             driven: vec![],
         };
         for (id, signal) in inputs.into_iter().flatten() {
@@ -137,17 +150,22 @@ impl Plan {
         system: &Inner,
         place: usize,
         signal: &Bound<'_, PyAny>,
-    ) -> PyResult<Piecewise> {
+    ) -> PyResult<Arc<Piecewise>> {
         let input = &system.network().inputs[place];
         let about = |failure: Failure| failure.about(&input.id);
         let bad = |error| about(Failure::value(error));
         if let Ok(text) = signal.extract::<String>() {
+            if let Some(curve) = self.built.borrow().get(&(place, text.clone())) {
+                return Ok(curve.clone());
+            }
             let signal: Signal = text.parse().map_err(|e| about(Failure::from(e)))?;
             let curve = signal.build(input.unit, self.duration_s);
-            return Ok(curve.map_err(|e| about(Failure::from(e)))?);
+            let curve = Arc::new(curve.map_err(|e| about(Failure::from(e)))?);
+            self.built.borrow_mut().insert((place, text), curve.clone());
+            return Ok(curve);
         }
         if let Ok(value) = signal.extract::<f64>() {
-            return Ok(Piecewise::constant(value).map_err(bad)?);
+            return Ok(Arc::new(Piecewise::constant(value).map_err(bad)?));
         }
         let (values, shape) = array::numbers(signal)?;
         if shape.len() != 1 || values.is_empty() {
@@ -158,7 +176,7 @@ impl Plan {
         let mut bus = Bus::default();
         let knots: Vec<Knot> = values.iter().map(|&v| bus.next(v, self.period_s)).collect();
         let slopes: Vec<f64> = knots.iter().map(|knot| knot.slope_per_s).collect();
-        Ok(Piecewise::hermite(&times, &values, &slopes).map_err(bad)?)
+        Ok(Arc::new(Piecewise::hermite(&times, &values, &slopes).map_err(bad)?))
     }
 
     /// Runs the variants; the recorded values of each, in their order.
@@ -177,12 +195,13 @@ impl Plan {
                         choose with record, or a longer sample_period_s";
             return Err(Failure::value(text).into());
         }
+        let (duration_s, period_s, settings) = (self.duration_s, self.period_s, self.settings);
         let tables = long(py, progress, |watch| -> Result<Vec<Table>, Failure> {
             let mut ensemble = Ensemble {
-                settings: self.settings,
+                settings,
                 record: recorded.iter().map(|one| one.slot).collect(),
-                duration_s: self.duration_s,
-                sample_period_s: self.period_s,
+                duration_s,
+                sample_period_s: period_s,
                 cancel: Some(&watch.cancel),
                 ..Ensemble::new(&system.program)
             };
@@ -194,7 +213,7 @@ impl Plan {
                 |place| {
                     let Given { faults, overrides, curves, .. } = &variants[place];
                     let (faults, overrides) = (faults.clone(), overrides.clone());
-                    let inputs = curves.iter().collect();
+                    let inputs = curves.iter().map(Arc::as_ref).collect();
                     Variant { faults, overrides, inputs, ..Variant::default() }
                 },
                 |_| vec![Vec::with_capacity(ensemble.samples()); recorded.len()],
@@ -215,7 +234,11 @@ impl Plan {
             if let Some((place, failure)) = stopped {
                 let failure = Failure::from(Stopped::new(system, failure));
                 let many = variants.len() > 1;
-                return Err(if many { failure.about(&format!("variant {place}")) } else { failure });
+                return Err(if many {
+                    failure.about(&format!("variant {place}"))
+                } else {
+                    failure
+                });
             }
             let tables = runs.into_iter().flatten().map(|values| -> Result<Table, Failure> {
                 let times = recording::times_s(&ensemble);
@@ -249,11 +272,7 @@ pub fn simulate(
     tolerance: f64,
     step_s: Option<f64>,
 ) -> PyResult<Table> {
-    let plan = Plan {
-        duration_s: within("duration_s", duration_s, (1e-6, 1e6), "s")?,
-        period_s: within("sample_period_s", sample_period_s, (1e-6, 1e6), "s")?,
-        settings: settings(method, tolerance, step_s)?,
-    };
+    let plan = Plan::new(duration_s, sample_period_s, settings(method, tolerance, step_s)?)?;
     let inner = &system.inner;
     let given = plan.given(inner, inputs, faults, parameters)?;
     let driven: Vec<&str> = given.driven.iter().map(String::as_str).collect();
@@ -283,11 +302,7 @@ pub fn simulate_many(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Table>> {
-    let plan = Plan {
-        duration_s: within("duration_s", duration_s, (1e-6, 1e6), "s")?,
-        period_s: within("sample_period_s", sample_period_s, (1e-6, 1e6), "s")?,
-        settings: settings(method, tolerance, step_s)?,
-    };
+    let plan = Plan::new(duration_s, sample_period_s, settings(method, tolerance, step_s)?)?;
     let inner = &system.inner;
     let given = variants.iter().map(|variant| {
         let known = ["inputs", "faults", "parameters"];

@@ -3,12 +3,12 @@
 use crate::errors::{Failure, Place};
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::rest;
+use servotwin::files;
 use servotwin::report::schematic;
+use servotwin::rest;
 use servotwin::system::listing::fault_table;
 use servotwin::system::{System as Inner, SystemError};
 use servotwin::table::{Column, Table as Columns};
-use servotwin::files;
 use servotwin_model::spec::Unit;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -133,7 +133,8 @@ impl System {
         });
         let lines = Lines(all.collect());
         table(vec![
-            lines.text("id", |(instance, declared, _)| format!("{}.{}", instance.id, declared.name)),
+            lines
+                .text("id", |(instance, declared, _)| format!("{}.{}", instance.id, declared.name)),
             lines.text("component", |(instance, _, _)| instance.id.clone()),
             lines.text("unit", |(_, declared, _)| symbol(declared.unit)),
             lines.number("value", |(_, _, value)| *value),
