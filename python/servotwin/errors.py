@@ -15,6 +15,7 @@ class Mistake(NamedTuple):
     message: str
     help: Optional[str]
     range: Optional[tuple[float, float]]
+    allowed: Optional[str]
 
 
 class Error(Exception):

@@ -7,8 +7,8 @@ use servotwin::files::FileError;
 use servotwin::nearest::UnknownName;
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
-use servotwin::study::StudyError;
-use servotwin::system::{Mistake, SystemError};
+use servotwin::study::{self, StudyError};
+use servotwin::system::{self, SystemError};
 use servotwin::table::{ContentError, TableError};
 use std::fmt::Display;
 
@@ -33,16 +33,60 @@ pub struct Place {
     message: String,
     help: Option<String>,
     range: Option<(f64, f64)>,
+    allowed: Option<String>,
+}
+
+/// A mistake that may know what is allowed.
+pub trait Bounded: Explained {
+    /// The least and the largest number.
+    fn range(&self) -> Option<(f64, f64)> {
+        None
+    }
+
+    /// What is allowed, in words.
+    fn allowed(&self) -> Option<String> {
+        None
+    }
+}
+
+impl Bounded for document::Mistake {
+    fn range(&self) -> Option<(f64, f64)> {
+        match self {
+            document::Mistake::OutOfRange { min, max, .. } => Some((*min, *max)),
+            _ => None,
+        }
+    }
+}
+
+impl Bounded for system::Mistake {
+    fn range(&self) -> Option<(f64, f64)> {
+        match self {
+            system::Mistake::Document(mistake) => mistake.range(),
+            system::Mistake::FluidTemperature { range_k, .. } => Some(*range_k),
+            _ => None,
+        }
+    }
+}
+
+impl Bounded for study::Mistake {
+    fn range(&self) -> Option<(f64, f64)> {
+        match self {
+            study::Mistake::Document(mistake) => mistake.range(),
+            _ => None,
+        }
+    }
+
+    fn allowed(&self) -> Option<String> {
+        match self {
+            study::Mistake::OutOfRange { allowed, .. } => Some(allowed.clone()),
+            _ => None,
+        }
+    }
 }
 
 impl Place {
-    /// A mistake of a system file.
-    pub fn new(file: &str, located: &Located<Mistake>) -> Self {
-        let range = match &located.mistake {
-            Mistake::Document(document::Mistake::OutOfRange { min, max, .. }) => Some((*min, *max)),
-            Mistake::FluidTemperature { range_k, .. } => Some(*range_k),
-            _ => None,
-        };
+    /// A mistake of a file.
+    pub fn new<M: Bounded>(file: &str, located: &Located<M>) -> Self {
         Place {
             file: file.into(),
             line: located.line,
@@ -50,15 +94,17 @@ impl Place {
             width: located.width,
             message: located.mistake.to_string(),
             help: located.mistake.help(),
-            range,
+            range: located.mistake.range(),
+            allowed: located.mistake.allowed(),
         }
     }
 
     /// The Python object.
     pub fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let class = py.import("servotwin.errors")?.getattr("Mistake")?;
-        let Place { file, line, column, width, message, help, range } = self;
-        class.call1((file, *line, *column, *width, message, help.as_ref(), *range))
+        let Place { file, line, column, width, message, help, range, allowed } = self;
+        let (help, allowed) = (help.as_ref(), allowed.as_ref());
+        class.call1((file, *line, *column, *width, message, help, *range, allowed))
     }
 }
 
@@ -147,46 +193,38 @@ impl From<SystemError> for Failure {
         let message = error.to_string();
         match error {
             SystemError::File(error) => error.into(),
-            SystemError::Mistakes { path, mistakes } => {
-                let places: Vec<Place> =
-                    mistakes.iter().map(|located| Place::new(&path, located)).collect();
-                let mut failure = Failure::new("MistakesError", message).in_file(path);
-                if let Some(first) = places.first() {
-                    failure = failure
-                        .with("line", Detail::Count(first.line))
-                        .with("column", Detail::Count(first.column));
-                    if let Some((least, largest)) = first.range {
-                        failure = failure.with("range", Detail::Range(least, largest));
-                    }
-                }
-                failure.with("mistakes", Detail::Mistakes(places))
-            }
+            SystemError::Mistakes { path, mistakes } => in_file(message, &path, &mistakes),
         }
     }
 }
 
-/// An error in a study's text.
-pub fn in_study(error: StudyError, text: &str) -> Failure {
-    let message = error.to_string();
-    let failure = |path: String| Failure::new("MistakesError", &message).in_file(path);
-    match error {
-        StudyError::File(error) => error.into(),
-        StudyError::System(error) => error.into(),
-        StudyError::Syntax { path, error } => {
-            let start = error.span().map_or(0, |span| span.start.min(text.len()));
-            let before = &text.as_bytes()[..start];
-            let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
-            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
-            let column = 1 + String::from_utf8_lossy(&before[begin..]).chars().count();
-            failure(path).with("line", Detail::Count(line)).with("column", Detail::Count(column))
+impl From<StudyError> for Failure {
+    fn from(error: StudyError) -> Self {
+        let message = error.to_string();
+        match error {
+            StudyError::File(error) => error.into(),
+            StudyError::System(error) => error.into(),
+            StudyError::Mistakes { path, mistakes } => in_file(message, &path, &mistakes),
         }
-        StudyError::OutOfRange { path, allowed, .. } => {
-            failure(path).with("allowed", Detail::Text(allowed.into()))
-        }
-        StudyError::Unknown { path, .. }
-        | StudyError::Signal { path, .. }
-        | StudyError::Empty { path, .. } => failure(path),
     }
+}
+
+/// All mistakes of a file; what is known of the first is known of the error.
+fn in_file<M: Bounded>(message: String, path: &str, mistakes: &[Located<M>]) -> Failure {
+    let places: Vec<Place> = mistakes.iter().map(|located| Place::new(path, located)).collect();
+    let mut failure = Failure::new("MistakesError", message).in_file(path);
+    if let Some(first) = places.first() {
+        failure = failure
+            .with("line", Detail::Count(first.line))
+            .with("column", Detail::Count(first.column));
+        if let Some((least, largest)) = first.range {
+            failure = failure.with("range", Detail::Range(least, largest));
+        }
+        if let Some(allowed) = &first.allowed {
+            failure = failure.with("allowed", Detail::Text(allowed.clone()));
+        }
+    }
+    failure.with("mistakes", Detail::Mistakes(places))
 }
 
 impl From<TableError> for Failure {

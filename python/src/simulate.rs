@@ -109,6 +109,9 @@ pub fn overrides(
         let value = within(&id, value.extract()?, range, declared.unit.symbol())?;
         list.push((component, parameter, value));
     }
+    if !list.is_empty() {
+        system.possible_with(&list).map_err(Failure::value)?;
+    }
     Ok(list)
 }
 
@@ -159,7 +162,7 @@ impl Plan {
                 return Ok(curve.clone());
             }
             let signal: Signal = text.parse().map_err(|e| about(Failure::from(e)))?;
-            let curve = signal.build(input.unit, self.duration_s);
+            let curve = system.driven(place, &signal, self.duration_s);
             let curve = Arc::new(curve.map_err(|e| about(Failure::from(e)))?);
             self.built.borrow_mut().insert((place, text), curve.clone());
             return Ok(curve);

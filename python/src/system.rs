@@ -3,7 +3,6 @@
 use crate::errors::{Failure, Place};
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::files;
 use servotwin::report::schematic;
 use servotwin::rest;
 use servotwin::system::listing::fault_table;
@@ -66,11 +65,12 @@ impl System {
         }
     }
 
-    /// Reads a system file.
+    /// Reads a system file, or a built-in system by its name.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let read = || -> Result<Self, Failure> {
-            Self::parsed(&files::read_text(&path)?, &path.display().to_string())
+            let inner = Arc::new(Inner::read(&path)?);
+            Ok(System { inner, path: path.display().to_string() })
         };
         Ok(py.detach(read)?)
     }

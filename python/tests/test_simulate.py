@@ -85,7 +85,7 @@ def test_parameters_change_a_run_and_have_a_range(system):
     "options, word",
     [
         ({"faults": {"actuator_1.leakage_a.leakag": 0.5}}, FAULT),
-        ({"inputs": {"comand": "1deg"}}, "command"),
+        ({"inputs": {"comand": 0.1}}, "command"),
         ({"record": ["p_a_11"]}, "p_a_1"),
         ({"parameters": {"actuator_1.nothing": 1.0}}, None),
     ],

@@ -459,7 +459,8 @@ impl<'s> Plan<'s> {
 
     /// All runs below each other, with the value of the sweep as the first column.
     fn table(&self, times_s: &[f64], runs: &[Given]) -> Result<Table, Failure> {
-        let below = |place: usize| runs.iter().flat_map(|run| run.0[place].iter().copied()).collect();
+        let below =
+            |place: usize| runs.iter().flat_map(|run| run.0[place].iter().copied()).collect();
         let values = (0..self.recorded.len()).map(below).collect();
         let times = times_s.repeat(runs.len());
         let table = recording::table(self.system, &self.recorded, times, values)?;
@@ -468,7 +469,9 @@ impl<'s> Plan<'s> {
         let (name, unit) = (with_suffix(&sweep.id, sweep.unit), sweep.unit.symbol());
         let first = Column::new(&name, unit, of_run.collect::<Vec<f64>>());
         let columns = [first].into_iter().chain(table.columns().iter().cloned()).collect();
-        Ok(Table { metadata: table.metadata.clone(), ..Table::from_columns(columns)? })
+        let mut whole = Table::from_columns(columns)?;
+        whole.metadata = table.metadata;
+        Ok(whole)
     }
 
     /// One panel per unit, in the order they appear.
