@@ -22,9 +22,9 @@ pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// Only perfect sensors and a plant that is the twin (ideal), only sensors with noise and
-    /// quantisation (noise), or only these and specimens with tolerances (realistic)
-    /// [default: all].
-    #[arg(long, value_parser = ["ideal", "noise", "realistic"])]
+    /// quantisation (noise), only these and specimens with tolerances (realistic), or specimens beside
+    /// twins that are fitted to them (fitted) [default: all but fitted].
+    #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
     setting: Option<String>,
     /// Write the time series of every variant, too (gigabytes).
     #[arg(long)]
@@ -39,12 +39,17 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
     stop::listen();
-    let named =
-        |setting: Setting| options.setting.as_deref().is_none_or(|name| name == setting.name());
+    let named = |setting: Setting| match options.setting.as_deref() {
+        Some(name) => name == setting.name(),
+        None => setting.is_usual(),
+    };
     let groups = Setting::groups(&study, named);
     if groups.is_empty() {
-        // A setting was named that the study does not have: the campaign says so.
-        return Err(CampaignError::NoRealism.into());
+        // A setting was named that the study does not have.
+        let setting = Setting::ALL.into_iter().find(|setting| named(*setting));
+        return Err(
+            CampaignError::NoSection { setting: setting.expect("one that is named") }.into()
+        );
     }
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;

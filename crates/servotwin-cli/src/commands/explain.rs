@@ -32,7 +32,7 @@ pub struct Options {
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
     /// Which data set, with which sensors.
-    #[arg(long, value_parser = ["ideal", "noise", "realistic", "extra_sensor"], default_value = "ideal")]
+    #[arg(long, value_parser = Subject::ALL.map(Subject::name), default_value = "ideal")]
     subject: String,
 }
 

@@ -12,6 +12,7 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::job::{self, Folder, report};
 use servotwin::study::Setting;
+use servotwin::study::campaign::CampaignError;
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
@@ -22,6 +23,10 @@ use std::time::Instant;
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
+    /// Also the setting in which every specimen has a twin that was fitted to it in a calibration
+    /// flight.
+    #[arg(long)]
+    fitted: bool,
 }
 
 /// The text for standard output.
@@ -31,10 +36,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::listen();
     // What cannot be flown is told now, not after the campaigns.
     let flights = study.flights()?;
+    if options.fitted && !Setting::Fitted.is_possible(&study) {
+        return Err(CampaignError::NoSection { setting: Setting::Fitted }.into());
+    }
+    let wanted = |setting: Setting| setting.is_usual() || options.fitted;
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let notes = Notes::new(global);
-    for (role, settings) in runs(&study, Setting::groups(&study, |_| true)) {
+    for (role, settings) in runs(&study, Setting::groups(&study, wanted)) {
         let begin = Instant::now();
         let campaign = campaign(&study, role, settings, &folder, options.study.threads);
         let outcome = simulate(&campaign, global)?;

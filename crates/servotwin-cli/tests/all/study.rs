@@ -40,6 +40,16 @@ title = "third stroke sensor"
 [realistic]
 seed = 3
 healthy = 4
+tolerances = [
+    {{ parameters = ["servo_valve.null_bias"], sigma = 0.0067, absolute = true }},
+    {{ parameters = ["cylinder.coulomb_friction_n"], sigma = 0.1 }},
+]
+[fitted]
+command = "noise:rms=4deg,bandwidth=1Hz,seed=9"
+duration_s = 5
+judge = 4
+learn = 4
+in_each_case = 2
 [training]
 duration_s = 2
 healthy = 3
@@ -132,10 +142,11 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     let folder = Folder::new("study");
     let study = write_study(&folder, CLASSES);
     let (whole, staged) = (folder.file("whole"), folder.file("staged"));
-    let output = run(&["study", &study, "--out", &whole, "--threads", "1"]);
+    let output = run(&["study", &study, "--out", &whole, "--threads", "1", "--fitted"]);
     assert!(stdout(&output).starts_with("new command\n"), "{}", stdout(&output));
     assert!(stdout(&output).contains("wrong actuator shut down"));
     run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
+    run(&["campaign", &study, "--out", &staged, "--setting", "fitted"]);
     run(&["train", &staged]);
     run(&["flights", &study, "--out", &staged, "--threads", "2"]);
     run(&["evaluate", &staged, "--threads", "2"]);
@@ -183,12 +194,12 @@ fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
     let study = write_study(&folder, CLASSES);
     let (calm, killed) = (folder.file("calm"), folder.file("killed"));
     let begin = std::time::Instant::now();
-    run(&["study", &study, "--out", &calm]);
+    run(&["study", &study, "--out", &calm, "--fitted"]);
     let whole = begin.elapsed().as_millis() as u64;
     let mut random = 12_345_u64;
     for _ in 0..10 {
         let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
-            .args(["study", &study, "--out", &killed])
+            .args(["study", &study, "--out", &killed, "--fitted"])
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
@@ -198,7 +209,7 @@ fn a_study_that_is_killed_ten_times_ends_with_the_same_bytes() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    run(&["study", &study, "--out", &killed]);
+    run(&["study", &study, "--out", &killed, "--fitted"]);
     assert_same(&contents(Path::new(&calm)), &contents(Path::new(&killed)));
 }
 
@@ -213,6 +224,10 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     let study = write_study(&folder, CLASSES);
     // A file where a folder is needed, and a folder that nobody can write to.
     fails(&["study", &study, "--out", &study], 1, "tiny.toml");
+    let spring = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/spring_actuator.toml");
+    fails(&["study", spring, "--out", &out, "--fitted"], 1, "[realistic] and [fitted] sections");
+    fails(&["campaign", spring, "--out", &out, "--setting", "fitted"], 1, "setting 'fitted' needs");
+    assert!(!Path::new(&out).exists());
     fails(&["study", &study, "--out", "/proc/servotwin"], 1, "/proc/servotwin");
     for stage in [&["train", &out][..], &["evaluate", &out], &["report", &out]] {
         fails(stage, 2, "a table needs");

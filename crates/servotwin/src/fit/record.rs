@@ -161,6 +161,22 @@ impl From<TableError> for RecordError {
 }
 
 impl Record {
+    /// What a logger keeps of a flight with given inputs: their samples, and `measured`.
+    pub fn logged(
+        name: &str,
+        inputs: &[Piecewise],
+        sensors: Vec<usize>,
+        period_s: f64,
+        measured: Vec<f64>,
+    ) -> Self {
+        let samples = measured.len() / sensors.len().max(1);
+        let sampled = |signal: &Piecewise| -> Vec<f64> {
+            (0..samples).map(|k| signal.value(k as f64 * period_s)).collect()
+        };
+        let inputs = inputs.iter().map(|signal| smooth(period_s, &sampled(signal))).collect();
+        Record { name: name.into(), period_s, inputs, sensors, measured }
+    }
+
     /// Reads a record from a table.
     ///
     /// # Errors

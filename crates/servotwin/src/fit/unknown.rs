@@ -140,6 +140,15 @@ impl Unknown {
         self.nominal() + z * self.per_sigma(self.nominal())
     }
 
+    /// By how many standard deviations of the tolerance its first parameter is off in some parameters; 0
+    /// where it is not among them, and for a fault.
+    pub fn sigmas(&self, overrides: &[(usize, usize, f64)]) -> f64 {
+        let Moved::Parameters { members, .. } = &self.moved else { return 0.0 };
+        let (component, parameter, nominal) = members[0];
+        let own = overrides.iter().find(|own| (own.0, own.1) == (component, parameter));
+        own.map_or(0.0, |own| (own.2 - nominal) / self.per_sigma(nominal))
+    }
+
     /// Puts it into a variant.
     pub fn apply(
         &self,

@@ -5,6 +5,7 @@
 //! | `study.toml`, `system.toml` | campaign: the texts that everything comes from |
 //! | `dataset-<setting>.parquet`, `shards/` | campaign: the cases that are judged |
 //! | `dataset-<setting>-training.parquet` | campaign: the training commands |
+//! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
 //! | `hierarchy-<subject>.json` | train: the nine trees |
 //! | `panel-<subject>.json` | train: trees, committee and bands |
 //! | `diagnoser-<setting>.json` | flights: all that it takes to diagnose beside an actuator |
@@ -15,7 +16,7 @@
 
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
-use crate::study::campaign::CampaignError;
+use crate::study::campaign::{CampaignError, calibration_file};
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 
@@ -99,6 +100,7 @@ impl Folder {
         let models = |subject| [self.hierarchy(subject), self.panel(subject)];
         files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
+        files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.flights(), self.results(), self.report()]);
         files.retain(|file| file.exists());
         files.extend(self.figure_files()?);

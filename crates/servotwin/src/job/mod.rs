@@ -12,6 +12,8 @@ pub mod manifest;
 pub mod report;
 pub mod results;
 mod subject;
+#[cfg(test)]
+mod tests;
 
 pub use error::JobError;
 pub use folder::Folder;

@@ -17,7 +17,7 @@ fn quantities() -> Vec<&'static str> {
 }
 
 /// The keys of a study file.
-pub(crate) static STUDY: [Key; 17] = [
+pub(crate) static STUDY: [Key; 18] = [
     must("format", Value::Whole(FORMAT as f64, FORMAT as f64), "of this file"),
     must("name", Value::Text, "the name in files"),
     must("title", Value::Text, "one line for people"),
@@ -32,6 +32,7 @@ pub(crate) static STUDY: [Key; 17] = [
     may("extra_sensor", Value::Table(&EXTRA), "a sensor that the system could have"),
     may("classes", Value::List(0, &Value::Table(&CLASS)), "faults, and what must be done"),
     may("realistic", Value::Table(&REALISTIC), "how reality differs from the twin"),
+    may("fitted", Value::Table(&FITTED), "specimens beside twins that are fitted to them"),
     may("training", Value::Table(&TRAINING), "commands to learn from"),
     may("flights", Value::Table(&FLIGHTS), "flights in which a fault begins"),
     may("reactions", Value::Names(0, &Value::Table(&REACTION)), "what a command does"),
@@ -69,6 +70,14 @@ static REALISTIC: [Key; 3] = [
     must("seed", SEED, "of noise and specimens"),
     may("healthy", Value::Whole(0.0, MOST), "fault-free specimens for each case"),
     may("tolerances", Value::List(0, &Value::Table(&TOLERANCE)), "how specimens differ"),
+];
+
+static FITTED: [Key; 5] = [
+    must("command", Value::Signal, "the calibration flight"),
+    must("duration_s", Value::Number(5.0, 1e4, "s"), "length of the calibration flight"),
+    must("judge", Value::Whole(1.0, MOST), "specimens whose records are judged"),
+    must("learn", Value::Whole(1.0, MOST), "specimens that fly training commands"),
+    must("in_each_case", Value::Whole(1.0, MOST), "how many of them fly the same case"),
 ];
 
 static TOLERANCE: [Key; 3] = [

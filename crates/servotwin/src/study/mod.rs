@@ -5,6 +5,7 @@
 //! it come the fault list ([`faults`]), the campaign ([`campaign`]) and the data
 //! set.
 
+mod calibration;
 pub mod campaign;
 pub mod faults;
 pub mod flights;
@@ -15,12 +16,13 @@ mod reader;
 mod realism;
 mod training;
 
+pub use calibration::Calibration;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
 pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
 pub(crate) use realism::Imperfection;
-pub use realism::{Lot, Realism, Role, Setting, Tolerance};
+pub use realism::{Lot, Plants, Realism, Role, Setting, Tolerance};
 pub use training::Training;
 
 use crate::built_in;
@@ -64,6 +66,7 @@ struct Text {
     #[serde(default)]
     classes: Vec<ClassText>,
     realistic: Option<realism::Text>,
+    fitted: Option<calibration::Text>,
     training: Option<training::Text>,
     flights: Option<flights::Text>,
     #[serde(default)]
@@ -152,6 +155,8 @@ pub struct Study {
     pub extra_sensor: Option<String>,
     /// How reality differs from the twin.
     pub realism: Option<Realism>,
+    /// The calibration flight of the fitted setting, and its specimens.
+    pub calibration: Option<Calibration>,
     /// The flights from which the diagnosis learns, where they are others than those it is judged
     /// on.
     pub training: Option<Training>,
@@ -238,6 +243,7 @@ impl Study {
             cases,
             command_input,
             realism,
+            calibration,
             training,
             reactions,
         } = reader.finish(parts)?;
@@ -257,6 +263,7 @@ impl Study {
             measured,
             sensors,
             realism,
+            calibration,
             training,
             reactions,
             path: path.into(),
@@ -466,6 +473,7 @@ struct Parts {
     cases: Vec<OperatingCase>,
     command_input: usize,
     realism: Option<Realism>,
+    calibration: Option<Calibration>,
     training: Option<Training>,
     reactions: Reactions,
 }
@@ -480,6 +488,7 @@ impl Parts {
         let command_input = reader.input("command", &text.command.input);
         let cases = reader.cases();
         let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader)).transpose();
+        let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
         let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
         let flights = text.flights.as_ref().map(|text| text.check_all(reader)).transpose();
         let reactions = Reactions::new(&text.reactions, reader);
@@ -493,6 +502,7 @@ impl Parts {
             cases: cases?,
             command_input: command_input?,
             realism: realism?,
+            calibration: calibration.transpose()?,
             training: training?,
             reactions: reactions?,
         })

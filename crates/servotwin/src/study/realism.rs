@@ -28,6 +28,12 @@ struct ToleranceText {
     absolute: bool,
 }
 
+impl Text {
+    pub(super) fn has_no_tolerances(&self) -> bool {
+        self.tolerances.is_empty()
+    }
+}
+
 /// Parameters that vary together from specimen to specimen.
 #[derive(Clone, Debug)]
 pub struct Tolerance {
@@ -56,19 +62,35 @@ pub enum Setting {
     Ideal,
     /// The plant is the twin with a fault; sensors have noise and quantisation.
     Noise,
+    /// Noise, quantisation and tolerances; every specimen has flown a calibration flight, and its twin
+    /// is fitted to it.
+    Fitted,
     /// Noise and quantisation, and specimens that differ by their tolerances.
     Realistic,
 }
 
+/// Which plants are flown, beside which twin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Plants {
+    /// The twin itself.
+    Twin,
+    /// Another specimen for every variant, beside the nominal twin.
+    Specimens,
+    /// Specimens of a pool, each beside the twin that was fitted to it.
+    Pool,
+}
+
 impl Setting {
     /// Every setting, from the kindest to the hardest.
-    pub const ALL: [Setting; 3] = [Setting::Ideal, Setting::Noise, Setting::Realistic];
+    pub const ALL: [Setting; 4] =
+        [Setting::Ideal, Setting::Noise, Setting::Fitted, Setting::Realistic];
 
     /// The word in file names.
     pub fn name(self) -> &'static str {
         match self {
             Setting::Ideal => "ideal",
             Setting::Noise => "noise",
+            Setting::Fitted => "fitted",
             Setting::Realistic => "realistic",
         }
     }
@@ -78,18 +100,37 @@ impl Setting {
         self != Setting::Ideal
     }
 
-    /// Whether every variant is another specimen.
+    /// What is flown beside what.
+    pub fn plants(self) -> Plants {
+        match self {
+            Setting::Ideal | Setting::Noise => Plants::Twin,
+            Setting::Fitted => Plants::Pool,
+            Setting::Realistic => Plants::Specimens,
+        }
+    }
+
+    /// Whether specimens differ by their tolerances.
     pub fn has_tolerances(self) -> bool {
-        self == Setting::Realistic
+        self.plants() != Plants::Twin
+    }
+
+    /// Whether it is made without being asked for.
+    pub fn is_usual(self) -> bool {
+        self != Setting::Fitted
+    }
+
+    /// Whether a study says all that it needs.
+    pub fn is_possible(self, study: &Study) -> bool {
+        let is_calibrated = self.plants() != Plants::Pool || study.calibration.is_some();
+        (study.realism.is_some() || !self.has_noise()) && is_calibrated
     }
 
     /// The settings of a study that a choice allows, in groups whose variants are the same
     /// simulations.
     pub fn groups(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<Vec<Setting>> {
-        let possible = |setting: &Setting| study.realism.is_some() || !setting.has_noise();
-        let wanted: Vec<Setting> =
-            Setting::ALL.into_iter().filter(possible).filter(|setting| choice(*setting)).collect();
-        let groups = wanted.chunk_by(|a, b| a.has_tolerances() == b.has_tolerances());
+        let wanted = |setting: &Setting| setting.is_possible(study) && choice(*setting);
+        let wanted: Vec<Setting> = Setting::ALL.into_iter().filter(wanted).collect();
+        let groups = wanted.chunk_by(|a, b| a.plants() == b.plants());
         groups.map(<[Setting]>::to_vec).collect()
     }
 }
@@ -127,6 +168,20 @@ pub enum Lot {
     FlightsLearned,
     /// Flights to be judged in.
     FlightsJudged,
+    /// The pool of the fitted setting whose records are judged.
+    PoolJudged,
+    /// The pool that flies training commands.
+    PoolTraining,
+}
+
+impl Lot {
+    /// The pool of the fitted setting.
+    pub fn pool(role: Role) -> Self {
+        match role {
+            Role::Judged => Lot::PoolJudged,
+            Role::Training => Lot::PoolTraining,
+        }
+    }
 }
 
 impl From<Role> for Lot {
@@ -189,11 +244,20 @@ impl Realism {
         Random::new(mix(self.seed, variant, 2 + 2 * lot as u64))
     }
 
+    /// One of several things for a variant, drawn evenly.
+    pub(super) fn dealt(&self, variant: usize, count: usize) -> usize {
+        let draw = Random::new(mix(self.seed, variant, DEALING)).unit();
+        ((draw * count as f64) as usize).min(count - 1)
+    }
+
     /// A text that two equal ways to differ from the twin have in common.
     pub(super) fn canonical(&self) -> String {
         format!("{self:?}")
     }
 }
+
+/// The purpose of random numbers that deal; those of lots are below.
+const DEALING: u64 = 15;
 
 /// A seed for each variant and purpose.
 fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {

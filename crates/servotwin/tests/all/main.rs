@@ -4,6 +4,7 @@ mod aileron;
 mod evaluation;
 mod figure;
 mod files;
+mod fitted;
 mod flights;
 mod log;
 mod peer_cases;

@@ -8,6 +8,7 @@ use crate::report::lines::{RIGHT, SAFETY, STAGES, Who};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{bracketed, change, percent, rate};
 use crate::report::{Material, Section};
+use crate::study::Role;
 use crate::study::campaign::data_features;
 
 /// See the module.
@@ -31,6 +32,18 @@ impl Section for Settings {
                  differ from the twin's by the tolerances of the study file (seed {}); the twin is not \
                  fitted to the specimen. There are {} fault-free specimens in each judged operating case.",
                 realism.seed, realism.healthy
+            ));
+        }
+        let is_there = material.results.of(Subject::Fitted).is_some();
+        if let Some(calibration) = material.study.calibration.as_ref().filter(|_| is_there) {
+            page.text(&format!(
+                "Fitted: specimens with the same tolerances, each of which first flies a healthy calibration \
+                 flight of {} s with another command and other noise; its twin is fitted to what the sensors \
+                 showed then, and the faults are judged beside the fitted twin. {} specimens take turns where \
+                 faults are judged, {} others where it is learned.",
+                calibration.duration_s,
+                calibration.specimens(Role::Judged),
+                calibration.specimens(Role::Training)
             ));
         }
         let of = |subject| material.results.of(subject);

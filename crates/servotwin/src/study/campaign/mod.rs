@@ -13,15 +13,17 @@
 //! A shard holds windows, not features: the data set is made from the shards,
 //! so that features can be changed without simulating anything again.
 
+mod calibration;
 mod data_set;
 mod images;
 mod shard;
 mod watch;
 
+pub use calibration::calibration_file;
 pub use data_set::{DataFeature, data_features, largest_column};
 pub use shard::Row;
 
-use super::{FaultCase, OperatingCase, Role, Setting, Study};
+use super::{Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Setting, Study};
 use crate::ensemble::{Ensemble, Variant};
 use crate::files::{FileError, create_folder};
 use crate::table::{self, Column, Table, TableError, Values};
@@ -31,7 +33,7 @@ use servotwin_model::c_source;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use shard::{Collector, Shards};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -99,8 +101,18 @@ pub enum CampaignError {
     Table(TableError),
     /// The study has neither faults nor healthy specimens.
     NoVariants,
-    /// The study does not say what noise and tolerances are.
-    NoRealism,
+    /// The study does not say what a setting needs.
+    NoSection {
+        /// The setting.
+        setting: Setting,
+    },
+    /// A specimen's twin could not be fitted.
+    Calibration {
+        /// The specimen, from zero.
+        specimen: usize,
+        /// Why.
+        reason: String,
+    },
     /// Features were asked for of a campaign that has not ended.
     Unfinished {
         /// Variants that are missing.
@@ -125,8 +137,19 @@ impl fmt::Display for CampaignError {
             CampaignError::NoVariants => {
                 write!(out, "the study has no faults: add [[classes]] with 'faults'")
             }
-            CampaignError::NoRealism => {
-                write!(out, "the study has no [realistic] section, which settings with noise need")
+            CampaignError::NoSection { setting } => {
+                let sections = match setting {
+                    Setting::Fitted => "[realistic] and [fitted] sections",
+                    _ => "[realistic] section",
+                };
+                write!(
+                    out,
+                    "the study lacks the {sections} that setting '{}' needs",
+                    setting.name()
+                )
+            }
+            CampaignError::Calibration { specimen, reason } => {
+                write!(out, "the twin of specimen {specimen} cannot be fitted: {reason}")
             }
             CampaignError::Unfinished { missing } => write!(
                 out,
@@ -272,20 +295,23 @@ impl Campaign<'_> {
         if plan.is_empty() {
             return Err(CampaignError::NoVariants);
         }
-        let needs_realism = self.settings.iter().any(|setting| setting.has_noise());
-        if needs_realism && self.study.realism.is_none() {
-            return Err(CampaignError::NoRealism);
+        match self.settings.iter().find(|setting| !setting.is_possible(self.study)) {
+            Some(&setting) => Err(CampaignError::NoSection { setting }),
+            None => Ok(plan),
         }
-        Ok(plan)
     }
 
     /// Which variants need not be simulated.
     fn images(&self, plan: &[Planned]) -> Images {
-        let toleranced = self.settings.iter().any(|setting| setting.has_tolerances());
-        if toleranced || self.keep_traces || self.simulate_images {
+        if self.plants() != Plants::Twin || self.keep_traces || self.simulate_images {
             return Images::none(plan);
         }
         Images::of(self.study, plan)
+    }
+
+    /// What is flown beside what, the same in all settings of a group.
+    fn plants(&self) -> Plants {
+        self.settings.first().map_or(Plants::Twin, |setting| setting.plants())
     }
 
     fn shard_folder(&self) -> PathBuf {
@@ -314,12 +340,20 @@ impl Campaign<'_> {
         let pending: Vec<Vec<usize>> = shards.iter().map(Shards::pending).collect();
         outcome.variants = self.settings.iter().map(|setting| setting.planned(plan)).sum();
         outcome.resumed = outcome.variants - pending.iter().map(Vec::len).sum::<usize>();
-        if pending.iter().any(|pending| !pending.is_empty()) {
-            let twins = self.twins()?;
+        let is_done = pending.iter().all(Vec::is_empty);
+        let is_pool = self.plants() == Plants::Pool;
+        let is_told = !is_pool || calibration_file(&self.folder, self.role).exists();
+        if !is_done || !is_told {
+            let specimens = if is_pool { self.calibrated()? } else { Some(Vec::new()) };
+            let jobs = self.hardest_first(plan, images, &pending);
+            let twins = match specimens.filter(|_| !self.is_cancelled()) {
+                Some(specimens) => self.twins(plan, &jobs, &specimens)?,
+                None => None,
+            };
             if let (Some(twins), false) = (twins, self.is_cancelled()) {
                 let collectors = shards.iter().zip(&pending);
                 let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
-                let run = Run { plan, images, pending: &pending, twins: &twins };
+                let run = Run { plan, images, jobs: &jobs, twins: &twins };
                 self.run_pending(&run, collectors, outcome, progress)?;
             }
         }
@@ -414,6 +448,10 @@ impl Campaign<'_> {
         if let Some(realism) = study.realism.as_ref().filter(|_| setting.has_noise()) {
             text.push_str(&realism.canonical());
         }
+        if let Some(calibration) = study.calibration.as_ref().filter(|_| setting == Setting::Fitted)
+        {
+            text.push_str(&calibration.canonical());
+        }
         for planned in &plan[..setting.planned(plan)] {
             let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
             text.push_str(&format!("{} {fault} {} ", planned.case, planned.intensity));
@@ -425,34 +463,64 @@ impl Campaign<'_> {
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
-        Ensemble {
-            settings: self.solver,
-            threads: self.threads,
-            cancel: self.cancel,
-            ..ensemble(self.study)
-        }
+        self.ensemble_of(ensemble(self.study))
     }
 
-    /// Runs the healthy system in every operating case; `None` if cancelled.
-    fn twins(&self) -> Result<Option<Vec<Twin>>, CampaignError> {
+    /// Another ensemble, run as the campaign is.
+    fn ensemble_of<'e>(&'e self, ensemble: Ensemble<'e>) -> Ensemble<'e> {
+        Ensemble { settings: self.solver, threads: self.threads, cancel: self.cancel, ..ensemble }
+    }
+
+    /// Which twin a variant is compared with: its case, and its specimen in the pool; 0 where there is
+    /// none.
+    fn beside(&self, variant: usize, planned: Planned) -> (usize, usize) {
+        let Some((realism, calibration)) = self.pool() else { return (planned.case, 0) };
+        (planned.case, calibration.specimen(realism, self.role, planned.case, variant))
+    }
+
+    /// What the specimens of a pool come from; `None` in other settings.
+    fn pool(&self) -> Option<(&Realism, &Calibration)> {
+        let is_pool = self.plants() == Plants::Pool;
+        let both = self.study.realism.as_ref().zip(self.study.calibration.as_ref());
+        both.filter(|_| is_pool)
+    }
+
+    /// Runs the healthy twins that some variants are compared with, each with the parameters that were
+    /// fitted to its specimen; `None` if cancelled.
+    fn twins(
+        &self,
+        plan: &[Planned],
+        jobs: &[usize],
+        specimens: &[Vec<(usize, usize, f64)>],
+    ) -> Result<Option<Twins>, CampaignError> {
         let ensemble = self.ensemble();
         let cases = self.cases();
-        let mut twins: Vec<Option<Twin>> = vec![None; cases.len()];
+        let wanted: BTreeSet<(usize, usize)> =
+            jobs.iter().map(|&variant| self.beside(variant, plan[variant])).collect();
+        let wanted: Vec<(usize, usize)> = wanted.into_iter().collect();
+        let mut twins = Twins::new();
         let mut failure = None;
         ensemble.run(
-            cases.len(),
-            |case| Variant { inputs: cases[case].inputs.iter().collect(), ..Variant::default() },
+            wanted.len(),
+            |twin| {
+                let (case, specimen) = wanted[twin];
+                Variant {
+                    overrides: specimens.get(specimen).cloned().unwrap_or_default(),
+                    inputs: cases[case].inputs.iter().collect(),
+                    ..Variant::default()
+                }
+            },
             |_| Rows(Twin::with_capacity(ensemble.samples() * ensemble.record.len())),
-            |case, rows, result| match result {
-                Ok(_) => twins[case] = Some(rows.0),
-                Err(error) => failure = Some((case, self.describe(&error))),
+            |twin, rows, result| match result {
+                Ok(_) => drop(twins.insert(wanted[twin], rows.0)),
+                Err(error) => failure = Some((wanted[twin].0, self.describe(&error))),
             },
         );
         match failure {
             Some((case, reason)) => {
                 Err(CampaignError::Twin { case: cases[case].name.clone(), reason })
             }
-            None => Ok(twins.into_iter().collect()),
+            None => Ok((twins.len() == wanted.len()).then_some(twins)),
         }
     }
 
@@ -464,10 +532,15 @@ impl Campaign<'_> {
     fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {
         let intensity = planned.intensity;
         let fault = planned.fault.map(|f| FaultAt { intensity, ..self.study.faults[f].at });
-        let has_tolerances = self.settings.iter().any(|setting| setting.has_tolerances());
-        let overrides = match self.study.realism.as_ref().filter(|_| has_tolerances) {
-            Some(realism) => realism.specimen(self.study, self.role.into(), index),
-            None => Vec::new(),
+        let overrides = match (&self.study.realism, self.plants()) {
+            (None, _) | (_, Plants::Twin) => Vec::new(),
+            (Some(realism), Plants::Specimens) => {
+                realism.specimen(self.study, self.role.into(), index)
+            }
+            (Some(realism), Plants::Pool) => {
+                let (_, specimen) = self.beside(index, planned);
+                realism.specimen(self.study, Lot::pool(self.role), specimen)
+            }
         };
         Variant {
             faults: fault.into_iter().collect(),
@@ -488,8 +561,7 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         let stop = AtomicBool::new(false);
         let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
-        let Run { plan, images, twins, .. } = *run;
-        let jobs = self.hardest_first(run);
+        let Run { plan, images, jobs, twins } = *run;
         let observer = Observer::new(self, images);
         let planned: Vec<usize> = self.settings.iter().map(|s| s.planned(plan)).collect();
         let all = outcome.variants;
@@ -500,7 +572,10 @@ impl Campaign<'_> {
         ensemble.run(
             jobs.len(),
             |job| self.variant(jobs[job], plan[jobs[job]]),
-            |job| observer.watch(jobs[job], &twins[plan[jobs[job]].case], &planned),
+            |job| {
+                let twin = &twins[&self.beside(jobs[job], plan[jobs[job]])];
+                observer.watch(jobs[job], twin, &planned)
+            },
             |_, watch, result| {
                 if let Ok(work) = &result {
                     *statistics += *work;
@@ -543,11 +618,16 @@ impl Campaign<'_> {
     /// The variants to simulate, those of full intensity first: a few of them take
     /// a hundred times as long as the others and would keep one lane busy at the
     /// end.
-    fn hardest_first(&self, run: &Run) -> Vec<usize> {
-        let pending = run.pending.iter().flatten();
-        let jobs: BTreeSet<usize> = pending.map(|&v| run.images.simulated(v)).collect();
+    fn hardest_first(
+        &self,
+        plan: &[Planned],
+        images: &Images,
+        pending: &[Vec<usize>],
+    ) -> Vec<usize> {
+        let pending = pending.iter().flatten();
+        let jobs: BTreeSet<usize> = pending.map(|&v| images.simulated(v)).collect();
         let is_full = |&variant: &usize| {
-            run.plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
+            plan[variant].fault.is_some_and(|f| self.study.faults[f].at.intensity >= 1.0)
         };
         let (mut order, rest): (Vec<usize>, Vec<usize>) = jobs.into_iter().partition(is_full);
         order.extend(rest);
@@ -583,13 +663,15 @@ impl Campaign<'_> {
 /// The plan of a campaign that has ended, and the rows of every setting.
 type Done = (Vec<Planned>, Images, Vec<Vec<Row>>);
 
+/// Virtual twins by case and specimen ([`Campaign::beside`]).
+type Twins = BTreeMap<(usize, usize), Twin>;
+
 /// Variants whose rows no shard holds, and what is needed to simulate them.
 struct Run<'r> {
     plan: &'r [Planned],
     images: &'r Images,
-    /// For each setting.
-    pending: &'r [Vec<usize>],
-    twins: &'r [Twin],
+    jobs: &'r [usize],
+    twins: &'r Twins,
 }
 
 /// FNV-1a, for fingerprints of files: not for secrets.

@@ -1,0 +1,47 @@
+//! Measurements by which settings of subjects were chosen.
+
+use super::*;
+use crate::evaluation::data_set::Lessons;
+use crate::evaluation::run::{self, Scope};
+use servotwin_diagnosis::evaluation::Split;
+use servotwin_diagnosis::tree::Criterion;
+
+/// The share of answers that are right end to end in four folds of the training commands, for trees of each
+/// criterion and depth, learned with healthy specimens that nearly leave a band and with those that do: `FOLDER=out SUBJECT=fitted cargo test --release measure_trees -- --ignored`.
+#[test]
+#[ignore = "a measurement: minutes"]
+fn measure_trees() {
+    let variable = |name: &str| std::env::var(name).unwrap();
+    let (folder, name) = (Folder::new(variable("FOLDER")), variable("SUBJECT"));
+    let subject = Subject::ALL.into_iter().find(|subject| subject.name() == name).unwrap();
+    let study = folder.read_study().unwrap();
+    let workers = Workers::new(2);
+    let all = data_set(&folder, &study, subject).unwrap();
+    let windows = windows(&folder, &study, subject, &all).unwrap();
+    let data = with_moved(&study, subject, &all, &windows, workers).unwrap();
+    let judged =
+        data.rows_where(Role::Training, |r| !r.is_healthy && r.is_detected() && r.moved == 0);
+    let in_fold = |row: usize, fold: u32| data.rows[row].flown % 4 == fold;
+    for healthy in [0.8, 1.0] {
+        let lessons = Lessons { healthy, ..subject.settings().holding.lessons };
+        let lesson = data.learnt_from(lessons).unwrap();
+        let split = |fold| Split {
+            train: lesson.iter().copied().filter(|&row| !in_fold(row, fold)).collect(),
+            test: judged.iter().copied().filter(|&row| in_fold(row, fold)).collect(),
+        };
+        let splits: Vec<Split> = (0..4).map(split).collect();
+        for criterion in [Criterion::Gini, Criterion::Entropy] {
+            for depth in [7, 9, 10, 12] {
+                let trees = run::settled(&data, &evaluation::trees(criterion, depth));
+                let found = run::run(&data, &trees, &splits, Scope::All, workers).unwrap();
+                let (mut right, mut of) = (0, 0);
+                for outcome in found.iter().flatten() {
+                    right += usize::from(run::first_error(&data, outcome).is_none());
+                    of += 1;
+                }
+                let share = 100.0 * right as f64 / of as f64;
+                println!("healthy {healthy}, {criterion:?} {depth}: {share:.2} % of {of}");
+            }
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The setting *fitted*: every specimen flies a healthy calibration flight, its twin is fitted to that, and
+//! faults are judged beside the fitted twin.
+//!
+//! ```toml
+//! [fitted]
+//! command = "noise:rms=4deg,bandwidth=1Hz,seed=901"
+//! duration_s = 60
+//! judge = 72                         # specimens, dealt over the variants that are judged
+//! learn = 48                         # others, which fly training commands
+//! in_each_case = 12                  # how many of them fly the same command at the same load
+//! ```
+//!
+//! Specimens come from a pool, because a fit costs as much as several variants. A variant's specimen is drawn
+//! among those of its case: were faults dealt in turn, one would always meet the same specimen, and trees
+//! would learn to know it.
+
+use super::reader::{Noted, Reader};
+use super::{Realism, Role};
+use crate::signal::Signal;
+use serde::Deserialize;
+use servotwin_model::signal::Piecewise;
+
+/// The section of a study file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Text {
+    command: Signal,
+    duration_s: f64,
+    judge: usize,
+    learn: usize,
+    in_each_case: usize,
+}
+
+/// The calibration flight, and the specimens that fly it.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// One signal for each input of the system.
+    pub inputs: Vec<Piecewise>,
+    /// Length of the flight, s.
+    pub duration_s: f64,
+    judge: usize,
+    learn: usize,
+    in_each_case: usize,
+}
+
+impl Calibration {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
+        if reader.text.realistic.as_ref().is_none_or(|realistic| realistic.has_no_tolerances()) {
+            return Err(reader.empty("fitted", "realistic.tolerances"));
+        }
+        let Text { duration_s, judge, learn, in_each_case, .. } = *text;
+        let fits = in_each_case <= judge.min(learn);
+        let allowed = "at most judge, and at most learn";
+        reader.range("fitted.in_each_case", in_each_case as f64, fits, allowed)?;
+        let command = reader.input("command", &reader.text.command.input)?;
+        let mut inputs = reader.default_inputs();
+        let signal = Ok(text.command.clone());
+        inputs[command] = reader.signal("fitted.command", "", signal, command, duration_s)?;
+        Ok(Self { inputs, duration_s, judge, learn, in_each_case })
+    }
+
+    /// The number of specimens in a pool.
+    pub fn specimens(&self, role: Role) -> usize {
+        match role {
+            Role::Judged => self.judge,
+            Role::Training => self.learn,
+        }
+    }
+
+    /// The specimen of a variant.
+    pub(super) fn specimen(
+        &self,
+        realism: &Realism,
+        role: Role,
+        case: usize,
+        variant: usize,
+    ) -> usize {
+        let first = case * self.in_each_case;
+        (first + realism.dealt(variant, self.in_each_case)) % self.specimens(role)
+    }
+
+    /// A text that two equal calibrations have in common.
+    pub(super) fn canonical(&self) -> String {
+        format!("{self:?}")
+    }
+}

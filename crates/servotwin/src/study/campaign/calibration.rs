@@ -1,0 +1,161 @@
+//! The calibration flights of the pool of the fitted setting: what sensors showed, and the twin of each
+//! specimen, fitted to that.
+//!
+//! Nothing of a specimen is used but the noisy, quantised samples of its sensors; of the command the samples
+//! that a logger keeps. What came out is kept beside the true values, in standard deviations of the
+//! tolerances: `calibration-fitted.parquet`.
+
+use super::{Campaign, CampaignError, Setting, ensemble};
+use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::fit::fleet::{Fleet, Specimen};
+use crate::fit::{FitError, Problem, Record, Unknown};
+use crate::signal::random::Random;
+use crate::study::realism::Imperfection;
+use crate::study::{Calibration, Lot, Realism, Role};
+use crate::table::{self, Column, Table, Values};
+use servotwin_model::solver::Failure;
+use std::path::{Path, PathBuf};
+
+/// Parameters that differ from the system's: (component, parameter, value).
+type Overrides = Vec<(usize, usize, f64)>;
+
+/// The file with the specimens of a pool: true values, what was fitted, and its standard error.
+pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
+    let (name, suffix) = (Setting::Fitted.name(), role.suffix());
+    folder.join(format!("calibration-{name}{suffix}.parquet"))
+}
+
+impl Campaign<'_> {
+    /// The parameters of every specimen's twin, fitted to its calibration flight; `None` if cancelled.
+    pub(super) fn calibrated(&self) -> Result<Option<Vec<Overrides>>, CampaignError> {
+        let (Some(realism), Some(calibration)) = (&self.study.realism, &self.study.calibration)
+        else {
+            return Err(CampaignError::NoSection { setting: Setting::Fitted });
+        };
+        let truth: Vec<Overrides> = (0..calibration.specimens(self.role))
+            .map(|specimen| realism.specimen(self.study, Lot::pool(self.role), specimen))
+            .collect();
+        let measured = self.measured(realism, calibration, &truth)?;
+        if self.is_cancelled() {
+            return Ok(None);
+        }
+        let sensors = self.study.measured[..self.study.base_sensors()].to_vec();
+        let (inputs, period_s) = (&calibration.inputs, self.study.sample_period_s);
+        let first = measured.first().cloned().unwrap_or_default();
+        let record = Record::logged("calibration flight", inputs, sensors, period_s, first);
+        let problem = Problem {
+            unknowns: Unknown::of_study(self.study),
+            solver: self.solver,
+            threads: self.threads,
+            cancel: self.cancel,
+            ..Problem::new(&self.study.system, vec![record])
+        };
+        let found = match fitted(&problem, &measured) {
+            Err((_, FitError::Cancelled)) => return Ok(None),
+            Err((specimen, error)) => {
+                return Err(CampaignError::Calibration { specimen, reason: error.to_string() });
+            }
+            Ok(found) => found,
+        };
+        self.write_calibration(&problem.unknowns, &truth, &found)?;
+        Ok(Some(found.specimens.into_iter().map(|specimen| specimen.overrides).collect()))
+    }
+
+    /// What the sensors of each specimen show in its calibration flight.
+    fn measured(
+        &self,
+        realism: &Realism,
+        calibration: &Calibration,
+        specimens: &[Overrides],
+    ) -> Result<Vec<Vec<f64>>, CampaignError> {
+        let study = self.study;
+        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
+        let imperfections: Vec<Imperfection> =
+            study.measured[..study.base_sensors()].iter().map(of).collect();
+        let mut ensemble =
+            Ensemble { duration_s: calibration.duration_s, ..self.ensemble_of(ensemble(study)) };
+        ensemble.record.truncate(imperfections.len());
+        let mut all = vec![Vec::new(); specimens.len()];
+        let mut failed: Option<(usize, Failure)> = None;
+        ensemble.run(
+            specimens.len(),
+            |specimen| Variant {
+                overrides: specimens[specimen].clone(),
+                inputs: calibration.inputs.iter().collect(),
+                ..Variant::default()
+            },
+            |specimen| Measuring {
+                noise: realism.noise(Lot::pool(self.role), specimen),
+                imperfections: &imperfections,
+                measured: Vec::with_capacity(ensemble.samples() * imperfections.len()),
+            },
+            |specimen, measuring, outcome| match outcome {
+                Ok(_) => all[specimen] = measuring.measured,
+                Err(failure) => failed = Some((specimen, failure)),
+            },
+        );
+        match failed {
+            Some((specimen, failure)) => {
+                let reason = self.describe(&failure);
+                Err(CampaignError::Calibration { specimen, reason })
+            }
+            None => Ok(all),
+        }
+    }
+
+    fn write_calibration(
+        &self,
+        unknowns: &[Unknown],
+        truth: &[Overrides],
+        found: &Found,
+    ) -> Result<(), CampaignError> {
+        let size = unknowns.len();
+        let rows = || (0..found.specimens.len()).flat_map(|n| (0..size).map(move |k| (n, k)));
+        let float = |of: &dyn Fn(usize, usize) -> f64| {
+            Values::Float(rows().map(|(n, k)| of(n, k)).collect())
+        };
+        let specimens = rows().map(|(n, _)| n as u32).collect();
+        let names = rows().map(|(_, k)| unknowns[k].name.clone()).collect();
+        let table = Table::from_columns(vec![
+            Column::new("specimen", "", Values::Unsigned(specimens)),
+            Column::new("parameter", "", Values::Text(names)),
+            Column::new("true_sigma", "", float(&|n, k| unknowns[k].sigmas(&truth[n]))),
+            Column::new("fitted_sigma", "", float(&|n, k| found.specimens[n].z[k])),
+            Column::new("error_sigma", "", float(&|_, k| found.errors[k])),
+        ])?;
+        Ok(table::write(calibration_file(&self.folder, self.role), &table)?)
+    }
+}
+
+/// The specimens of a pool, and the standard errors that all have in common.
+struct Found {
+    specimens: Vec<Specimen>,
+    errors: Vec<f64>,
+}
+
+/// Fits all specimens; the first that cannot be fitted is an error.
+fn fitted(problem: &Problem, measured: &[Vec<f64>]) -> Result<Found, (usize, FitError)> {
+    let of_all = |error| (0, error);
+    let fleet = Fleet::new(problem).map_err(of_all)?;
+    let covariance = fleet.covariance().ok_or((0, FitError::Undetermined))?;
+    let errors = (0..problem.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
+    let found = fleet.fit(measured).map_err(of_all)?;
+    let numbered = found.into_iter().enumerate();
+    let specimens = numbered.map(|(n, specimen)| specimen.map_err(|error| (n, error)));
+    Ok(Found { specimens: specimens.collect::<Result<_, _>>()?, errors })
+}
+
+/// Keeps what sensors with noise and quantisation show.
+struct Measuring<'m> {
+    noise: Random,
+    imperfections: &'m [Imperfection],
+    measured: Vec<f64>,
+}
+
+impl Sink for Measuring<'_> {
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        for (value, imperfection) in values.iter().zip(self.imperfections) {
+            self.measured.push(imperfection.apply(*value, &mut self.noise));
+        }
+    }
+}

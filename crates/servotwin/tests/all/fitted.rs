@@ -1,0 +1,130 @@
+//! The fitted setting: specimens beside twins that were fitted to them in a calibration flight.
+
+use crate::files::Folder;
+use servotwin::study::campaign::{Campaign, CampaignError, Row, calibration_file};
+use servotwin::study::{Role, Setting, Study};
+use servotwin::table;
+use servotwin_model::solver::Settings;
+use std::collections::BTreeSet;
+
+/// The spring actuator with two kinds of fault, short flights, and a section [fitted].
+fn text(fitted: &str) -> String {
+    let text = include_str!("../../../../studies/spring_actuator.toml");
+    let (head, rest) = text.split_once("[[classes]]").unwrap();
+    let (_, realistic) = rest.split_once("[realistic]").unwrap();
+    let classes = "[[classes]]\ndetail = \"leak\"\ncommand = \"shut_down\"\n\
+                   faults = [\"leakage_a.leakage\", \"servo_valve.gain_low\"]\n";
+    let head = head.replace("duration_s = 30", "duration_s = 6");
+    format!("{head}{classes}\n[realistic]{realistic}\n{fitted}")
+}
+
+const FITTED: &str = "[fitted]\ncommand = \"noise:rms=5deg,bandwidth=1Hz,seed=9\"\nduration_s = 12\n\
+                      judge = 20\nlearn = 6\nin_each_case = 5\n";
+
+fn study(fitted: &str) -> Study {
+    Study::parse(&text(fitted), "spring.toml").unwrap()
+}
+
+fn campaign<'s>(
+    study: &'s Study,
+    setting: Setting,
+    folder: &Folder,
+    threads: usize,
+) -> Campaign<'s> {
+    Campaign {
+        solver: Settings::campaign(),
+        threads,
+        ..Campaign::stored(&folder.0, study, setting, Role::Judged)
+    }
+}
+
+fn rows(campaign: &Campaign) -> Vec<Row> {
+    let outcome = campaign.run(|_, _| ()).unwrap();
+    assert!(outcome.failed.is_empty() && !outcome.cancelled);
+    campaign.windows().unwrap().remove(0)
+}
+
+/// For each healthy specimen the largest of the means of its scaled residuals: what no noise hides.
+fn means(campaign: &Campaign) -> Vec<f64> {
+    let plan = campaign.plan();
+    let healthy = rows(campaign).into_iter().zip(plan).filter(|(_, p)| p.fault.is_none());
+    let largest = |row: Row| {
+        let sensors = 0..row.window.sensors();
+        sensors.map(|sensor| row.window.mean(sensor).abs()).fold(0.0, f64::max)
+    };
+    healthy.map(|(row, _)| largest(row)).collect()
+}
+
+#[test]
+fn beside_a_fitted_twin_a_healthy_specimen_leaves_little() {
+    let study = study(FITTED);
+    let worst = |setting: Setting| {
+        let folder = Folder::new(&format!("left-{}", setting.name()));
+        let means = means(&campaign(&study, setting, &folder, 2));
+        assert_eq!(means.len(), 80);
+        means.into_iter().fold(0.0, f64::max)
+    };
+    let (fitted, realistic) = (worst(Setting::Fitted), worst(Setting::Realistic));
+    assert!(fitted < 0.25 * realistic, "{fitted} {realistic}");
+}
+
+#[test]
+fn the_pool_is_fitted_and_told_with_its_true_values() {
+    let study = study(FITTED);
+    let folder = Folder::new("pool");
+    campaign(&study, Setting::Fitted, &folder, 2).run(|_, _| ()).unwrap();
+    let table = table::read(calibration_file(&folder.0, Role::Judged)).unwrap();
+    // Twenty specimens with two tolerances.
+    assert_eq!(table.row_count(), 40);
+    let specimens: BTreeSet<u32> = table.u32("specimen").unwrap().iter().copied().collect();
+    assert_eq!(specimens.len(), 20);
+    let column = |name: &str| table.f64(name).unwrap().into_owned();
+    let (truth, fitted, error) =
+        (column("true_sigma"), column("fitted_sigma"), column("error_sigma"));
+    let off = |k: usize| ((truth[k] - fitted[k]) / error[k]).abs();
+    // Forty draws with 95 %: fewer than 34 have a probability below 1 in 1000.
+    assert!((0..40).filter(|&k| off(k) <= 1.96).count() >= 34);
+    assert!((0..40).all(|k| error[k] < 0.3));
+    let spread = truth.iter().map(|z| z * z).sum::<f64>() / 40.0;
+    assert!((0.4..2.0).contains(&spread), "{spread}");
+}
+
+#[test]
+fn threads_and_interruptions_change_no_bit() {
+    let study = study(FITTED);
+    let files = |folder: &Folder| {
+        let name = |name: &str| std::fs::read(folder.file(name)).unwrap();
+        (name("dataset-fitted.parquet"), name("calibration-fitted.parquet"))
+    };
+    let (calm, broken) = (Folder::new("calm"), Folder::new("broken"));
+    rows(&campaign(&study, Setting::Fitted, &calm, 1));
+    rows(&campaign(&study, Setting::Fitted, &broken, 2));
+    assert!(files(&calm) == files(&broken));
+    // What is lost is made again, and only that.
+    let shards = std::fs::read_dir(broken.file("shards")).unwrap();
+    std::fs::remove_file(shards.into_iter().next().unwrap().unwrap().path()).unwrap();
+    std::fs::remove_file(broken.file("calibration-fitted.parquet")).unwrap();
+    rows(&campaign(&study, Setting::Fitted, &broken, 2));
+    assert!(files(&calm) == files(&broken));
+}
+
+#[test]
+fn what_the_setting_needs_is_told() {
+    let none = study("");
+    let folder = Folder::new("none");
+    let error = campaign(&none, Setting::Fitted, &folder, 1).run(|_, _| ()).unwrap_err();
+    assert!(matches!(error, CampaignError::NoSection { setting: Setting::Fitted }));
+    assert!(error.to_string().contains("[fitted]"), "{error}");
+    assert!(Setting::groups(&none, |_| true).iter().flatten().all(|s| *s != Setting::Fitted));
+    assert!(Setting::groups(&study(FITTED), |_| true).contains(&vec![Setting::Fitted]));
+    let wrong = |from: &str, to: &str| {
+        let text = text(&FITTED.replace(from, to));
+        Study::parse(&text, "spring.toml").map(drop).unwrap_err().to_string()
+    };
+    let each = wrong("in_each_case = 5", "in_each_case = 7");
+    assert!(each.contains("fitted.in_each_case is 7, but must be 1 … the smaller"), "{each}");
+    let short = wrong("duration_s = 12", "duration_s = 1");
+    assert!(short.contains("fitted.duration_s is 1"), "{short}");
+    let signal = wrong("noise:rms=5deg,bandwidth=1Hz,seed=9", "noise:rms=5deg");
+    assert!(signal.contains("bandwidth"), "{signal}");
+}
