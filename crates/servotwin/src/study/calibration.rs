@@ -55,7 +55,7 @@ impl Calibration {
         let command = reader.input("command", &reader.text.command.input)?;
         let mut inputs = reader.default_inputs();
         let signal = Ok(text.command.clone());
-        inputs[command] = reader.signal("fitted.command", "", signal, command, duration_s)?;
+        inputs[command] = reader.signal("fitted", "command", signal, command, duration_s)?;
         Ok(Self { inputs, duration_s, judge, learn, in_each_case })
     }
 
