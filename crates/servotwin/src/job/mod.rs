@@ -187,6 +187,9 @@ pub fn evaluate_all(
     Ok(results)
 }
 
+/// A setting's name, the data on which others are tested, and what was trained on it.
+type Tested = (String, DataSet, Trained);
+
 /// Evaluates a subject; also what others are tested on, where it is a setting and not a sensor more.
 fn evaluate(
     folder: &Folder,
@@ -194,7 +197,7 @@ fn evaluate(
     subject: Subject,
     workers: Workers,
     progress: &dyn Fn(&str, f64),
-) -> Result<(SubjectResult, Option<(String, DataSet, Trained)>), JobError> {
+) -> Result<(SubjectResult, Option<Tested>), JobError> {
     let all_features = data_set(folder, study, subject)?;
     let trained = trained(folder, subject)?;
     let windows = windows(folder, study, subject, &all_features)?;
