@@ -31,12 +31,13 @@ pub struct Options {
     /// The classifier.
     #[arg(long, default_value = "cart")]
     classifier: Choice,
-    /// Questions on the longest way through a tree (cart [default: 7],
-    /// random_forest [default: no limit], adaboost [default: as many as leaves
-    /// for every class need]).
+    /// Questions on the longest way through a tree (cart [default: 7], boosted_trees [default: 4],
+    /// random_forest [default: no limit], adaboost [default: as many as leaves for every class
+    /// need]).
     #[arg(long)]
     depth: Option<usize>,
-    /// Number of trees (adaboost [default: 50], random_forest [default: 100]).
+    /// Number of trees (adaboost [default: 50], boosted_trees [default: 60], random_forest
+    /// [default: 100]).
     #[arg(long)]
     rounds: Option<usize>,
     /// Write the trained model to this .json file.
@@ -68,21 +69,25 @@ impl ValueEnum for Choice {
 }
 
 impl Options {
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> Result<Settings, Failure> {
         let chosen = default_classifiers().into_iter().find(|s| s.kind() == self.classifier.0);
         let mut chosen = chosen.unwrap_or_else(|| self.classifier.0.default_settings());
         match (&mut chosen, self.depth) {
             (Settings::Cart(cart), depth) => cart.max_depth = Some(depth.unwrap_or(7)),
+            (_, None) => {}
+            (Settings::BoostedTrees(boosted), Some(depth)) => boosted.max_depth = depth,
             (Settings::RandomForest(forest), Some(depth)) => forest.max_depth = Some(depth),
             (Settings::Adaboost(boost), Some(depth)) => boost.max_depth = Some(depth),
-            _ => {}
+            _ => return Err(Failure::Options("--depth is for classifiers made of trees")),
         }
         match (&mut chosen, self.rounds) {
+            (_, None) => {}
+            (Settings::BoostedTrees(boosted), Some(rounds)) => boosted.trees = rounds,
             (Settings::RandomForest(forest), Some(rounds)) => forest.trees = rounds,
             (Settings::Adaboost(boost), Some(rounds)) => boost.rounds = rounds,
-            _ => {}
+            _ => return Err(Failure::Options("--rounds is for classifiers made of many trees")),
         }
-        chosen
+        Ok(chosen)
     }
 }
 
@@ -122,7 +127,7 @@ fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
 
 fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Failure> {
     let prepared = options.table.prepare(&options.input, label, global)?;
-    let settings = options.settings();
+    let settings = options.settings()?;
     let judged = prepared.validate(&settings, options.table.hold_out(), Workers::all())?;
     if let Some(path) = &options.out {
         model_file::write(path, &prepared.train(&settings)?)?;

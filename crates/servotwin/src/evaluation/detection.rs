@@ -1,6 +1,7 @@
 //! What is detected at all: which faults leave the band, and from which intensity on.
 
 use super::data_set::DataSet;
+use super::protocol::trial;
 use super::score::Rate;
 use serde::{Deserialize, Serialize};
 
@@ -45,9 +46,13 @@ pub struct Least {
 /// Detection over a data set.
 pub fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
+    let share = |is_detected: bool| {
+        let holds = |&row: &usize| trial(data, row, data.rows[row].is_detected() == is_detected);
+        Rate::clustered(&faults.iter().map(holds).collect::<Vec<_>>())
+    };
     Detection {
-        detected: Rate::of(&faults, |&row| data.rows[row].is_detected()),
-        excluded: Rate::of(&faults, |&row| !data.rows[row].is_detected()),
+        detected: share(true),
+        excluded: share(false),
         failed: data.failed,
         curves: kinds(data, &faults).into_iter().map(|kind| curve(data, &faults, kind)).collect(),
         least: least(data, &faults),

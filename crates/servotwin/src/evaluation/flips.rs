@@ -8,6 +8,8 @@
 use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::parallel::{self, Workers};
+use super::protocol::trial;
+use super::score::Rate;
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
@@ -53,7 +55,7 @@ pub struct Moved {
     pub factor: f64,
 }
 
-/// How often something changed.
+/// How often the answer to a question changed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Share {
     /// Changed.
@@ -84,12 +86,12 @@ pub struct SplitFlips {
 pub struct Flips {
     /// Moves of each window.
     pub draws: usize,
-    /// The actuator.
-    pub actuator: Share,
+    /// The share of moves after which the actuator is another one.
+    pub actuator: Rate,
     /// Actuator or command.
-    pub action: Share,
+    pub action: Rate,
     /// Any part of the answer.
-    pub answer: Share,
+    pub answer: Rate,
     /// Each question of each tree, among the rows that were asked it; the worst first.
     pub splits: Vec<SplitFlips>,
 }
@@ -165,9 +167,9 @@ impl Moving<'_> {
 
 /// What was seen of one row.
 struct Seen {
-    actuator: Share,
-    action: Share,
-    answer: Share,
+    row: usize,
+    /// For each move whether the actuator changed, actuator or command, any part of the answer.
+    changes: Vec<[bool; 3]>,
     /// For each question asked: stage, node, changes, standard deviation of the feature.
     questions: Vec<(usize, usize, Share, f64)>,
 }
@@ -188,17 +190,17 @@ pub fn evaluate(
     let seen: Result<Vec<Seen>, EvaluationError> =
         parallel::map(rows, workers, one)?.into_iter().collect();
     let seen = seen?;
-    let total = |of: fn(&Seen) -> Share| {
-        seen.iter().map(of).fold(Share::default(), |sum, share| Share {
-            count: sum.count + share.count,
-            of: sum.of + share.of,
-        })
+    let share = |part: usize| {
+        let trials = seen.iter().flat_map(|seen| {
+            seen.changes.iter().map(move |changes| trial(data, seen.row, changes[part]))
+        });
+        Rate::clustered(&trials.collect::<Vec<_>>())
     };
     Ok(Flips {
         draws: moving.draws,
-        actuator: total(|seen| seen.actuator),
-        action: total(|seen| seen.action),
-        answer: total(|seen| seen.answer),
+        actuator: share(0),
+        action: share(1),
+        answer: share(2),
         splits: splits(hierarchy, &seen),
     })
 }
@@ -218,17 +220,12 @@ fn seen(
     let said = ask(&still)?;
     let moved: Vec<Vec<Vec<f64>>> =
         moving.moved(row).iter().map(|window| moving.views(window, views)).collect();
-    let mut seen = Seen {
-        actuator: Share::default(),
-        action: Share::default(),
-        answer: Share::default(),
-        questions: vec![],
-    };
+    let mut seen = Seen { row, changes: vec![], questions: vec![] };
     for rows in &moved {
         let again = ask(rows)?;
-        seen.actuator.add(again.actuator != said.actuator);
-        seen.action.add(again.action() != said.action());
-        seen.answer.add((again.action(), again.detail) != (said.action(), said.detail));
+        let is_other_action = again.action() != said.action();
+        let is_other_answer = is_other_action || again.detail != said.detail;
+        seen.changes.push([again.actuator != said.actuator, is_other_action, is_other_answer]);
     }
     let rows: Vec<&[f64]> = still.iter().map(Vec::as_slice).collect();
     for (stage, nodes) in hierarchy.explain(&rows)? {

@@ -9,9 +9,10 @@ pub(super) const GRID: &str = "#e2e2e2";
 /// Frames and connections.
 pub(super) const FRAME: &str = "#8a8a8a";
 
-/// Okabe and Ito's colours, those that stand out best on white first.
+/// Okabe and Ito's colours, those that stand out best on white first; a brown in place of their yellow,
+/// which nobody sees there.
 const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442"];
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#7a5c00"];
 
 /// Dash patterns; the first is a full line.
 const DASHES: [&str; 6] = ["", "7 3", "2 2", "9 3 2 3", "5 2 2 2 2 2", "12 4"];

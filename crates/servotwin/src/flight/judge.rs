@@ -107,6 +107,10 @@ pub struct Merit {
     pub limit_s: f64,
     /// How many of them are.
     pub in_time: Rate,
+    /// How many of them have left a band by then: nothing could isolate the others.
+    pub visible_in_time: Rate,
+    /// How many of them are isolated within that time from when they were visible.
+    pub in_time_since_visible: Rate,
     /// By command: all intensities, then the strong ones.
     pub classes: Vec<ClassMerit>,
     /// By way of beginning, shutdown faults of strong intensity.
@@ -296,6 +300,7 @@ impl Judged<'_> {
             Some((name.to_owned(), self.class(0, off, choice)?))
         });
         let onsets = onsets.collect();
+        let soon = |time_s: f64| time_s <= limit_s;
         let mut trade: Vec<TradePoint> = asked(self.diagnoser)
             .iter()
             .enumerate()
@@ -314,7 +319,9 @@ impl Judged<'_> {
             flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
             failed,
             limit_s,
-            in_time: self.in_time(off, limit_s),
+            in_time: self.share(off, &|fate| fate.isolated_s.is_some_and(soon)),
+            visible_in_time: self.share(off, &|fate| fate.seen_s.is_some_and(soon)),
+            in_time_since_visible: self.share(off, &|fate| fate.waited_s().is_some_and(soon)),
             classes,
             onsets,
             healthy: self.healthy(0),
@@ -407,15 +414,15 @@ impl Judged<'_> {
         })
     }
 
-    /// Visible, strong faults of a command that were isolated so soon.
-    fn in_time(&self, command: &str, limit_s: f64) -> Rate {
+    /// The share of visible, strong faults of a command of which something holds.
+    fn share(&self, command: &str, holds: &dyn Fn(&Fate) -> bool) -> Rate {
         let is_of = |flight: &Flight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
             class.is_some_and(|class| class.command == command) && flight.intensity >= STRONG
         };
         let fates = self.fates(0, is_of);
         let visible: Vec<&Fate> = fates.iter().filter(|fate| fate.seen_s.is_some()).collect();
-        rate(&visible, &|fate| fate.isolated_s.is_some_and(|time_s| time_s <= limit_s))
+        rate(&visible, holds)
     }
 
     fn healthy(&self, session: usize) -> HealthyMerit {

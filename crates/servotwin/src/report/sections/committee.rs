@@ -138,6 +138,14 @@ fn silence(results: &[&SubjectResult], page: &mut Page) {
             );
             begun = true;
         }
+        if abstention.levels.iter().all(is_flawless) {
+            page.text(&format!(
+                "Setting: {}. No answer about actuator or command is wrong, none withheld or many: there \
+                 is nothing to buy.",
+                result.title
+            ));
+            continue;
+        }
         page.figure(
             &format!("silence_{}", result.subject.name()),
             trade(abstention),
@@ -154,6 +162,10 @@ fn silence(results: &[&SubjectResult], page: &mut Page) {
             chosen(100.0 * crate::evaluation::committee::WITHHELD)
         ));
     }
+}
+
+fn is_flawless(level: &Level) -> bool {
+    level.right_action.count == level.right_action.of
 }
 
 fn trade(abstention: &Abstention) -> Figure {

@@ -7,7 +7,7 @@ use crate::figure::lines::{Curve, Lines};
 use crate::flight::judge::{ClassMerit, Latency, Merit, STRONG};
 use crate::job::flights::FlightResults;
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, bracketed, chosen, number, spoken, stacked};
+use crate::report::words::{NONE, bracketed, chosen, number, percent, spoken, stacked};
 use crate::report::{Material, Section};
 
 /// See the module.
@@ -117,6 +117,15 @@ fn limits(results: &FlightResults) -> Grid {
                 _ => NOT_SHOWN,
             },
         );
+        let limit = format!("within {} s", chosen(merit.limit_s));
+        push(
+            "of them left any band by then",
+            limit.clone(),
+            stacked(Some(merit.visible_in_time)),
+            "",
+        );
+        let since = stacked(Some(merit.in_time_since_visible));
+        push("of them isolated, counted from when they were visible", limit, since, "");
         let strong = strong(merit)
             .find(|class| merit.onsets.iter().any(|(_, onset)| onset.command == class.command));
         if let Some(class) = strong {
@@ -371,12 +380,13 @@ pub(super) fn finding(results: &FlightResults) -> Option<String> {
     let missed = merit.in_time.share.is_some_and(|share| share < SHARE);
     Some(format!(
         "In flights in which a fault begins, {} of the visible shutdown faults of intensity {STRONG} and \
-         more are isolated within {} s{}; a healthy actuator is shut down in {} of {} flights with \
+         more are isolated within {} s{} ({} have left any band by then); a healthy actuator is shut down in {} of {} flights with \
          trained faults{foreign}. False alarms: {} in {:.1} healthy hours (95 %: at most {} \
          per hour).",
         bracketed(Some(merit.in_time)),
         chosen(merit.limit_s),
         if missed { ", which misses the limit of 95 %" } else { "" },
+        percent(merit.visible_in_time.share),
         merit.wrong_shutdowns,
         merit.flights,
         merit.healthy.alarms,

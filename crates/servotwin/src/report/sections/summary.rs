@@ -3,7 +3,6 @@
 
 use crate::evaluation::Evaluation;
 use crate::evaluation::abstention::{Level, SHARES};
-use crate::evaluation::flips::Share;
 use crate::evaluation::protocol::Protocol;
 use crate::evaluation::score::Rate;
 use crate::job::Subject;
@@ -141,14 +140,13 @@ fn findings(evaluation: &Evaluation) -> Vec<(String, String)> {
         );
     }
     if let Some((trees, committee)) = &evaluation.flips {
-        let changed = |share: &Share| percent(Some(share.share()));
         push(
             "What sensors cannot show",
             format!(
                 "Moved within the uncertainty of their windows, {} of the trees' answers about actuator and \
              command change, and {} of the committee's.",
-                changed(&trees.action),
-                changed(&committee.action),
+                bracketed(Some(trees.action)),
+                bracketed(Some(committee.action)),
             ),
         );
     }

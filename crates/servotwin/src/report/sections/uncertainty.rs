@@ -4,7 +4,7 @@ use crate::evaluation::flips::{Flips, Share, SplitFlips};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{of_unit, percent};
+use crate::report::words::{of_unit, percent, stacked};
 use crate::report::{Material, Section};
 use crate::study::campaign::{DataFeature, data_features};
 
@@ -39,9 +39,18 @@ impl Section for Uncertainty {
              {} times within it, all statistics together (means by their standard error, covariances by \
              what such errors happen to have in common with each signal), its features are computed \
              anew, and trees and committee are asked again. The share of answers that change is the \
-             flip rate. In the setting without noise only the solver's error moves a window.",
+             flip rate, with its interval from drawing kinds of fault at their intensities. In the \
+             setting without noise only the solver's error moves a window.",
             first.draws
         ));
+        page.text(
+            "Training windows are moved in the same way, and each is learned with its moves: what does not \
+             survive them teaches nothing. Of three moves one keeps the fault as it was flown, one makes it \
+             weaker (with the tolerances and the noise of another healthy specimen in place of what is \
+             taken away), and one stronger, because in flight an intensity is anything. The trees' later \
+             moves go farther than windows are uncertain, so that a threshold keeps its distance from what \
+             was learned.",
+        );
         page.table(
             &answers(&results),
             "Share of moves after which the answer is another one: the actuator; \
@@ -68,7 +77,7 @@ fn answers(results: &[(&SubjectResult, &(Flips, Flips))]) -> Grid {
             let title = if who == Who::Trees { result.title.clone() } else { String::new() };
             let mut row = vec![title, who.title().to_owned(), flips.answer.of.to_string()];
             let shares = [flips.actuator, flips.action, flips.answer];
-            row.extend(shares.iter().map(changed));
+            row.extend(shares.map(|share| stacked(Some(share))));
             grid.push(row);
         }
     }
