@@ -129,6 +129,13 @@ pub enum Failure {
         /// What is found, as sentences.
         findings: Vec<String>,
     },
+    /// A wear reaches its threshold.
+    Alarm {
+        /// The result all the same, for standard output.
+        output: String,
+        /// What reaches it, as sentences.
+        alarms: Vec<String>,
+    },
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -173,6 +180,7 @@ impl Failure {
             | Failure::Fit(_)
             | Failure::File(_)
             | Failure::NoUpdate { .. }
+            | Failure::Alarm { .. }
             | Failure::Print(_) => 1,
             Failure::Stopped => 130,
         }
@@ -232,6 +240,7 @@ impl fmt::Display for Failure {
             Failure::Rewrite(error) => write!(out, "error: {error}"),
             Failure::File(error) => write!(out, "error: {error}"),
             Failure::NoUpdate { findings, .. } => write_findings(out, findings),
+            Failure::Alarm { alarms, .. } => write!(out, "alarm: {}", alarms.join("; ")),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
     }

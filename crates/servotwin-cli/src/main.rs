@@ -19,7 +19,7 @@ mod stop;
 use clap::{Parser, Subcommand};
 use commands::{
     campaign, check, completions, components, describe, evaluate, explain, faults, features, fit,
-    flights, fly, init, man, predict, report, schema, simulate, study, train, watch,
+    flights, fly, history, init, man, predict, report, schema, simulate, study, train, watch,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -60,6 +60,7 @@ enum Command {
     Evaluate(evaluate::Options),
     Predict(predict::Options),
     Fit(fit::Options),
+    History(history::Options),
     Flights(flights::Options),
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
@@ -88,6 +89,7 @@ impl Command {
             Command::Explain(options) => explain::run(options, global),
             Command::Predict(options) => predict::run(options, global),
             Command::Fit(options) => fit::run(options, global),
+            Command::History(options) => history::run(options, global),
             Command::Flights(options) => flights::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),
@@ -109,7 +111,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            if let Failure::NoUpdate { output, .. } = &failure {
+            if let Failure::NoUpdate { output, .. } | Failure::Alarm { output, .. } = &failure {
                 let _ = print(output);
             }
             // Nobody is left to tell where standard error is closed, too.

@@ -1,7 +1,7 @@
 //! `servotwin fit`: the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::read_table;
+use super::{design, read_table};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
@@ -26,8 +26,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 #[derive(clap::Args)]
 pub struct Options {
     /// The record (.csv or .parquet).
-    #[arg(value_name = "LOG")]
-    log: PathBuf,
+    #[arg(value_name = "LOG", required_unless_present = "design")]
+    log: Option<PathBuf>,
     /// The system file; without it, the study's.
     #[arg(value_name = "SYSTEM")]
     system: Option<PathBuf>,
@@ -48,6 +48,12 @@ pub struct Options {
     /// The system file to write, with the fitted values.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Say instead which command shows the parameters best, among signals of the catalogue inside of
+    /// the limits that follow.
+    #[arg(long, conflicts_with_all = ["log", "more", "faults", "out"])]
+    design: bool,
+    #[command(flatten)]
+    limits: design::Limits,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long)]
     threads: Option<usize>,
@@ -60,8 +66,8 @@ fn usual_runs(unknowns: usize, suspects: usize) -> usize {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = read_study(options)?;
-    let logs = std::iter::once(&options.log).chain(&options.more);
+    let study = read_study(options.study.as_deref(), options.system.as_deref())?;
+    let logs = options.log.iter().chain(&options.more);
     let records = logs.map(|path| read_record(path, &study, global)).collect::<Result<_, _>>()?;
     stop::listen();
     let stages = Stages::new(global);
@@ -69,6 +75,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let mut problem = Problem::of_study(&study, records);
     if !options.parameters.is_empty() {
         problem.unknowns = chosen(&options.parameters, &problem.unknowns, &study)?;
+    }
+    if options.design {
+        problem.threads = options.threads.unwrap_or(problem.threads).max(1);
+        return design::run(&options.limits, problem, &study, global);
     }
     let usual = usual_runs(problem.unknowns.len(), problem.suspects.len()) * problem.records.len();
     let progress = || {
@@ -109,16 +119,17 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     Ok(text)
 }
 
-fn read_study(options: &Options) -> Result<Study, Failure> {
-    let Some(system) = &options.system else {
-        return match &options.study {
+/// A study, with a system of its own where one is named.
+pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, Failure> {
+    let Some(system) = system else {
+        return match study {
             Some(path) => Ok(Study::read(path)?),
             None => Ok(Study::default()),
         };
     };
-    let (text, path) = match &options.study {
+    let (text, path) = match study {
         Some(path) => {
-            (files::read_text(path).map_err(servotwin::study::StudyError::File)?, path.clone())
+            (files::read_text(path).map_err(servotwin::study::StudyError::File)?, path.into())
         }
         None => (Study::default().text, PathBuf::from("studies/paper.toml")),
     };
@@ -190,10 +201,14 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
     Ok(Unknown::tolerance(&study.system, &tolerance))
 }
 
-fn intensities(options: &Options, problem: &Problem) -> Result<Vec<Diagnosed>, Failure> {
+/// The faults that names stand for.
+pub fn chosen_faults(names: &[String], problem: &Problem) -> Result<Vec<(usize, usize)>, Failure> {
     let of = |id: &String| problem.system.find_fault(id);
-    let candidates = options.faults.iter().map(of).collect::<Result<Vec<_>, _>>()?;
-    Ok(intensity(problem, &candidates)?)
+    Ok(names.iter().map(of).collect::<Result<_, _>>()?)
+}
+
+fn intensities(options: &Options, problem: &Problem) -> Result<Vec<Diagnosed>, Failure> {
+    Ok(intensity(problem, &chosen_faults(&options.faults, problem)?)?)
 }
 
 fn diagnosed(one: &Diagnosed) -> Value {

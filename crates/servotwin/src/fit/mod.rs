@@ -10,11 +10,15 @@
 //! - [`suspects`]: what it looks like
 //! - [`fleet`]: many specimens with one calibration flight, for campaigns
 //! - [`intensity`]: how strong a fault is, and which of several it is
+//! - [`design`]: which flight shows the unknowns best
+//! - [`history`], [`trend`]: the flights of one tail number, and how wear goes on
 //!
 //! A fit is a finding or an update, never both: what a fault changed must not vanish in parameters.
 
+pub mod design;
 pub mod finding;
 pub mod fleet;
+pub mod history;
 pub mod intensity;
 pub mod knowledge;
 pub mod linear;
@@ -25,6 +29,7 @@ mod solve;
 pub mod suspects;
 #[cfg(test)]
 mod tests;
+pub mod trend;
 pub mod unknown;
 mod write;
 

@@ -247,7 +247,7 @@ impl Problem<'_> {
         residuals.as_ref().map_or(Ok(f64::INFINITY), |residuals| self.explained(linear, residuals))
     }
 
-    fn fault_name(&self, (component, fault): (usize, usize)) -> String {
+    pub(super) fn fault_name(&self, (component, fault): (usize, usize)) -> String {
         let instance = &self.system.network().components[component];
         format!("{}.{}", instance.id, instance.component.spec().faults[fault].name)
     }

@@ -14,12 +14,23 @@ const COMMAND: &str = "noise:rms=4deg,bandwidth=1Hz,seed=77";
 
 /// A record of a specimen, as a logger writes it: sensors with noise, commands as samples.
 fn record(study: &Study, specimen: Option<usize>, faults: Vec<FaultAt>, duration_s: f64) -> Record {
+    flown(study, COMMAND, (specimen, specimen.unwrap_or(0)), faults, duration_s)
+}
+
+/// The same for a command, with other noise than in other flights of the specimen.
+fn flown(
+    study: &Study,
+    command: &str,
+    (specimen, flight): (Option<usize>, usize),
+    faults: Vec<FaultAt>,
+    duration_s: f64,
+) -> Record {
     let system = &study.system;
     let network = system.network();
     let constant = |value| Piecewise::constant(value).unwrap();
     let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
     let unit = network.inputs[study.command_input].unit;
-    let signal: Signal = COMMAND.parse().unwrap();
+    let signal: Signal = command.parse().unwrap();
     inputs[study.command_input] = signal.build(unit, duration_s).unwrap();
     let sensors = study.measured[..study.base_sensors()].to_vec();
     let slot =
@@ -35,7 +46,7 @@ fn record(study: &Study, specimen: Option<usize>, faults: Vec<FaultAt>, duration
     let variant =
         Variant { overrides, faults, inputs: inputs.iter().collect(), ..Variant::default() };
     let (columns, _) = ensemble.run_one(&variant).unwrap();
-    let mut noise: Random = realism.noise(Lot::Training, specimen.unwrap_or(0));
+    let mut noise: Random = realism.noise(Lot::Training, flight);
     let imperfections: Vec<Imperfection> =
         sensors.iter().map(|&s| Imperfection::of(system, s)).collect();
     let mut measured = Vec::new();
@@ -422,6 +433,120 @@ fn a_fleet_is_fitted_as_each_of_it_alone() {
     let (worst, inside, all) = fleet_beside_fits(&spring(), 12, 12.0, 3);
     assert!(worst < 0.3, "{worst}");
     assert!(inside >= all - 5, "{inside} of {all}");
+}
+
+/// Flights of one specimen with a leak that grows to 0.5 in 200 flights.
+fn leaking(study: &Study, flights: usize, duration_s: f64) -> Vec<history::Log> {
+    let flight = |number: usize| {
+        let command = format!("noise:rms=4deg,bandwidth=1Hz,seed={}", 100 + number);
+        let intensity = 0.5 * number as f64 / 200.0;
+        let faults = vec![fault(study, "leakage_a.leakage", intensity)];
+        let record = flown(study, &command, (Some(3), number), faults, duration_s);
+        (format!("flight {number}"), Ok(record))
+    };
+    (0..flights).map(flight).collect()
+}
+
+#[test]
+fn a_leak_that_grows_is_tracked_and_its_end_foretold() {
+    let study = spring();
+    let problem = Problem::of_study(&study, vec![]);
+    let mut logs = leaking(&study, 101, 6.0);
+    // A log that is none leaves a gap.
+    logs[7].1 = Err(RecordError::NoTime);
+    let history = problem.history(logs, &[]).unwrap();
+    assert!(history.flights[0].is_healthy());
+    assert!(!history.flights[7].is_healthy() && history.flights[7].fitted.is_err());
+    assert!(!history.flights[100].is_healthy());
+    let track = &history.tracks[0];
+    assert_eq!(track.name, "leakage_a.leakage");
+    assert_eq!(track.points.len(), 100);
+    let inside =
+        |point: &&trend::Point| (point.level - 0.5 * point.at / 200.0).abs() <= 1.96 * point.error;
+    let held = track.points.iter().filter(inside).count();
+    // 100 draws with 95 %: fewer than 87 have a probability below 1 in 1000.
+    assert!(held >= 87, "{held}");
+    let reached = track.trend.as_ref().unwrap().reaches(0.5);
+    let (expected, truth) = (reached.expected.unwrap(), 100.0);
+    println!("{reached:?}, {held} of 100 inside");
+    assert!((expected - truth).abs() <= 0.2 * truth, "{reached:?}");
+    assert!(reached.earliest.unwrap() < expected && expected < reached.latest.unwrap());
+}
+
+#[test]
+fn a_parameter_that_drifts_inside_of_its_tolerance_is_an_update_and_told() {
+    let study = spring();
+    let problem = Problem { suspects: vec![], ..Problem::of_study(&study, vec![]) };
+    // Friction: two standard deviations of its tolerance in thirty flights.
+    let flight = |number: usize| {
+        let mut worn = spring();
+        let Unknown { moved: unknown::Moved::Parameters { members, .. }, .. } =
+            &problem.unknowns[1]
+        else {
+            panic!()
+        };
+        let (component, parameter, nominal) = members[0];
+        let value = nominal + 2.0 * number as f64 / 30.0 * problem.unknowns[1].per_sigma(nominal);
+        let name = "cylinder.coulomb_friction_n";
+        assert_eq!(problem.unknowns[1].name, name);
+        worn.system = System::parse(
+            &study
+                .system
+                .rewritten(
+                    &[],
+                    &[crate::system::NewValue { component, parameter, value, comment: "".into() }],
+                )
+                .unwrap(),
+            "worn.toml",
+        )
+        .unwrap();
+        let command = format!("noise:rms=4deg,bandwidth=1Hz,seed={}", 300 + number);
+        (name.to_owned(), Ok(flown(&worn, &command, (None, number), vec![], 8.0)))
+    };
+    let history = problem.history((0..30).map(flight).collect(), &[]).unwrap();
+    assert!(history.flights.iter().filter(|flight| flight.is_healthy()).count() >= 28);
+    assert!(history.tracks.is_empty());
+    assert_eq!(history.drifts.len(), 1);
+    assert_eq!(history.drifts[0].unknown, 1);
+    let rate = history.drifts[0].trend.last().rate;
+    assert!((rate / (2.0 / 30.0) - 1.0).abs() < 0.3, "{rate}");
+}
+
+#[test]
+fn the_designed_flight_keeps_its_limits_and_tells_most() {
+    let study = spring();
+    let problem = Problem::of_study(&study, vec![]);
+    let rig = design::Rig {
+        input: study.command_input,
+        sensors: study.measured[..study.base_sensors()].to_vec(),
+        period_s: study.sample_period_s,
+    };
+    let (amplitude, rate) = (6.0_f64.to_radians(), 15.0_f64.to_radians());
+    let limits = design::Limits { amplitude, rate, duration_s: 12.0 };
+    let found = problem.design(&rig, limits).unwrap();
+    assert!(found.len() > 1 && found.windows(2).all(|pair| pair[0].gain >= pair[1].gain));
+    let unit = study.system.network().inputs[study.command_input].unit;
+    for design in &found {
+        let signal: Signal = design.command.parse().unwrap();
+        let built = signal.build(unit, 12.0).unwrap();
+        let values: Vec<f64> = (0..=12_000).map(|k| built.value(k as f64 * 1e-3)).collect();
+        let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        let fastest = values.windows(2).map(|pair| (pair[1] - pair[0]).abs() * 1e3);
+        assert!(largest <= amplitude * 1.001, "{}", design.command);
+        assert!(fastest.fold(0.0, f64::max) <= rate * 1.01, "{}", design.command);
+    }
+    // What was promised is what a fit of that flight knows.
+    let best = &found[0];
+    let record = flown(&study, &best.command, (Some(5), 5), vec![], 12.0);
+    let fitted = Problem { suspects: vec![], ..Problem::of_study(&study, vec![record]) };
+    let fitted = fitted.solve().unwrap();
+    for k in 0..2 {
+        let ratio = fitted.known.error(k) / best.known.error(k);
+        assert!((0.7..1.4).contains(&ratio), "{k}: {ratio}");
+    }
+    // A tenth of the motion tells less.
+    let small = design::Limits { amplitude: 0.1 * amplitude, rate: 0.1 * rate, ..limits };
+    assert!(problem.design(&rig, small).unwrap()[0].gain < best.gain);
 }
 
 mod records {

@@ -1,0 +1,121 @@
+//! `servotwin fit --design`: which command shows the parameters best.
+
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json, number};
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::fit::Problem;
+use servotwin::fit::design::{self, Design, Rig};
+use servotwin::signal::Quantity;
+use servotwin::study::Study;
+use servotwin_model::spec::Unit;
+
+/// What the command may do.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Limits of --design")]
+pub struct Limits {
+    /// The largest size of the command.
+    #[arg(long, value_name = "SIZE", requires = "design", default_value = "10deg")]
+    amplitude: String,
+    /// Its largest rate.
+    #[arg(long, value_name = "RATE", requires = "design", default_value = "40deg/s")]
+    rate: String,
+    /// How long it is flown.
+    #[arg(long, value_name = "TIME", requires = "design", default_value = "60s")]
+    duration: String,
+}
+
+/// The text for standard output.
+pub fn run(
+    limits: &Limits,
+    mut problem: Problem,
+    study: &Study,
+    global: Global,
+) -> Result<String, Failure> {
+    let unit = study.system.network().inputs[study.command_input].unit;
+    let rate = match unit {
+        Unit::Radian => Unit::RadianPerSecond,
+        Unit::Metre => Unit::MetrePerSecond,
+        // A rate of anything else has no unit of its own: a plain number.
+        _ => Unit::None,
+    };
+    let limits = design::Limits {
+        amplitude: positive("--amplitude", &limits.amplitude, unit)?,
+        rate: positive("--rate", &limits.rate, rate)?,
+        duration_s: positive("--duration", &limits.duration, Unit::Second)?,
+    };
+    if !(5.0..=3600.0).contains(&limits.duration_s) {
+        let (option, given) = ("--duration", format!("{} s", limits.duration_s));
+        return Err(Failure::OutOfRange { option, given, range: "5 s to 3600 s" });
+    }
+    let rig = Rig {
+        input: study.command_input,
+        sensors: study.measured[..study.base_sensors()].to_vec(),
+        period_s: study.sample_period_s,
+    };
+    problem.cancel = Some(stop::flag());
+    let found = problem.design(&rig, limits)?;
+    let Some(best) = found.first() else {
+        return Err(Failure::Options("no signal of the catalogue keeps these limits"));
+    };
+    Ok(match global {
+        Global { json: true, .. } => {
+            json(&json!(found.iter().map(|design| as_json(design, &problem)).collect::<Vec<_>>()))
+        }
+        Global { quiet: true, .. } => format!("{}\n", best.command),
+        _ => people(&found, best, &problem, unit),
+    })
+}
+
+fn positive(option: &'static str, text: &str, unit: Unit) -> Result<f64, Failure> {
+    let value = Quantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
+    match value > 0.0 && value.is_finite() {
+        true => Ok(value),
+        false => Err(Failure::OutOfRange { option, given: text.into(), range: "greater than 0" }),
+    }
+}
+
+fn as_json(design: &Design, problem: &Problem) -> serde_json::Value {
+    let errors = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
+        json!({
+            "name": unknown.name,
+            "error_sigma": design.known.error(k),
+            "knowledge": design.known.sentence(&problem.unknowns, k),
+        })
+    });
+    json!({
+        "command": design.command,
+        "gain_bits": design.gain,
+        "amplitude": design.amplitude,
+        "rate": design.rate,
+        "parameters": errors.collect::<Vec<_>>(),
+    })
+}
+
+fn people(found: &[Design], best: &Design, problem: &Problem, unit: Unit) -> String {
+    let mut grid = Grid::new(&[
+        ("command", Side::Left),
+        ("gain, bits", Side::Right),
+        ("size", Side::Right),
+        ("rate", Side::Right),
+    ]);
+    let shown =
+        |value: f64| format!("{} {}", number(unit.difference_to_shown(value), 3), unit.shown());
+    for design in found {
+        grid.push(vec![
+            design.command.clone(),
+            number(design.gain, 4),
+            shown(design.amplitude),
+            format!("{}/s", shown(design.rate)),
+        ]);
+    }
+    let mut text = grid.text();
+    text += "\nWith the first, errors in parts of the tolerances' standard deviations:\n\n";
+    let mut grid =
+        Grid::new(&[("parameter", Side::Left), ("± 1 σ", Side::Right), ("", Side::Left)]);
+    for (k, unknown) in problem.unknowns.iter().enumerate() {
+        let sentence = best.known.sentence(&problem.unknowns, k);
+        grid.push(vec![unknown.name.clone(), number(best.known.error(k), 2), sentence]);
+    }
+    text + &grid.text()
+}

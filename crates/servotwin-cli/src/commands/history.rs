@@ -1,0 +1,374 @@
+//! `servotwin history`: the flights of one tail number, and how wear goes on.
+
+use super::fit::{chosen_faults, read_study};
+use super::progress::Stages;
+use super::read_table;
+use crate::failure::Failure;
+use crate::render::{Grid, Side, json, number};
+use crate::{Global, stop};
+use serde_json::json;
+use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin::files::FileError;
+use servotwin::fit::history::{Drift, Flight, History, Log, Track};
+use servotwin::fit::trend::Trend;
+use servotwin::fit::{Knowledge, Problem, Record};
+use servotwin::table::{self, Column, Table, Values};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Follow the flights of one tail number: each log is fitted and diagnosed, what is at fault is tracked from the
+/// first flight to the last, with a trend and the time to a threshold.
+///
+/// The logs of a folder are taken in the order of their names; each is a record as `servotwin fit` takes it. A log
+/// that is none is told and left out. Where a threshold is reached, or will be within the flights of --within with
+/// 95 %, that is an alarm: the exit code is 1.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The folder with the logs (.csv or .parquet).
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+    /// The system file; without it, the study's.
+    #[arg(value_name = "SYSTEM")]
+    system: Option<PathBuf>,
+    /// A study file with the tolerances and faults; without it, the paper's.
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// Track these faults, separated by commas [default: what the flights with findings look like].
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    faults: Vec<String>,
+    /// The intensity that must not be reached.
+    #[arg(long, value_name = "INTENSITY", default_value_t = 0.5)]
+    threshold: f64,
+    /// Alarm where it may be reached within so many flights.
+    #[arg(long, value_name = "FLIGHTS", default_value_t = 20)]
+    within: u32,
+    /// The table to write (.csv or .parquet): one row for each flight.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Draw intensities, trends and parameters to a .svg or .png file.
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Number of threads [default: all processors; the results do not depend on it].
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    if !(options.threshold > 0.0 && options.threshold <= 1.0) {
+        let (option, given) = ("--threshold", options.threshold.to_string());
+        return Err(Failure::OutOfRange { option, given, range: "above 0, at most 1" });
+    }
+    let study = read_study(options.study.as_deref(), options.system.as_deref())?;
+    let paths = logs(&options.folder)?;
+    stop::listen();
+    let stages = Stages::new(global);
+    let mut all: Vec<Log> = Vec::new();
+    for path in &paths {
+        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let table = read_table(path, &[], global)?;
+        all.push((name.clone(), Record::from_table(&name, &table, &study.system)));
+    }
+    let runs = AtomicUsize::new(0);
+    let progress = || {
+        let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
+        stages
+            .show(&format!("{done} runs"), (done as f64 / (300.0 * paths.len() as f64)).min(0.99));
+    };
+    let problem = Problem::of_study(&study, Vec::new());
+    let problem = Problem {
+        threads: options.threads.unwrap_or(problem.threads).max(1),
+        cancel: Some(stop::flag()),
+        progress: &progress,
+        ..problem
+    };
+    let faults = chosen_faults(&options.faults, &problem)?;
+    let history = problem.history(all, &faults)?;
+    stages.end();
+    if let Some(path) = &options.out {
+        table::write(path, &as_table(&history, &problem)?)?;
+    }
+    if let Some(path) = &options.plot {
+        figure(&history, &problem, options.threshold).draw().save(path)?;
+    }
+    let alarms: Vec<String> =
+        history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
+    let output = match global {
+        Global { json: true, .. } => json(&as_json(&history, &problem, options, &alarms)),
+        Global { quiet: true, .. } => String::new(),
+        _ => people(&history, &problem, options),
+    };
+    match alarms.is_empty() {
+        true => Ok(output),
+        false => Err(Failure::Alarm { output, alarms }),
+    }
+}
+
+/// The logs of a folder by their names.
+fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let wrong = |cause| FileError::from_io(folder, cause);
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(wrong)? {
+        let path = entry.map_err(wrong)?.path();
+        let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+        if ending.is_some_and(|ending| ending == "csv" || ending == "parquet") {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    match paths.is_empty() {
+        true => Err(Failure::Options("the folder has no logs (.csv or .parquet)")),
+        false => Ok(paths),
+    }
+}
+
+/// What a track says of its threshold, where that is an alarm.
+fn alarm(track: &Track, options: &Options) -> Option<String> {
+    let trend = track.trend.as_ref()?;
+    let reached = trend.reaches(options.threshold);
+    let earliest = reached.earliest.filter(|flights| *flights <= f64::from(options.within))?;
+    // An interval that is merely wide is no alarm: the wear must be seen to go on.
+    let is_growing = trend.significance() > 3.0 || reached.expected == Some(0.0);
+    is_growing.then(|| match reached.expected {
+        Some(0.0) => format!("{} has reached {}", track.name, options.threshold),
+        _ => format!(
+            "{} may reach {} in {} flights",
+            track.name,
+            options.threshold,
+            number(earliest.ceil(), 4)
+        ),
+    })
+}
+
+/// The intensity of a track in a flight, and its standard error.
+fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
+    let point = track.points.iter().find(|point| point.at == flight as f64)?;
+    Some((point.level, point.error))
+}
+
+fn verdict(flight: &Flight, problem: &Problem) -> String {
+    match &flight.fitted {
+        Err(error) => format!("{error}"),
+        Ok(fitted) => match fitted.findings.first() {
+            None => "healthy".into(),
+            Some(finding) => finding.sentence(problem),
+        },
+    }
+}
+
+fn when(trend: &Trend, threshold: f64) -> String {
+    let reached = trend.reaches(threshold);
+    let flights = |value: Option<f64>| value.map_or("never".into(), |v| number(v.round(), 4));
+    match (reached.expected, reached.earliest) {
+        (Some(0.0), _) => format!("has reached {threshold}"),
+        (None, None) => format!("does not reach {threshold}"),
+        _ => format!(
+            "reaches {threshold} in {} flights (95 %: {} … {})",
+            flights(reached.expected),
+            flights(reached.earliest),
+            flights(reached.latest)
+        ),
+    }
+}
+
+fn sentence(track: &Track, threshold: f64) -> String {
+    let Some(trend) = &track.trend else {
+        return format!("{}: too few flights for a trend", track.name);
+    };
+    let last = trend.last();
+    format!(
+        "{} ({:.0} %): {} ± {}, {} a flight; {}",
+        track.name,
+        100.0 * track.probability,
+        number(last.level, 3),
+        number(1.96 * last.variance[0].sqrt(), 2),
+        number(last.rate, 2),
+        when(trend, threshold)
+    )
+}
+
+fn drifts(drift: &Drift, problem: &Problem) -> String {
+    let last = drift.trend.last();
+    format!(
+        "{} drifts inside of its tolerance: {} standard deviations of it in a hundred flights, now {}",
+        problem.unknowns[drift.unknown].name,
+        number(100.0 * last.rate, 2),
+        number(last.level, 2)
+    )
+}
+
+fn people(history: &History, problem: &Problem, options: &Options) -> String {
+    let mut heads = vec![("flight", Side::Right), ("log", Side::Left), ("", Side::Left)];
+    heads.extend(history.tracks.iter().map(|_| ("intensity ± 95 %", Side::Right)));
+    let mut grid = Grid::new(&heads);
+    for (number_of, flight) in history.flights.iter().enumerate() {
+        let mut row = vec![number_of.to_string(), flight.name.clone(), verdict(flight, problem)];
+        row.extend(history.tracks.iter().map(|track| match of_flight(track, number_of) {
+            Some((level, error)) => {
+                format!("{} ± {}", number(level, 3), number(1.96 * error, 2))
+            }
+            None => String::new(),
+        }));
+        grid.push(row);
+    }
+    let mut text = grid.text() + "\n";
+    for track in &history.tracks {
+        text += &format!("{}\n", sentence(track, options.threshold));
+    }
+    for drift in &history.drifts {
+        text += &format!("{}\n", drifts(drift, problem));
+    }
+    if history.tracks.is_empty() && history.drifts.is_empty() {
+        text += "nothing to track: no flight has a finding that looks like a fault\n";
+    }
+    text
+}
+
+fn as_json(
+    history: &History,
+    problem: &Problem,
+    options: &Options,
+    alarms: &[String],
+) -> serde_json::Value {
+    let flights = history.flights.iter().map(|flight| {
+        json!({
+            "log": flight.name,
+            "is_usable": flight.fitted.is_ok(),
+            "is_healthy": flight.is_healthy(),
+            "verdict": verdict(flight, problem),
+        })
+    });
+    let trend = |trend: &Trend| {
+        let (last, reached) = (trend.last(), trend.reaches(options.threshold));
+        json!({
+            "level": last.level,
+            "level_error": last.variance[0].sqrt(),
+            "rate_per_flight": last.rate,
+            "rate_error": last.variance[2].sqrt(),
+            "flights_to_threshold": reached.expected,
+            "interval_95": [reached.earliest, reached.latest],
+        })
+    };
+    let tracks = history.tracks.iter().map(|track| {
+        json!({
+            "fault": track.name,
+            "probability": track.probability,
+            "flights": track.points.iter().map(|p| p.at).collect::<Vec<_>>(),
+            "intensities": track.points.iter().map(|p| p.level).collect::<Vec<_>>(),
+            "errors": track.points.iter().map(|p| p.error).collect::<Vec<_>>(),
+            "trend": track.trend.as_ref().map(trend),
+        })
+    });
+    let drifts = history.drifts.iter().map(|drift| {
+        let last = drift.trend.last();
+        json!({
+            "parameter": problem.unknowns[drift.unknown].name,
+            "sigmas": last.level,
+            "rate_per_flight": last.rate,
+        })
+    });
+    json!({
+        "flights": flights.collect::<Vec<_>>(),
+        "tracks": tracks.collect::<Vec<_>>(),
+        "drifts": drifts.collect::<Vec<_>>(),
+        "threshold": options.threshold,
+        "alarms": alarms,
+    })
+}
+
+fn as_table(history: &History, problem: &Problem) -> Result<Table, Failure> {
+    let count = history.flights.len();
+    let texts =
+        |of: &dyn Fn(&Flight) -> String| Values::Text(history.flights.iter().map(of).collect());
+    let mut columns = vec![
+        Column::new("flight", "", Values::Unsigned((0..count as u32).collect())),
+        Column::new("log", "", texts(&|flight| flight.name.clone())),
+        Column::new("verdict", "", texts(&|flight| verdict(flight, problem))),
+    ];
+    let mut push = |name: String, of: &dyn Fn(usize) -> Option<f64>| {
+        let values = (0..count).map(|flight| of(flight).unwrap_or(f64::NAN)).collect();
+        columns.push(Column::new(name, "", Values::Float(values)));
+    };
+    for track in &history.tracks {
+        let name = &track.name;
+        push(format!("intensity:{name}"), &|flight| of_flight(track, flight).map(|p| p.0));
+        push(format!("error:{name}"), &|flight| of_flight(track, flight).map(|p| p.1));
+    }
+    for (k, unknown) in problem.unknowns.iter().enumerate() {
+        let fitted = |flight: usize| history.flights[flight].fitted.as_ref().ok();
+        push(format!("sigmas:{}", unknown.name), &|flight| fitted(flight).map(|f| f.z[k]));
+        push(format!("error_sigmas:{}", unknown.name), &|flight| {
+            fitted(flight).map(|f| f.known.error(k))
+        });
+    }
+    Ok(Table::from_columns(columns)?)
+}
+
+/// Most parameters that are drawn.
+const DRAWN: usize = 6;
+
+fn figure(history: &History, problem: &Problem, threshold: f64) -> TimeSeries<'static> {
+    let mut figure = TimeSeries::new(problem.system.title.clone(), "flight");
+    figure.panel_height = 180.0;
+    for track in &history.tracks {
+        figure = figure.with(panel(track, history.flights.len(), threshold));
+    }
+    let mut parameters = Panel::new("parameters, in standard deviations of their tolerances", "σ");
+    for unknown in drawn(history, problem) {
+        let updates = history.flights.iter().enumerate().filter(|(_, f)| f.is_healthy());
+        let points =
+            updates.filter_map(|(n, f)| Some((n as f64, f.fitted.as_ref().ok()?.z[unknown])));
+        let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
+        let name = problem.unknowns[unknown].name.clone();
+        parameters = parameters.with(Series::new(name, x, y));
+    }
+    match parameters.series.is_empty() {
+        true => figure,
+        false => figure.with(parameters.with_band(Band::constant("tolerance", -3.0, 3.0))),
+    }
+}
+
+/// The parameters that drift, or those that are known best.
+fn drawn(history: &History, problem: &Problem) -> Vec<usize> {
+    let drifting: Vec<usize> = history.drifts.iter().map(|drift| drift.unknown).collect();
+    if !drifting.is_empty() {
+        return drifting.into_iter().take(DRAWN).collect();
+    }
+    let first = history.flights.iter().find(|flight| flight.is_healthy());
+    let Some(Ok(fitted)) = first.map(|flight| &flight.fitted) else { return Vec::new() };
+    let known = |k: &usize| fitted.known.each[*k] == Knowledge::Known;
+    (0..problem.unknowns.len()).filter(known).take(DRAWN).collect()
+}
+
+/// Intensities, the trend as it was known after each flight, and where it goes.
+fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
+    let measured = |of: fn(&servotwin::fit::trend::Point) -> f64| -> Vec<f64> {
+        track.points.iter().map(of).collect()
+    };
+    let mut panel = Panel::new(track.name.clone(), "intensity");
+    panel = panel.with(Series::new("fitted", measured(|p| p.at), measured(|p| p.level)));
+    let last_flight = flights.saturating_sub(1) as f64;
+    let mut end = last_flight;
+    if let Some(trend) = &track.trend {
+        let reached = trend.reaches(threshold);
+        let far = 3.0 * last_flight;
+        let latest = reached.latest.or(reached.expected).unwrap_or(0.3 * last_flight);
+        end = last_flight + latest.max(0.1 * last_flight).min(far);
+        let ahead: Vec<f64> =
+            (0..=60).map(|k| f64::from(k) / 60.0 * (end - trend.last().at)).collect();
+        let times: Vec<f64> = ahead.iter().map(|flights| trend.last().at + flights).collect();
+        let (mean, errors): (Vec<f64>, Vec<f64>) =
+            ahead.iter().map(|flights| trend.ahead(*flights)).unzip();
+        let edge = |sign: f64| -> Vec<f64> {
+            mean.iter().zip(&errors).map(|(mean, error)| mean + sign * 1.96 * error).collect()
+        };
+        panel = panel.with_band(Band {
+            name: "95 % of the trend".into(),
+            x: times.clone().into(),
+            low: edge(-1.0).into(),
+            high: edge(1.0).into(),
+        });
+        panel = panel.with(Series::new("trend", times, mean.clone()));
+    }
+    panel.with(Series::new("threshold", vec![0.0, end], vec![threshold, threshold]))
+}

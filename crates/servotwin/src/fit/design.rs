@@ -1,0 +1,217 @@
+//! Which flight shows the unknowns best.
+//!
+//! What a record knows about the unknowns is JᵀJ, and J needs no measurement: commands can be compared before any
+//! of them is flown. The gain of a command is what it takes away of the uncertainty that tolerances leave,
+//!
+//! (FD1)  gain = ½ (ln det(JᵀJ + Q) − ln det Q) / ln 2  in bits,
+//!
+//! and the command with the largest one is D-optimal among those compared: signals of the catalogue in several
+//! frequencies and sizes, each as large as limits of amplitude and rate allow it, or a part of that, because
+//! overlaps and friction show in small motions. All are compared on a part of the time first, the best ones on all
+//! of it.
+
+use super::linear::Symmetric;
+use super::record::Record;
+use super::response::Difference;
+use super::{FitError, Known, Problem};
+use crate::signal::{Signal, UNITS};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::spec::Unit;
+
+/// What a command may do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Its largest size, in the input's unit.
+    pub amplitude: f64,
+    /// Its largest rate, in the input's unit per second.
+    pub rate: f64,
+    /// How long it is flown, s.
+    pub duration_s: f64,
+}
+
+/// Where a command is flown and what is measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rig {
+    /// The input that it drives; the others stay at their defaults.
+    pub input: usize,
+    /// The sensors, by position in the system's list.
+    pub sensors: Vec<usize>,
+    /// Time between samples, s.
+    pub period_s: f64,
+}
+
+/// A command and what it would tell.
+#[derive(Clone, Debug)]
+pub struct Design {
+    /// The command's text.
+    pub command: String,
+    /// (FD1), bits.
+    pub gain: f64,
+    /// Its largest size.
+    pub amplitude: f64,
+    /// Its largest rate.
+    pub rate: f64,
+    /// What would be known.
+    pub known: Known,
+}
+
+/// The parts of the largest size that are compared.
+const PARTS: [f64; 3] = [1.0, 0.5, 0.2];
+/// So many commands are compared on the whole time.
+const FINALISTS: usize = 5;
+/// The others on this part of it, at least so long, s.
+const SHARE: f64 = 1.0 / 3.0;
+const LEAST_S: f64 = 10.0;
+/// How finely a command is looked at for its size and rate, s.
+const LOOK_S: f64 = 2e-3;
+
+/// The kinds of motion, with {a} for a size.
+fn shapes(duration_s: f64) -> Vec<String> {
+    let mut list = Vec::new();
+    for bandwidth in [0.2, 0.5, 1.0, 2.0, 4.0] {
+        list.push(format!("noise:rms={{a}},bandwidth={bandwidth}Hz,seed=1"));
+    }
+    for frequency in [0.1, 0.3, 1.0, 2.0] {
+        list.push(format!("sine:amplitude={{a}},frequency={frequency}Hz"));
+    }
+    for to in [0.5, 1.0, 3.0] {
+        list.push(format!("sweep:amplitude={{a}},from=0.05Hz,to={to}Hz,length={duration_s}s"));
+    }
+    for frequency in [0.05, 0.2] {
+        list.push(format!(
+            "sine:amplitude={{a}},frequency={frequency}Hz + noise:rms={{b}},bandwidth=2Hz,seed=1"
+        ));
+    }
+    list
+}
+
+impl Problem<'_> {
+    /// The commands that tell most of the unknowns, the best first. Records of the problem are not used.
+    ///
+    /// # Errors
+    /// There is nothing to estimate; it was stopped; a twin that cannot be simulated is left out.
+    pub fn design(&self, rig: &Rig, limits: Limits) -> Result<Vec<Design>, FitError> {
+        if self.unknowns.is_empty() {
+            return Err(FitError::NoUnknown);
+        }
+        let unit = self.system.network().inputs[rig.input].unit;
+        let fit = |shape: &String| PARTS.map(|part| fitted(shape, unit, limits, part));
+        let commands = shapes(limits.duration_s).iter().flat_map(fit).flatten().collect::<Vec<_>>();
+        let part_s = (SHARE * limits.duration_s).max(LEAST_S).min(limits.duration_s);
+        let mut coarse = self.compared(rig, commands, part_s)?;
+        coarse.truncate(FINALISTS);
+        let finalists = coarse.into_iter().map(|(_, command)| command).collect();
+        self.compared(rig, finalists, limits.duration_s)
+            .map(|all| all.into_iter().map(|(design, _)| design).collect())
+    }
+
+    /// What the commands tell in a given time, the best first.
+    fn compared(
+        &self,
+        rig: &Rig,
+        commands: Vec<Command>,
+        duration_s: f64,
+    ) -> Result<Vec<(Design, Command)>, FitError> {
+        let mut all = Vec::new();
+        for command in commands {
+            match self.told(rig, &command, duration_s) {
+                Ok(design) => all.push((design, command)),
+                Err(FitError::Run { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        all.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
+        Ok(all)
+    }
+
+    fn told(&self, rig: &Rig, command: &Command, duration_s: f64) -> Result<Design, FitError> {
+        let inputs = self.system.network().inputs.iter();
+        let constant = |value| Piecewise::constant(value).expect("a default is finite");
+        let mut inputs: Vec<Piecewise> = inputs.map(|input| constant(input.default)).collect();
+        inputs[rig.input] = command.signal.clone();
+        let samples = (duration_s / rig.period_s + 1e-6) as usize + 1;
+        let record = Record {
+            name: command.text.clone(),
+            period_s: rig.period_s,
+            inputs,
+            sensors: rig.sensors.clone(),
+            // What it would measure does not matter.
+            measured: vec![0.0; samples * rig.sensors.len()],
+        };
+        let own = Problem {
+            unknowns: self.unknowns.clone(),
+            records: vec![record],
+            suspects: Vec::new(),
+            ..*self
+        };
+        let nominal = vec![0.0; self.unknowns.len()];
+        let linear = own.linear(&nominal, Difference::Forward)?;
+        let known = Known::new(&self.unknowns, &nominal, &linear.information);
+        Ok(Design {
+            command: command.text.clone(),
+            gain: self.gain(&linear.information),
+            amplitude: command.amplitude,
+            rate: command.rate,
+            known: known.ok_or(FitError::Undetermined)?,
+        })
+    }
+
+    /// (FD1).
+    pub(super) fn gain(&self, information: &Symmetric) -> f64 {
+        let priors = self.priors();
+        let logarithm = |matrix: &Symmetric| -> f64 {
+            matrix.eigen().iter().map(|(value, _)| value.max(f64::MIN_POSITIVE).ln()).sum()
+        };
+        let before: f64 = priors.iter().map(|prior| prior.ln()).sum();
+        0.5 * (logarithm(&information.plus_diagonal(&priors)) - before) / std::f64::consts::LN_2
+    }
+}
+
+/// A command that keeps its limits.
+#[derive(Clone)]
+struct Command {
+    text: String,
+    signal: Piecewise,
+    amplitude: f64,
+    rate: f64,
+}
+
+/// A shape as large as a part of what the limits allow; `None` where the catalogue cannot.
+fn fitted(shape: &str, unit: Unit, limits: Limits, part: f64) -> Option<Command> {
+    // A guess that is small enough to be allowed, then twice a correction: limits of signals are soft.
+    let mut size = 0.05 * limits.amplitude;
+    let mut command = built(shape, unit, size, limits)?;
+    for _ in 0..3 {
+        let room = (limits.amplitude / command.amplitude).min(limits.rate / command.rate);
+        // A thousandth of the room is left to the rounding of what lies between two looks.
+        size *= 0.999 * part * room;
+        command = built(shape, unit, size, limits)?;
+        if part < 1.0 {
+            break;
+        }
+    }
+    let is_kept = command.amplitude <= limits.amplitude && command.rate <= limits.rate;
+    is_kept.then_some(command)
+}
+
+fn built(shape: &str, unit: Unit, size: f64, limits: Limits) -> Option<Command> {
+    // The second part of a sum is a tenth of the first.
+    let text =
+        shape.replace("{a}", &written(size, unit)).replace("{b}", &written(0.1 * size, unit));
+    let signal = text.parse::<Signal>().ok()?.build(unit, limits.duration_s).ok()?;
+    let steps = (limits.duration_s / LOOK_S) as usize;
+    let values = || (0..=steps).map(|k| signal.value(k as f64 * LOOK_S));
+    let amplitude = values().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let moved = values().zip(values().skip(1)).map(|(before, after)| (after - before).abs());
+    let rate = moved.fold(0.0, f64::max) / LOOK_S;
+    (amplitude > 0.0 && rate > 0.0).then_some(Command { text, signal, amplitude, rate })
+}
+
+/// A size in a unit that people read, rounded down to three digits.
+fn written(size: f64, unit: Unit) -> String {
+    let known = UNITS.iter().find(|known| known.unit == unit && known.si != 1.0);
+    let (value, symbol) = known.map_or((size, ""), |known| (size / known.si, known.symbol));
+    let digit = 10_f64.powi(value.abs().max(1e-9).log10().floor() as i32 - 2);
+    let value = (value / digit + 1e-9).floor() * digit;
+    format!("{}{symbol}", format!("{value:.9}").trim_end_matches('0').trim_end_matches('.'))
+}

@@ -1,0 +1,284 @@
+//! A wear that goes on over flights: its rate, and when it reaches a threshold.
+//!
+//! What is measured at flight n is a level x with a known standard error; the level goes on at a rate v, and
+//! the rate walks at random:
+//!
+//! (FT1)  x' = x + v Δ,  v' = v + w,  w of variance q Δ;  y = x + e,  e of variance σ² s
+//!
+//! With q = 0 this is a straight line. q and s (how much larger errors are than they say, at least 1) are those
+//! under which the measured series is likeliest, found with a Kalman filter on a grid of q. The threshold is reached
+//! when the level's mean passes it, and no earlier and no later, with 95 %, than the ends of its band do.
+
+/// 95 % of a normal distribution lie within so many deviations.
+const NORMAL_95: f64 = 1.96;
+/// What is known of the first level and of the first rate: nothing, beside what flights show.
+const VAGUE: f64 = 1e6;
+/// The grid of q, in parts of (range of the levels over their span)² for each flight; zero first.
+const WALKS: [f64; 8] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+/// By how much more likely a walk must be before a straight line is given up, as a difference of ln L.
+const CLEARLY: f64 = 1.92;
+/// The fewest flights that make a trend.
+const FEWEST: usize = 4;
+/// A prediction looks so many times as far as the history is long.
+const HORIZON: f64 = 20.0;
+
+/// One flight's measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// When, in flights.
+    pub at: f64,
+    /// The level.
+    pub level: f64,
+    /// Its standard error.
+    pub error: f64,
+}
+
+/// Level and rate with their covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// When, in flights.
+    pub at: f64,
+    /// The level.
+    pub level: f64,
+    /// The rate for a flight.
+    pub rate: f64,
+    /// Variance of the level, covariance, variance of the rate.
+    pub variance: [f64; 3],
+}
+
+/// A trend after the last flight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trend {
+    /// After each flight, from what was known then.
+    pub states: Vec<State>,
+    /// How much larger errors are than they say.
+    pub spread: f64,
+    /// q of (FT1), for a flight.
+    pub walk: f64,
+    /// How far predictions look, in flights.
+    horizon: f64,
+}
+
+/// When a threshold is reached, in flights from the last one on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reached {
+    /// When the mean passes it; `None` if never within the horizon.
+    pub expected: Option<f64>,
+    /// The earliest time of the 95 % band.
+    pub earliest: Option<f64>,
+    /// The latest; `None` if the band's lower end never does.
+    pub latest: Option<f64>,
+}
+
+impl State {
+    /// The state a while later, without measuring.
+    fn after(&self, flights: f64, walk: f64) -> State {
+        let [level, both, rate] = self.variance;
+        let t = flights;
+        State {
+            at: self.at + t,
+            level: self.level + t * self.rate,
+            rate: self.rate,
+            variance: [
+                level + 2.0 * t * both + t * t * rate + walk * t * t * t / 3.0,
+                both + t * rate + walk * t * t / 2.0,
+                rate + walk * t,
+            ],
+        }
+    }
+
+    /// The state with one more measurement of this variance; what was not expected of it, and the variance of that.
+    fn measured(&self, level: f64, variance: f64) -> (State, f64, f64) {
+        let [own, both, rate] = self.variance;
+        let (surprise, expected) = (level - self.level, own + variance);
+        let gain = [own / expected, both / expected];
+        let state = State {
+            at: self.at,
+            level: self.level + gain[0] * surprise,
+            rate: self.rate + gain[1] * surprise,
+            variance: [
+                own * variance / expected,
+                both * variance / expected,
+                rate - gain[1] * both,
+            ],
+        };
+        (state, surprise, expected)
+    }
+}
+
+impl Trend {
+    /// The trend of a series in the order of time; `None` for fewer than four flights, or none that differ in time.
+    pub fn of(points: &[Point]) -> Option<Trend> {
+        let (first, last) = (points.first()?, points.last()?);
+        let span = last.at - first.at;
+        if points.len() < FEWEST || span <= 0.0 {
+            return None;
+        }
+        let levels = points.iter().map(|point| point.level);
+        let range = levels.clone().fold(f64::MIN, f64::max) - levels.fold(f64::MAX, f64::min);
+        let error = points.iter().map(|point| point.error).fold(0.0, f64::max);
+        let per_flight = (range.max(error) / span).powi(2) / span;
+        let filtered = |part: &f64| filtered(points, part * per_flight, range.max(error), span);
+        let mut all = WALKS.iter().map(filtered);
+        let line = all.next().expect("the first walk is none");
+        let best = all.fold(line.clone(), |a, b| if b.likelihood > a.likelihood { b } else { a });
+        let best = if best.likelihood > line.likelihood + CLEARLY { best } else { line };
+        Some(Trend { horizon: HORIZON * span, ..best.trend })
+    }
+
+    /// Level and rate now.
+    pub fn last(&self) -> &State {
+        self.states.last().expect("a trend has flights")
+    }
+
+    /// The rate in its standard errors.
+    pub fn significance(&self) -> f64 {
+        let last = self.last();
+        last.rate / last.variance[2].sqrt()
+    }
+
+    /// The level so many flights from now, with its standard error.
+    pub fn ahead(&self, flights: f64) -> (f64, f64) {
+        let state = self.last().after(flights, self.walk);
+        (state.level, state.variance[0].sqrt())
+    }
+
+    /// When a threshold is reached from below.
+    pub fn reaches(&self, threshold: f64) -> Reached {
+        let when = |sigmas: f64| {
+            let end = |flights: f64| {
+                let (level, error) = self.ahead(flights);
+                level + sigmas * error - threshold
+            };
+            first_passage(end, self.horizon)
+        };
+        Reached { expected: when(0.0), earliest: when(NORMAL_95), latest: when(-NORMAL_95) }
+    }
+}
+
+/// The first zero of a function that begins below it, to a thousandth of the horizon and then exactly.
+fn first_passage(end: impl Fn(f64) -> f64, horizon: f64) -> Option<f64> {
+    const STEPS: usize = 4000;
+    if end(0.0) >= 0.0 {
+        return Some(0.0);
+    }
+    let at = |step: usize| horizon * (step as f64 / STEPS as f64).powi(2);
+    let step = (1..=STEPS).find(|&step| end(at(step)) >= 0.0)?;
+    let (mut before, mut after) = (at(step - 1), at(step));
+    for _ in 0..50 {
+        let middle = 0.5 * (before + after);
+        if end(middle) >= 0.0 { after = middle } else { before = middle }
+    }
+    Some(after)
+}
+
+#[derive(Clone)]
+struct Filtered {
+    trend: Trend,
+    likelihood: f64,
+}
+
+/// The filter with one walk. Errors are scaled afterwards: all variances are in units of s.
+fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
+    let first = points[0];
+    let mut state = State {
+        at: first.at,
+        level: first.level,
+        rate: 0.0,
+        variance: [VAGUE * range * range, 0.0, VAGUE * (range / span).powi(2)],
+    };
+    let (mut states, mut squares, mut logarithms, mut counted) = (Vec::new(), 0.0, 0.0, 0.0);
+    for (number, point) in points.iter().enumerate() {
+        let expected = state.after(point.at - state.at, walk);
+        let (next, surprise, variance) = expected.measured(point.level, point.error.powi(2));
+        // The first two flights say where it begins and how fast, not how well it fits.
+        if number >= 2 {
+            squares += surprise * surprise / variance;
+            logarithms += variance.ln();
+            counted += 1.0;
+        }
+        states.push(next);
+        state = next;
+    }
+    let spread = f64::max(squares / counted, 1.0);
+    for state in &mut states {
+        state.variance = state.variance.map(|variance| variance * spread);
+    }
+    let likelihood = -0.5 * (logarithms + counted * spread.ln() + squares / spread);
+    let trend = Trend { states, spread, walk: walk * spread, horizon: 0.0 };
+    Filtered { trend, likelihood }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::random::Random;
+
+    fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
+        let mut random = Random::new(seed);
+        let point = |n: usize| {
+            let at = n as f64;
+            Point { at, level: level(at) + error * random.normal(), error }
+        };
+        (0..count).map(point).collect()
+    }
+
+    #[test]
+    fn a_line_is_a_line_of_least_squares() {
+        let points = series(40, 1, 0.02, |n| 0.1 + 0.003 * n);
+        let trend = Trend::of(&points).unwrap();
+        let n = points.len() as f64;
+        let mean = |of: &dyn Fn(&Point) -> f64| points.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|p| p.at), mean(&|p| p.level));
+        let slope = mean(&|p| (p.at - x) * (p.level - y)) / mean(&|p| (p.at - x).powi(2));
+        assert_eq!(trend.walk, 0.0);
+        assert!((trend.last().rate / slope - 1.0).abs() < 1e-3, "{} {slope}", trend.last().rate);
+        let error = 0.02 / (n * mean(&|p| (p.at - x).powi(2))).sqrt();
+        let own = trend.last().variance[2].sqrt() / trend.spread.sqrt();
+        assert!((own / error - 1.0).abs() < 1e-3, "{own} {error}");
+    }
+
+    #[test]
+    fn the_band_of_the_time_to_a_threshold_holds_the_truth_in_95_percent() {
+        let (mut inside, mut near) = (0, 0);
+        for seed in 0..300 {
+            let points = series(60, seed, 0.02, |n| 0.004 * n);
+            let reached = Trend::of(&points).unwrap().reaches(0.5);
+            let truth = 125.0 - 59.0;
+            let latest = reached.latest.unwrap_or(f64::INFINITY);
+            inside += usize::from((reached.earliest.unwrap()..=latest).contains(&truth));
+            near += usize::from((reached.expected.unwrap() - truth).abs() < 0.2 * truth);
+        }
+        // Three standard deviations of 300 draws with 95 % are 3.8 %.
+        assert!((274..=297).contains(&inside), "{inside}");
+        assert!(near > 295, "{near}");
+    }
+
+    #[test]
+    fn a_wear_that_grows_faster_is_followed() {
+        let points = series(120, 5, 0.004, |n| 0.5 * (n / 200.0).powi(3));
+        let trend = Trend::of(&points).unwrap();
+        assert!(trend.walk > 0.0);
+        let slope = 0.5 * 3.0 * 119.0_f64.powi(2) / 200.0_f64.powi(3);
+        assert!((trend.last().rate / slope - 1.0).abs() < 0.2, "{} {slope}", trend.last().rate);
+    }
+
+    #[test]
+    fn what_does_not_grow_reaches_nothing() {
+        let points = series(50, 2, 0.02, |_| 0.1);
+        let trend = Trend::of(&points).unwrap();
+        assert!(trend.significance().abs() < 4.0);
+        assert_eq!(trend.reaches(0.05).expected, Some(0.0));
+        let falling = Trend::of(&series(50, 3, 0.01, |n| 0.4 - 0.002 * n)).unwrap();
+        assert_eq!(falling.reaches(0.5), Reached { expected: None, earliest: None, latest: None });
+        assert!(Trend::of(&points[..3]).is_none());
+    }
+
+    #[test]
+    fn errors_that_are_too_small_are_found_out() {
+        let mut points = series(80, 7, 0.03, |n| 0.002 * n);
+        points.iter_mut().for_each(|point| point.error = 0.01);
+        let trend = Trend::of(&points).unwrap();
+        assert!(trend.spread > 4.0 || trend.walk > 0.0, "{}", trend.spread);
+    }
+}
