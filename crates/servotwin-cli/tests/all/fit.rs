@@ -98,3 +98,70 @@ fn wrong_logs_and_names_are_told() {
         assert!(text.contains(message), "{arguments:?}: {text}");
     }
 }
+
+/// Eight flights with a leak that grows by 0.05 in each, and a file that is no log.
+fn flights(folder: &Folder) -> String {
+    let logs = folder.file("logs");
+    std::fs::create_dir_all(&logs).unwrap();
+    for flight in 1..=8 {
+        let command = format!("noise:rms=4deg,bandwidth=1Hz,seed={flight}");
+        let fault = format!("leakage_a.leakage={}", 0.05 * f64::from(flight));
+        let out = format!("{logs}/flight_{flight}.csv");
+        let first = ["simulate", SPRING, "--command", &command, "--fault", &fault];
+        let output = servotwin(&[&first[..], &["--duration", "8s", "--out", &out, "-q"]].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+    }
+    std::fs::write(format!("{logs}/flight_9.csv"), "a,b\n1,2\n").unwrap();
+    logs
+}
+
+#[test]
+fn a_history_tells_when_a_threshold_is_reached() {
+    let folder = Folder::new("history");
+    let logs = flights(&folder);
+    let (table, plot) = (folder.file("history.csv"), folder.file("history.svg"));
+    let start = ["history", &logs, "--study", STUDY];
+    let output = servotwin(&[&start[..], &["--out", &table, "--plot", &plot]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let message = stderr(&output);
+    assert!(message.contains("alarm: leakage_a.leakage may reach 0.5 in"), "{message}");
+    let text = stdout(&output);
+    assert!(text.contains("flight_9.csv") && text.contains("reaches 0.5 in 2 flights"), "{text}");
+    let rows = std::fs::read_to_string(&table).unwrap();
+    assert_eq!(rows.lines().count(), 10);
+    assert!(rows.contains("intensity:leakage_a.leakage"), "{rows}");
+    assert!(std::fs::read_to_string(&plot).unwrap().contains("threshold"));
+    // An alarm that is not wanted yet, of a fault that is named.
+    let named = ["--faults", "leakage_a.leakage", "--within", "1", "--json"];
+    let result = json(&[&start[..], &named].concat());
+    assert_eq!(result["alarms"].as_array().unwrap().len(), 0);
+    assert_eq!(result["flights"][8]["is_usable"], false);
+    let trend = &result["tracks"][0]["trend"];
+    let left = trend["flights_to_threshold"].as_f64().unwrap();
+    assert!((left - 2.0).abs() < 0.2, "{left}");
+    let rate = trend["rate_per_flight"].as_f64().unwrap();
+    assert!((rate - 0.05).abs() < 0.003, "{rate}");
+}
+
+#[test]
+fn a_history_needs_logs_and_a_design_keeps_limits() {
+    let folder = Folder::new("history-none");
+    let none = folder.file("none");
+    std::fs::create_dir_all(&none).unwrap();
+    let output = servotwin(&["history", &none, "--study", STUDY]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    let output = servotwin(&["history", &none, "--study", STUDY, "--threshold", "2"]);
+    assert!(stderr(&output).contains("--threshold 2 is out of range"), "{}", stderr(&output));
+    let design = ["fit", "--design", "--study", STUDY, "--duration", "10s", "--amplitude", "5deg"];
+    let found = json(&[&design[..], &["--rate", "20deg/s", "--json"]].concat());
+    let best = &found[0];
+    assert!(best["amplitude"].as_f64().unwrap() <= 5.001_f64.to_radians(), "{best}");
+    assert!(best["rate"].as_f64().unwrap() <= 20.01_f64.to_radians(), "{best}");
+    assert!(best["gain_bits"].as_f64().unwrap() > 1.0, "{best}");
+    let text = stdout(&servotwin(&[&design[..], &["-q"]].concat()));
+    assert_eq!(text.lines().count(), 1, "{text}");
+    let output = servotwin(&[&design[..], &["--rate", "20s"]].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    // Limits are of a design, and a fit needs a log.
+    assert_eq!(servotwin(&["fit", "--study", STUDY]).status.code(), Some(2));
+}
