@@ -144,10 +144,8 @@ impl Failure {
     /// The exit code of the program, as the head of `main.rs` lists them.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Failure::System(_)
-            | Failure::Study(_)
-            | Failure::Evaluation(_)
-            | Failure::Trace { .. } => 3,
+            Failure::System(_) | Failure::Study(_) | Failure::Trace { .. } => 3,
+            Failure::Evaluation(error) => of_evaluation(error),
             Failure::Signal { error: SignalError::Table(_) | SignalError::Rows { .. }, .. } => 3,
             Failure::UnknownName(_)
             | Failure::NoComponent { .. }
@@ -167,14 +165,14 @@ impl Failure {
             Failure::Watch(WatchError::Checkpoint(CheckpointError::File(_))) => 1,
             Failure::Watch(WatchError::Checkpoint(_)) => 3,
             Failure::Watch(WatchError::Sink(_)) => 1,
-            Failure::Table(TableError::UnknownFormat { .. }) => 2,
+            Failure::Table(error) => of_table(error),
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
             Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
+            Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
             Failure::Job(_) => 3,
             Failure::Campaign(_)
             | Failure::Run(_)
             | Failure::Eigenvalues
-            | Failure::Table(_)
             | Failure::Figure(_)
             | Failure::Runtime(_)
             | Failure::Fit(_)
@@ -184,6 +182,33 @@ impl Failure {
             | Failure::Print(_) => 1,
             Failure::Stopped => 130,
         }
+    }
+}
+
+/// What cannot be written is no mistake of an input file.
+fn of_file(error: &FileError) -> u8 {
+    match error {
+        FileError::MissingFolder { .. }
+        | FileError::DiskFull { .. }
+        | FileError::ReadOnly { .. }
+        | FileError::System { .. } => 1,
+        _ => 3,
+    }
+}
+
+fn of_table(error: &TableError) -> u8 {
+    match error {
+        TableError::UnknownFormat { .. } => 2,
+        TableError::File(error) => of_file(error),
+        _ => 3,
+    }
+}
+
+fn of_evaluation(error: &EvaluationError) -> u8 {
+    match error {
+        EvaluationError::File(error) => of_file(error),
+        EvaluationError::Table(error) => of_table(error),
+        _ => 3,
     }
 }
 

@@ -9,7 +9,7 @@
 //! | 1 | the run failed, or a result could not be written |
 //! | 2 | wrong use: an option, a signal, a name that the system does not have |
 //! | 3 | a system file (or another input file) is missing or has mistakes |
-//! | 130 | stopped by Ctrl-C; no file was left half-written |
+//! | 130 | stopped by Ctrl-C or another request to end; no file was left half-written |
 
 mod commands;
 mod failure;
@@ -47,7 +47,7 @@ pub(crate) struct Global {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
-    3 an input file is missing or has mistakes, 130 stopped by Ctrl-C.";
+    3 an input file is missing or has mistakes, 130 stopped by Ctrl-C or another request to end.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -106,6 +106,7 @@ impl Command {
 }
 
 fn main() -> ExitCode {
+    stop::listen();
     let cli = Cli::parse();
     let outcome = cli.command.run(cli.global).and_then(|text| print(&text));
     match outcome {

@@ -204,7 +204,7 @@ impl Rows {
     }
 
     /// The plan of the factorisation of `diagonal · I − J`.
-    pub(crate) fn plan(&self) -> Plan {
+    pub(crate) fn plan(&self) -> Option<Plan> {
         let entries = self.jacobian.iter();
         let entries: Vec<_> = entries.map(|&(i, j, place)| (i, j, place.index() as u16)).collect();
         Plan::new(self.states, &entries, ZERO.index() as u16)

@@ -11,9 +11,10 @@
 use crate::place::Place;
 use crate::runs::{Run, in_runs, runs, unrolled};
 use crate::scalar::Lanes;
-use alloc::collections::BTreeMap;
+use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
 use alloc::vec::Vec;
+use core::mem;
 
 /// A product that is subtracted from an entry of the factors.
 #[derive(Clone, Copy, Debug)]
@@ -69,10 +70,9 @@ pub struct Plan {
     backward: Substitution,
 }
 
-/// The order of elimination, and the pattern with its fill.
+/// The pattern with its fill, and the order of elimination.
 struct Elimination {
-    rows: Vec<Vec<bool>>,
-    order: Vec<u16>,
+    rows: Vec<BTreeSet<usize>>,
     /// The place of every unknown in the order.
     rank: Vec<usize>,
 }
@@ -82,22 +82,21 @@ impl Plan {
     /// the given entries (row, column, where it stands in an array); `absent` is where
     /// that array holds zero.
     ///
-    /// # Panics
-    /// Where the factors have more than 65,536 entries.
-    pub fn new(size: usize, entries: &[(u16, u16, u16)], absent: u16) -> Self {
-        let mut rows: Vec<Vec<bool>> = vec![vec![false; size]; size];
+    /// `None` where the factors have more entries than can be addressed.
+    pub fn new(size: usize, entries: &[(u16, u16, u16)], absent: u16) -> Option<Self> {
+        let mut rows: Vec<BTreeSet<usize>> = (0..size).map(|i| BTreeSet::from([i])).collect();
         for &(i, j, _) in entries {
-            rows[i as usize][j as usize] = true;
-        }
-        for (i, row) in rows.iter_mut().enumerate() {
-            row[i] = true;
+            rows[i as usize].insert(j as usize);
         }
         let order = eliminate(&mut rows);
+        if rows.iter().map(BTreeSet::len).sum::<usize>() > usize::from(u16::MAX) {
+            return None;
+        }
         let mut rank = vec![0; size];
         for (position, &index) in order.iter().enumerate() {
             rank[index as usize] = position;
         }
-        let elimination = Elimination { rows, order, rank };
+        let elimination = Elimination { rows, rank };
         let mut plan = Self {
             size,
             positions: BTreeMap::new(),
@@ -112,7 +111,7 @@ impl Plan {
         plan.backward = plan.substitution(&elimination, Part::Upper);
         let sources = entries.iter().map(|&(i, j, source)| ((i, j), source)).collect();
         plan.list_entries(&elimination, &sources, absent);
-        plan
+        Some(plan)
     }
 
     /// Number of values that the factors need.
@@ -130,8 +129,7 @@ impl Plan {
         let sources: Vec<Vec<usize>> = (0..self.size)
             .map(|target| {
                 let of_part = |&source: &usize| elimination.part(target, source) == part;
-                let row = &elimination.rows[target];
-                (0..self.size).filter(|&source| row[source]).filter(of_part).collect()
+                elimination.rows[target].iter().copied().filter(of_part).collect()
             })
             .collect();
         let lengths: Vec<usize> = sources.iter().map(Vec::len).collect();
@@ -203,11 +201,14 @@ impl Plan {
 
     /// The pivots whose products are subtracted from an entry, in their order.
     fn pivots(&self, elimination: &Elimination, row: u16, column: u16) -> Vec<u16> {
-        let rank = |k: u16| elimination.rank[k as usize];
-        let earlier = rank(row).min(rank(column));
-        let pivots = elimination.order[..earlier].iter().copied();
-        let used = |entry| self.positions.contains_key(&entry);
-        pivots.filter(|&k| used((row, k)) && used((k, column))).collect()
+        let rank = |k: usize| elimination.rank[k];
+        let earlier = rank(row as usize).min(rank(column as usize));
+        let of_row = elimination.rows[row as usize].iter().copied();
+        let used =
+            |k: &usize| rank(*k) < earlier && elimination.rows[*k].contains(&(column as usize));
+        let mut pivots: Vec<usize> = of_row.filter(used).collect();
+        pivots.sort_by_key(|&k| rank(k));
+        pivots.into_iter().map(|k| k as u16).collect()
     }
 
     /// Makes the factors of `diagonal · I − J`, where J stands in `gradients`. The
@@ -367,26 +368,44 @@ impl<V: Lanes> Substituting<V> {
 }
 
 /// Finds the order of elimination and adds the fill to the pattern.
-fn eliminate(rows: &mut [Vec<bool>]) -> Vec<u16> {
+fn eliminate(rows: &mut [BTreeSet<usize>]) -> Vec<u16> {
     let size = rows.len();
-    let mut left: Vec<usize> = (0..size).collect();
+    // What is left of the rows and the columns, without the diagonal.
+    let mut left: Vec<BTreeSet<usize>> = rows.to_vec();
+    let mut columns: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); size];
+    for (i, row) in left.iter_mut().enumerate() {
+        row.remove(&i);
+        for &j in row.iter() {
+            columns[j].insert(i);
+        }
+    }
+    let cost = |left: &[BTreeSet<usize>], columns: &[BTreeSet<usize>], k: usize| {
+        let (in_row, in_column) = (left[k].len(), columns[k].len());
+        (in_row * in_column, in_row + in_column, k)
+    };
+    let mut queue: BTreeSet<_> = (0..size).map(|k| cost(&left, &columns, k)).collect();
     let mut order = Vec::with_capacity(size);
-    while !left.is_empty() {
-        let cost = |&k: &usize| {
-            let in_row = left.iter().filter(|&&j| rows[k][j]).count() - 1;
-            let in_column = left.iter().filter(|&&i| rows[i][k]).count() - 1;
-            (in_row * in_column, in_row + in_column, k)
-        };
-        let pivot = left.iter().copied().min_by_key(cost).expect("something is left");
-        left.retain(|&k| k != pivot);
+    while let Some((.., pivot)) = queue.pop_first() {
         order.push(pivot as u16);
-        for &i in left.iter().filter(|&&i| rows[i][pivot]).collect::<Vec<_>>() {
-            for &j in &left {
-                if rows[pivot][j] {
-                    rows[i][j] = true;
+        let (of_row, of_column) = (mem::take(&mut left[pivot]), mem::take(&mut columns[pivot]));
+        let touched: BTreeSet<usize> = of_row.union(&of_column).copied().collect();
+        for &k in &touched {
+            queue.remove(&cost(&left, &columns, k));
+        }
+        for &j in &of_row {
+            columns[j].remove(&pivot);
+        }
+        for &i in &of_column {
+            left[i].remove(&pivot);
+            for &j in &of_row {
+                rows[i].insert(j);
+                if i != j {
+                    left[i].insert(j);
+                    columns[j].insert(i);
                 }
             }
         }
+        queue.extend(touched.iter().map(|&k| cost(&left, &columns, k)));
     }
     order
 }
@@ -400,7 +419,7 @@ mod tests {
         let entries = [(0, 3), (3, 0), (1, 0), (2, 1), (1, 2), (3, 2), (0, 1), (2, 2)];
         let placed: Vec<(u16, u16, u16)> =
             entries.iter().enumerate().map(|(k, &(i, j))| (i, j, k as u16 + 1)).collect();
-        let plan = Plan::new(4, &placed, 0);
+        let plan = Plan::new(4, &placed, 0).unwrap();
         let mut dense = [[0.0; 4]; 4];
         let mut jacobian = vec![0.0; entries.len() + 1];
         for &(i, j, place) in &placed {

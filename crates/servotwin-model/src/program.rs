@@ -743,7 +743,7 @@ pub(crate) fn schedule(
     let sums = layout.sums.clone();
     let inputs = network.inputs.len();
     let rows = Rows::new(&motion, layout.states, inputs, sums.clone(), &needed);
-    let plan = rows.plan();
+    let plan = rows.plan().ok_or_else(|| vec![Mistake::TooLarge])?;
     Ok(Program {
         states: layout.list_states(network, &collected),
         observables: observables(network, &collected, &layout),

@@ -38,7 +38,7 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
-    stop::listen();
+    stop::heed();
     let named = |setting: Setting| match options.setting.as_deref() {
         Some(name) => name == setting.name(),
         None => setting.is_usual(),

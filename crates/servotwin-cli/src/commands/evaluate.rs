@@ -47,7 +47,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 fn folder(options: &Options, global: Global) -> Result<String, Failure> {
-    stop::listen();
+    stop::heed();
     let folder = Folder::new(&options.input);
     let study = folder.read_study()?;
     let results = measure(&folder, &study, options.threads, global)?;

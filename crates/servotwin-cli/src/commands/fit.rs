@@ -69,7 +69,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let logs = options.log.iter().chain(&options.more);
     let records = logs.map(|path| read_record(path, &study, global)).collect::<Result<_, _>>()?;
-    stop::listen();
+    stop::heed();
     let stages = Stages::new(global);
     let runs = AtomicUsize::new(0);
     let mut problem = Problem::of_study(&study, records);

@@ -34,7 +34,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let Some(flights) = flights else {
         return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
     };
-    stop::listen();
+    stop::heed();
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let results = fly(&folder, &study, &flights, options.full, options.study.threads, global)?;

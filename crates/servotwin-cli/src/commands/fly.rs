@@ -78,7 +78,7 @@ fn title(fault: &str, onset_s: f64) -> String {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
-    stop::listen();
+    stop::heed();
     let folder = Folder::new(&options.study.out);
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
     let duration_s = seconds("--duration", &options.duration)?;

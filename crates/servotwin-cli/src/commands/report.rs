@@ -35,6 +35,9 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let path = match (options.input.is_dir(), &options.table.label, &options.out) {
         (true, None, None) => folder(&Folder::new(&options.input))?,
+        (_, _, Some(out)) if !is_html(out) => {
+            return Err(Failure::Options("a report is HTML: --out must end in .html"));
+        }
         (true, _, _) => return Err(Failure::Options("--label and --out are for tables")),
         (false, Some(label), Some(out)) => of_table(options, label, out, global)?,
         (false, _, _) => return Err(Failure::Options("a table needs --label and --out")),
@@ -45,6 +48,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => format!("{path}\n"),
     })
+}
+
+fn is_html(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"))
 }
 
 fn folder(folder: &Folder) -> Result<PathBuf, Failure> {

@@ -1,7 +1,7 @@
 //! `servotwin simulate`: one run of a system, healthy or with faults.
 
-use super::SystemOption;
 use super::progress::is_shown;
+use super::{SystemOption, note};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
@@ -52,10 +52,10 @@ pub struct Options {
     #[arg(long, value_name = "ID=A:B:N")]
     sweep: Option<String>,
     /// How long.
-    #[arg(long, value_name = "TIME", default_value = "5s")]
+    #[arg(long, value_name = "TIME", default_value = "5s", allow_hyphen_values = true)]
     duration: String,
     /// Samples per second of what is recorded.
-    #[arg(long, value_name = "FREQUENCY", default_value = "100Hz")]
+    #[arg(long, value_name = "FREQUENCY", default_value = "100Hz", allow_hyphen_values = true)]
     rate: String,
     /// What to record, separated by commas: a sensor, an input, a quantity such
     /// as actuator_1.cylinder.position_m, a component for all of its
@@ -66,10 +66,10 @@ pub struct Options {
     #[arg(long, default_value = "rodas4p2", value_parser = methods())]
     method: Method,
     /// Allowed error of a step, relative to the states' scales [default: 1e-5].
-    #[arg(long, conflicts_with = "step")]
+    #[arg(long, conflicts_with = "step", allow_hyphen_values = true)]
     tolerance: Option<String>,
     /// A fixed step instead of error control.
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     step: Option<String>,
     /// The instruction set [default: the widest of this processor; the results
     /// do not depend on it].
@@ -140,10 +140,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     check_formats(options)?;
     let system = options.system.read()?;
     let plan = Plan::new(options, &system)?;
-    stop::listen();
+    stop::heed();
     let begin = Instant::now();
     let runs = plan.run(global)?;
     let wall_s = begin.elapsed().as_secs_f64();
+    if runs.iter().any(|(_, statistics)| statistics.unsettled > 0) {
+        note(global, "no rest was found at the inputs of time zero: the run begins on the move");
+    }
     let samples = runs[0].0.first().map_or(0, Vec::len);
     let times_s: Vec<f64> = (0..samples).map(|k| k as f64 * plan.period_s).collect();
     if let Some(path) = &options.out {
@@ -205,7 +208,7 @@ fn settings(options: &Options) -> Result<Settings, Failure> {
         }
         (None, _) if options.method == Method::RungeKutta4 => {
             return Err(Failure::Options(
-                "--method rk4 has no error control: give --step, below 25us for the aileron",
+                "--method rk4 has no error control: give --step, at most 2.8 over the fastest eigenvalue of 'servotwin describe'",
             ));
         }
         (None, text) => {
@@ -556,6 +559,7 @@ impl<'s> Plan<'s> {
         to["rejected"] = json!(statistics.rejected);
         to["evaluations"] = json!(statistics.evaluations);
         to["jacobians"] = json!(statistics.jacobians);
+        to["starts_at_rest"] = json!(statistics.unsettled == 0);
     }
 
     /// The full name of a parameter, and its unit.

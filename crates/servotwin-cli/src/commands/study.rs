@@ -33,7 +33,7 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     let study = options.study.read()?;
-    stop::listen();
+    stop::heed();
     // What cannot be flown is told now, not after the campaigns.
     let flights = study.flights()?;
     if options.fitted && !Setting::Fitted.is_possible(&study) {

@@ -102,7 +102,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
-    stop::listen();
+    stop::heed();
     let study = folder.read_study()?;
     let (mut text, mut results) = (String::new(), vec![]);
     for (subject, trained) in job::train_all(folder, &study, workers(None))? {

@@ -106,7 +106,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let every = (CHECKPOINT_S / period_s) as u64;
         watch.checkpoints(Checkpoints { path: path.clone(), every });
     }
-    stop::listen();
+    stop::heed();
     let bar = outputs.bar.clone();
     watch.sink(&mut outputs);
     let end = watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share));

@@ -192,3 +192,121 @@ fn schemas_and_manual_pages_are_written() {
     assert!(page.contains("\\-\\-sweep"), "{page}");
     assert_eq!(servotwin(&["man", "simulat"]).status.code(), Some(2));
 }
+
+#[test]
+fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
+    let folder = Folder::new("codes");
+    let (ragged, nan) = (folder.file("ragged.csv"), folder.file("nan.csv"));
+    std::fs::write(&ragged, "a,b\n1,2\n3\n").unwrap();
+    std::fs::write(&nan, "a,mode\n1,x\n2,y\n3,x\n4,y\n5,x\n6,y\n7,x\n8,y\n9,x\n1,y\n").unwrap();
+    let model = folder.file("model.json");
+    let pdf = folder.file("report.pdf");
+    let cases: &[(&[&str], i32, &str)] = &[
+        (&["train", &ragged, "--label", "b", "--out", &model], 3, "line 3"),
+        (&["report", &ragged, "--label", "b", "--out", "r.html"], 3, "line 3"),
+        (&["report", &nan, "--label", "mode", "--out", &pdf], 2, "must end in .html"),
+        (&["train", &nan, "--label", "mode", "--out", "/nowhere/m.json"], 1, "/nowhere"),
+        (&["simulate", SPRING, "--duration", "-1"], 2, "--duration -1 is out of range"),
+        (
+            &["simulate", SPRING, "--command", "noise:rms=1deg,bandwidth=1Hz,window=1e15s"],
+            2,
+            "more than 10 million points",
+        ),
+        (
+            &[
+                "simulate",
+                SPRING,
+                "--command",
+                "sine:amplitude=1deg,frequency=1kHz",
+                "--duration",
+                "1e6s",
+            ],
+            2,
+            "more than 10 million points",
+        ),
+        (
+            &[
+                "simulate",
+                SPRING,
+                "--command",
+                "sweep:amplitude=1deg,from=1Hz,to=1e6Hz",
+                "--duration",
+                "1e4s",
+            ],
+            2,
+            "more than 10 million points",
+        ),
+        (
+            &["simulate", SPRING, "--method", "rk4", "--step", "1000us", "--duration", "1s"],
+            1,
+            "a value became infinite or not a number",
+        ),
+    ];
+    for (arguments, code, message) in cases {
+        let output = servotwin(arguments);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(*code), "{arguments:?}: {told}");
+        assert!(told.contains(message), "{arguments:?}: {told}");
+        assert!(!told.contains("panicked"), "{arguments:?}: {told}");
+    }
+    assert!(!std::path::Path::new(&pdf).exists());
+}
+
+/// Whenever a study is asked to end, it says so, with the exit code of the help.
+#[cfg(unix)]
+#[test]
+fn a_study_that_is_stopped_early_says_so() {
+    let folder = Folder::new("stopped");
+    for (signal, after_ms) in [("-INT", 60), ("-INT", 250), ("-TERM", 400), ("-INT", 700)] {
+        let child = std::process::Command::new(env!("CARGO_BIN_EXE_servotwin"))
+            .args(["study", "--out", &folder.file("out")])
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(after_ms));
+        let id = child.id().to_string();
+        let kill = std::process::Command::new("kill").args([signal, &id]).status();
+        assert!(kill.unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(130), "{signal} after {after_ms} ms: {told}");
+        assert!(told.trim_end().ends_with("stopped"), "{signal} after {after_ms} ms: {told}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+/// Figures of safety belong to the commands that the study says switch off, whatever their name.
+#[test]
+fn safety_does_not_hang_on_a_name() {
+    let folder = Folder::new("safety");
+    let study = |name: &str, reaction: &str| {
+        let text = include_str!("../../../../studies/spring_actuator.toml")
+            .replace("duration_s = 30", "duration_s = 4")
+            .replace("[0.2, 0.4, 0.6, 0.8, 1.0]", "[0.4, 0.6, 0.8, 1.0]")
+            .replace("values.low = 17.0e6", "")
+            .replace("healthy = 20", "healthy = 3")
+            .replace("shut_down = { switches_off = true }", reaction)
+            .replace("\"shut_down\"", &format!("\"{name}\""));
+        let path = folder.file(&format!("{name}.toml"));
+        std::fs::write(&path, text).unwrap();
+        let out = folder.file(name);
+        for stage in ["campaign", "train", "evaluate"] {
+            let output = match stage {
+                "campaign" => servotwin(&[stage, &path, "--out", &out, "-q"]),
+                _ => servotwin(&[stage, &out, "-q"]),
+            };
+            assert!(output.status.success(), "{stage}: {}", stderr(&output));
+        }
+        let results = std::fs::read_to_string(format!("{out}/evaluation.json")).unwrap();
+        let results: serde_json::Value = serde_json::from_str(&results).unwrap();
+        let protocols = results["subjects"][0]["evaluation"]["protocols"].as_array().unwrap();
+        let grouped = protocols.iter().find(|p| p["protocol"] == "grouped").unwrap();
+        grouped["safety"].clone()
+    };
+    let usual = study("shut_down", "shut_down = { switches_off = true }");
+    assert!(usual["missed_shutdown"]["of"].as_u64().unwrap() > 0, "{usual}");
+    assert_eq!(study("a_stop", "a_stop = { switches_off = true }"), usual);
+    // A study that says of no command that it switches off has no figures of safety.
+    assert!(study("nothing", "").is_null());
+}

@@ -191,11 +191,12 @@ impl<'p, V: Lanes> Bank<'p, V> {
         for (index, course) in self.courses.iter_mut().enumerate() {
             if course.phase == Phase::Settling {
                 let rate = self.batch.largest_rate_per_s(index);
-                if rate < AT_REST_PER_S
-                    || course.settling >= MOST_SETTLING_STEPS
-                    || course.time_s > LONGEST_SETTLING_S
-                {
+                let is_at_rest = rate < AT_REST_PER_S;
+                let is_over =
+                    course.settling >= MOST_SETTLING_STEPS || course.time_s > LONGEST_SETTLING_S;
+                if is_at_rest || is_over {
                     course.phase = Phase::Settled;
+                    course.statistics.unsettled += u64::from(!is_at_rest);
                 }
             }
         }
@@ -291,7 +292,9 @@ impl<'p, V: Lanes> Bank<'p, V> {
         let stuck = course.rejections > 0
             && (fixed || course.rejections > MOST_REJECTIONS || course.wanted_s < SMALLEST_STEP_S);
         if stuck {
-            let cause = if error.is_finite() { Cause::StepTooSmall } else { Cause::NotFinite };
+            // A fixed step is never too large for an error control.
+            let is_too_small = error.is_finite() && !fixed;
+            let cause = if is_too_small { Cause::StepTooSmall } else { Cause::NotFinite };
             let state = self.batch.worst_state(index);
             course.failure = Some(Failure { time_s: course.time_s, state, cause });
             course.phase = Phase::Idle;

@@ -139,6 +139,8 @@ pub struct Statistics {
     pub evaluations: u64,
     /// Evaluations with the Jacobian, each followed by a factorisation.
     pub jacobians: u64,
+    /// Searches for rest that ended without it: the run began on the move.
+    pub unsettled: u64,
 }
 
 impl core::ops::AddAssign for Statistics {
@@ -147,6 +149,7 @@ impl core::ops::AddAssign for Statistics {
         self.rejected += other.rejected;
         self.evaluations += other.evaluations;
         self.jacobians += other.jacobians;
+        self.unsettled += other.unsettled;
     }
 }
 

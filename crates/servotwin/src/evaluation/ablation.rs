@@ -132,7 +132,7 @@ fn one(
         data = data.all_sensors_below()?;
     }
     let outcomes = run(&data, &variation.settings, splits, Scope::All, workers)?;
-    let result = summary(protocol, &data, &outcomes, "");
+    let result = summary(protocol, &data, &outcomes, &[]);
     let share = |rate: &Rate| rate.share.unwrap_or(0.0);
     let worst = result.components.iter().max_by(|a, b| {
         // Of equally bad ones the first in the alphabet.

@@ -44,13 +44,13 @@ pub fn evaluate(
     committee: &[Outcome],
     trees: &[Outcome],
     least: Option<f64>,
-    shutdown: Option<u32>,
+    shutdowns: &[u32],
 ) -> Abstention {
     let mut order: Vec<usize> = (0..committee.len()).collect();
     let confidence = |place: usize| committee[place].said.confidence;
     // Stable: equally sure answers stay in the order of the rows.
     order.sort_by(|&a, &b| confidence(a).total_cmp(&confidence(b)));
-    let level = |answers: &dyn Fn(usize) -> bool| level(data, committee, answers, shutdown);
+    let level = |answers: &dyn Fn(usize) -> bool| level(data, committee, answers, shutdowns);
     let share = |share: &f64| {
         let silent = (share * committee.len() as f64).floor() as usize;
         let mut answered = vec![true; committee.len()];
@@ -71,7 +71,7 @@ fn level(
     data: &DataSet,
     outcomes: &[Outcome],
     answers: &dyn Fn(usize) -> bool,
-    shutdown: Option<u32>,
+    shutdowns: &[u32],
 ) -> Level {
     let trials = |among: &dyn Fn(usize) -> bool, holds: &dyn Fn(&Outcome) -> bool| {
         let places = (0..outcomes.len()).filter(|&place| among(place));
@@ -81,10 +81,10 @@ fn level(
     let label = |outcome: &Outcome| data.examples.labels()[outcome.row];
     let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
     let wrong = |o: &Outcome| {
-        let shuts = shutdown.is_some() && o.said.command == shutdown;
+        let shuts = o.said.command.is_some_and(|command| shutdowns.contains(&command));
         shuts && o.said.actuator.is_some_and(|said| said != label(o).actuator)
     };
-    let needs = |place: usize| Some(label(&outcomes[place]).command) == shutdown;
+    let needs = |place: usize| shutdowns.contains(&label(&outcomes[place]).command);
     let abstained = (0..outcomes.len()).map(|p| trial(data, outcomes[p].row, !answers(p)));
     Level {
         abstained: Rate::clustered(&abstained.collect::<Vec<_>>()),

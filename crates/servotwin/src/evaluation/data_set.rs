@@ -17,9 +17,6 @@ use crate::table::Table;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Examples, HEALTHY, Label, Names};
 
-/// Commands by urgency; others follow in the order of the alphabet.
-const URGENCY: [&str; 3] = ["shut_down", "change_mode", "warning"];
-
 /// What an evaluation must know of a feature.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FeatureInfo {
@@ -160,8 +157,15 @@ struct Origin<'t> {
 }
 
 impl DataSet {
+    /// Some commands by name, as places in the names of all; those that no row has are left out.
+    pub fn commands(&self, names: &[String]) -> Vec<u32> {
+        let known = self.examples.names().commands.iter().enumerate();
+        known.filter(|(_, name)| names.contains(name)).map(|(place, _)| place as u32).collect()
+    }
+
     /// Reads the tables of one setting. `units` are the actuators in the order in which the features
-    /// count them; without, they are sorted by name.
+    /// count them; without, they are sorted by name. `urgency` are the commands, the most urgent first;
+    /// others follow by name.
     ///
     /// # Errors
     /// A column is missing or of another kind, a feature is NaN or infinite, or there is no fault.
@@ -169,6 +173,7 @@ impl DataSet {
         tables: &[(Role, Table)],
         features: Vec<FeatureInfo>,
         units: &[String],
+        urgency: &[String],
     ) -> Result<Self, EvaluationError> {
         if features.is_empty() {
             return Err(EvaluationError::NoFeatures);
@@ -185,7 +190,7 @@ impl DataSet {
         if kinds.iter().all(|kind| kind == HEALTHY) {
             return Err(EvaluationError::NoFaults);
         }
-        let names = names(origins, &features, units)?;
+        let names = names(origins, &features, units, urgency)?;
         let has_mirror = tables.iter().all(|(_, table)| has_mirror(table, &features));
         let prefixes: &[&str] =
             if names.actuators.len() == 2 && has_mirror { &["f:", "m:"] } else { &["f:"] };
@@ -504,6 +509,7 @@ fn names(
     origins: &[Origin],
     features: &[FeatureInfo],
     units: &[String],
+    urgency: &[String],
 ) -> Result<Names, EvaluationError> {
     let of = |column: &str| -> Result<Vec<String>, EvaluationError> {
         let mut names = coded(&texts(origins, column)?).0;
@@ -511,8 +517,8 @@ fn names(
         Ok(names)
     };
     let mut commands = of("command")?;
-    let urgency = |name: &String| URGENCY.iter().position(|known| known == name);
-    commands.sort_by_key(|name| (urgency(name).unwrap_or(URGENCY.len()), name.clone()));
+    let place = |name: &String| urgency.iter().position(|known| known == name);
+    commands.sort_by_key(|name| (place(name).unwrap_or(urgency.len()), name.clone()));
     let found = of("actuator")?;
     let all_known = found.iter().all(|name| units.contains(name));
     Ok(Names {

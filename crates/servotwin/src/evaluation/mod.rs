@@ -59,8 +59,8 @@ pub struct Settings {
     pub holding: Holding,
     /// How rows are held out where classifiers are compared.
     pub comparison_holding: Holding,
-    /// The command that shuts an actuator down.
-    pub shutdown: String,
+    /// The commands that switch their actuator off, as the study says.
+    pub shutdowns: Vec<String>,
     /// Whether a fault is detected where a residual leaves the band learned from healthy specimens;
     /// otherwise the seed paper's band of 3 % counts.
     pub learned_bands: bool,
@@ -91,7 +91,7 @@ impl Default for Settings {
             holding: Holding::default(),
             // Folds of a third: as much to learn from as in the random third.
             comparison_holding: Holding { repeats: 1, folds: 3, ..Holding::default() },
-            shutdown: "shut_down".into(),
+            shutdowns: vec![],
             learned_bands: false,
             baseline_family: "moments".into(),
             protocols: protocol::ALL.into(),
@@ -303,7 +303,7 @@ pub fn evaluate(
     let training = run::settled(data, &settings.training);
     let judged = |protocol, data, training: &Training, lessons| {
         let holding = Holding { lessons, ..settings.holding };
-        protocol::evaluate(protocol, data, training, holding, &settings.shutdown, workers)
+        protocol::evaluate(protocol, data, training, holding, &settings.shutdowns, workers)
     };
     let (of_trees, of_boosted) = (settings.holding.lessons, settings.committee_lessons);
     let mut protocols = vec![];
@@ -367,7 +367,7 @@ pub fn evaluate(
         constant_features: data.constant.clone(),
         worst_leaves: leaves::worst(data, &training, &trained.trees, of_trees, WORST_LEAVES)?,
         stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
-        false_alarms: false_alarms(unbanded, data, trained, &settings.shutdown)?,
+        false_alarms: false_alarms(unbanded, data, trained, &settings.shutdowns)?,
         flips: flips(data, trained, context)?,
         bands: bands.clone(),
         committee: of_committee,
@@ -405,12 +405,11 @@ fn silence(
     }
     let committee = run::ask(data, &trained.committee.hierarchy, &rows)?;
     let trees = run::ask(data, &trained.trees, &rows)?;
-    let commands = &data.examples.names().commands;
-    let shutdown = commands.iter().position(|name| *name == settings.shutdown).map(|c| c as u32);
+    let shutdowns = data.commands(&settings.shutdowns);
     let least = trained.committee.least_confidence;
     let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
     let reliability = committee::reliability(&committee, is_right);
-    Ok(Some((abstention::evaluate(data, &committee, &trees, least, shutdown), reliability)))
+    Ok(Some((abstention::evaluate(data, &committee, &trees, least, &shutdowns), reliability)))
 }
 
 fn flips(
@@ -439,8 +438,8 @@ fn commands(
         let first = &flown[..count];
         let fewer = data.without(|row| row.role == Role::Training && !first.contains(&row.flown));
         let protocol = Protocol::NewCommand;
-        let Settings { training, holding, shutdown, .. } = settings;
-        let found = protocol::evaluate(protocol, &fewer, training, *holding, shutdown, workers)?;
+        let Settings { training, holding, shutdowns, .. } = settings;
+        let found = protocol::evaluate(protocol, &fewer, training, *holding, shutdowns, workers)?;
         curve.extend(found.map(|(result, _)| (count, result)));
     }
     Ok(curve)
@@ -460,8 +459,8 @@ fn baseline(
     let training = Training { mirror: false, pool: false, ..Training::default() };
     let mut results = vec![];
     for protocol in OF_BASELINE {
-        let Settings { holding, shutdown, .. } = settings;
-        let found = protocol::evaluate(protocol, &data, &training, *holding, shutdown, workers)?;
+        let Settings { holding, shutdowns, .. } = settings;
+        let found = protocol::evaluate(protocol, &data, &training, *holding, shutdowns, workers)?;
         results.extend(found.map(|(result, _)| result));
     }
     Ok(results)
@@ -493,7 +492,7 @@ fn false_alarms(
     unbanded: &DataSet,
     data: &DataSet,
     trained: &Trained,
-    shutdown: &str,
+    shutdowns: &[String],
 ) -> Result<Option<FalseAlarms>, EvaluationError> {
     let healthy = data.rows_where(Role::Judged, |row| row.is_healthy);
     if healthy.is_empty() {
@@ -501,13 +500,12 @@ fn false_alarms(
     }
     let alarms: Vec<usize> =
         healthy.iter().copied().filter(|&row| data.rows[row].is_detected()).collect();
-    let commands = &data.examples.names().commands;
-    let shutdown = commands.iter().position(|name| name == shutdown).map(|c| c as u32);
+    let shutdowns = data.commands(shutdowns);
     let of = healthy.len() as u64;
     let said = |hierarchy: &Hierarchy| -> Result<(Rate, Rate), EvaluationError> {
         let outcomes = run::ask(data, hierarchy, &alarms)?;
         let faults = outcomes.iter().filter(|outcome| outcome.said.actuator.is_some()).count();
-        let shuts = |o: &&Outcome| shutdown.is_some() && o.said.command == shutdown;
+        let shuts = |o: &&Outcome| o.said.command.is_some_and(|c| shutdowns.contains(&c));
         let shutdowns = outcomes.iter().filter(shuts).count();
         Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
     };

@@ -404,7 +404,7 @@ pub fn evaluate(
     data: &DataSet,
     settings: &Settings,
     holding: Holding,
-    shutdown: &str,
+    shutdowns: &[String],
     workers: Workers,
 ) -> Result<Option<Judged>, EvaluationError> {
     let single = data.examples.names().actuators.len() == 1;
@@ -423,7 +423,7 @@ pub fn evaluate(
         return Ok(None);
     }
     let outcomes = run(data, settings, &splits, protocol.scope(), workers)?;
-    let result = summary(protocol, data, &outcomes, shutdown);
+    let result = summary(protocol, data, &outcomes, shutdowns);
     Ok(Some((result, outcomes)))
 }
 
@@ -432,9 +432,9 @@ pub fn summary(
     protocol: Protocol,
     data: &DataSet,
     outcomes: &[Vec<Outcome>],
-    shutdown: &str,
+    shutdowns: &[String],
 ) -> ProtocolResult {
-    let counting = Counting::new(protocol, data, outcomes, shutdown);
+    let counting = Counting::new(protocol, data, outcomes, shutdowns);
     let full = protocol.scope() != Scope::Actuator;
     let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
     let acted =
@@ -449,7 +449,7 @@ pub fn summary(
         end_to_end: full.then_some(right),
         right_action: full.then(|| counting.rate(|_| true, acted)),
         isolated_of_all: right.share.zip(detected).filter(|_| full).map(|(a, b)| a * b),
-        safety: full.then(|| counting.safety()),
+        safety: (full && !counting.shutdowns.is_empty()).then(|| counting.safety()),
         components: if full { counting.components() } else { vec![] },
     }
 }
@@ -505,8 +505,8 @@ struct Counting<'a> {
     protocol: Protocol,
     data: &'a DataSet,
     outcomes: Vec<&'a Outcome>,
-    /// The command that shuts an actuator down.
-    shutdown: Option<u32>,
+    /// The commands that switch their actuator off.
+    shutdowns: Vec<u32>,
 }
 
 impl<'a> Counting<'a> {
@@ -514,11 +514,10 @@ impl<'a> Counting<'a> {
         protocol: Protocol,
         data: &'a DataSet,
         outcomes: &'a [Vec<Outcome>],
-        shutdown: &str,
+        shutdowns: &[String],
     ) -> Self {
-        let commands = &data.examples.names().commands;
-        let shutdown = commands.iter().position(|name| name == shutdown).map(|c| c as u32);
-        Counting { protocol, data, outcomes: outcomes.iter().flatten().collect(), shutdown }
+        let (outcomes, shutdowns) = (outcomes.iter().flatten().collect(), data.commands(shutdowns));
+        Counting { protocol, data, outcomes, shutdowns }
     }
 
     fn trials(
@@ -546,7 +545,8 @@ impl<'a> Counting<'a> {
             let counted = !(counts_once && row.reflected);
             !row.is_healthy && !row.is_detected() && counted && self.protocol.judges(self.data, row)
         });
-        let hidden = hidden.into_iter().filter(|&row| Some(labels[row].command) == self.shutdown);
+        let hidden =
+            hidden.into_iter().filter(|&row| self.shutdowns.contains(&labels[row].command));
         let mut trials = missed.to_vec();
         trials.extend(hidden.map(|row| trial(self.data, row, true)));
         Some(Rate::clustered(&trials))
@@ -558,11 +558,11 @@ impl<'a> Counting<'a> {
     }
 
     fn shuts_down(&self, outcome: &Outcome) -> bool {
-        self.shutdown.is_some() && outcome.said.command == self.shutdown
+        outcome.said.command.is_some_and(|command| self.shutdowns.contains(&command))
     }
 
     fn needs_shutdown(&self, outcome: &Outcome) -> bool {
-        Some(self.data.examples.labels()[outcome.row].command) == self.shutdown
+        self.shutdowns.contains(&self.data.examples.labels()[outcome.row].command)
     }
 
     fn safety(&self) -> Safety {

@@ -27,7 +27,7 @@ pub struct Cross {
 /// [`servotwin_diagnosis::Error::LengthMismatch`] for settings of other features.
 pub fn evaluate(
     settings: &[(String, DataSet, Trained)],
-    shutdown: &str,
+    shutdowns: &[String],
 ) -> Result<Vec<Cross>, EvaluationError> {
     let mut list = vec![];
     if settings.iter().any(|(_, data, _)| !data.has_training()) {
@@ -40,7 +40,7 @@ pub fn evaluate(
             let rows = data.rows_where(Role::Judged, wanted);
             let of = |hierarchy| -> Result<ProtocolResult, EvaluationError> {
                 let outcomes = [run::ask(data, hierarchy, &rows)?];
-                Ok(protocol::summary(Protocol::NewCommand, data, &outcomes, shutdown))
+                Ok(protocol::summary(Protocol::NewCommand, data, &outcomes, shutdowns))
             };
             list.push(Cross {
                 trained: trained.clone(),

@@ -62,7 +62,8 @@ fn length(
     workers: Workers,
 ) -> Result<Length, EvaluationError> {
     let features = FeatureInfo::of_study(study, false);
-    let data = DataSet::new(&[(Role::Training, table)], features, &study.units)?.taught()?;
+    let tables = [(Role::Training, table)];
+    let data = DataSet::new(&tables, features, &study.units, &study.commands())?.taught()?;
     let settings = settings();
     let trained = evaluation::train(&data, &settings, pools, workers)?;
     let (data, bands) = evaluation::banded(&data, &settings, pools);

@@ -23,7 +23,7 @@ pub use subject::Subject;
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::parallel::{self, Workers};
-use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
+use crate::evaluation::{self, Context, DataSet, FeatureInfo, Settings, Trained, model_file};
 use crate::study::campaign::{Campaign, data_features};
 use crate::study::{Role, Study};
 use crate::table;
@@ -84,7 +84,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
         tables.push((role, table::read(path(role)).map_err(|e| in_file(e.into()))?));
     }
     let features = FeatureInfo::of_study(study, subject.extra_sensor());
-    DataSet::new(&tables, features, &study.units).map_err(wrong)
+    DataSet::new(&tables, features, &study.units, &study.commands()).map_err(wrong)
 }
 
 /// For each sensor with a band a number that is the same for like sensors of all units.
@@ -180,8 +180,7 @@ pub fn evaluate_all(
         read.extend(tested);
     }
     progress("trained on one setting, tested on another", 0.95);
-    let shutdown = &evaluation::Settings::default().shutdown;
-    let robustness = evaluation::robustness::evaluate(&read, shutdown)?;
+    let robustness = evaluation::robustness::evaluate(&read, &study.shutdowns())?;
     let results = Results::new(study, list, robustness);
     model_file::write(folder.results(), &results)?;
     Ok(results)
@@ -211,7 +210,7 @@ fn evaluate(
         workers,
         progress,
     };
-    let settings = subject.settings();
+    let settings = Settings { shutdowns: study.shutdowns(), ..subject.settings() };
     let evaluation = evaluation::evaluate(&data, &settings, &context)?;
     let tested = (!subject.extra_sensor()).then(|| {
         let (data, _) = evaluation::banded(&data, &settings, &pools);

@@ -197,6 +197,7 @@ impl Kind for Noise {
                 given.impossible("'window' must last two periods of 'bandwidth' and twice 'fade'")
             );
         }
+        given.few_points(window_s.max(given.duration_s) * sampling_hz)?;
         let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));

@@ -67,6 +67,7 @@ impl Kind for Sine {
         let (amplitude, frequency_hz) = (given.number("amplitude"), given.number("frequency"));
         let (phase, at_s) = (given.number("phase") / TAU, given.number("at"));
         let per_second = frequency_hz * PIECES_PER_PERIOD;
+        given.few_points(given.duration_s * per_second)?;
         let count = ((given.duration_s - at_s).max(0.0) * per_second).ceil() as usize + 1;
         let mut points = (vec![], vec![], vec![]);
         for k in 0..=count {

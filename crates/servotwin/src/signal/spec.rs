@@ -176,6 +176,9 @@ pub trait Kind: Sync {
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError>;
 }
 
+/// At most so many points make a signal.
+const MOST_POINTS: f64 = 1e7;
+
 /// Checked arguments, in SI.
 pub struct Given<'a> {
     spec: &'static Spec,
@@ -231,6 +234,16 @@ impl<'a> Given<'a> {
             (_, Fallback::Word(word)) => word,
             _ => panic!("'{name}' of {} is no word", self.spec.kind),
         }
+    }
+
+    /// That a number of points is not more than anybody can mean: memory is not endless.
+    pub(super) fn few_points(&self, count: f64) -> Result<(), SignalError> {
+        if count <= MOST_POINTS {
+            return Ok(());
+        }
+        Err(self.impossible(
+            "that is more than 10 million points: a shorter run or window, or a lower frequency",
+        ))
     }
 
     /// The error for arguments that do not go together.

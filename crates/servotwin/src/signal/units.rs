@@ -18,19 +18,30 @@ const fn unit(symbol: &'static str, unit: Unit, si: f64) -> TextUnit {
 }
 
 /// Every unit that text may use.
-pub static UNITS: [TextUnit; 13] = [
+pub static UNITS: [TextUnit; 24] = [
     unit("rad", Unit::Radian, 1.0),
     unit("deg", Unit::Radian, std::f64::consts::PI / 180.0),
     unit("mm", Unit::Metre, 1e-3),
     unit("m", Unit::Metre, 1.0),
+    unit("um", Unit::Metre, 1e-6),
+    unit("cm", Unit::Metre, 1e-2),
+    unit("km", Unit::Metre, 1e3),
     unit("bar", Unit::Pascal, 1e5),
     unit("Pa", Unit::Pascal, 1.0),
+    unit("kPa", Unit::Pascal, 1e3),
+    unit("MPa", Unit::Pascal, 1e6),
+    unit("psi", Unit::Pascal, 6894.757293168),
     unit("K", Unit::Kelvin, 1.0),
     unit("N", Unit::Newton, 1.0),
+    unit("kN", Unit::Newton, 1e3),
     unit("A", Unit::Ampere, 1.0),
+    unit("mA", Unit::Ampere, 1e-3),
     unit("Hz", Unit::Hertz, 1.0),
+    unit("kHz", Unit::Hertz, 1e3),
     unit("s", Unit::Second, 1.0),
     unit("ms", Unit::Second, 1e-3),
+    unit("us", Unit::Second, 1e-6),
+    unit("L/min", Unit::CubicMetrePerSecond, 1e-3 / 60.0),
     unit("%", Unit::None, 1e-2),
 ];
 

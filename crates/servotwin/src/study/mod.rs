@@ -345,6 +345,26 @@ impl Study {
         self.measured.len() - usize::from(self.extra_sensor.is_some())
     }
 
+    /// The commands, the most urgent first: those that switch a unit off, then the others, each in the
+    /// order of the classes.
+    pub fn commands(&self) -> Vec<String> {
+        let mut commands: Vec<String> = vec![];
+        for class in &self.classes {
+            if !commands.contains(&class.command) {
+                commands.push(class.command.clone());
+            }
+        }
+        commands.sort_by_key(|command| !self.reactions.switches_off(command));
+        commands
+    }
+
+    /// The commands that switch their unit off.
+    pub fn shutdowns(&self) -> Vec<String> {
+        let mut commands = self.commands();
+        commands.retain(|command| self.reactions.switches_off(command));
+        commands
+    }
+
     /// The scales that residuals are divided by.
     pub fn scales(&self) -> Vec<f64> {
         self.measured.iter().map(|&s| self.system.sensors[s].scale).collect()

@@ -397,7 +397,7 @@ impl Reader {
     fn part(&mut self, scope: &mut Scope, entry: &Entry) {
         self.good_name(entry.key, &entry.at);
         match self.built(entry) {
-            Some(part) => scope.parts.push(part),
+            Some(part) => scope.add(part),
             None => {
                 scope.broken.push(entry.key.into());
                 scope.complete = false;

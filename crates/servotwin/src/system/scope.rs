@@ -6,6 +6,7 @@ use servotwin_model::components::Component;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
 use servotwin_model::spec::{Port, Spec, Unit};
+use std::collections::BTreeMap;
 
 /// A component.
 #[derive(Clone)]
@@ -58,6 +59,8 @@ pub(super) struct Input {
 #[derive(Clone, Default)]
 pub(super) struct Scope {
     pub parts: Vec<Part>,
+    /// Where in `parts` a component stands.
+    places: BTreeMap<String, usize>,
     pub inputs: Vec<Input>,
     pub connections: Vec<Vec<End>>,
     /// Names that are declared but could not be understood: what refers to
@@ -73,7 +76,13 @@ impl Scope {
     }
 
     pub fn part(&self, id: &str) -> Option<usize> {
-        self.parts.iter().position(|part| part.id == id)
+        self.places.get(id).copied()
+    }
+
+    pub fn add(&mut self, part: Part) {
+        // Of two with the same name the first counts; the second is a mistake.
+        self.places.entry(part.id.clone()).or_insert(self.parts.len());
+        self.parts.push(part);
     }
 
     pub fn input(&self, id: &str) -> Option<usize> {
@@ -101,8 +110,9 @@ impl Scope {
             let PortOf { component, port } = end.port;
             End { port: PortOf { component: first + component, port }, at: end.at }
         };
-        let parts = assembly.parts.into_iter();
-        self.parts.extend(parts.map(|part| Part { id: prefixed(&part.id), ..part }));
+        for part in assembly.parts {
+            self.add(Part { id: prefixed(&part.id), ..part });
+        }
         self.inputs.extend(assembly.inputs.into_iter().map(|input| Input {
             id: prefixed(&input.id),
             targets: input.targets.into_iter().map(shifted).collect(),

@@ -20,6 +20,11 @@ const KINDS: [(&str, &str, &str, [f64; 2]); 5] = [
     ("cylinder.leakage", "internal_leakage", "warning", [0.0, 1.0]),
 ];
 
+/// The commands of the toy, the most urgent first.
+fn urgency() -> Vec<String> {
+    ["shut_down", "change_mode", "warning"].map(Into::into).into()
+}
+
 fn infos() -> Vec<FeatureInfo> {
     let info = |name: &str, family: &str, units: &[usize]| FeatureInfo {
         name: name.into(),
@@ -115,19 +120,20 @@ fn settings() -> Settings {
         holding: few,
         comparison_holding: few,
         classifiers: [Kind::Cart, Kind::NaiveBayes].map(Kind::default_settings).into(),
+        shutdowns: vec!["shut_down".into()],
         ..Settings::default()
     }
 }
 
 /// The judged cases alone.
 fn judged(table: Table) -> DataSet {
-    DataSet::new(&[(Role::Judged, table)], infos(), &[]).unwrap()
+    DataSet::new(&[(Role::Judged, table)], infos(), &[], &urgency()).unwrap()
 }
 
 /// With four training commands.
 fn with_training(noise: f64) -> DataSet {
     let tables = [(Role::Judged, campaign(noise)), (Role::Training, flown(noise, TRAINING, 6))];
-    DataSet::new(&tables, infos(), &[]).unwrap()
+    DataSet::new(&tables, infos(), &[], &urgency()).unwrap()
 }
 
 fn evaluated(noise: f64, threads: usize) -> (Evaluation, Trained, DataSet) {
@@ -272,7 +278,8 @@ fn what_cannot_be_learnt_is_said() {
         let columns = table.columns().iter().filter(|column| column.name != name).cloned();
         Table::from_columns(columns.collect()).unwrap()
     };
-    let read = |table: &Table| DataSet::new(&[(Role::Judged, table.clone())], infos(), &[]);
+    let read =
+        |table: &Table| DataSet::new(&[(Role::Judged, table.clone())], infos(), &[], &urgency());
     let message = |table: &Table| read(table).unwrap_err().to_string();
     assert!(message(&without("kind")).contains("'kind'"));
     assert!(message(&without("f:x_1")).contains("did you mean"), "{}", message(&without("f:x_1")));
@@ -300,7 +307,7 @@ fn what_cannot_be_learnt_is_said() {
     broken[17] = f64::NAN;
     let broken = message(&replaced("f:y_1", broken.into()));
     assert!(broken.contains("f:y_1") && broken.contains("18"), "{broken}");
-    let none = DataSet::new(&[(Role::Judged, table)], vec![], &[]);
+    let none = DataSet::new(&[(Role::Judged, table)], vec![], &[], &[]);
     assert!(matches!(none, Err(EvaluationError::NoFeatures)));
 }
 

@@ -31,6 +31,13 @@ impl Section for Safety {
              twice, of the detected faults that need one and of all that do. Protocols that test some \
              faults several times or not at all have no second figure.",
         );
+        if material.study.shutdowns().is_empty() {
+            page.note(
+                "The study says of no command that it switches its actuator off ([reactions], \
+                 switches_off): so there are no figures of safety.",
+            );
+            return;
+        }
         for result in &material.results.subjects {
             page.table(
                 &grid(result),
