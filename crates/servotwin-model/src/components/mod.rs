@@ -15,6 +15,7 @@ use alloc::vec::Vec;
 pub mod accumulator;
 pub mod aerodynamic_load;
 pub mod attachment;
+pub mod axis_controller;
 pub mod check_valve;
 pub mod contact;
 #[cfg(test)]
@@ -24,6 +25,7 @@ pub mod cylinder;
 pub mod external_leakage;
 pub mod filter;
 pub mod fixed;
+pub mod flow_source;
 pub mod force;
 pub mod force_fight_equaliser;
 pub mod friction;
@@ -36,6 +38,7 @@ pub mod lvdt;
 pub mod mass;
 pub mod mode_valve;
 pub mod orifice;
+pub mod pid_controller;
 pub mod position_controller;
 pub mod pressure_sensor;
 pub mod pressure_source;
@@ -47,6 +50,7 @@ pub mod shut_off_valve;
 pub mod spring;
 pub mod tank;
 pub mod temperature_sensor;
+pub mod variable_pump;
 pub mod volume;
 
 /// A component of the catalogue.
@@ -189,6 +193,8 @@ impl<S: Scalar<Base = S>> Visitor for Constants<'_, S> {
 catalogue! {
     pressure_source::PressureSource [],
     tank::Tank [],
+    flow_source::FlowSource [PumpFlow],
+    variable_pump::VariablePump [Compensator, StrokedFlow],
     volume::Volume [VolumePressure],
     orifice::Orifice [Restriction],
     external_leakage::ExternalLeakage [LeakageFlow],
@@ -218,6 +224,8 @@ catalogue! {
 
     position_controller::PositionController [PositionDemand, PressureFeedback, LimitedCurrent],
     sampled_position_controller::SampledPositionController [SampledLaw],
+    axis_controller::AxisController [AxisDemand, AxisDamping, AxisOutput],
+    pid_controller::PidController [PidLaw],
     force_fight_equaliser::ForceFightEqualiser [PressureDifference, FightFilter, FightCorrection],
     low_pass_filter::LowPassFilter [FirstOrder],
     selector::Selector [Selection],

@@ -17,6 +17,7 @@
 
 mod mil_prf_5606;
 mod mil_prf_83282;
+mod mineral_oil;
 mod phosphate_ester;
 
 use crate::math::power;
@@ -202,6 +203,9 @@ liquids! {
     PhosphateEster = phosphate_ester::PhosphateEster,
     MilPrf5606 = mil_prf_5606::MilPrf5606,
     MilPrf83282 = mil_prf_83282::MilPrf83282,
+    Hlp32 = mineral_oil::Hlp32,
+    Hlp46 = mineral_oil::Hlp46,
+    Hlp68 = mineral_oil::Hlp68,
 }
 
 impl Fluid {
@@ -296,6 +300,23 @@ mod tests {
             assert_close(fluid.kinematic_viscosity_m2_s, centistokes * 1e-6, 1e-4);
         }
         assert_close(at(FluidKind::MilPrf83282, 40.0).bulk.liquid_pa, 1.379e9, 1e-12);
+    }
+
+    #[test]
+    fn mineral_oils_have_the_viscosity_of_their_grade() {
+        let table = [
+            (FluidKind::Hlp32, 32.0, 5.4),
+            (FluidKind::Hlp46, 46.0, 6.8),
+            (FluidKind::Hlp68, 68.0, 8.7),
+        ];
+        for (kind, at_40, at_100) in table {
+            for (celsius, centistokes) in [(40.0, at_40), (100.0, at_100)] {
+                let viscosity = at(kind, celsius).kinematic_viscosity_m2_s;
+                assert_close(viscosity, centistokes * 1e-6, 1e-4);
+            }
+        }
+        assert_close(at(FluidKind::Hlp46, 15.0).density_kg_m3, 880.0, 1e-12);
+        assert_close(at(FluidKind::Hlp46, 40.0).bulk.liquid_pa, 1.6e9, 1e-12);
     }
 
     #[test]

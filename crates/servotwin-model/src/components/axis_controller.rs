@@ -1,0 +1,151 @@
+//! The position loop of a linear axis, continuous: the command is a position.
+//!
+//! ```text
+//! e = x_c + x_rig − x_m                                                   (AX1)
+//! y = K_p e + z − K_d (Δp − d)/p_ref,   dd/dt = (Δp − d)/τ                  (AX2)
+//! z' = K_i (K_p e + clamp(y, −1, 1) − y)                                   (AX3)
+//! u = mode · clamp(y, −1, 1)                                              (AX4)
+//! ```
+//!
+//! Proportional and integral, with dynamic pressure feedback where both pressures are connected: the
+//! washout `d` takes the steady load out of Δp = p_A − p_B. The integral does not wind up: beyond the limit
+//! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
+//! switches the output off.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct AxisController;
+
+const GAIN: usize = 0;
+const INTEGRAL_GAIN: usize = 1;
+const PRESSURE_GAIN: usize = 2;
+const PRESSURE_REFERENCE: usize = 3;
+const WASHOUT: usize = 4;
+const RIG_OFFSET: usize = 5;
+
+static SPEC: Spec = Spec {
+    kind: "axis_controller",
+    summary: "position loop of a linear axis, with integral and dynamic pressure feedback",
+    parameters: &[
+        parameter("gain_per_m", Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
+        parameter("integral_gain_per_s", Unit::PerSecond, 0.0, (0.0, 1e3), "integral gain K_i"),
+        parameter("pressure_gain", Unit::None, 0.0, (0.0, 100.0), "pressure feedback gain K_d"),
+        parameter("pressure_reference_pa", Unit::Pascal, 20e6, (1e3, 1e9), "p_ref"),
+        parameter("washout_s", Unit::Second, 0.1, (1e-4, 1e3), "washout time constant τ"),
+        parameter("rig_offset_m", Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
+        parameter("no_pressure_pa", Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
+        parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
+    ],
+    faults: &[],
+    ports: &[
+        input_within("command", Unit::Metre, (-10.0, 10.0), "commanded position x_c"),
+        input("position", Unit::Metre, "measured position x_m"),
+        input_or("pressure_a", Unit::Pascal, "no_pressure_pa", "measured chamber pressure p_A"),
+        input_or("pressure_b", Unit::Pascal, "no_pressure_pa", "measured chamber pressure p_B"),
+        input_or("mode", Unit::None, "mode", "1 active, 0 off"),
+        output("current", Unit::None, "valve current per unit of the rated current"),
+    ],
+    states: &[
+        state(
+            "washout_pa",
+            Unit::Pascal,
+            2e7,
+            Start::Value(0.0),
+            "slow part of the differential pressure, d",
+        ),
+        state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),
+    ],
+    reference: false,
+};
+
+impl Component for AxisController {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let demand = wiring.internal();
+        let [command, position] = ["command", "position"].map(|port| wiring.signal(port));
+        let integral = wiring.state("integral");
+        let inputs = [command, position, integral];
+        wiring.equation::<AxisDemand, 3, 1, 2>(0, inputs, [Output::add(demand)]);
+        let [a, b] = ["pressure_a", "pressure_b"].map(|port| wiring.signal(port));
+        let inputs = [a, b, wiring.state("washout_pa")];
+        let rate = wiring.derivative("washout_pa");
+        let outputs = [Output::subtract(demand), Output::add(rate)];
+        wiring.equation::<AxisDamping, 3, 2, 2>(0, inputs, outputs);
+        let current = wiring.internal();
+        let inputs = [demand.variable(), wiring.signal("mode"), command, position];
+        let outputs = [Output::add(current), Output::add(wiring.derivative("integral"))];
+        wiring.equation::<AxisOutput, 4, 2, 3>(0, inputs, outputs);
+        wiring.set("current", current.variable());
+    }
+}
+
+/// Equation (AX1) and the first terms of (AX2): (command, position, integral) → demand.
+pub struct AxisDemand;
+
+impl Equation<3, 1, 2> for AxisDemand {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [given[GAIN], given[RIG_OFFSET]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [command, position, integral]: [S; 3]) -> [S; 1] {
+        [(command + c[1] - position) * c[0] + integral]
+    }
+}
+
+/// The last term of (AX2): (p_A, p_B, washout) → what the demand loses, rate of the washout.
+pub struct AxisDamping;
+
+impl Equation<3, 2, 2> for AxisDamping {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [given[PRESSURE_GAIN] / given[PRESSURE_REFERENCE], S::constant(1.0) / given[WASHOUT]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b, washout]: [S; 3]) -> [S; 2] {
+        let change = p_a - p_b - washout;
+        [change * c[0], change * c[1]]
+    }
+}
+
+/// Equations (AX3) and (AX4): (demand, mode, command, position) → current, rate of the integral.
+pub struct AxisOutput;
+
+impl Equation<4, 2, 3> for AxisOutput {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        [given[GAIN], given[RIG_OFFSET], given[INTEGRAL_GAIN]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], inputs: [S; 4]) -> [S; 2] {
+        let [demand, mode, command, position] = inputs;
+        let output = demand.clamp(S::constant(-1.0), S::constant(1.0));
+        let error = (command + c[1] - position) * c[0];
+        [output * mode, (error + output - demand) * c[2]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn the_integral_grows_with_the_error_and_stops_at_the_limit() {
+        let changes = [("gain_per_m", 100.0), ("integral_gain_per_s", 5.0)];
+        let c = constants::<AxisOutput, 4, 2, 3>(&AxisController, &changes, 0);
+        let [current, rate] = AxisOutput::evaluate(&c, [0.1, 1.0, 2e-3, 1e-3]);
+        assert!((current - 0.1).abs() < 1e-15 && (rate - 0.5).abs() < 1e-12, "{current} {rate}");
+        // With the error held, the integral comes to rest where the demand is beyond by the error.
+        let [current, rate] = AxisOutput::evaluate(&c, [1.1, 0.5, 2e-3, 1e-3]);
+        assert!((current - 0.5).abs() < 1e-15 && rate.abs() < 1e-12, "{current} {rate}");
+    }
+}

@@ -1,0 +1,104 @@
+//! A pump of constant displacement at constant speed.
+//!
+//! ```text
+//! q = n Q − C_li (p_out − p_in)                        inlet → outlet      (FS1)
+//! ```
+//!
+//! `n` is the speed per unit of the rated one, `C_li` its internal leakage: laminar, as gaps are. It pushes
+//! against any pressure: a relief valve and a volume belong at its outlet. Its pulsation is neglected, and
+//! that it draws less where its inlet cavitates.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct FlowSource;
+
+const FLOW: usize = 0;
+const LEAKAGE: usize = 1;
+
+static SPEC: Spec = Spec {
+    kind: "flow_source",
+    summary: "pump of constant displacement",
+    parameters: &[
+        required("flow_m3_s", Unit::CubicMetrePerSecond, (0.0, 1.0), "flow Q at rated speed"),
+        parameter(
+            "internal_leakage_m3_s_pa",
+            Unit::CubicMetrePerSecondPascal,
+            5e-13,
+            (0.0, 1e-8),
+            "laminar conductance C_li from outlet to inlet",
+        ),
+        parameter("speed", Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one"),
+    ],
+    faults: &[
+        adds(
+            "wear",
+            "internal_leakage_m3_s_pa",
+            1e-11,
+            (1e-14, 1e-7),
+            Category::InternalLeakage,
+            "gaps are worn: 6 L/min more at 100 bar",
+        ),
+        scales(
+            "flow_loss",
+            "flow_m3_s",
+            0.3,
+            (0.0, 1.0),
+            Category::Wear,
+            "displacement is lost: a broken vane or piston",
+        ),
+    ],
+    ports: &[
+        hydraulic("inlet", "from the tank"),
+        hydraulic("outlet", "to the system"),
+        input_or("speed", Unit::None, "speed", "speed per unit of the rated one"),
+    ],
+    states: &[],
+    reference: false,
+};
+
+impl Component for FlowSource {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let speed = wiring.signal("speed");
+        let inputs = [speed, wiring.pressure("inlet"), wiring.pressure("outlet")];
+        let flow = Output::transfer(wiring.flow("inlet"), wiring.flow("outlet"));
+        wiring.equation::<PumpFlow, 3, 1, 2>(0, inputs, [flow]);
+    }
+}
+
+/// Equation (FS1): (speed, p_in, p_out) → flow.
+pub struct PumpFlow;
+
+impl Equation<3, 1, 2> for PumpFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [given[FLOW], given[LEAKAGE]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [speed, inlet, outlet]: [S; 3]) -> [S; 1] {
+        [speed * c[0] - (outlet - inlet) * c[1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn it_gives_its_flow_less_what_leaks() {
+        let changes = [("flow_m3_s", 5e-4), ("internal_leakage_m3_s_pa", 1e-12)];
+        let c = constants::<PumpFlow, 3, 1, 2>(&FlowSource, &changes, 0);
+        let [flow] = PumpFlow::evaluate(&c, [1.0, 1e5, 101e5]);
+        assert!((flow - 4.9e-4).abs() < 1e-15, "{flow}");
+        assert_eq!(PumpFlow::evaluate(&c, [0.0, 1e5, 1e5]), [0.0]);
+    }
+}

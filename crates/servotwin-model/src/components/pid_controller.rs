@@ -1,0 +1,134 @@
+//! A controller with proportional, integral and derivative parts, continuous.
+//!
+//! ```text
+//! e  = w − x,   de_f/dt = (e − e_f)/τ_d                                    (PI1)
+//! y  = K (e + T_d (e − e_f)/τ_d) + z                                       (PI2)
+//! z' = K_i (K e + clamp(y, y_min, y_max) − y)                              (PI3)
+//! u  = clamp(y, y_min, y_max)                                             (PI4)
+//! ```
+//!
+//! All signals are pure numbers: put a `gain`, or a sensor's share of its range, before it. The derivative is
+//! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
+//! constant 1/K_i.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct PidController;
+
+const GAIN: usize = 0;
+const INTEGRAL_GAIN: usize = 1;
+const DERIVATIVE_TIME: usize = 2;
+const DERIVATIVE_FILTER: usize = 3;
+const LEAST: usize = 4;
+const LARGEST: usize = 5;
+
+static SPEC: Spec = Spec {
+    kind: "pid_controller",
+    summary: "proportional, integral and derivative controller of pure numbers",
+    parameters: &[
+        parameter("gain", Unit::None, 1.0, (-1e6, 1e6), "gain K"),
+        parameter("integral_gain_per_s", Unit::PerSecond, 0.0, (0.0, 1e4), "integral gain K_i"),
+        parameter("derivative_time_s", Unit::Second, 0.0, (0.0, 1e3), "derivative time T_d"),
+        parameter("derivative_filter_s", Unit::Second, 0.01, (1e-5, 1e3), "its filter τ_d"),
+        parameter("least", Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
+        parameter("largest", Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
+    ],
+    faults: &[],
+    ports: &[
+        input("setpoint", Unit::None, "what is wanted, w"),
+        input("measured", Unit::None, "what is, x"),
+        output("output", Unit::None, "the controller's output u"),
+    ],
+    states: &[
+        state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),
+        state("slow_error", Unit::None, 1.0, Start::Value(0.0), "filtered error e_f"),
+    ],
+    reference: false,
+};
+
+impl Component for PidController {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+        if parameters[LEAST] < parameters[LARGEST] {
+            return Ok(());
+        }
+        Err("least must be below largest")
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let [setpoint, measured] = ["setpoint", "measured"].map(|port| wiring.signal(port));
+        let [integral, slow] = ["integral", "slow_error"].map(|state| wiring.state(state));
+        let output = wiring.internal();
+        let outputs = [
+            Output::add(output),
+            Output::add(wiring.derivative("integral")),
+            Output::add(wiring.derivative("slow_error")),
+        ];
+        wiring.equation::<PidLaw, 4, 3, 6>(0, [setpoint, measured, integral, slow], outputs);
+        wiring.set("output", output.variable());
+    }
+}
+
+/// Equations (PI1)–(PI4): (setpoint, measured, integral, slow error) → output and both rates.
+pub struct PidLaw;
+
+impl Equation<4, 3, 6> for PidLaw {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
+        let per_filter = S::constant(1.0) / given[DERIVATIVE_FILTER];
+        [
+            given[GAIN],
+            given[INTEGRAL_GAIN],
+            given[DERIVATIVE_TIME] * per_filter,
+            per_filter,
+            given[LEAST],
+            given[LARGEST],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 6], inputs: [S; 4]) -> [S; 3] {
+        let [setpoint, measured, integral, slow] = inputs;
+        let error = setpoint - measured;
+        let fast = error - slow;
+        let proportional = error * c[0];
+        let demand = proportional + fast * c[2] * c[0] + integral;
+        let output = demand.clamp(S::from_base(c[4]), S::from_base(c[5]));
+        [output, (proportional + output - demand) * c[1], fast * c[3]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn its_three_parts_add_and_end_at_the_limits() {
+        let changes = [
+            ("gain", 2.0),
+            ("integral_gain_per_s", 3.0),
+            ("derivative_time_s", 0.1),
+            ("derivative_filter_s", 0.02),
+        ];
+        let c = constants::<PidLaw, 4, 3, 6>(&PidController, &changes, 0);
+        let [output, integral, slow] = PidLaw::evaluate(&c, [0.1, 0.05, 0.2, 0.03]);
+        // 2 (0.05 + 0.1 (0.05 − 0.03)/0.02) + 0.2
+        assert!((output - 0.5).abs() < 1e-12, "{output}");
+        assert!((integral - 3.0 * 0.1).abs() < 1e-12 && (slow - 1.0).abs() < 1e-12);
+        let [output, integral, _] = PidLaw::evaluate(&c, [5.0, 0.0, 0.0, 5.0]);
+        assert_eq!((output, integral), (1.0, 3.0));
+    }
+
+    #[test]
+    fn limits_in_the_wrong_order_are_impossible() {
+        assert!(PidController.check(&[1.0, 0.0, 0.0, 0.01, 1.0, 1.0]).is_err());
+    }
+}

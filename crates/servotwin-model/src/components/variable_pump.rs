@@ -1,0 +1,160 @@
+//! A pump of variable displacement with a pressure compensator.
+//!
+//! ```text
+//! s_c = σ((p_set − Δp)/Δp_r),   Δp = p_out − p_in                          (VP1)
+//! s'  = (s_c − s)/τ                                                       (VP2)
+//! q   = n Q s − C_li Δp                                inlet → outlet      (VP3)
+//! ```
+//!
+//! The compensator takes the displacement back from 1 to 0 over the last `Δp_r` below its set pressure; `σ` is
+//! the cubic step of [`crate::math::smooth_step`]. `s` is the position of its swash plate or ring, with the
+//! time constant τ of the stroking piston; `n` the speed per unit of the rated one. Pulsation is neglected,
+//! and that it draws less where its inlet cavitates.
+
+use super::Component;
+use crate::equation::{Equation, Given};
+use crate::math::smooth_step;
+use crate::scalar::Scalar;
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct VariablePump;
+
+const FLOW: usize = 0;
+const SET: usize = 1;
+const RANGE: usize = 2;
+const TIME_CONSTANT: usize = 3;
+const LEAKAGE: usize = 4;
+
+static SPEC: Spec = Spec {
+    kind: "variable_pump",
+    summary: "pump of variable displacement with pressure compensator",
+    parameters: &[
+        required("flow_m3_s", Unit::CubicMetrePerSecond, (0.0, 1.0), "full flow Q at rated speed"),
+        parameter("set_pa", Unit::Pascal, 21e6, (1e5, 1e8), "set pressure: no flow there"),
+        parameter("range_pa", Unit::Pascal, 1e6, (1e3, 1e8), "below it, from full to no flow"),
+        parameter("time_constant_s", Unit::Second, 0.04, (1e-4, 10.0), "of the compensator, τ"),
+        parameter(
+            "internal_leakage_m3_s_pa",
+            Unit::CubicMetrePerSecondPascal,
+            5e-13,
+            (0.0, 1e-8),
+            "laminar conductance C_li from outlet to inlet",
+        ),
+        parameter("speed", Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one"),
+    ],
+    faults: &[
+        adds(
+            "wear",
+            "internal_leakage_m3_s_pa",
+            1e-11,
+            (1e-14, 1e-7),
+            Category::InternalLeakage,
+            "gaps are worn: 6 L/min more at 100 bar",
+        ),
+        scales(
+            "flow_loss",
+            "flow_m3_s",
+            0.3,
+            (0.0, 1.0),
+            Category::Jamming,
+            "the swash plate does not reach its full angle",
+        ),
+        scales(
+            "set_pressure_loss",
+            "set_pa",
+            0.5,
+            (0.05, 1.0),
+            Category::Wear,
+            "the compensator's spring has lost force",
+        ),
+        scales(
+            "slow_compensator",
+            "time_constant_s",
+            20.0,
+            (1.0, 100.0),
+            Category::Dynamics,
+            "the stroking piston is slow: dirt in its orifice",
+        ),
+    ],
+    ports: &[
+        hydraulic("inlet", "from the tank"),
+        hydraulic("outlet", "to the system"),
+        input_or("speed", Unit::None, "speed", "speed per unit of the rated one"),
+        output("displacement", Unit::None, "position s: 1 full, 0 none"),
+    ],
+    states: &[state(
+        "displacement",
+        Unit::None,
+        1.0,
+        Start::Value(0.5),
+        "position of the swash plate, s",
+    )],
+    reference: false,
+};
+
+impl Component for VariablePump {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let displacement = wiring.state("displacement");
+        wiring.set("displacement", displacement);
+        let pressures = [wiring.pressure("inlet"), wiring.pressure("outlet")];
+        let inputs = [displacement, pressures[0], pressures[1]];
+        let rate = Output::add(wiring.derivative("displacement"));
+        wiring.equation::<Compensator, 3, 1, 3>(0, inputs, [rate]);
+        let inputs = [wiring.signal("speed"), displacement, pressures[0], pressures[1]];
+        let flow = Output::transfer(wiring.flow("inlet"), wiring.flow("outlet"));
+        wiring.equation::<StrokedFlow, 4, 1, 2>(0, inputs, [flow]);
+    }
+}
+
+/// Equations (VP1) and (VP2): (displacement, p_in, p_out) → rate of the displacement.
+pub struct Compensator;
+
+impl Equation<3, 1, 3> for Compensator {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        let one = S::constant(1.0);
+        [given[SET], one / given[RANGE], one / given[TIME_CONSTANT]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [displacement, inlet, outlet]: [S; 3]) -> [S; 1] {
+        let wanted = smooth_step((inlet - outlet + c[0]) * c[1]);
+        [(wanted - displacement) * c[2]]
+    }
+}
+
+/// Equation (VP3): (speed, displacement, p_in, p_out) → flow.
+pub struct StrokedFlow;
+
+impl Equation<4, 1, 2> for StrokedFlow {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        [given[FLOW], given[LEAKAGE]]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], inputs: [S; 4]) -> [S; 1] {
+        let [speed, displacement, inlet, outlet] = inputs;
+        [speed * displacement * c[0] - (outlet - inlet) * c[1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    #[test]
+    fn the_compensator_takes_the_flow_back_over_its_range() {
+        let changes = [("flow_m3_s", 5e-4), ("set_pa", 21e6), ("range_pa", 1e6)];
+        let c = constants::<Compensator, 3, 1, 3>(&VariablePump, &changes, 0);
+        let at_rest =
+            |bar: f64, s: f64| Compensator::evaluate(&c, [s, 0.0, bar * 1e5])[0].abs() < 1e-12;
+        assert!(at_rest(150.0, 1.0) && at_rest(200.0, 1.0));
+        assert!(at_rest(205.0, 0.5) && at_rest(210.0, 0.0) && at_rest(300.0, 0.0));
+    }
+}
