@@ -41,7 +41,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 pub struct SystemOption {
     /// A system file, or the name of a built-in system (aileron_dual, spring_actuator,
-    /// valve_and_cylinder); without it, the aileron with two actuators.
+    /// valve_and_cylinder, press_axis); without it, the aileron with two actuators.
     #[arg(value_name = "SYSTEM")]
     path: Option<PathBuf>,
 }
@@ -59,7 +59,7 @@ impl SystemOption {
 /// The study that a command runs, and where its results go.
 #[derive(clap::Args)]
 pub struct StudyOptions {
-    /// A study file, or the name of a built-in study (paper, spring_actuator); without it, the paper's
+    /// A study file, or the name of a built-in study (paper, spring_actuator, press_axis); without it, the paper's
     /// study of the aileron.
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! The binary is run as its users run it: results, messages, exit codes.
 
+mod book;
 mod first_hour;
 mod fit;
 mod flights;

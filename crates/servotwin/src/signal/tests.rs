@@ -138,7 +138,7 @@ fn units_follow_the_input() {
     let error = build("5deg", Unit::Pascal).unwrap_err().to_string();
     assert_eq!(
         error,
-        "constant: 'value=5deg' has a wrong unit; allowed: bar, Pa, a plain number (SI)"
+        "constant: 'value=5deg' has a wrong unit; allowed: bar, Pa, kPa, MPa, psi, a plain number (SI)"
     );
 }
 
@@ -160,7 +160,7 @@ fn mistakes_say_what_is_possible() {
         ("step:size=1e999", "step: 'size' needs a number"),
         ("step:size=10grad", "step: 'size=10grad' has a wrong unit; allowed: rad, deg"),
         ("step:size=10bar", "'size=10bar' has a wrong unit; allowed: rad, deg, a plain number"),
-        ("step:size=1,at=2Hz", "step: 'at=2Hz' has a wrong unit; allowed: s, ms, a plain"),
+        ("step:size=1,at=2Hz", "step: 'at=2Hz' has a wrong unit; allowed: s, ms, us, a plain"),
         ("step:size=1,at=-2s", "step: 'at=-2s' is out of range: 0 or greater (s)"),
         ("ramp:rate=20deg", "ramp: 'rate=20deg' has a wrong unit; allowed: rad/s, deg/s"),
         ("ramp:rate=20deg/s,to=-5deg", "ramp: 'rate' must not be zero and must have the sign"),

@@ -155,6 +155,8 @@ fn the_smaller_systems_compile() {
     assert_eq!(spring.network().components.len(), 15);
     assert_eq!(spring.program.states().len(), 15);
     assert_eq!(spring.sensors.len(), 5);
+    let press = shipped("press_axis.toml");
+    assert_eq!((press.network().components.len(), press.program.states().len()), (16, 17));
 }
 
 #[test]

@@ -1,0 +1,167 @@
+//! The book: every command of it is run, in the order of its page and in a folder of the page's own; its files are
+//! those that are shipped; its tables are what the program declares.
+//!
+//! `UPDATE=1 cargo test -p servotwin-cli --test all book` writes these tables anew.
+
+use super::{Folder, stderr, stdout};
+use servotwin::{catalogue, format, signal, study};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const DOCS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs");
+
+/// The pages in the order of the book.
+fn pages() -> Vec<String> {
+    let summary = std::fs::read_to_string(format!("{DOCS}/SUMMARY.md")).unwrap();
+    let link = |line: &str| {
+        let (_, rest) = line.split_once("](")?;
+        Some(rest.split_once(')')?.0.to_owned())
+    };
+    summary.lines().filter_map(link).collect()
+}
+
+fn page(name: &str) -> String {
+    std::fs::read_to_string(format!("{DOCS}/{name}")).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// The blocks of a page: what stands behind the fence, and the text.
+fn blocks(page: &str) -> Vec<(String, String)> {
+    let mut blocks = vec![];
+    let mut open: Option<(String, String)> = None;
+    for line in page.lines() {
+        match (line.strip_prefix("```"), &mut open) {
+            (Some(kind), None) => open = Some((kind.trim().into(), String::new())),
+            (Some(_), Some(_)) => blocks.extend(open.take()),
+            (None, Some((_, text))) => *text += &format!("{line}\n"),
+            (None, None) => {}
+        }
+    }
+    blocks
+}
+
+/// The commands of a block; a line that ends in a backslash goes on in the next.
+fn commands(text: &str) -> Vec<String> {
+    let joined = text.replace("\\\n", " ");
+    let line = |line: &str| line.split(" #").next().unwrap_or("").trim().to_owned();
+    joined.lines().map(line).filter(|line| !line.is_empty()).collect()
+}
+
+fn run(folder: &Folder, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_servotwin"));
+    command.args(arguments).current_dir(&folder.0).output().expect("the binary can be run")
+}
+
+/// Runs a command of the book; what stands behind `>` is the file for its output.
+fn run_line(folder: &Folder, line: &str) {
+    let (line, file) = match line.split_once(" > ") {
+        Some((line, file)) => (line, Some(file.trim())),
+        None => (line, None),
+    };
+    let words: Vec<&str> = line.split_whitespace().collect();
+    assert_eq!(words[0], "servotwin", "{line}");
+    let output = run(folder, &words[1..]);
+    assert!(output.status.success(), "{line}: {}", stderr(&output));
+    if let Some(file) = file {
+        std::fs::write(folder.file(file), stdout(&output)).unwrap();
+    }
+}
+
+/// What a command cannot be without: of one that takes minutes it is asked whether it is understood.
+fn is_understood(folder: &Folder, line: &str) {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    if words[0] != "servotwin" {
+        return;
+    }
+    let output = run(folder, &[&words[1..], &["--help"]].concat());
+    assert!(output.status.success(), "{line}: {}", stderr(&output));
+}
+
+#[test]
+fn every_command_of_the_book_works() {
+    let mut run = 0;
+    for name in pages() {
+        // The commands of this page are run by a test of their own.
+        if name == "tables.md" {
+            continue;
+        }
+        let folder = Folder::new(&format!("book-{}", name.trim_end_matches(".md")));
+        for (kind, text) in blocks(&page(&name)) {
+            match kind.split_once(' ').unwrap_or((&kind, "")) {
+                ("sh", "long") => {
+                    commands(&text).iter().for_each(|line| is_understood(&folder, line))
+                }
+                ("sh", _) => {
+                    for line in commands(&text) {
+                        run_line(&folder, &line);
+                        run += 1;
+                    }
+                }
+                ("toml" | "csv", file) if !file.is_empty() => {
+                    std::fs::write(folder.file(file), text).unwrap();
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(run > 25, "{run} commands");
+}
+
+/// What the book shows of a shipped file stands there.
+#[test]
+fn what_the_book_shows_of_shipped_files_is_in_them() {
+    for (name, file) in [("own-system.md", "systems"), ("own-study.md", "studies")] {
+        let path = format!("{DOCS}/../{file}/press_axis.toml");
+        let shipped = std::fs::read_to_string(&path).unwrap();
+        let mut shown = 0;
+        for (kind, text) in blocks(&page(name)) {
+            if kind == "toml" {
+                assert!(
+                    shipped.contains(text.trim_end()),
+                    "{name} shows what {path} lacks:\n{text}"
+                );
+                shown += 1;
+            }
+        }
+        assert!(shown >= 5, "{name} shows {shown} parts");
+    }
+}
+
+#[test]
+fn links_of_the_book_lead_somewhere() {
+    for name in pages() {
+        let text = page(&name);
+        for (place, _) in text.match_indices("](") {
+            let link = text[place + 2..].split(')').next().unwrap();
+            let file = link.split('#').next().unwrap();
+            let is_file = !file.is_empty() && !file.contains("://");
+            let path: PathBuf = Path::new(DOCS).join(file);
+            assert!(!is_file || path.exists(), "{name}: {link}");
+        }
+    }
+}
+
+/// A page with the text between its marks replaced.
+fn with(page: &str, generated: &str) -> String {
+    let (begin, end) = ("<!-- generated -->\n", "<!-- end -->");
+    let (before, rest) = page.split_once(begin).expect("a mark");
+    let (_, after) = rest.split_once(end).expect("a mark");
+    format!("{before}{begin}\n{}\n{end}{after}", generated.trim())
+}
+
+#[test]
+fn tables_of_the_book_are_what_is_declared() {
+    let pages = [
+        ("components.md", catalogue::all().map(catalogue::markdown).collect::<Vec<_>>().join("\n")),
+        ("study-format.md", format::markdown(study::keys())),
+        ("signals.md", format!("```text\n{}```", signal::help())),
+    ];
+    for (name, generated) in pages {
+        let found = page(name);
+        let wanted = with(&found, &generated);
+        if std::env::var_os("UPDATE").is_some() {
+            std::fs::write(format!("{DOCS}/{name}"), &wanted).unwrap();
+        } else {
+            assert_eq!(found, wanted, "UPDATE=1 cargo test -p servotwin-cli --test all book");
+        }
+    }
+}
