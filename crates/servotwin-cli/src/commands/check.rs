@@ -23,25 +23,27 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match is_study(options)? {
-        true => {
-            let study = Study::read(&options.file).map_err(|error| told(error, global))?;
-            Ok(study_text(options, &study, global))
-        }
-        false => {
-            let system = System::read(&options.file);
-            let system = system.map_err(|error| told(StudyError::System(error), global))?;
-            Ok(system_text(options, &system, global))
-        }
+    let (is_system, is_study) = what(options)?;
+    let mut text = String::new();
+    if is_system {
+        let system = System::read(&options.file);
+        let system = system.map_err(|error| told(StudyError::System(error), global))?;
+        text += &system_text(options, &system, global);
     }
+    if is_study {
+        let study = Study::read(&options.file).map_err(|error| told(error, global))?;
+        text += &study_text(options, &study, global);
+    }
+    Ok(text)
 }
 
-/// Whether the file is a study: it has what only studies have, or nothing that systems have.
-fn is_study(options: &Options) -> Result<bool, SystemError> {
+/// Whether the file is a system, and whether it is a study: what has sections that only studies have is
+/// one. A built-in name may stand for both.
+fn what(options: &Options) -> Result<(bool, bool), SystemError> {
     let name = options.file.to_str().unwrap_or_default();
-    let is_system = find(&SYSTEMS, name).is_some();
-    if is_system || find(&STUDIES, name).is_some() {
-        return Ok(!is_system);
+    let built_in = (find(&SYSTEMS, name).is_some(), find(&STUDIES, name).is_some());
+    if built_in.0 || built_in.1 {
+        return Ok(built_in);
     }
     let text = files::read_text(&options.file).map_err(SystemError::File)?;
     let begins = |words: &[&str]| {
@@ -50,7 +52,8 @@ fn is_study(options: &Options) -> Result<bool, SystemError> {
     let of_system =
         ["[components", "[assemblies", "[fluids", "[system]", "components", "assemblies"];
     let of_study = ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
-    Ok(begins(&of_study) && !begins(&of_system))
+    let is_study = begins(&of_study) && !begins(&of_system);
+    Ok((!is_study, is_study))
 }
 
 /// Mistakes as JSON, too, where it is wanted.
