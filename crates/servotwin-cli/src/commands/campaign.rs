@@ -157,6 +157,13 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
             outcome.images
         ));
     }
+    match outcome.statistics.unsettled {
+        0 => {}
+        // A limit cycle, a slow drift: what such a run shows at first is no fault.
+        moving => {
+            text.push_str(&format!("  {moving} simulations began on the move, not at rest\n"))
+        }
+    }
     for (setting, variant, reason) in &outcome.failed {
         text.push_str(&format!("  {} variant {variant}: {reason}\n", setting.name()));
     }
@@ -177,6 +184,7 @@ fn to_json(campaign: &Campaign, outcome: &Outcome) -> serde_json::Value {
         "steps": outcome.statistics.steps,
         "rejected": outcome.statistics.rejected,
         "jacobians": outcome.statistics.jacobians,
+        "unsettled": outcome.statistics.unsettled,
         "failed": failed,
     })
 }

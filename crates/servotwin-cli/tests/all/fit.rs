@@ -84,7 +84,7 @@ fn wrong_logs_and_names_are_told() {
     let timeless = folder.file("timeless.csv");
     std::fs::write(&timeless, text.replace("time_s", "row")).unwrap();
     let cases: &[(&[&str], i32, &str)] = &[
-        (&["fit", "/nowhere.csv"], 1, "/nowhere.csv"),
+        (&["fit", "/nowhere.csv"], 3, "/nowhere.csv"),
         (&["fit", &short, "--study", STUDY], 3, "short.csv: the record is too short"),
         (&["fit", &timeless, "--study", STUDY], 3, "no column 'time_s'"),
         (&["fit", &log, "--study", STUDY, "--parameters", "nul_bias"], 2, "nul_bias"),
