@@ -61,7 +61,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let paths = logs(&options.folder)?;
-    stop::listen();
+    stop::heed();
     let stages = Stages::new(global);
     let mut all: Vec<Log> = Vec::new();
     for path in &paths {
