@@ -9,7 +9,10 @@ use super::flown::{Flown, Observer};
 use super::plan::Flight;
 use crate::evaluation::parallel::{self, Workers};
 use crate::signal::random::Random;
-use crate::study::campaign::{CampaignError, largest_column};
+use crate::study::campaign::CampaignError;
+use crate::study::campaign::columns::{
+    Shown, fault_columns, feature_columns, largest_columns, seen,
+};
 use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Sensors};
@@ -145,67 +148,40 @@ struct Maker<'m> {
 
 impl Maker<'_> {
     fn table(&self, lessons: &[&Lesson], workers: Workers) -> Result<Table, CampaignError> {
-        let exchanged = self.sensors.exchanged(0, 1);
-        let views = |lesson: &&Lesson| {
-            let own = features::values(self.sensors, &lesson.window);
-            let order = exchanged.as_ref();
-            let other = order.map(|o| features::values(self.sensors, &lesson.window.reordered(o)));
-            (own, other)
-        };
-        let rows = parallel::map(lessons, workers, views).map_err(|_| CampaignError::Cancelled)?;
+        let view = |lesson: &&Lesson| seen(self.sensors, &lesson.window);
+        let rows = parallel::map(lessons, workers, view).map_err(|_| CampaignError::Cancelled)?;
         let mut columns = self.labels(lessons);
-        for (place, sensor) in self.sensors.0.iter().enumerate() {
-            let largest = lessons.iter().map(|lesson| lesson.window.largest(place)).collect();
-            columns.push(Column::new(largest_column(&sensor.name), "", Values::Float(largest)));
-        }
-        let features = features::ALL.iter().flat_map(|family| family.features(self.sensors));
-        for (place, feature) in features.enumerate() {
-            let own = rows.iter().map(|(own, _)| own[place]).collect();
-            columns.push(Column::new(format!("f:{}", feature.name), "", Values::Float(own)));
-            if exchanged.is_some() {
-                let other = rows.iter().map(|(_, other)| other.as_ref().map_or(0.0, |o| o[place]));
-                let other = Values::Float(other.collect());
-                columns.push(Column::new(format!("m:{}", feature.name), "", other));
-            }
-        }
+        let windows: Vec<&Window> = lessons.iter().map(|lesson| &lesson.window).collect();
+        columns.extend(largest_columns(&self.sensors.0, &windows));
+        let features: Vec<_> =
+            features::ALL.iter().flat_map(|family| family.features(self.sensors)).collect();
+        let names = features.iter().map(|feature| feature.name.as_str());
+        columns.extend(feature_columns(names, &rows));
         Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
     }
 
     fn labels(&self, lessons: &[&Lesson]) -> Vec<Column> {
-        let study = self.study;
         let flight = |lesson: &Lesson| self.plan[lesson.flight];
-        let fault = |lesson: &Lesson| {
-            let fault = flight(lesson).fault.filter(|_| lesson.cut.is_faulty);
-            fault.map(|fault| &study.faults[fault])
+        let shown = |lesson: &&Lesson| match flight(lesson) {
+            Flight { fault, intensity, .. } if lesson.cut.is_faulty => Shown { fault, intensity },
+            _ => Shown { fault: None, intensity: 0.0 },
         };
-        let text = |name: &str, of: &dyn Fn(&Lesson) -> String| {
-            let texts = lessons.iter().map(|lesson| of(lesson)).collect();
-            Column::new(name, "", Values::Text(texts))
-        };
+        let case = |lesson: &&Lesson| format!("{:03}", flight(lesson).environment);
+        let cases: Vec<String> = lessons.iter().map(case).collect();
         let number = |name: &str, unit: &str, of: &dyn Fn(&Lesson) -> f64| {
             let numbers = lessons.iter().map(|lesson| of(lesson)).collect();
             Column::new(name, unit, Values::Float(numbers))
         };
-        let healthy = || "healthy".to_owned();
-        let case = |l: &Lesson| format!("{:03}", flight(l).environment);
-        let period_s = study.sample_period_s;
+        let period_s = self.study.sample_period_s;
         let detectable = lessons.iter().map(|l| l.window.largest_of_all() > BAND).collect();
         let number_of = lessons.iter().map(|l| l.flight as u32).collect();
-        vec![
+        let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(number_of)),
-            text("case", &case),
-            text("flown", &case),
-            text("fault", &|l| fault(l).map_or_else(healthy, |f| f.id.clone())),
-            text("kind", &|l| fault(l).map_or_else(healthy, |f| f.kind.clone())),
-            number("intensity", "", &|l| fault(l).map_or(0.0, |_| flight(l).intensity)),
-            number("grade", "", &|l| fault(l).map_or(0.0, |f| f.at.intensity)),
-            text("actuator", &|l| fault(l).map_or_else(healthy, |f| study.units[f.unit].clone())),
-            text("command", &|l| {
-                fault(l).map_or_else(healthy, |f| study.classes[f.class].command.clone())
-            }),
-            text("detail", &|l| {
-                fault(l).map_or_else(healthy, |f| study.classes[f.class].detail.clone())
-            }),
+            Column::new("case", "", Values::Text(cases.clone())),
+            Column::new("flown", "", Values::Text(cases)),
+        ];
+        columns.extend(fault_columns(self.study, &lessons.iter().map(shown).collect::<Vec<_>>()));
+        columns.extend([
             number("end_s", "s", &|l| l.cut.to as f64 * period_s),
             number("age_s", "s", &|l| match l.cut.is_faulty {
                 true => l.cut.to as f64 * period_s - flight(l).onset_s,
@@ -213,6 +189,7 @@ impl Maker<'_> {
             }),
             Column::new("detectable", "", Values::Flag(detectable)),
             Column::new("failure", "", Values::Text(vec![String::new(); lessons.len()])),
-        ]
+        ]);
+        columns
     }
 }

@@ -1,5 +1,6 @@
 //! The data set of a campaign: labels, detection and features, one row for each variant.
 
+use super::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::{Images, Planned, Row, Setting, Study};
 use crate::study::OperatingCase;
 use crate::table::{Column, Table, Values};
@@ -32,11 +33,6 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
-/// The column with the largest size that the residual of a sensor had.
-pub fn largest_column(sensor: &str) -> String {
-    format!("largest:{sensor}")
-}
-
 /// What a data set is made from.
 pub(super) struct Maker<'m> {
     pub study: &'m Study,
@@ -65,10 +61,8 @@ impl Maker<'_> {
         columns.push(Column::new("largest_residual", "", float(&Window::largest_of_all)));
         columns.push(Column::new("first_excursion_s", "s", float(&first)));
         let sensors = &self.study.sensors.0[..self.study.base_sensors()];
-        for (sensor, known) in sensors.iter().enumerate() {
-            let largest = float(&|w: &Window| w.largest(sensor));
-            columns.push(Column::new(largest_column(&known.name), "", largest));
-        }
+        let windows: Vec<&Window> = rows.iter().map(|row| &row.window).collect();
+        columns.extend(largest_columns(sensors, &windows));
         let failures = rows.iter().map(|row| row.failure.clone()).collect();
         columns.push(Column::new("failure", "", Values::Text(failures)));
         columns.extend(self.feature_columns(rows));
@@ -78,63 +72,28 @@ impl Maker<'_> {
     /// Each feature, and where the units correspond also its mirror image.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
         let sensors = &self.study.sensors_in(self.setting);
-        let own: Vec<Vec<f64>> =
-            rows.iter().map(|row| features::values(sensors, &row.window)).collect();
-        let mirrored: Option<Vec<Vec<f64>>> = sensors.exchanged(0, 1).map(|order| {
-            rows.iter()
-                .map(|row| features::values(sensors, &row.window.reordered(&order)))
-                .collect()
-        });
-        let mut columns = Vec::new();
-        for (index, feature) in data_features(self.study).iter().enumerate() {
-            let mut push = |view: &str, rows: &[Vec<f64>]| {
-                let values = rows.iter().map(|row| row[index]).collect();
-                let name = format!("{view}:{}", feature.feature.name);
-                columns.push(Column::new(name, "", Values::Float(values)));
-            };
-            push("f", &own);
-            if let Some(mirrored) = &mirrored {
-                push("m", mirrored);
-            }
-        }
-        columns
+        let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &row.window)).collect();
+        let features = data_features(self.study);
+        feature_columns(features.iter().map(|known| known.feature.name.as_str()), &rows)
     }
 
     fn label_columns(&self, plan: &[Planned]) -> Vec<Column> {
         let study = self.study;
-        let fault = |planned: &Planned| planned.fault.map(|f| &study.faults[f]);
-        let class = |planned: &Planned| fault(planned).map(|f| &study.classes[f.class]);
-        let intensity = |planned: &Planned| planned.intensity;
-        let grade = |planned: &Planned| fault(planned).map_or(0.0, |f| f.at.intensity);
-        let healthy = "healthy";
         let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
         let variants = (0..plan.len() as u32).collect();
-        let case = texts(plan, |p| &self.cases[p.case].name);
-        let flown = texts(plan, |p| &self.cases[p.case].command);
-        let id = texts(plan, |p| fault(p).map_or(healthy, |f| &f.id));
-        let kind = texts(plan, |p| fault(p).map_or(healthy, |f| &f.kind));
-        let actuator = texts(plan, |p| fault(p).map_or(healthy, |f| &study.units[f.unit]));
-        let command = texts(plan, |p| class(p).map_or(healthy, |c| &c.command));
-        let detail = texts(plan, |p| class(p).map_or(healthy, |c| &c.detail));
         let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(variants)),
-            Column::new("case", "", case),
-            Column::new("flown", "", flown),
+            Column::new("case", "", texts(plan, |p| &self.cases[p.case].name)),
+            Column::new("flown", "", texts(plan, |p| &self.cases[p.case].command)),
             Column::new("seed", "", Values::Unsigned(vec![seed; plan.len()])),
-            Column::new("fault", "", id),
-            Column::new("kind", "", kind),
-            Column::new("intensity", "", Values::Float(plan.iter().map(intensity).collect())),
-            Column::new("grade", "", Values::Float(plan.iter().map(grade).collect())),
-            Column::new("actuator", "", actuator),
-            Column::new("command", "", command),
-            Column::new("detail", "", detail),
         ];
+        let shown = |p: &Planned| Shown { fault: p.fault, intensity: p.intensity };
+        columns.extend(fault_columns(study, &plan.iter().map(shown).collect::<Vec<_>>()));
         // The form of the paper's figure 8: each fault's intensity in its own column.
         let ids: BTreeSet<&String> = study.faults.iter().map(|fault| &fault.id).collect();
         for id in ids {
-            let of = |p: &Planned| {
-                if fault(p).is_some_and(|f| &f.id == id) { intensity(p) } else { 0.0 }
-            };
+            let is_it = |p: &Planned| p.fault.is_some_and(|fault| &study.faults[fault].id == id);
+            let of = |p: &Planned| if is_it(p) { p.intensity } else { 0.0 };
             let values = Values::Float(plan.iter().map(of).collect());
             columns.push(Column::new(format!("i:{id}"), "", values));
         }

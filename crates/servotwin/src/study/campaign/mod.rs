@@ -14,13 +14,15 @@
 //! so that features can be changed without simulating anything again.
 
 mod calibration;
+pub mod columns;
 mod data_set;
 mod images;
 mod shard;
 mod watch;
 
 pub use calibration::calibration_file;
-pub use data_set::{DataFeature, data_features, largest_column};
+pub use columns::largest_column;
+pub use data_set::{DataFeature, data_features};
 pub use shard::Row;
 
 use super::{Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Setting, Study};

@@ -1,0 +1,82 @@
+//! Columns that every table has from which a diagnosis learns, whether its rows are variants of a
+//! campaign or windows of flights.
+
+use crate::study::Study;
+use crate::table::{Column, Values};
+use servotwin_diagnosis::features::{Sensor, Sensors, values};
+use servotwin_diagnosis::residual::Window;
+
+/// What a row without a fault is called wherever a fault would stand.
+const HEALTHY: &str = "healthy";
+
+/// The fault of a row, a place in [`Study::faults`], and its intensity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// `None` without a fault.
+    pub fault: Option<usize>,
+    /// 0 without a fault.
+    pub intensity: f64,
+}
+
+/// Which fault rows show: name, kind, intensity and the study's intensity that it stands for, and the
+/// answers that are right.
+pub fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column> {
+    let fault = |row: &Shown| row.fault.map(|fault| &study.faults[fault]);
+    let class = |row: &Shown| fault(row).map(|fault| &study.classes[fault.class]);
+    let text = |name: &str, of: &dyn Fn(&Shown) -> Option<&'s String>| {
+        let of = |row| of(row).map_or(HEALTHY, String::as_str).to_owned();
+        Column::new(name, "", Values::Text(rows.iter().map(of).collect()))
+    };
+    let number = |name: &str, of: &dyn Fn(&Shown) -> f64| {
+        Column::new(name, "", Values::Float(rows.iter().map(of).collect()))
+    };
+    vec![
+        text("fault", &|row| fault(row).map(|fault| &fault.id)),
+        text("kind", &|row| fault(row).map(|fault| &fault.kind)),
+        number("intensity", &|row| row.intensity),
+        number("grade", &|row| fault(row).map_or(0.0, |fault| fault.at.intensity)),
+        text("actuator", &|row| fault(row).map(|fault| &study.units[fault.unit])),
+        text("command", &|row| class(row).map(|class| &class.command)),
+        text("detail", &|row| class(row).map(|class| &class.detail)),
+    ]
+}
+
+/// The column with the largest size that the residual of a sensor had.
+pub fn largest_column(sensor: &str) -> String {
+    format!("largest:{sensor}")
+}
+
+/// The largest size of every sensor's residual.
+pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
+    let column = |(place, sensor): (usize, &Sensor)| {
+        let largest = windows.iter().map(|window| window.largest(place)).collect();
+        Column::new(largest_column(&sensor.name), "", Values::Float(largest))
+    };
+    sensors.iter().enumerate().map(column).collect()
+}
+
+/// The features of a window, and its mirror image's where the units correspond.
+pub fn seen(sensors: &Sensors, window: &Window) -> (Vec<f64>, Option<Vec<f64>>) {
+    let mirrored = sensors.exchanged(0, 1).map(|order| values(sensors, &window.reordered(&order)));
+    (values(sensors, window), mirrored)
+}
+
+/// Each feature of rows, and where there are such its mirror image.
+pub fn feature_columns<'n>(
+    names: impl Iterator<Item = &'n str>,
+    rows: &[(Vec<f64>, Option<Vec<f64>>)],
+) -> Vec<Column> {
+    let has_mirrored = rows.first().is_some_and(|(_, mirrored)| mirrored.is_some());
+    let mut columns = vec![];
+    for (place, name) in names.enumerate() {
+        let mut push = |view: &str, of: &dyn Fn(&(Vec<f64>, Option<Vec<f64>>)) -> f64| {
+            let values = rows.iter().map(of).collect();
+            columns.push(Column::new(format!("{view}:{name}"), "", Values::Float(values)));
+        };
+        push("f", &|(own, _)| own[place]);
+        if has_mirrored {
+            push("m", &|(_, mirrored)| mirrored.as_ref().map_or(0.0, |other| other[place]));
+        }
+    }
+    columns
+}
