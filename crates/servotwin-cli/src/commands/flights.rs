@@ -105,8 +105,12 @@ fn foreign(out: &mut String, merit: &ForeignMerit) {
 }
 
 fn setting(out: &mut String, merit: &Merit) {
-    let Merit { setting, flights, failed, healthy, .. } = merit;
-    let _ = writeln!(out, "{setting}: {flights} flights with a fault, {failed} not finished");
+    let Merit { setting, flights, failed, failed_to_learn, healthy, .. } = merit;
+    let _ = writeln!(
+        out,
+        "{setting}: {flights} flights with a fault, {failed} not finished ({failed_to_learn} of those to \
+         learn from)"
+    );
     for class in &merit.classes {
         let _ = writeln!(out, "  {}", line(class));
     }

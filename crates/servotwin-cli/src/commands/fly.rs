@@ -140,7 +140,7 @@ fn diagnoser(
     folder.keep_study(study)?;
     let learned = flights::learn(folder, study, &plan, setting, &crew);
     stop::check()?;
-    Ok(Arc::new(learned?))
+    Ok(Arc::new(learned?.0))
 }
 
 /// What is kept of the plant beside its sensors, with names and units.

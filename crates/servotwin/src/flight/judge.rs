@@ -103,6 +103,9 @@ pub struct Merit {
     pub flights: u64,
     /// Flights that could not be simulated to the end, which are left out.
     pub failed: u64,
+    /// The same of the flights to learn from.
+    #[serde(default)]
+    pub failed_to_learn: u64,
     /// How soon 95 % of the visible, strong shutdown faults are to be isolated, s since the onset.
     pub limit_s: f64,
     /// How many of them are.
@@ -318,6 +321,7 @@ impl Judged<'_> {
             setting: setting.into(),
             flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
             failed,
+            failed_to_learn: 0,
             limit_s,
             in_time: self.share(off, &|fate| fate.isolated_s.is_some_and(soon)),
             visible_in_time: self.share(off, &|fate| fate.seen_s.is_some_and(soon)),

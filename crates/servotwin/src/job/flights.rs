@@ -55,7 +55,8 @@ impl Crew<'_> {
     }
 }
 
-/// Learns in flights and writes the diagnoser of a setting.
+/// Learns in flights and writes the diagnoser of a setting; also how many of these flights could not be
+/// simulated to the end, which teach nothing.
 ///
 /// # Errors
 /// A twin cannot be simulated; what training says; the file cannot be written.
@@ -65,14 +66,14 @@ pub fn learn(
     flights: &Flights,
     setting: Setting,
     crew: &Crew,
-) -> Result<Diagnoser, JobError> {
+) -> Result<(Diagnoser, u64), JobError> {
     let flown = Flown::new(study, flights, Purpose::Learn, setting, crew.workers)?;
     let lessons = lessons::tables(study, flights, setting, &flown, crew.workers);
     crew.check()?;
-    let (tables, _) = lessons?;
+    let (tables, failed) = lessons?;
     let diagnoser = train::diagnoser(study, flights, tables, &pools(study), crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
-    Ok(diagnoser)
+    Ok((diagnoser, failed))
 }
 
 /// Learns and judges in flights of every setting, and writes what was measured.
@@ -92,7 +93,7 @@ pub fn fly_all(
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
-        let diagnoser = learn(folder, study, flights, setting, crew)?;
+        let (diagnoser, failed_to_learn) = learn(folder, study, flights, setting, crew)?;
         let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.workers)?;
         let told = |done: usize, of: usize| {
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
@@ -104,7 +105,8 @@ pub fn fly_all(
         };
         let merit = judge::judge(study, (setting.name(), limit_s), &flown, &diagnoser, &told);
         crew.check()?;
-        merits.push(merit.map_err(|error| JobError::Evaluation(error.into()))?);
+        let merit = merit.map_err(|error| JobError::Evaluation(error.into()))?;
+        merits.push(Merit { failed_to_learn, ..merit });
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
         let diagnoser = Arc::new(diagnoser);
         let said = foreign::judge(study, flights, setting, &diagnoser, crew.workers);

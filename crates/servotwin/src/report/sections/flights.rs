@@ -206,6 +206,15 @@ fn sizes(results: &FlightResults) -> String {
         judged.map_or(0, |merit| merit.flights),
         judged.map_or(0.0, |merit| merit.healthy.hours),
     );
+    let failed = |merit: &Merit| merit.failed + merit.failed_to_learn;
+    let size = match results.merits.iter().map(failed).sum::<u64>() {
+        0 => size,
+        failed => format!(
+            "{size} Left out are {failed} flights that could not be simulated to their end, {} of them to \
+             learn from.",
+            results.merits.iter().map(|merit| merit.failed_to_learn).sum::<u64>()
+        ),
+    };
     match is_full {
         true => format!("{size} These are the full sizes of the study."),
         false => format!(
