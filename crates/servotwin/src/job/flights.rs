@@ -73,7 +73,7 @@ pub fn learn(
     let (tables, failed) = lessons?;
     let diagnoser = train::diagnoser(study, flights, tables, &pools(study), crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
-    Ok((diagnoser, failed))
+    Ok((diagnoser, failed as u64))
 }
 
 /// Learns and judges in flights of every setting, and writes what was measured.

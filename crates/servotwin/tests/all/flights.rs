@@ -81,7 +81,7 @@ fn learned(threads: usize) -> Diagnoser {
     let flights = &study().flights().unwrap().unwrap();
     let learned = learn(&Folder::new(&path), study(), flights, Setting::Noise, &crew).unwrap();
     std::fs::remove_dir_all(&path).unwrap();
-    learned
+    learned.0
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
