@@ -55,21 +55,21 @@ pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     sensors.iter().enumerate().map(column).collect()
 }
 
-/// The features of a window, and its mirror image's where the units correspond.
-pub fn seen(sensors: &Sensors, window: &Window) -> (Vec<f64>, Option<Vec<f64>>) {
+/// The features of a window, and of its mirror image where the units correspond.
+pub type Seen = (Vec<f64>, Option<Vec<f64>>);
+
+/// What is seen of a window.
+pub fn seen(sensors: &Sensors, window: &Window) -> Seen {
     let mirrored = sensors.exchanged(0, 1).map(|order| values(sensors, &window.reordered(&order)));
     (values(sensors, window), mirrored)
 }
 
 /// Each feature of rows, and where there are such its mirror image.
-pub fn feature_columns<'n>(
-    names: impl Iterator<Item = &'n str>,
-    rows: &[(Vec<f64>, Option<Vec<f64>>)],
-) -> Vec<Column> {
+pub fn feature_columns<'n>(names: impl Iterator<Item = &'n str>, rows: &[Seen]) -> Vec<Column> {
     let has_mirrored = rows.first().is_some_and(|(_, mirrored)| mirrored.is_some());
     let mut columns = vec![];
     for (place, name) in names.enumerate() {
-        let mut push = |view: &str, of: &dyn Fn(&(Vec<f64>, Option<Vec<f64>>)) -> f64| {
+        let mut push = |view: &str, of: &dyn Fn(&Seen) -> f64| {
             let values = rows.iter().map(of).collect();
             columns.push(Column::new(format!("{view}:{name}"), "", Values::Float(values)));
         };
