@@ -6,10 +6,22 @@
 >>> run.units["p_a_1_pa"]
 'Pa'
 
-Numbers are in SI units, and the name of every column ends in its unit.
+Numbers are in SI units, and the name of every column ends in its unit. `servotwin.estimators` has the
+classifiers for scikit-learn, `servotwin.distributed` campaigns on Dask.
 """
 
-from ._servotwin import System, Table, Twin, __version__, simulate, simulate_many
+from ._servotwin import (
+    Diagnoser,
+    Outcome,
+    Study,
+    System,
+    Table,
+    Tree,
+    Twin,
+    __version__,
+    simulate,
+    simulate_many,
+)
 from .errors import (
     Error,
     FileError,
@@ -18,22 +30,50 @@ from .errors import (
     Mistake,
     MistakesError,
     RunError,
+    StageError,
     UnknownNameError,
+)
+from .study import (
+    Ran,
+    Report,
+    campaign,
+    data_set,
+    evaluate,
+    features,
+    merge,
+    report,
+    train,
+    trees,
 )
 
 __all__ = [
+    "Diagnoser",
     "Error",
     "FileError",
     "InputError",
     "MissingFileError",
     "Mistake",
     "MistakesError",
+    "Outcome",
+    "Ran",
+    "Report",
     "RunError",
+    "StageError",
+    "Study",
     "System",
     "Table",
+    "Tree",
     "Twin",
     "UnknownNameError",
     "__version__",
+    "campaign",
+    "data_set",
+    "evaluate",
+    "features",
+    "merge",
+    "report",
     "simulate",
     "simulate_many",
+    "train",
+    "trees",
 ]

@@ -74,5 +74,9 @@ class RunError(Error, RuntimeError):
     state: Optional[str] = None
 
 
+class StageError(Error, RuntimeError):
+    """A stage of a study cannot be done: what it needs is missing or does not fit."""
+
+
 def _remade(kind: type[Error], message: str, details: dict[str, Any]) -> Error:
     return kind(message, **details)

@@ -144,7 +144,13 @@ impl Failure {
         self
     }
 
-    fn in_file(self, file: impl Display) -> Self {
+    /// A stage of a study that cannot be done.
+    pub fn stage(message: impl Display) -> Self {
+        Self::new("StageError", message)
+    }
+
+    /// The same error with the file that it is about.
+    pub fn in_file(self, file: impl Display) -> Self {
         self.with("file", Detail::Text(file.to_string()))
     }
 
@@ -193,7 +199,7 @@ impl From<SystemError> for Failure {
         let message = error.to_string();
         match error {
             SystemError::File(error) => error.into(),
-            SystemError::Mistakes { path, mistakes } => in_file(message, &path, &mistakes),
+            SystemError::Mistakes { path, mistakes } => self::mistakes(message, &path, &mistakes),
         }
     }
 }
@@ -204,13 +210,13 @@ impl From<StudyError> for Failure {
         match error {
             StudyError::File(error) => error.into(),
             StudyError::System(error) => error.into(),
-            StudyError::Mistakes { path, mistakes } => in_file(message, &path, &mistakes),
+            StudyError::Mistakes { path, mistakes } => self::mistakes(message, &path, &mistakes),
         }
     }
 }
 
 /// All mistakes of a file; what is known of the first is known of the error.
-fn in_file<M: Bounded>(message: String, path: &str, mistakes: &[Located<M>]) -> Failure {
+fn mistakes<M: Bounded>(message: String, path: &str, mistakes: &[Located<M>]) -> Failure {
     let places: Vec<Place> = mistakes.iter().map(|located| Place::new(path, located)).collect();
     let mut failure = Failure::new("MistakesError", message).in_file(path);
     if let Some(first) = places.first() {

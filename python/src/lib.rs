@@ -5,9 +5,12 @@
 
 mod array;
 mod arrow;
+mod diagnoser;
 mod errors;
 mod long;
+mod model;
 mod simulate;
+mod study;
 mod system;
 mod table;
 mod twin;
@@ -21,6 +24,24 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<system::System>()?;
     module.add_class::<table::Table>()?;
     module.add_class::<twin::Twin>()?;
+    module.add_class::<study::Study>()?;
+    module.add_class::<diagnoser::Diagnoser>()?;
+    module.add_class::<diagnoser::Outcome>()?;
+    module.add_class::<model::Model>()?;
+    module.add_class::<model::Tree>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
-    module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)
+    module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)?;
+    module.add_function(wrap_pyfunction!(study::run_campaign, module)?)?;
+    module.add_function(wrap_pyfunction!(study::tasks, module)?)?;
+    module.add_function(wrap_pyfunction!(study::run_task, module)?)?;
+    module.add_function(wrap_pyfunction!(study::merge_shards, module)?)?;
+    module.add_function(wrap_pyfunction!(study::join_study, module)?)?;
+    module.add_function(wrap_pyfunction!(study::make_features, module)?)?;
+    module.add_function(wrap_pyfunction!(study::train_folder, module)?)?;
+    module.add_function(wrap_pyfunction!(study::evaluate_folder, module)?)?;
+    module.add_function(wrap_pyfunction!(study::write_report, module)?)?;
+    module.add_function(wrap_pyfunction!(study::data_set, module)?)?;
+    module.add_function(wrap_pyfunction!(study::study_of, module)?)?;
+    module.add_function(wrap_pyfunction!(model::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(model::read_trees, module)?)
 }

@@ -19,7 +19,8 @@ mod stop;
 use clap::{Parser, Subcommand};
 use commands::{
     campaign, check, completions, components, describe, evaluate, explain, faults, features, fit,
-    flights, fly, history, init, man, predict, report, schema, simulate, study, train, watch,
+    flights, fly, history, init, man, merge, predict, report, schema, simulate, study, train,
+    watch,
 };
 use failure::Failure;
 use std::io::{self, ErrorKind, Write};
@@ -55,6 +56,7 @@ enum Command {
     Simulate(Box<simulate::Options>),
     Faults(faults::Options),
     Campaign(campaign::Options),
+    Merge(merge::Options),
     Features(features::Options),
     Train(train::Options),
     Evaluate(evaluate::Options),
@@ -83,6 +85,7 @@ impl Command {
             Command::Faults(options) => faults::run(options, global),
             Command::Study(options) => study::run(options, global),
             Command::Campaign(options) => campaign::run(options, global),
+            Command::Merge(options) => merge::run(options, global),
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),
             Command::Evaluate(options) => evaluate::run(options, global),

@@ -8,7 +8,7 @@ use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use servotwin::job::{Folder, manifest};
-use servotwin::study::campaign::{Campaign, CampaignError, Outcome};
+use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, runs};
 use servotwin::study::{Role, Setting, Study};
 use servotwin_model::solver::Settings;
 use std::time::Instant;
@@ -33,6 +33,11 @@ pub struct Options {
     /// tolerances), which are otherwise shown by the simulations of those.
     #[arg(long)]
     all: bool,
+    /// Simulate only one of so many parts, such as 3/100, for machines that share the folder (or whose
+    /// 'shards' are copied together): no data set is written, which 'servotwin merge' does when
+    /// all parts have ended.
+    #[arg(long, value_name = "PART", conflicts_with = "keep_traces")]
+    shards: Option<Part>,
 }
 
 /// The text for standard output.
@@ -43,8 +48,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Some(name) => name == setting.name(),
         None => setting.is_usual(),
     };
-    let groups = Setting::groups(&study, named);
-    if groups.is_empty() {
+    let runs = runs(&study, named);
+    if runs.is_empty() {
         // A setting was named that the study does not have.
         let setting = Setting::ALL.into_iter().find(|setting| named(*setting));
         return Err(
@@ -52,37 +57,33 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         );
     }
     let folder = Folder::new(&options.study.out);
-    folder.keep_study(&study)?;
+    match options.shards {
+        Some(_) => folder.join_study(&study)?,
+        None => folder.keep_study(&study)?,
+    }
     let mut text = String::new();
     let mut results = Vec::new();
-    for (role, settings) in runs(&study, groups) {
+    let mut bundles = 0;
+    for (role, settings) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
             keep_traces: options.keep_traces,
             simulate_images: options.all,
             ..campaign(&study, role, settings, &folder, options.study.threads)
         };
-        let outcome = simulate(&campaign, global)?;
+        let outcome = simulate(&campaign, options.shards.map(|part| (part, &mut bundles)), global)?;
         let seconds = begin.elapsed().as_secs_f64();
         text.push_str(&describe(&campaign, &outcome, seconds));
         results.push(to_json(&campaign, &outcome));
     }
-    manifest::write(&folder, &study)?;
+    if options.shards.is_none() {
+        manifest::write(&folder, &study)?;
+    }
     Ok(match global {
         Global { json: true, .. } => crate::render::json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
         _ => text,
     })
-}
-
-/// The campaigns of a study: its training commands and its judged cases for each group of settings.
-pub fn runs(study: &Study, groups: Vec<Vec<Setting>>) -> Vec<(Role, Vec<Setting>)> {
-    let roles = study.roles();
-    let of = |settings: Vec<Setting>| {
-        let pair = |&role: &Role| (role, settings.clone());
-        roles.iter().map(pair).collect::<Vec<_>>()
-    };
-    groups.into_iter().flat_map(of).collect()
 }
 
 /// A campaign that Ctrl-C stops.
@@ -107,15 +108,28 @@ pub fn campaign<'s>(
     }
 }
 
-/// Runs a campaign, with its progress on a terminal.
-pub fn simulate(campaign: &Campaign, global: Global) -> Result<Outcome, Failure> {
+/// Runs a campaign, or a part of it beside the bundles counted before, with its progress on a
+/// terminal.
+pub fn simulate(
+    campaign: &Campaign,
+    part: Option<(Part, &mut usize)>,
+    global: Global,
+) -> Result<Outcome, Failure> {
     let bar = bar(&named(campaign), global);
-    let outcome = campaign.run(|done, all| {
+    let told = |done, all| {
         bar.update(|state| {
             state.set_len(all as u64);
             state.set_pos(done as u64);
         });
-    })?;
+    };
+    let outcome = match part {
+        None => campaign.run(told)?,
+        Some((part, before)) => {
+            let (outcome, bundles) = campaign.run_part(part, *before, told)?;
+            *before += bundles;
+            outcome
+        }
+    };
     bar.finish_and_clear();
     if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
 }

@@ -16,6 +16,7 @@ pub mod fly;
 pub mod history;
 pub mod init;
 pub mod man;
+pub mod merge;
 pub mod predict;
 mod progress;
 pub mod report;

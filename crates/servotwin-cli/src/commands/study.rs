@@ -1,7 +1,7 @@
 //! `servotwin study`: the main job, from nothing to a report.
 
 use super::StudyOptions;
-use super::campaign::{campaign, describe, runs, simulate};
+use super::campaign::{campaign, describe, simulate};
 use super::evaluate::{measure, workers};
 use super::flights::fly;
 use super::progress::Notes;
@@ -12,7 +12,7 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::job::{self, Folder, report};
 use servotwin::study::Setting;
-use servotwin::study::campaign::CampaignError;
+use servotwin::study::campaign::{CampaignError, runs};
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
@@ -43,10 +43,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
     let notes = Notes::new(global);
-    for (role, settings) in runs(&study, Setting::groups(&study, wanted)) {
+    for (role, settings) in runs(&study, wanted) {
         let begin = Instant::now();
         let campaign = campaign(&study, role, settings, &folder, options.study.threads);
-        let outcome = simulate(&campaign, global)?;
+        let outcome = simulate(&campaign, None, global)?;
         let seconds = begin.elapsed().as_secs_f64();
         notes.write(describe(&campaign, &outcome, seconds).trim_end());
     }

@@ -290,3 +290,22 @@ fn the_report_of_a_table_compares_all_classifiers() {
     }
     assert!(html.contains("x ≤ "));
 }
+
+#[test]
+fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
+    let folder = Folder::new("parts");
+    let study = write_study(&folder, CLASSES);
+    let (whole, parts) = (folder.file("whole"), folder.file("parts"));
+    run(&["campaign", &study, "--out", &whole]);
+    run(&["campaign", &study, "--out", &parts, "--shards", "2/2"]);
+    fails(&["merge", &parts], 1, "have not been simulated");
+    run(&["campaign", &study, "--out", &parts, "--shards", "1/2", "--threads", "1"]);
+    run(&["merge", &parts]);
+    assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
+
+    let other = folder.file("other.toml");
+    std::fs::write(&other, tiny(CLASSES).replace("0.4, 0.6", "0.5, 0.6")).unwrap();
+    fails(&["campaign", &other, "--out", &parts, "--shards", "1/2"], 3, "another study lies here");
+    let wrong = servotwin(&["campaign", &study, "--out", &parts, "--shards", "3/2"]);
+    assert_eq!(wrong.status.code(), Some(2), "{}", stderr(&wrong));
+}

@@ -23,6 +23,11 @@ pub enum JobError {
         /// The folder.
         folder: PathBuf,
     },
+    /// A folder in which a part of a campaign shall work holds another study.
+    OtherStudy {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// What an earlier stage should have written is not there.
     Missing {
         /// The file.
@@ -50,6 +55,11 @@ impl fmt::Display for JobError {
             JobError::NoDataSet { folder } => write!(
                 out,
                 "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
+                folder.display()
+            ),
+            JobError::OtherStudy { folder } => write!(
+                out,
+                "{}: another study lies here; a part of a campaign removes nothing: choose another folder",
                 folder.display()
             ),
             JobError::Missing { path, stage } => {

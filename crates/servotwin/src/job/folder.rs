@@ -157,6 +157,28 @@ impl Folder {
         write_text(&self.system(), &study.system.text)
     }
 
+    /// As [`Folder::keep_study`], where others may be working in the folder at the same time: nothing is
+    /// removed.
+    ///
+    /// # Errors
+    /// The folder holds another study, or a file cannot be written.
+    pub fn join_study(&self, study: &Study) -> Result<(), JobError> {
+        if study.faults.is_empty() {
+            return Err(CampaignError::NoVariants.into());
+        }
+        create_folder(&self.0)?;
+        if self.holds(study) {
+            return Ok(());
+        }
+        let other =
+            |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|there| there != text);
+        if other(self.study(), &study.text) || other(self.system(), &study.system.text) {
+            return Err(JobError::OtherStudy { folder: self.0.clone() });
+        }
+        write_text(&self.system(), &study.system.text)?;
+        write_text(&self.study(), &study.text)
+    }
+
     /// Whether the texts in the folder are those of a study.
     fn holds(&self, study: &Study) -> bool {
         let same = |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|own| own == text);

@@ -219,10 +219,17 @@ impl Study {
     /// # Errors
     /// Every mistake that was found.
     pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let path = path.display().to_string();
-        let (parsed, mistakes) = read_text(text, &path)?;
         let system = System::read(system).map_err(StudyError::System)?;
-        Self::build(text, parsed, &path, system, mistakes)
+        Self::parse_for(text, &path.display().to_string(), system)
+    }
+
+    /// Reads a study from a text, for a system that is there already.
+    ///
+    /// # Errors
+    /// Every mistake that was found.
+    pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, StudyError> {
+        let (parsed, mistakes) = read_text(text, path)?;
+        Self::build(text, parsed, path, system, mistakes)
     }
 
     fn build(

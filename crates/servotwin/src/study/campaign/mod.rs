@@ -17,12 +17,14 @@ mod calibration;
 pub mod columns;
 mod data_set;
 mod images;
+mod part;
 mod shard;
 mod watch;
 
 pub use calibration::calibration_file;
 pub use columns::largest_column;
 pub use data_set::{DataFeature, data_features};
+pub use part::{Part, runs};
 pub use shard::Row;
 
 use super::{Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Setting, Study};
@@ -122,6 +124,10 @@ pub enum CampaignError {
     },
     /// It was stopped from elsewhere.
     Cancelled,
+    /// Specimens of this setting are fitted once for all variants, not in parts.
+    InOneGo,
+    /// Shards were made as if two units were alike, and they are not.
+    NotAlike,
     /// The healthy system could not be simulated.
     Twin {
         /// The operating case.
@@ -158,6 +164,15 @@ impl fmt::Display for CampaignError {
                 "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
             ),
             CampaignError::Cancelled => write!(out, "cancelled"),
+            CampaignError::InOneGo => write!(
+                out,
+                "the specimens of setting 'fitted' are fitted once for all variants: run its campaign in one go"
+            ),
+            CampaignError::NotAlike => write!(
+                out,
+                "the units are not alike enough for variants to be shown by others: run every part again \
+                 with 'servotwin campaign --all'"
+            ),
             CampaignError::Twin { case, reason } => {
                 write!(out, "the healthy system cannot be simulated in case {case}: {reason}")
             }
@@ -341,29 +356,44 @@ impl Campaign<'_> {
         let shards = self.shards(plan, images);
         let pending: Vec<Vec<usize>> = shards.iter().map(Shards::pending).collect();
         outcome.variants = self.settings.iter().map(|setting| setting.planned(plan)).sum();
-        outcome.resumed = outcome.variants - pending.iter().map(Vec::len).sum::<usize>();
-        let is_done = pending.iter().all(Vec::is_empty);
-        let is_pool = self.plants() == Plants::Pool;
-        let is_told = !is_pool || calibration_file(&self.folder, self.role).exists();
-        if !is_done || !is_told {
-            let specimens = if is_pool { self.calibrated()? } else { Some(Vec::new()) };
-            let jobs = self.hardest_first(plan, images, &pending);
-            let twins = match specimens.filter(|_| !self.is_cancelled()) {
-                Some(specimens) => self.twins(plan, &jobs, &specimens)?,
-                None => None,
-            };
-            if let (Some(twins), false) = (twins, self.is_cancelled()) {
-                let collectors = shards.iter().zip(&pending);
-                let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
-                let run = Run { plan, images, jobs: &jobs, twins: &twins };
-                self.run_pending(&run, collectors, outcome, progress)?;
-            }
-        }
+        self.simulate(plan, images, &shards, &pending, outcome, progress)?;
         if self.is_cancelled() {
             outcome.cancelled = true;
             return Ok(None);
         }
         shards.iter().map(|shards| shards.collect(self.study)).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// Simulates variants whose rows no shard holds, unless cancelled.
+    fn simulate(
+        &self,
+        plan: &[Planned],
+        images: &Images,
+        shards: &[Shards],
+        pending: &[Vec<usize>],
+        outcome: &mut Outcome,
+        progress: &(impl Fn(usize, usize) + Sync),
+    ) -> Result<(), CampaignError> {
+        outcome.resumed = outcome.variants - pending.iter().map(Vec::len).sum::<usize>();
+        let is_done = pending.iter().all(Vec::is_empty);
+        let is_pool = self.plants() == Plants::Pool;
+        let is_told = !is_pool || calibration_file(&self.folder, self.role).exists();
+        if is_done && is_told {
+            return Ok(());
+        }
+        let specimens = if is_pool { self.calibrated()? } else { Some(Vec::new()) };
+        let jobs = self.hardest_first(plan, images, pending);
+        let twins = match specimens.filter(|_| !self.is_cancelled()) {
+            Some(specimens) => self.twins(plan, &jobs, &specimens)?,
+            None => None,
+        };
+        if let (Some(twins), false) = (twins, self.is_cancelled()) {
+            let collectors = shards.iter().zip(pending);
+            let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
+            let run = Run { plan, images, jobs: &jobs, twins: &twins };
+            self.run_pending(&run, collectors, outcome, progress)?;
+        }
+        Ok(())
     }
 
     /// Makes the data sets anew from the shards of a campaign that has ended.

@@ -1,5 +1,6 @@
 //! Shards: the windows of a few hundred variants in a file that appears when all have ended.
 
+use super::part::variants_of;
 use super::{CampaignError, Role, Setting, Study};
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::residual::Window;
@@ -102,18 +103,30 @@ impl Shards {
         self.variants.div_ceil(SHARD)
     }
 
+    /// The variants of a shard, none of one beyond the last.
     fn variants_of(&self, shard: usize) -> std::ops::Range<usize> {
-        shard * SHARD..((shard + 1) * SHARD).min(self.variants)
+        variants_of(shard, self.variants)
+    }
+
+    /// The names of some shards' files.
+    pub fn names(&self, shards: &[usize]) -> Vec<String> {
+        let own = shards.iter().filter(|&&shard| shard < self.count());
+        own.map(|&shard| format!("{}-{shard:04}.parquet", self.stem)).collect()
     }
 
     /// Variants that no usable shard holds. A shard of something else, or one that cannot be
     /// read, is made anew.
     pub fn pending(&self) -> Vec<usize> {
+        self.pending_of(0..self.count())
+    }
+
+    /// The same of some shards.
+    pub fn pending_of(&self, shards: impl Iterator<Item = usize>) -> Vec<usize> {
         let is_done = |shard: usize| {
             let path = self.path(shard);
             path.exists() && table::read(&path).is_ok_and(|table| self.is_sound(shard, &table))
         };
-        let missing = (0..self.count()).filter(|&shard| !is_done(shard));
+        let missing = shards.filter(|&shard| shard < self.count() && !is_done(shard));
         missing.flat_map(|shard| self.variants_of(shard)).collect()
     }
 

@@ -1,0 +1,230 @@
+//! `Diagnoser`: the diagnosis beside an actuator, sample by sample or over whole tables.
+
+use crate::array;
+use crate::errors::Failure;
+use crate::long::long;
+use crate::table::Table;
+use pyo3::prelude::*;
+use servotwin::evaluation::model_file;
+use servotwin::table::{Column, Table as Columns};
+use servotwin_diagnosis::diagnoser::{self, Alarm, Session};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// What is said after a sample.
+#[pyclass(frozen, module = "servotwin", get_all)]
+pub struct Outcome {
+    /// Number of the sample, from 0.
+    sample: u64,
+    /// What was found, in words: `actuator_1 / shut_down / leak`.
+    finding: String,
+    /// The state of the alarm.
+    alarm: &'static str,
+    /// The command that is raised: (actuator, command).
+    raised: Option<(String, String)>,
+    /// The probability of the finding.
+    confidence: f64,
+    /// The sensor whose residual is largest in parts of its band.
+    worst_sensor: Option<String>,
+    /// That size.
+    excess: f64,
+}
+
+#[pymethods]
+impl Outcome {
+    fn __repr__(&self) -> String {
+        let Outcome { sample, finding, alarm, confidence, .. } = self;
+        format!("Outcome(sample {sample}: {finding}, alarm {alarm}, confidence {confidence:.3})")
+    }
+}
+
+/// A diagnosis with its memory; what is pickled is the diagnosis before its first sample.
+#[pyclass(module = "servotwin")]
+pub struct Diagnoser {
+    session: Session,
+}
+
+fn word(alarm: Alarm) -> &'static str {
+    match alarm {
+        Alarm::Normal => "normal",
+        Alarm::Pending => "pending",
+        Alarm::Raised => "raised",
+        Alarm::Recovering => "recovering",
+        Alarm::NoData => "no data",
+        Alarm::Error => "error",
+    }
+}
+
+impl Diagnoser {
+    fn fresh(diagnoser: diagnoser::Diagnoser) -> Result<Self, Failure> {
+        Ok(Diagnoser { session: Session::new(Arc::new(diagnoser))? })
+    }
+
+    fn outcome(&self) -> Outcome {
+        let (diagnoser, said) = (self.session.diagnoser(), self.session.outcome());
+        let names = diagnoser.names();
+        let command = |raised: diagnoser::Raised| {
+            let unit = names.actuators[raised.unit as usize].clone();
+            (unit, names.commands[raised.command as usize].clone())
+        };
+        Outcome {
+            sample: said.sample,
+            finding: diagnoser.describe(said.finding),
+            alarm: word(said.alarm),
+            raised: said.raised.map(command),
+            confidence: said.confidence,
+            worst_sensor: said.worst_sensor.map(|s| diagnoser.sensors[s as usize].name.clone()),
+            excess: said.excess,
+        }
+    }
+
+    fn unit(&self, name: &str) -> Result<usize, Failure> {
+        let units = &self.session.diagnoser().names().actuators;
+        let found = units.iter().position(|unit| unit == name);
+        let known = || units.join(", ");
+        found.ok_or_else(|| {
+            Failure::value(format!("there is no actuator '{name}'; there are {}", known()))
+        })
+    }
+}
+
+#[pymethods]
+impl Diagnoser {
+    /// Reads a diagnoser that `servotwin flights` has written.
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let diagnoser = py.detach(|| model_file::read_diagnoser(path)).map_err(Failure::from)?;
+        Ok(Self::fresh(diagnoser)?)
+    }
+
+    /// From the JSON of a diagnoser.
+    #[staticmethod]
+    fn from_json(text: &str) -> PyResult<Self> {
+        let diagnoser = serde_json::from_str(text).map_err(Failure::value)?;
+        Ok(Self::fresh(diagnoser)?)
+    }
+
+    /// Takes one sample: inputs of the system, measured values (NaN: missing), those of the twin.
+    fn push(
+        &mut self,
+        inputs: Vec<f64>,
+        measured: Vec<f64>,
+        expected: Vec<f64>,
+    ) -> PyResult<Outcome> {
+        self.session.push(&inputs, &measured, &expected);
+        Ok(self.outcome())
+    }
+
+    /// Takes the rows of arrays; a table with what is said after each.
+    fn run(
+        &mut self,
+        py: Python<'_>,
+        inputs: &Bound<'_, PyAny>,
+        measured: &Bound<'_, PyAny>,
+        expected: &Bound<'_, PyAny>,
+    ) -> PyResult<Table> {
+        let given = [inputs, measured, expected].map(array::numbers);
+        let [inputs, measured, expected] = given;
+        let (inputs, measured, expected) = (inputs?, measured?, expected?);
+        let rows = measured.1.first().copied().unwrap_or(0);
+        let fits = |(_, shape): &(Vec<f64>, Vec<usize>)| shape.len() == 2 && shape[0] == rows;
+        if ![&inputs, &measured, &expected].into_iter().all(fits) {
+            let text = "inputs, measured and expected need two dimensions and as many rows each";
+            return Err(Failure::value(text).into());
+        }
+        let table = long(py, None, |watch| -> Result<Columns, Failure> {
+            let row = |(values, shape): &(Vec<f64>, Vec<usize>), row: usize| {
+                values[row * shape[1]..(row + 1) * shape[1]].to_vec()
+            };
+            let (mut times, mut findings, mut alarms) = (vec![], vec![], vec![]);
+            let (mut units, mut commands, mut confidences) = (vec![], vec![], vec![]);
+            for at in 0..rows {
+                if watch.cancel.load(Ordering::Relaxed) {
+                    break;
+                }
+                self.session.push(&row(&inputs, at), &row(&measured, at), &row(&expected, at));
+                let said = self.outcome();
+                times.push(self.session.time_s(said.sample));
+                findings.push(said.finding);
+                alarms.push(said.alarm.to_owned());
+                let (unit, command) = said.raised.unwrap_or_default();
+                units.push(unit);
+                commands.push(command);
+                confidences.push(said.confidence);
+            }
+            Ok(Columns::from_columns(vec![
+                Column::new("time_s", "s", times),
+                Column::new("finding", "", findings),
+                Column::new("alarm", "", alarms),
+                Column::new("raised_unit", "", units),
+                Column::new("raised_command", "", commands),
+                Column::new("confidence", "", confidences),
+            ])?)
+        })??;
+        Ok(table.into())
+    }
+
+    /// The sensors, in the order of `measured` and `expected`.
+    #[getter]
+    fn sensors(&self) -> Vec<String> {
+        self.session.diagnoser().sensors.iter().map(|sensor| sensor.name.clone()).collect()
+    }
+
+    /// The inputs, in their order.
+    #[getter]
+    fn inputs(&self) -> Vec<String> {
+        self.session.diagnoser().environment.inputs.iter().map(|i| i.name.clone()).collect()
+    }
+
+    /// Time from sample to sample, s.
+    #[getter]
+    fn sample_period_s(&self) -> f64 {
+        self.session.diagnoser().period_s
+    }
+
+    /// The actuators.
+    #[getter]
+    fn actuators(&self) -> Vec<String> {
+        self.session.diagnoser().names().actuators.clone()
+    }
+
+    /// The last outcome.
+    #[getter]
+    fn last(&self) -> Outcome {
+        self.outcome()
+    }
+
+    /// An actuator is off: its sensors tell nothing any more.
+    fn switched_off(&mut self, actuator: &str) -> PyResult<()> {
+        let unit = self.unit(actuator)?;
+        Ok(self.session.switched_off(unit).map_err(Failure::from)?)
+    }
+
+    /// An actuator is on again, and judged.
+    fn release(&mut self, actuator: &str) -> PyResult<()> {
+        let unit = self.unit(actuator)?;
+        Ok(self.session.release(unit).map_err(Failure::from)?)
+    }
+
+    /// What follows has nothing to do with what was; what is off stays off.
+    fn restart(&mut self) {
+        self.session.restart();
+    }
+
+    /// The diagnoser as JSON.
+    fn to_json(&self) -> String {
+        serde_json::to_string(&**self.session.diagnoser()).expect("a diagnoser is JSON")
+    }
+
+    fn __repr__(&self) -> String {
+        let diagnoser = self.session.diagnoser();
+        let (sensors, lengths) = (diagnoser.sensors.len(), diagnoser.lengths.len());
+        format!("Diagnoser({sensors} sensors, {lengths} window lengths)")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let make = slf.py().get_type::<Diagnoser>().getattr("from_json")?;
+        Ok((make, (slf.borrow().to_json(),)).into_pyobject(slf.py())?.into_any())
+    }
+}

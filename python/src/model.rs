@@ -1,0 +1,271 @@
+//! Classifiers: what the estimators of `servotwin.estimators` are made of, and trees as data.
+
+use crate::array;
+use crate::errors::Failure;
+use crate::long::long;
+use crate::table::Table;
+use pyo3::prelude::*;
+use servotwin::evaluation::model_file;
+use servotwin::figure::tree::{Node, Tree as Drawing};
+use servotwin::table::{Column, Table as Columns};
+use servotwin_diagnosis::Error;
+use servotwin_diagnosis::classifiers::{Classifier, Fit, Model as Trained, Scores, Settings};
+use servotwin_diagnosis::data::Samples;
+use servotwin_diagnosis::tree::Tree as Inner;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Failure::value(error)
+    }
+}
+
+/// A trained classifier.
+#[pyclass(frozen, module = "servotwin._servotwin")]
+pub struct Model {
+    inner: Arc<Trained>,
+}
+
+/// Trains a classifier: settings as JSON, rows of features, places of classes, weights.
+#[pyfunction]
+#[pyo3(signature = (settings, features, rows, classes, labels, weights = None))]
+pub fn fit(
+    py: Python<'_>,
+    settings: &str,
+    features: Vec<String>,
+    rows: &Bound<'_, PyAny>,
+    classes: Vec<String>,
+    labels: &Bound<'_, PyAny>,
+    weights: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Model> {
+    let settings: Settings = serde_json::from_str(settings).map_err(Failure::value)?;
+    let (values, _) = array::numbers(rows)?;
+    let labels = array::whole_numbers(labels)?;
+    let weights = weights.map(|weights| array::numbers(weights)).transpose()?;
+    let model = long(py, None, |_| -> Result<Trained, Failure> {
+        let labels: Vec<u32> = labels.iter().map(|&label| label as u32).collect();
+        let (count, width) = (labels.len(), features.len());
+        if values.len() != count * width {
+            let text = format!("{} values are not {count} rows of {width}", values.len());
+            return Err(Failure::value(text));
+        }
+        let column = |column: usize| values.iter().skip(column).step_by(width.max(1));
+        let columns = (0..width).flat_map(column).copied().collect();
+        let mut samples = Samples::with_missing(features, classes, columns, labels)?;
+        if let Some((weights, _)) = weights {
+            samples = samples.with_weights(weights)?;
+        }
+        Ok(settings.fit(&samples)?)
+    })??;
+    Ok(Model { inner: Arc::new(model) })
+}
+
+#[pymethods]
+impl Model {
+    /// One score per class and row: shares that sum to one, or margins.
+    fn scores<'py>(
+        &self,
+        py: Python<'py>,
+        rows: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (values, shape) = array::numbers(rows)?;
+        let (width, classes) = (self.inner.features(), self.inner.classes());
+        if shape.len() != 2 || shape[1] != width {
+            let text = format!("rows have the shape {shape:?}, but must have {width} columns");
+            return Err(Failure::value(text).into());
+        }
+        let scores = py.detach(|| {
+            let mut scores = vec![0.0; shape[0] * classes];
+            let rows = values.chunks_exact(width).zip(scores.chunks_exact_mut(classes));
+            rows.for_each(|(row, scores)| self.inner.scores_into(row, scores));
+            scores
+        });
+        array::own(py, scores, vec![shape[0], classes])
+    }
+
+    /// The place of the class of every row.
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        rows: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (values, shape) = array::numbers(rows)?;
+        let width = self.inner.features();
+        if shape.len() != 2 || shape[1] != width {
+            let text = format!("rows have the shape {shape:?}, but must have {width} columns");
+            return Err(Failure::value(text).into());
+        }
+        let said = py.detach(|| {
+            let mut scratch = vec![0.0; self.inner.classes()];
+            let mut say = |row| i64::from(self.inner.predict_with(row, &mut scratch));
+            values.chunks_exact(width).map(&mut say).collect()
+        });
+        array::places(py, said)
+    }
+
+    /// Whether scores are shares.
+    #[getter]
+    fn gives_shares(&self) -> bool {
+        self.inner.scores() == Scores::Shares
+    }
+
+    /// The tree, where it is one.
+    fn tree(&self, features: Vec<String>, classes: Vec<String>) -> Option<Tree> {
+        match &*self.inner {
+            Trained::Cart(tree) => Some(Tree { inner: tree.clone(), features, classes }),
+            _ => None,
+        }
+    }
+
+    /// As JSON.
+    fn to_json(&self) -> String {
+        serde_json::to_string(&*self.inner).expect("a model is JSON")
+    }
+
+    /// From JSON.
+    #[staticmethod]
+    fn from_json(text: &str) -> PyResult<Self> {
+        let inner: Trained = serde_json::from_str(text).map_err(Failure::value)?;
+        inner.check().map_err(Failure::from)?;
+        Ok(Model { inner: Arc::new(inner) })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let make = slf.py().get_type::<Model>().getattr("from_json")?;
+        Ok((make, (slf.get().to_json(),)).into_pyobject(slf.py())?.into_any())
+    }
+}
+
+/// A decision tree as data.
+#[pyclass(frozen, module = "servotwin")]
+pub struct Tree {
+    inner: Inner,
+    features: Vec<String>,
+    classes: Vec<String>,
+}
+
+/// The trees of a hierarchy or panel file, by the names of their stages.
+#[pyfunction]
+pub fn read_trees(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Tree)>> {
+    let hierarchy = py.detach(|| model_file::read_hierarchy(path)).map_err(Failure::from)?;
+    let names = &hierarchy.names;
+    let trees = hierarchy.stages.iter().filter_map(|stage| {
+        let Trained::Cart(tree) = &stage.model else { return None };
+        let features = stage.columns.iter().map(|&c| names.features[c as usize].clone()).collect();
+        let class = |&class: &u32| names.class_name(stage.place.question, class).to_owned();
+        let classes = stage.classes.iter().map(class).collect();
+        Some((stage.id.clone(), Tree { inner: tree.clone(), features, classes }))
+    });
+    Ok(trees.collect())
+}
+
+impl Tree {
+    fn node(&self, at: usize) -> Node {
+        let rows: u32 = self.inner.counts(at).iter().sum();
+        let size = format!("n = {rows}, purity {:.3} %", 100.0 * self.inner.purity(at));
+        let shares = self.inner.weights(at).to_vec();
+        match self.inner.split(at).zip(self.inner.children(at)) {
+            Some(((feature, threshold), (left, right))) => {
+                let question = format!("{} ≤ {threshold:.5}", self.features[feature]);
+                Node::split(vec![question, size], shares, self.node(left), self.node(right))
+            }
+            None => {
+                let class = self.classes[self.inner.decision(at) as usize].clone();
+                Node::leaf(vec![class, size], shares)
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl Tree {
+    /// The names of the features.
+    #[getter]
+    fn features(&self) -> Vec<String> {
+        self.features.clone()
+    }
+
+    /// The names of the classes.
+    #[getter]
+    fn classes(&self) -> Vec<String> {
+        self.classes.clone()
+    }
+
+    /// The most questions above a leaf.
+    #[getter]
+    fn depth(&self) -> usize {
+        self.inner.depth()
+    }
+
+    /// Every node: what it asks, where answers lead, what it decides. Of a leaf `feature` is empty,
+    /// `left` and `right` are -1.
+    #[getter]
+    fn nodes(&self) -> Table {
+        let tree = &self.inner;
+        let all = || 0..tree.nodes();
+        let split = |node| tree.split(node);
+        let child = |node: usize, of: fn((usize, usize)) -> usize| {
+            tree.children(node).map_or(-1, |children| of(children) as i64)
+        };
+        let class = |node: usize| self.classes[tree.decision(node) as usize].clone();
+        let feature = |node| split(node).map_or(String::new(), |(f, _)| self.features[f].clone());
+        let rows = |node: usize| i64::from(tree.counts(node).iter().sum::<u32>());
+        let whole = |of: &dyn Fn(usize) -> i64| all().map(of).collect::<Vec<i64>>();
+        let real = |of: &dyn Fn(usize) -> f64| all().map(of).collect::<Vec<f64>>();
+        let columns = vec![
+            Column::new("node", "", whole(&|node| node as i64)),
+            Column::new("depth", "", whole(&|node| tree.node_depth(node) as i64)),
+            Column::new("feature", "", all().map(feature).collect::<Vec<String>>()),
+            Column::new("threshold", "", real(&|node| split(node).map_or(f64::NAN, |(_, t)| t))),
+            Column::new("left", "", whole(&|node| child(node, |(left, _)| left))),
+            Column::new("right", "", whole(&|node| child(node, |(_, right)| right))),
+            Column::new("class", "", all().map(class).collect::<Vec<String>>()),
+            Column::new("purity", "", real(&|node| tree.purity(node))),
+            Column::new("impurity", "", real(&|node| tree.impurity(node))),
+            Column::new("rows", "", whole(&rows)),
+        ];
+        Columns::from_columns(columns).expect("different names, one length").into()
+    }
+
+    /// What each feature has contributed to the decrease of impurity.
+    #[getter]
+    fn importances<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let shares = self.inner.importances();
+        let shape = vec![shares.len()];
+        array::own(py, shares, shape)
+    }
+
+    fn __str__(&self) -> String {
+        self.inner.text(&self.features, &self.classes)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Tree({} nodes, depth {})", self.inner.nodes(), self.inner.depth())
+    }
+
+    fn _repr_svg_(&self) -> String {
+        let drawing =
+            Drawing { title: String::new(), classes: self.classes.clone(), root: self.node(0) };
+        drawing.draw().svg
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let make = slf.py().get_type::<Tree>().getattr("_from_json")?;
+        let Tree { inner, features, classes } = slf.get();
+        let text = serde_json::to_string(inner).expect("a tree is JSON");
+        let arguments = (text, features.clone(), classes.clone());
+        Ok((make, arguments).into_pyobject(slf.py())?.into_any())
+    }
+
+    /// What `pickle` calls.
+    #[staticmethod]
+    fn _from_json(text: &str, features: Vec<String>, classes: Vec<String>) -> PyResult<Self> {
+        let inner: Inner = serde_json::from_str(text).map_err(Failure::value)?;
+        inner.check().map_err(Failure::from)?;
+        if inner.features() > features.len() || inner.classes() > classes.len() {
+            return Err(Failure::value("the tree has more features or classes than names").into());
+        }
+        Ok(Tree { inner, features, classes })
+    }
+}

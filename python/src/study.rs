@@ -1,0 +1,456 @@
+//! `Study`: faults × operating cases, and the stages of the main job over folders.
+
+use crate::errors::Failure;
+use crate::long::{Watch, long};
+use crate::system::System;
+use crate::table::Table;
+use pyo3::prelude::*;
+use servotwin::evaluation::EvaluationError;
+use servotwin::evaluation::parallel::Workers;
+use servotwin::job::{self, Folder, JobError, manifest, report};
+use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, runs};
+use servotwin::study::{Role, Setting, Study as Inner, StudyError};
+use servotwin::table::{Column, Table as Columns};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// A study that can be run; without a file the paper's of the aileron.
+#[pyclass(frozen, module = "servotwin")]
+pub struct Study {
+    /// The study.
+    pub inner: Arc<Inner>,
+    path: String,
+}
+
+#[pymethods]
+impl Study {
+    /// The study in a file, or a built-in one by its name.
+    #[new]
+    #[pyo3(signature = (path = None))]
+    fn new(py: Python<'_>, path: Option<PathBuf>) -> PyResult<Self> {
+        let shown = path.as_ref().map_or("studies/paper.toml".into(), |p| p.display().to_string());
+        let inner = py.detach(|| match path {
+            Some(path) => Inner::read(path),
+            None => Ok(Inner::default()),
+        });
+        Ok(Study { inner: Arc::new(inner.map_err(Failure::from)?), path: shown })
+    }
+
+    /// Reads a study from a text; a system that it names as a file is looked for beside `path`.
+    #[staticmethod]
+    #[pyo3(signature = (text, path = "study.toml", system = None))]
+    fn parse(py: Python<'_>, text: &str, path: &str, system: Option<&str>) -> PyResult<Self> {
+        let parse = || -> Result<Inner, Failure> {
+            let Some(system) = system else { return Ok(Inner::parse(text, path)?) };
+            let system = servotwin::system::System::parse(system, "system.toml")?;
+            Ok(Inner::parse_for(text, path, system)?)
+        };
+        Ok(Study { inner: Arc::new(py.detach(parse)?), path: path.into() })
+    }
+
+    /// The name in files.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// One line for people.
+    #[getter]
+    fn title(&self) -> &str {
+        &self.inner.title
+    }
+
+    /// The text of the file.
+    #[getter]
+    fn text(&self) -> &str {
+        &self.inner.text
+    }
+
+    /// The system.
+    #[getter]
+    fn system(&self) -> PyResult<System> {
+        Ok(System::parsed(&self.inner.system.text, "system.toml")?)
+    }
+
+    /// The names of the operating cases that are judged.
+    #[getter]
+    fn cases(&self) -> Vec<&str> {
+        self.inner.cases.iter().map(|case| case.name.as_str()).collect()
+    }
+
+    /// Every fault with every intensity, and what is to be done.
+    #[getter]
+    fn faults(&self) -> Table {
+        let faults = &self.inner.faults;
+        let units = &self.inner.units;
+        let text = |name: &str, of: &dyn Fn(usize) -> String| {
+            Column::new(name, "", (0..faults.len()).map(of).collect::<Vec<_>>())
+        };
+        let intensity: Vec<f64> = faults.iter().map(|fault| fault.at.intensity).collect();
+        let columns = vec![
+            text("id", &|k| faults[k].id.clone()),
+            text("unit", &|k| units[faults[k].unit].clone()),
+            text("kind", &|k| faults[k].kind.clone()),
+            Column::new("intensity", "", intensity),
+        ];
+        Columns::from_columns(columns).expect("different names, one length").into()
+    }
+
+    fn __repr__(&self) -> String {
+        let (faults, cases) = (self.inner.faults.len(), self.inner.cases.len());
+        format!("Study('{}', {faults} faults x {cases} cases)", self.inner.name)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let make = slf.py().get_type::<Study>().getattr("parse")?;
+        let Study { inner, path } = slf.get();
+        let arguments = (inner.text.clone(), path.clone(), inner.system.text.clone());
+        Ok((make, arguments).into_pyobject(slf.py())?.into_any())
+    }
+}
+
+fn chosen(settings: Option<Vec<String>>) -> Result<Vec<Setting>, Failure> {
+    let usual = || Setting::ALL.into_iter().filter(|setting| setting.is_usual()).collect();
+    let Some(names) = settings else { return Ok(usual()) };
+    names.iter().map(|name| setting(name)).collect()
+}
+
+fn setting(name: &str) -> Result<Setting, Failure> {
+    let found = Setting::ALL.into_iter().find(|setting| setting.name() == name);
+    found.ok_or_else(|| {
+        let known = Setting::ALL.map(Setting::name).join(", ");
+        Failure::value(format!("there is no setting '{name}'; there are {known}"))
+    })
+}
+
+/// That the study does not have what a setting needs.
+fn missing(wanted: &[Setting]) -> Failure {
+    match wanted.first() {
+        Some(&setting) => CampaignError::NoSection { setting }.into(),
+        None => Failure::value("settings are empty"),
+    }
+}
+
+fn role(is_training: bool) -> Role {
+    if is_training { Role::Training } else { Role::Judged }
+}
+
+fn planned<'s>(
+    study: &'s Inner,
+    role: Role,
+    settings: Vec<Setting>,
+    folder: &Folder,
+    threads: Option<usize>,
+    watch: &'s Watch,
+) -> Campaign<'s> {
+    let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
+    Campaign {
+        settings: settings.clone(),
+        threads: threads.unwrap_or(processors).max(1),
+        cancel: Some(&watch.cancel),
+        ..Campaign::stored(folder.path(), study, settings[0], role)
+    }
+}
+
+fn name(role: Role, settings: &[Setting]) -> String {
+    let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+    let training = if role == Role::Training { ", training commands" } else { "" };
+    format!("simulating {}{training}", names.join(" and "))
+}
+
+/// What a campaign has done, as Python sees it: settings, training, variants, resumed, failures.
+type Done = (Vec<&'static str>, bool, usize, usize, Vec<(String, usize, String)>);
+
+fn done(role: Role, settings: &[Setting], outcome: Outcome) -> Result<Done, Failure> {
+    if outcome.cancelled {
+        return Err(CampaignError::Cancelled.into());
+    }
+    let failed =
+        outcome.failed.into_iter().map(|(s, variant, why)| (s.name().into(), variant, why));
+    let names = settings.iter().map(|setting| setting.name()).collect();
+    let is_training = role == Role::Training;
+    Ok((names, is_training, outcome.variants, outcome.resumed, failed.collect()))
+}
+
+/// Simulates every fault of a study in every case, into data sets; or one part of it into shards.
+#[pyfunction]
+#[pyo3(signature = (study, out, settings = None, threads = None, part = None, progress = None))]
+pub fn run_campaign(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    settings: Option<Vec<String>>,
+    threads: Option<usize>,
+    part: Option<&str>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<Done>> {
+    let wanted = chosen(settings)?;
+    let part: Option<Part> = part.map(str::parse).transpose().map_err(Failure::value)?;
+    let (study, folder) = (&*study.inner, Folder::new(out));
+    let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
+        let runs = runs(study, |setting| wanted.contains(&setting));
+        if runs.is_empty() {
+            return Err(missing(&wanted));
+        }
+        if part.is_some() {
+            folder.join_study(study)?
+        } else {
+            folder.keep_study(study)?
+        }
+        let (mut list, mut bundles) = (vec![], 0);
+        for (role, settings) in runs {
+            let campaign = planned(study, role, settings.clone(), &folder, threads, watch);
+            let what = name(role, &settings);
+            let told = |done, all| watch.tell(&what, done, all);
+            let outcome = match part {
+                None => campaign.run(told)?,
+                Some(part) => {
+                    let (outcome, count) = campaign.run_part(part, bundles, told)?;
+                    bundles += count;
+                    outcome
+                }
+            };
+            list.push(done(role, &settings, outcome)?);
+        }
+        if part.is_none() {
+            manifest::write(&folder, study)?;
+        }
+        Ok(list)
+    })?;
+    Ok(result?)
+}
+
+/// A piece of a campaign that runs anywhere: (settings, training, shards, files, variants).
+type Task = (Vec<&'static str>, bool, Vec<usize>, Vec<String>, usize);
+
+/// The pieces of a study's campaigns.
+#[pyfunction]
+#[pyo3(signature = (study, settings = None))]
+pub fn tasks(py: Python<'_>, study: &Study, settings: Option<Vec<String>>) -> PyResult<Vec<Task>> {
+    let wanted = chosen(settings)?;
+    let study = &*study.inner;
+    let list = py.detach(|| -> Result<Vec<Task>, Failure> {
+        let (watch, mut list) = (Watch::default(), vec![]);
+        let runs = runs(study, |setting| wanted.contains(&setting));
+        if runs.is_empty() {
+            return Err(missing(&wanted));
+        }
+        for (role, settings) in runs {
+            let folder = Folder::new("");
+            let campaign = planned(study, role, settings.clone(), &folder, None, &watch);
+            for bundle in campaign.bundles()? {
+                let names = settings.iter().map(|setting| setting.name()).collect();
+                let files = campaign.shard_files(&bundle)?;
+                let variants = campaign.variants_in(&bundle)?;
+                list.push((names, role == Role::Training, bundle, files, variants));
+            }
+        }
+        Ok(list)
+    })?;
+    Ok(list)
+}
+
+/// Simulates one piece into the folder's shards: (variants, of them found done).
+#[pyfunction]
+#[pyo3(signature = (study, out, settings, training, shards, threads = None))]
+pub fn run_task(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    settings: Vec<String>,
+    training: bool,
+    shards: Vec<usize>,
+    threads: Option<usize>,
+) -> PyResult<(usize, usize)> {
+    let settings = chosen(Some(settings))?;
+    let (study, folder) = (&*study.inner, Folder::new(out));
+    let result = long(py, None, |watch| -> Result<(usize, usize), Failure> {
+        let campaign = planned(study, role(training), settings, &folder, threads, watch);
+        let outcome = campaign.run_bundles(&[shards], |_, _| ())?;
+        if outcome.cancelled {
+            return Err(CampaignError::Cancelled.into());
+        }
+        Ok((outcome.variants, outcome.resumed))
+    })?;
+    Ok(result?)
+}
+
+/// Joins shards to data sets.
+#[pyfunction]
+#[pyo3(signature = (out, settings = None, progress = None))]
+pub fn merge_shards(
+    py: Python<'_>,
+    out: PathBuf,
+    settings: Option<Vec<String>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<Done>> {
+    let (wanted, folder) = (chosen(settings)?, Folder::new(out));
+    let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
+        let study = folder.read_study()?;
+        let mut list = vec![];
+        for (role, settings) in runs(&study, |setting| wanted.contains(&setting)) {
+            let campaign = planned(&study, role, settings.clone(), &folder, None, watch);
+            list.push(done(role, &settings, campaign.merge()?)?);
+        }
+        manifest::write(&folder, &study)?;
+        Ok(list)
+    })?;
+    Ok(result?)
+}
+
+/// Writes the texts of study and system into a folder in which others may work.
+#[pyfunction]
+pub fn join_study(py: Python<'_>, study: &Study, out: PathBuf) -> PyResult<()> {
+    let folder = Folder::new(out);
+    Ok(py.detach(|| folder.join_study(&study.inner)).map_err(Failure::from)?)
+}
+
+/// Makes the data sets of a folder anew; the files.
+#[pyfunction]
+#[pyo3(signature = (out, progress = None))]
+pub fn make_features(
+    py: Python<'_>,
+    out: PathBuf,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<PathBuf>> {
+    let folder = Folder::new(out);
+    let result = long(py, progress.as_ref(), |watch| -> Result<Vec<PathBuf>, Failure> {
+        let study = folder.read_study()?;
+        let pairs =
+            Setting::ALL.into_iter().flat_map(|s| study.roles().into_iter().map(move |r| (s, r)));
+        let there: Vec<_> = pairs.filter(|&(s, r)| folder.data_set(s, r).exists()).collect();
+        for (place, &(setting, role)) in there.iter().enumerate() {
+            watch.tell("features", place, there.len());
+            if watch.cancel.load(Ordering::Relaxed) {
+                return Err(CampaignError::Cancelled.into());
+            }
+            Campaign::stored(folder.path(), &study, setting, role).features()?;
+        }
+        watch.tell("features", there.len(), there.len());
+        manifest::write(&folder, &study)?;
+        Ok(there.into_iter().map(|(s, r)| folder.data_set(s, r)).collect())
+    })?;
+    Ok(result?)
+}
+
+/// Trains trees and committees of a folder; subject and file of each.
+#[pyfunction]
+#[pyo3(signature = (out, threads = None, progress = None))]
+pub fn train_folder(
+    py: Python<'_>,
+    out: PathBuf,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<(String, PathBuf)>> {
+    let folder = Folder::new(out);
+    let result = long(py, progress.as_ref(), |watch| -> Result<_, Failure> {
+        let study = folder.read_study()?;
+        let workers = threads.map_or(Workers::all(), Workers::new).stopped_by(&watch.cancel);
+        watch.tell("training", 0, 1);
+        let trained = job::train_all(&folder, &study, workers)?;
+        watch.tell("training", 1, 1);
+        manifest::write(&folder, &study)?;
+        let file =
+            |(subject, _): &(job::Subject, _)| (subject.name().to_owned(), folder.panel(*subject));
+        Ok(trained.iter().map(file).collect())
+    })?;
+    Ok(result?)
+}
+
+/// Evaluates every data set of a folder; the results as JSON.
+#[pyfunction]
+#[pyo3(signature = (out, threads = None, progress = None))]
+pub fn evaluate_folder(
+    py: Python<'_>,
+    out: PathBuf,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let folder = Folder::new(out);
+    let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
+        let study = folder.read_study()?;
+        let workers = threads.map_or(Workers::all(), Workers::new).stopped_by(&watch.cancel);
+        let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
+        let results = job::evaluate_all(&folder, &study, workers, &told)?;
+        manifest::write(&folder, &study)?;
+        Ok(serde_json::to_string(&results).expect("results are JSON"))
+    })?;
+    Ok(result?)
+}
+
+/// Writes the report of a folder; its file.
+#[pyfunction]
+pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
+    let folder = Folder::new(out);
+    let result = long(py, None, |_| -> Result<PathBuf, Failure> {
+        report::write(&folder, &folder.read_study()?)?;
+        Ok(folder.report())
+    })?;
+    Ok(result?)
+}
+
+/// The data set of a setting in a folder.
+#[pyfunction]
+#[pyo3(signature = (out, setting = "noise", training = false))]
+pub fn data_set(py: Python<'_>, out: PathBuf, setting: &str, training: bool) -> PyResult<Table> {
+    let path = Folder::new(out).data_set(self::setting(setting)?, role(training));
+    let table = py.detach(|| servotwin::table::read(path)).map_err(Failure::from)?;
+    Ok(table.into())
+}
+
+/// Reads the text of a study as results keep it, with its system.
+#[pyfunction]
+pub fn study_of(py: Python<'_>, out: PathBuf) -> PyResult<Study> {
+    let folder = Folder::new(out);
+    let path = folder.study().display().to_string();
+    let inner = py.detach(|| folder.read_study()).map_err(Failure::from)?;
+    Ok(Study { inner: Arc::new(inner), path })
+}
+
+impl From<CampaignError> for Failure {
+    fn from(error: CampaignError) -> Self {
+        match error {
+            CampaignError::File(error) => error.into(),
+            CampaignError::Table(error) => error.into(),
+            error => Failure::stage(error),
+        }
+    }
+}
+
+impl From<EvaluationError> for Failure {
+    fn from(error: EvaluationError) -> Self {
+        match error {
+            EvaluationError::File(error) => error.into(),
+            EvaluationError::Table(error) => error.into(),
+            error => Failure::stage(error),
+        }
+    }
+}
+
+impl From<JobError> for Failure {
+    fn from(error: JobError) -> Self {
+        match error {
+            JobError::File(error) => error.into(),
+            JobError::Study(error) => StudyError::into(*error),
+            JobError::Campaign(error) => error.into(),
+            JobError::Evaluation(error) => error.into(),
+            error => {
+                let file = match &error {
+                    JobError::NoDataSet { folder } | JobError::OtherStudy { folder } => {
+                        Some(folder.clone())
+                    }
+                    JobError::Missing { path, .. } | JobError::DataSet { path, .. } => {
+                        Some(path.clone())
+                    }
+                    _ => None,
+                };
+                let failure = Failure::stage(&error);
+                match file {
+                    Some(file) => failure.in_file(file.display()),
+                    None => failure,
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,69 @@
+"""The diagnosis beside an actuator, with a diagnoser that the command line has learned."""
+
+import os
+import pickle
+import subprocess
+
+import numpy as np
+import pytest
+from tiny import STUDY
+
+import servotwin
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    binary = os.environ.get("SERVOTWIN_BINARY")
+    if not binary:
+        pytest.skip("SERVOTWIN_BINARY names no command line")
+    folder = tmp_path_factory.mktemp("flights")
+    (folder / "tiny.toml").write_text(STUDY)
+    command = [binary, "flights", str(folder / "tiny.toml"), "--out", str(folder / "out")]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder / "out" / "diagnoser-noise.json"
+
+
+def flight(diagnoser, fault=None, samples=300):
+    """Inputs, what the plant's sensors show and what its twin expects."""
+    system = servotwin.System()
+    period = diagnoser.sample_period_s
+    labels = dict(zip(system.sensors["label"], system.sensors["id"]))
+    record = [labels[name] for name in diagnoser.sensors]
+    command = 0.05 * np.sin(2 * np.pi * 0.5 * period * np.arange(samples))
+    inputs = np.tile(system.inputs["default"], (samples, 1))
+    inputs[:, list(system.inputs["id"]).index("command")] = command
+    options = {"record": record, "sample_period_s": period, "between": {"command": "cubic"}}
+    tables = [
+        servotwin.Twin(system, faults=faults, **options).run(inputs) for faults in (fault, None)
+    ]
+    return [inputs, *(np.column_stack([t[c] for c in t.columns[1:]]) for t in tables)]
+
+
+def test_a_whole_table_says_what_one_sample_after_the_other_does(learned):
+    diagnoser = servotwin.Diagnoser(learned)
+    rows = flight(diagnoser, {"actuator_1.servo_valve.bias_positive": 1.0})
+    whole = diagnoser.run(*rows)
+    fresh = pickle.loads(pickle.dumps(diagnoser))
+    said = [fresh.push(*(part[k] for part in rows)) for k in range(len(rows[0]))]
+    assert [one.finding for one in said] == list(whole["finding"])
+    assert [one.alarm for one in said] == list(whole["alarm"])
+    assert [one.confidence for one in said] == list(whole["confidence"])
+    assert said[-1].alarm != "normal", said[-1]
+
+
+def test_a_healthy_actuator_raises_nothing(learned):
+    diagnoser = servotwin.Diagnoser(learned)
+    said = diagnoser.run(*flight(diagnoser))
+    assert set(said["raised_unit"]) == {""}
+
+
+def test_whatever_comes_is_no_crash(learned):
+    diagnoser = servotwin.Diagnoser(learned)
+    width = len(diagnoser.sensors)
+    for measured in ([], [float("nan")] * width, [float("inf")] * width, [1e300] * (width + 1)):
+        outcome = diagnoser.push([0.0] * len(diagnoser.inputs), measured, [0.0] * width)
+    assert outcome.sample == 3
+    with pytest.raises(servotwin.InputError):
+        diagnoser.switched_off("actuator_7")
+    with pytest.raises(servotwin.MissingFileError):
+        servotwin.Diagnoser(learned.parent / "none.json")

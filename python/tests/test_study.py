@@ -1,0 +1,146 @@
+"""The stages of a study, beside the command line where that is there."""
+
+import json
+import os
+import pickle
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import STUDY, contents
+
+import servotwin
+
+
+@pytest.fixture(scope="module")
+def study():
+    return servotwin.Study.parse(STUDY)
+
+
+@pytest.fixture(scope="module")
+def folder(study, tmp_path_factory):
+    out = tmp_path_factory.mktemp("study")
+    told = []
+    ran = servotwin.campaign(study, out, progress=lambda *now: told.append(now))
+    assert told[-1][1] == told[-1][2]
+    assert {one.training for one in ran} == {True, False}
+    assert not any(one.failed for one in ran)
+    servotwin.train(out, progress=False)
+    servotwin.evaluate(out, progress=False)
+    servotwin.report(out)
+    return out
+
+
+def test_a_study_knows_its_faults_and_can_be_pickled(study):
+    assert len(study.faults) == 8 * 4 * 2
+    again = pickle.loads(pickle.dumps(study))
+    assert (again.text, again.system.text) == (study.text, study.system.text)
+    assert repr(again) == repr(study)
+    assert servotwin.Study().name == "paper"
+
+
+def test_mistakes_of_a_study_have_their_places():
+    broken = STUDY.replace("sample_hz = 50", "sample_hz = -50")
+    with pytest.raises(servotwin.MistakesError) as raised:
+        servotwin.Study.parse(broken, "mine.toml")
+    assert raised.value.file == "mine.toml"
+    line = broken.splitlines()[raised.value.line - 1]
+    assert line == "sample_hz = -50"
+
+
+def test_the_data_set_has_labels_and_features(folder, study):
+    table = servotwin.data_set(folder, "noise")
+    assert {"unit", "command", "detail"} <= set(table.columns) or len(table.columns) > 50
+    assert len(table) == len(study.faults) + 4
+    training = servotwin.data_set(folder, "noise", training=True)
+    assert len(training) > len(table)
+    with pytest.raises(servotwin.InputError):
+        servotwin.data_set(folder, "nois")
+
+
+def test_stages_run_again_give_the_same_bytes(folder, study, tmp_path):
+    before = contents(folder)
+    assert {"evaluation.json", "report.html", "manifest.json"} <= set(before)
+    ran = servotwin.campaign(study, folder, threads=1, progress=False)
+    assert all(one.resumed == one.variants for one in ran)
+    servotwin.features(folder, progress=False)
+    after = contents(folder)
+    assert {name for name in before if before[name] != after[name]} == set()
+
+
+def test_the_command_line_gives_the_same_bytes(folder, study, tmp_path):
+    binary = os.environ.get("SERVOTWIN_BINARY")
+    if not binary:
+        pytest.skip("SERVOTWIN_BINARY names no command line")
+    (tmp_path / "tiny.toml").write_text(STUDY)
+    out = tmp_path / "out"
+    for arguments in (["campaign", tmp_path / "tiny.toml", "--out", out], ["train", out]):
+        subprocess.run([binary, *map(str, arguments)], check=True, capture_output=True)
+    for arguments in (["evaluate", out], ["report", out]):
+        subprocess.run([binary, *map(str, arguments)], check=True, capture_output=True)
+    assert contents(out) == contents(folder)
+
+
+def test_parts_are_joined_to_the_same_bytes(folder, study, tmp_path):
+    for part in ("2/3", "1/3", "3/3"):
+        servotwin.campaign(study, tmp_path, part=part, progress=False)
+        assert not list(tmp_path.glob("dataset*"))
+    servotwin.merge(tmp_path, progress=False)
+    joined, whole = contents(tmp_path), contents(folder)
+    for name in joined:
+        if name != "manifest.json":
+            assert joined[name] == whole[name], name
+    assert any(name.startswith("dataset") for name in joined)
+
+
+def test_a_merge_without_a_part_and_another_study_are_refused(study, tmp_path):
+    servotwin.campaign(study, tmp_path, part="1/2", progress=False)
+    with pytest.raises(servotwin.StageError, match="have not been simulated"):
+        servotwin.merge(tmp_path, progress=False)
+    other = servotwin.Study.parse(STUDY.replace('"tiny"', '"other"'))
+    with pytest.raises(servotwin.StageError, match="another study") as raised:
+        servotwin.campaign(other, tmp_path, part="1/2", progress=False)
+    assert raised.value.file == str(tmp_path)
+    for wrong in ("0/2", "3/2", "x"):
+        with pytest.raises(servotwin.InputError):
+            servotwin.campaign(study, tmp_path, part=wrong, progress=False)
+
+
+def test_a_setting_that_the_study_does_not_have_is_refused(study, tmp_path):
+    for settings, kind in ((["fitted"], servotwin.StageError), ([], servotwin.InputError)):
+        with pytest.raises(kind):
+            servotwin.campaign(study, tmp_path, settings=settings, progress=False)
+
+
+def test_an_empty_folder_says_which_stage_is_missing(tmp_path):
+    with pytest.raises(servotwin.StageError, match="no data set") as raised:
+        servotwin.train(tmp_path, progress=False)
+    assert raised.value.file == str(tmp_path)
+
+
+def test_trees_are_data_and_drawn(folder):
+    trees = servotwin.trees(folder / "hierarchy-noise.json")
+    top = trees["A"]
+    nodes = top.nodes
+    leaves = nodes["left"] < 0
+    assert leaves.sum() == (~leaves).sum() + 1
+    assert set(nodes["feature"][~leaves]) <= set(top.features)
+    assert set(nodes["class"]) <= set(top.classes)
+    assert top._repr_svg_().startswith("<svg") and "<=" in str(top)
+    again = pickle.loads(pickle.dumps(top))
+    assert str(again) == str(top)
+
+
+def test_reports_show_themselves(folder):
+    report = servotwin.Report(Path(folder) / "report.html")
+    assert report._repr_html_().startswith("<iframe")
+    results = json.loads((folder / "evaluation.json").read_text())
+    assert results
+
+
+def test_a_bar_of_tqdm_shows_progress(study, tmp_path, capsys):
+    pytest.importorskip("tqdm")
+    servotwin.campaign(study, tmp_path, settings=["ideal"])
+    assert "simulating ideal" in capsys.readouterr().err
+    assert np.isfinite(len(servotwin.data_set(tmp_path, "ideal")))

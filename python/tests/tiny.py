@@ -1,0 +1,84 @@
+"""Studies that are small enough for a test."""
+
+STUDY = """
+format = 1
+name = "tiny"
+title = "A study small enough for a test"
+system = "aileron_dual"
+duration_s = 2
+sample_hz = 50
+intensities = [0.4, 0.6, 0.8, 1.0]
+units = ["actuator_1", "actuator_2"]
+[command]
+input = "command"
+signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
+[load]
+input = "load_factor"
+values.100 = 1.0
+[sensors]
+p_a_1 = { quantity = "pressure_a", unit = 1 }
+p_b_1 = { quantity = "pressure_b", unit = 1 }
+x_p_1 = { quantity = "ram", unit = 1 }
+x_v_1 = { quantity = "spool", unit = 1 }
+p_a_2 = { quantity = "pressure_a", unit = 2 }
+p_b_2 = { quantity = "pressure_b", unit = 2 }
+x_p_2 = { quantity = "ram", unit = 2 }
+x_v_2 = { quantity = "spool", unit = 2 }
+[[classes]]
+detail = "external_leakage"
+command = "shut_down"
+faults = ["leakage_a.leakage", "leakage_b.leakage"]
+[[classes]]
+detail = "control_valve"
+command = "shut_down"
+faults = ["servo_valve.clogging_pa", "servo_valve.bias_positive"]
+[[classes]]
+detail = "cylinder_pressure_sensor"
+command = "change_mode"
+faults = ["sensor_pressure_a.bias_positive", "sensor_pressure_b.gain_low"]
+[[classes]]
+detail = "valve_displacement_sensor"
+command = "warning"
+faults = ["sensor_spool.bias_positive", "sensor_spool.bias_negative"]
+[realistic]
+seed = 3
+healthy = 4
+[training]
+duration_s = 2
+healthy = 3
+load = [0.5, 1.0]
+intensity_spread = 0.05
+draws = [{ count = 3, signal = "noise:rms={3..6}deg,bandwidth=1Hz,seed=1{n}" }]
+signals.step = "step:size=5deg,at=0.5s"
+[flights]
+duration_s = 4
+onset_s = [1.5, 2]
+windows_s = [0.5]
+commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
+inputs.load_factor = [0.5, 1]
+learn = { environments = 3, repeats = 3, healthy = 2 }
+judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
+[reactions]
+shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
+"""
+
+
+def many_shards():
+    """The same with very short runs and so many variants that there are several shards."""
+    text = STUDY.replace("duration_s = 2\nsample_hz = 50", "duration_s = 0.1\nsample_hz = 50")
+    text = text.replace(
+        'signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"',
+        "\n".join(
+            f'signals.S{k} = "noise:rms=5deg,bandwidth=1Hz,seed={k}"' for k in range(1, 9)
+        ),
+    )
+    text = text.replace("values.100 = 1.0", "values.50 = 0.5\nvalues.100 = 1.0")
+    begin, end = text.index("[training]"), text.index("[flights]")
+    text = text[:begin] + text[end:]
+    return text[: text.index("[flights]")] + text[text.index("[reactions]") :]
+
+
+def contents(folder):
+    """Every file of a folder and what is in it."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
