@@ -310,3 +310,20 @@ fn safety_does_not_hang_on_a_name() {
     // A study that says of no command that it switches off has no figures of safety.
     assert!(study("nothing", "").is_null());
 }
+
+#[test]
+fn a_run_that_does_not_begin_at_rest_says_so() {
+    let ringing = "actuator_1.servo_valve.damping_loss=0.7";
+    let run = |fault: &[&str]| {
+        let first = ["simulate", "--command", "5deg", "--duration", "50ms", "--json"];
+        servotwin(&[&first, fault].concat())
+    };
+    let told = |output: &std::process::Output| stderr(output).contains("no rest was found");
+    let at_rest = |output: &std::process::Output| -> serde_json::Value {
+        let run: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        run["starts_at_rest"].clone()
+    };
+    let (healthy, faulty) = (run(&[]), run(&["--fault", ringing]));
+    assert!(!told(&healthy) && told(&faulty), "{}", stderr(&faulty));
+    assert_eq!((at_rest(&healthy), at_rest(&faulty)), (true.into(), false.into()));
+}
