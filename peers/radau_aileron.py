@@ -98,6 +98,13 @@ def air_moment(angle, rate):
     return AIR_SCALE * coefficient
 
 
+def friction(v_p):
+    """(Y5)"""
+    return 6e3 * v_p + 500 * (1 + 0.5 * exp(-((v_p / 5e-3) ** 2))) * tanh(v_p / 5e-3)
+
+
+PRESSURE_SENSOR_HZ = 125
+RAM_SENSOR_HZ = 160
 ARM = 0.0525
 AREA = 2.2723e-3
 FULL_PA = 206.84e5
@@ -141,15 +148,14 @@ def actuator(s, command, correction, angle, rate):
     q_seal = 2e-14 * (p_a - p_b)
     d_p_a = bulk_modulus_pa(p_a) / (65e-6 + AREA * x_p) * (q_pa - q_at - q_seal - AREA * v_p)
     d_p_b = bulk_modulus_pa(p_b) / (65e-6 - AREA * x_p) * (q_pb - q_bt + q_seal + AREA * v_p)
-    friction = 6e3 * v_p + 500 * (1 + 0.5 * exp(-((v_p / 5e-3) ** 2))) * tanh(v_p / 5e-3)
     # (T3), (L1)
     force = STIFFNESS * (x_p - ARM * sin(angle)) + DAMPING * (v_p - ARM * cos(angle) * rate)
-    d_v_p = (AREA * (p_a - p_b) - force - friction) / 2.0
+    d_v_p = (AREA * (p_a - p_b) - force - friction(v_p)) / 2.0
     # (PS1), (D1), (D2)
-    omega = 2 * pi * 125
+    omega = 2 * pi * PRESSURE_SENSOR_HZ
     d_i_a = omega * (4e-3 + 16e-3 * min(max(p_a / FULL_PA, 0.0), 1.0) - i_a)
     d_i_b = omega * (4e-3 + 16e-3 * min(max(p_b / FULL_PA, 0.0), 1.0) - i_b)
-    omega = 2 * pi * 160
+    omega = 2 * pi * RAM_SENSOR_HZ
     ratio = 0.5 * min(max(x_p / 22.2e-3, -1.25), 1.25)
     rates = [d_p_s, d_p_t, d_x_v, d_v_v, d_p_a, d_p_b, v_p, d_v_p, d_i_a, d_i_b]
     rates += [omega * z, omega * (ratio - y - 2 * 0.6 * z), d_d]
@@ -174,19 +180,23 @@ def rates(t, scaled, command):
     return numpy.array(d_1 + d_2 + [d_fight, rate, d_rate]) / ALL_SCALES
 
 
-def solve(start, duration, command, samples=None):
+def solve(start, duration, command, samples=None, tolerance=TOLERANCE):
     result = solve_ivp(
         rates, (0.0, duration), start, method="Radau", t_eval=samples, args=(command,),
-        rtol=TOLERANCE, atol=TOLERANCE, max_step=0.01 if samples is not None else numpy.inf,
+        rtol=tolerance, atol=tolerance, max_step=0.01 if samples is not None else numpy.inf,
     )
     assert result.success, result.message
     return result
 
 
-def main():
+def at_rest():
     one = [2.06e7, 6.1e5, 0, 0, 1.06e7, 1.06e7, 0, 0, 12e-3, 12e-3, 0, 0, 0]
     start = numpy.array(one * 2 + [0, 0, 0]) / ALL_SCALES
-    rest = solve(start, 120.0, lambda t: 0.0).y[:, -1]
+    return solve(start, 120.0, lambda t: 0.0).y[:, -1]
+
+
+def main():
+    rest = at_rest()
     times = numpy.arange(round(DURATION_S / PERIOD_S) + 1) * PERIOD_S
     result = solve(rest, DURATION_S, command_rad, times)
     states = result.y * ALL_SCALES[:, None]
@@ -209,4 +219,5 @@ def main():
     print(f"{result.nfev} evaluations, {result.njev} Jacobians")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -5,6 +5,7 @@ use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
+use servotwin::flight::band::BandError;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
 use servotwin::log::WatchError;
@@ -118,6 +119,8 @@ pub enum Failure {
     Watch(WatchError),
     /// There is no fit.
     Fit(FitError),
+    /// There is no band.
+    Band(BandError),
     /// A fitted system cannot be written.
     Rewrite(RewriteError),
     /// A file cannot be written.
@@ -176,6 +179,7 @@ impl Failure {
             | Failure::Figure(_)
             | Failure::Runtime(_)
             | Failure::Fit(_)
+            | Failure::Band(_)
             | Failure::File(_)
             | Failure::NoUpdate { .. }
             | Failure::Alarm { .. }
@@ -262,6 +266,7 @@ impl fmt::Display for Failure {
             Failure::Map(error) => write!(out, "{error}"),
             Failure::Watch(error) => write!(out, "error: {error}"),
             Failure::Fit(error) => write!(out, "error: {error}"),
+            Failure::Band(error) => write!(out, "error: {error}"),
             Failure::Rewrite(error) => write!(out, "error: {error}"),
             Failure::File(error) => write!(out, "error: {error}"),
             Failure::NoUpdate { findings, .. } => write_findings(out, findings),
@@ -317,6 +322,16 @@ impl From<StudyError> for Failure {
 impl From<CampaignError> for Failure {
     fn from(error: CampaignError) -> Self {
         Failure::Campaign(error)
+    }
+}
+
+impl From<BandError> for Failure {
+    fn from(error: BandError) -> Self {
+        match error {
+            BandError::Flights(CampaignError::Cancelled) => Failure::Stopped,
+            BandError::Flights(error) => Failure::Campaign(error),
+            error @ BandError::TooFew { .. } => Failure::Band(error),
+        }
     }
 }
 

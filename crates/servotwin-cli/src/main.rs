@@ -18,8 +18,8 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    campaign, check, completions, components, describe, evaluate, explain, faults, features, fit,
-    flights, fly, history, init, man, merge, predict, report, schema, simulate, study, train,
+    band, campaign, check, completions, components, describe, evaluate, explain, faults, features,
+    fit, flights, fly, history, init, man, merge, predict, report, schema, simulate, study, train,
     watch,
 };
 use failure::Failure;
@@ -63,6 +63,7 @@ enum Command {
     Predict(predict::Options),
     Fit(fit::Options),
     History(history::Options),
+    Band(band::Options),
     Flights(flights::Options),
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
@@ -93,6 +94,7 @@ impl Command {
             Command::Predict(options) => predict::run(options, global),
             Command::Fit(options) => fit::run(options, global),
             Command::History(options) => history::run(options, global),
+            Command::Band(options) => band::run(options, global),
             Command::Flights(options) => flights::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),

@@ -1,5 +1,6 @@
 //! One file per command, and what they share.
 
+pub mod band;
 pub mod campaign;
 pub mod check;
 pub mod completions;

@@ -109,3 +109,39 @@ fn what_cannot_be_flown_is_told_in_one_line() {
     let output = servotwin(&["fly", &study, "--out", &out, "--duration", "never"]);
     assert!(!output.status.success() && stderr(&output).contains("--duration"), "{output:?}");
 }
+
+#[test]
+fn a_band_keeps_its_promise_or_says_what_it_takes() {
+    let folder = Folder::new("band");
+    let (few, many) = (folder.file("few.toml"), folder.file("many.toml"));
+    std::fs::write(&few, STUDY).unwrap();
+    let wider = STUDY
+        .replace(
+            "environments = 3, repeats = 3, healthy = 2",
+            "environments = 40, repeats = 0, healthy = 1",
+        )
+        .replace(
+            "environments = 2, repeats = 1, healthy = 1",
+            "environments = 10, repeats = 1, healthy = 2",
+        );
+    std::fs::write(&many, wider).unwrap();
+    let output = servotwin(&["band", &few]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("it takes 19"), "{}", stderr(&output));
+    let output = servotwin(&["band", &many, "--share", "1"]);
+    assert_eq!(output.status.code(), Some(2));
+    let plot = folder.file("band.svg");
+    let band = ["band", &many, "--share", "0.1", "--setting", "noise"];
+    let found = super::json(&[&band[..], &["--json", "--plot", &plot]].concat());
+    assert_eq!(found["calibration_flights"], 20);
+    assert_eq!((&found["healthy"], &found["faults"]), (&20.into(), &6.into()));
+    // A tenth of twenty: more than seven have a probability below 1 in 1000.
+    let left = |which: &str| found[which]["healthy_left"].as_u64().unwrap();
+    assert!(left("field") <= 7 && left("fixed") <= 7, "{found}");
+    assert!(found["field"]["faults_left"].as_u64().unwrap() >= 4, "{found}");
+    assert!(std::fs::read_to_string(&plot).unwrap().contains("load_factor"));
+    // The same bits on any number of threads.
+    let text = |threads: &str| stdout(&servotwin(&[&band[..], &["--threads", threads]].concat()));
+    assert_eq!(text("1"), text("3"));
+    assert!(text("1").contains("of 20 healthy flights leave it"), "{}", text("1"));
+}

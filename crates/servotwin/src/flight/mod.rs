@@ -9,8 +9,10 @@
 //! - [`watcher`]: the runtime beside a log or a live stream
 //! - [`closed_loop`]: a plant beside the runtime, and a flight control computer that reacts
 //! - [`judge`]: how fast, how sure, how often wrong it is
+//! - [`band`]: the confidence band as a field over what is asked, with a promise
 //! - [`foreign`]: what it says of faults that it was never trained on
 
+pub mod band;
 pub mod closed_loop;
 pub mod flown;
 pub mod foreign;
