@@ -71,7 +71,12 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let output = servotwin(&["flights", &study, "--out", &out]);
     let text = stdout(&output);
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(text.starts_with("noise: 6 flights with a fault, 0 not finished\n"), "{text}");
+    assert!(
+        text.starts_with(
+            "noise: 6 flights with a fault, 0 not finished (0 of those to learn from)\n"
+        ),
+        "{text}"
+    );
     assert!(text.contains("\nrealistic: 6 flights with a fault"), "{text}");
     assert!(text.contains("spool jams where it is: of 2 "), "{text}");
     let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).unwrap();

@@ -43,16 +43,18 @@ pub struct Least {
     pub intensity: Option<f64>,
 }
 
+/// The share of faults that are detected, or not.
+pub fn share(data: &DataSet, is_detected: bool) -> Rate {
+    let holds = |row: usize| trial(data, row, data.rows[row].is_detected() == is_detected);
+    Rate::clustered(&data.faults().into_iter().map(holds).collect::<Vec<_>>())
+}
+
 /// Detection over a data set.
 pub fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
-    let share = |is_detected: bool| {
-        let holds = |&row: &usize| trial(data, row, data.rows[row].is_detected() == is_detected);
-        Rate::clustered(&faults.iter().map(holds).collect::<Vec<_>>())
-    };
     Detection {
-        detected: share(true),
-        excluded: share(false),
+        detected: share(data, true),
+        excluded: share(data, false),
         failed: data.failed,
         curves: kinds(data, &faults).into_iter().map(|kind| curve(data, &faults, kind)).collect(),
         least: least(data, &faults),

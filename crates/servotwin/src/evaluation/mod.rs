@@ -359,10 +359,9 @@ pub fn evaluate(
     progress("moving windows", 0.9);
     let silence = silence(data, settings, trained)?;
     let (abstention, reliability) = silence.map_or((None, None), |(a, r)| (Some(a), Some(r)));
-    let faults = data.faults();
     Ok(Evaluation {
         detection: detection::evaluate(data),
-        paper_detection: Rate::of(&faults, |&row| unbanded.rows[row].is_detected()),
+        paper_detection: detection::share(unbanded, true),
         features: data.features.len(),
         constant_features: data.constant.clone(),
         worst_leaves: leaves::worst(data, &training, &trained.trees, of_trees, WORST_LEAVES)?,
