@@ -77,6 +77,16 @@ impl Sink for Vec<Vec<f64>> {
     }
 }
 
+/// Keeps all samples, one after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Rows(pub Vec<f64>);
+
+impl Sink for Rows {
+    fn sample(&mut self, _index: usize, values: &[f64]) {
+        self.0.extend_from_slice(values);
+    }
+}
+
 impl<'p> Ensemble<'p> {
     /// All processors, the widest lanes, campaign settings.
     pub fn new(program: &'p Program) -> Self {

@@ -5,7 +5,7 @@ use super::*;
 use crate::ensemble::{Ensemble, Variant};
 use crate::signal::Signal;
 use crate::signal::random::Random;
-use crate::study::Lot;
+use crate::study::{Imperfections, Lot};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
 
@@ -47,14 +47,9 @@ fn flown(
         Variant { overrides, faults, inputs: inputs.iter().collect(), ..Variant::default() };
     let (columns, _) = ensemble.run_one(&variant).unwrap();
     let mut noise: Random = realism.noise(Lot::Training, flight);
-    let imperfections: Vec<Imperfection> =
-        sensors.iter().map(|&s| Imperfection::of(system, s)).collect();
-    let mut measured = Vec::new();
-    for row in 0..columns[0].len() {
-        for (column, imperfection) in columns.iter().zip(&imperfections) {
-            measured.push(imperfection.apply(column[row], &mut noise));
-        }
-    }
+    let row = |row: usize| columns.iter().map(move |column| column[row]);
+    let mut measured: Vec<f64> = (0..columns[0].len()).flat_map(row).collect();
+    Imperfections::of(system, &sensors).apply_to_all(&mut measured, &mut noise);
     let samples = measured.len() / sensors.len();
     let logged: Vec<f64> = (0..samples)
         .map(|k| inputs[study.command_input].value(k as f64 * study.sample_period_s))

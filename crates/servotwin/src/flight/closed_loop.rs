@@ -4,7 +4,7 @@
 use super::runtime::{self, Runtime, RuntimeError};
 use crate::signal::bus::Bus;
 use crate::signal::random::Random;
-use crate::study::{Imperfection, Lot, Reaction, Study};
+use crate::study::{Imperfections, Lot, Reaction, Study};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
@@ -118,7 +118,7 @@ struct Flight<'f> {
     /// How many faults have begun.
     begun: usize,
     slots: Vec<Slot>,
-    imperfections: Vec<Imperfection>,
+    imperfections: Imperfections,
     noise: Random,
     runtime: Runtime<'f>,
     /// The inputs at the sample, as they come over their buses.
@@ -153,7 +153,7 @@ impl<'f> Flight<'f> {
             overrides,
             begun: 0,
             measured: vec![0.0; slots.len()],
-            imperfections: sensors.iter().map(|&s| Imperfection::of(&study.system, s)).collect(),
+            imperfections: Imperfections::of(&study.system, sensors),
             slots,
             noise: noise.unwrap_or_else(|| Random::new(1)),
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
@@ -180,10 +180,10 @@ impl<'f> Flight<'f> {
             *knot = bus.next(value, self.period_s);
         }
         self.step_plant(k, time_s)?;
-        let sensors = self.slots.iter().zip(&self.imperfections);
-        for (measured, (&slot, imperfection)) in self.measured.iter_mut().zip(sensors) {
-            *measured = imperfection.apply(self.plant.value(slot), &mut self.noise);
+        for (measured, &slot) in self.measured.iter_mut().zip(&self.slots) {
+            *measured = self.plant.value(slot);
         }
+        self.imperfections.apply(&mut self.measured, &mut self.noise);
         let outcome = self.runtime.push(&self.inputs, &self.measured)?;
         let said = (outcome.finding, outcome.alarm);
         let (finding, alarm) = said;

@@ -2,12 +2,12 @@
 //! environment.
 
 use super::plan::{self, Flight, Purpose};
-use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::ensemble::{Ensemble, Rows, Sink, Variant};
 use crate::evaluation::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::campaign::{CampaignError, ensemble};
 use crate::study::flights::Environment;
-use crate::study::{Flights, Imperfection, Setting, Study};
+use crate::study::{Flights, Imperfections, Setting, Study};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Statistics};
 use std::borrow::Cow;
@@ -31,7 +31,7 @@ pub struct Flown<'s> {
     /// For each environment the sensors and inputs of its twin, sample after sample.
     twins: Vec<Vec<f64>>,
     sensors: usize,
-    imperfections: Vec<Imperfection>,
+    imperfections: Imperfections,
 }
 
 impl<'s> Flown<'s> {
@@ -68,7 +68,6 @@ impl<'s> Flown<'s> {
         let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
         let sensors = study.base_sensors();
         ensemble.record.truncate(sensors);
-        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
         let mut flown = Flown {
             study,
             environments,
@@ -79,7 +78,7 @@ impl<'s> Flown<'s> {
             plan,
             twins: vec![],
             sensors,
-            imperfections: study.measured[..sensors].iter().map(of).collect(),
+            imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
         };
         flown.twins = flown.simulate_twins()?;
         Ok(flown)
@@ -105,7 +104,7 @@ impl<'s> Flown<'s> {
         ensemble.run(
             self.environments.len(),
             variant,
-            |_| Rows(vec![]),
+            |_| Rows::default(),
             |place, rows, outcome| match outcome {
                 Ok(_) => twins[place] = rows.0,
                 Err(failure) => error = Some((place, failure)),
@@ -192,15 +191,6 @@ impl<'s> Flown<'s> {
     }
 }
 
-/// Keeps all samples.
-struct Rows(Vec<f64>);
-
-impl Sink for Rows {
-    fn sample(&mut self, _index: usize, values: &[f64]) {
-        self.0.extend_from_slice(values);
-    }
-}
-
 struct Watch<'f, O> {
     flown: &'f Flown<'f>,
     twin: &'f [f64],
@@ -216,9 +206,7 @@ impl<O: Observer> Sink for Watch<'_, O> {
         let (twin, inputs) = self.twin[index * width..][..width].split_at(sensors);
         self.measured.copy_from_slice(values);
         if let Some(noise) = &mut self.noise {
-            for (value, imperfection) in self.measured.iter_mut().zip(&self.flown.imperfections) {
-                *value = imperfection.apply(*value, noise);
-            }
+            self.flown.imperfections.apply(&mut self.measured, noise);
         }
         self.observer.sample(index, &self.measured, twin, inputs);
     }

@@ -9,6 +9,7 @@ mod calibration;
 pub mod campaign;
 pub mod faults;
 pub mod flights;
+mod imperfection;
 mod keys;
 mod mistake;
 pub mod reactions;
@@ -19,9 +20,9 @@ mod training;
 pub use calibration::Calibration;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
+pub(crate) use imperfection::{Imperfection, Imperfections};
 pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
-pub(crate) use realism::Imperfection;
 pub use realism::{Lot, Plants, Realism, Role, Setting, Tolerance};
 pub use training::Training;
 

@@ -5,9 +5,7 @@ use super::Study;
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
 use crate::signal::random::Random;
-use crate::system::System;
 use serde::Deserialize;
-use servotwin_model::scalar::Primitive;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -287,40 +285,4 @@ pub(super) fn find(
         let all: Vec<String> = all().collect();
         reader.unknown(section, "parameter in the system", &id, all.iter().map(String::as_str))
     })
-}
-
-/// Noise and quantisation of one sensor, in physical units.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Imperfection {
-    sigma: f64,
-    /// The step of the converter; zero for none.
-    step: f64,
-}
-
-impl Imperfection {
-    /// What the component of a sensor declares: `noise_sigma` in parts of its full scale, and
-    /// `bits` over the whole range.
-    pub fn of(system: &System, sensor: usize) -> Self {
-        let instance = &system.network().components[system.sensors[sensor].component];
-        let Some(span) = instance.component.span(&instance.parameters) else {
-            return Self { sigma: 0.0, step: 0.0 };
-        };
-        let spec = instance.component.spec();
-        let value = |name: &str| spec.parameter(name).map_or(0.0, |p| instance.parameters[p]);
-        let bits = value("bits");
-        let step = if bits > 0.0 { span.range / f64::powi(2.0, bits as i32) } else { 0.0 };
-        Self { sigma: value("noise_sigma") * span.full_scale, step }
-    }
-
-    /// The standard deviation that a sample carries, in physical units: noise, and quantisation as
-    /// an even distribution over a step.
-    pub fn deviation(self) -> f64 {
-        (self.sigma * self.sigma + self.step * self.step / 12.0).sqrt()
-    }
-
-    pub fn apply(self, value: f64, noise: &mut Random) -> f64 {
-        let noisy = value + self.sigma * noise.normal();
-        // Ties to even, without the call that the standard library's costs.
-        if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
-    }
 }

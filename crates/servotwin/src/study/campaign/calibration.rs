@@ -6,12 +6,10 @@
 //! tolerances: `calibration-fitted.parquet`.
 
 use super::{Campaign, CampaignError, Setting, ensemble};
-use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
 use crate::fit::{FitError, Problem, Record, Unknown};
-use crate::signal::random::Random;
-use crate::study::realism::Imperfection;
-use crate::study::{Calibration, Lot, Realism, Role};
+use crate::study::{Calibration, Imperfections, Lot, Realism, Role};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::solver::Failure;
 use std::path::{Path, PathBuf};
@@ -69,12 +67,11 @@ impl Campaign<'_> {
         specimens: &[Overrides],
     ) -> Result<Vec<Vec<f64>>, CampaignError> {
         let study = self.study;
-        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
-        let imperfections: Vec<Imperfection> =
-            study.measured[..study.base_sensors()].iter().map(of).collect();
+        let sensors = &study.measured[..study.base_sensors()];
+        let imperfections = Imperfections::of(&study.system, sensors);
         let mut ensemble =
             Ensemble { duration_s: calibration.duration_s, ..self.ensemble_of(ensemble(study)) };
-        ensemble.record.truncate(imperfections.len());
+        ensemble.record.truncate(sensors.len());
         let mut all = vec![Vec::new(); specimens.len()];
         let mut failed: Option<(usize, Failure)> = None;
         ensemble.run(
@@ -84,23 +81,21 @@ impl Campaign<'_> {
                 inputs: calibration.inputs.iter().collect(),
                 ..Variant::default()
             },
-            |specimen| Measuring {
-                noise: realism.noise(Lot::pool(self.role), specimen),
-                imperfections: &imperfections,
-                measured: Vec::with_capacity(ensemble.samples() * imperfections.len()),
-            },
-            |specimen, measuring, outcome| match outcome {
-                Ok(_) => all[specimen] = measuring.measured,
+            |_| Rows::default(),
+            |specimen, rows, outcome| match outcome {
+                Ok(_) => all[specimen] = rows.0,
                 Err(failure) => failed = Some((specimen, failure)),
             },
         );
-        match failed {
-            Some((specimen, failure)) => {
-                let reason = self.describe(&failure);
-                Err(CampaignError::Calibration { specimen, reason })
-            }
-            None => Ok(all),
+        if let Some((specimen, failure)) = failed {
+            let reason = self.describe(&failure);
+            return Err(CampaignError::Calibration { specimen, reason });
         }
+        for (specimen, samples) in all.iter_mut().enumerate() {
+            let mut noise = realism.noise(Lot::pool(self.role), specimen);
+            imperfections.apply_to_all(samples, &mut noise);
+        }
+        Ok(all)
     }
 
     fn write_calibration(
@@ -143,19 +138,4 @@ fn fitted(problem: &Problem, measured: &[Vec<f64>]) -> Result<Found, (usize, Fit
     let numbered = found.into_iter().enumerate();
     let specimens = numbered.map(|(n, specimen)| specimen.map_err(|error| (n, error)));
     Ok(Found { specimens: specimens.collect::<Result<_, _>>()?, errors })
-}
-
-/// Keeps what sensors with noise and quantisation show.
-struct Measuring<'m> {
-    noise: Random,
-    imperfections: &'m [Imperfection],
-    measured: Vec<f64>,
-}
-
-impl Sink for Measuring<'_> {
-    fn sample(&mut self, _index: usize, values: &[f64]) {
-        for (value, imperfection) in values.iter().zip(self.imperfections) {
-            self.measured.push(imperfection.apply(*value, &mut self.noise));
-        }
-    }
 }

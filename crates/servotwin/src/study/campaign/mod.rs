@@ -28,7 +28,7 @@ pub use part::{Part, runs};
 pub use shard::Row;
 
 use super::{Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Setting, Study};
-use crate::ensemble::{Ensemble, Variant};
+use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::files::{FileError, create_folder};
 use crate::table::{self, Column, Table, TableError, Values};
 use data_set::Maker;
@@ -41,7 +41,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use watch::{Observer, Rows, Twin, Watch};
+use watch::{Observer, Twin, Watch};
 
 /// What is in a shard; shards of another format are made anew.
 const SHARD_FORMAT: &str = "windows 2";

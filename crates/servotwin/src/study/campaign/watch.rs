@@ -1,7 +1,7 @@
 //! What is kept of a simulation while it runs: the windows of every variant that it serves, in
 //! every setting that is asked for.
 
-use super::super::realism::Imperfection;
+use super::super::Imperfections;
 use super::{Campaign, Images, Setting};
 use crate::ensemble::Sink;
 use crate::signal::random::Random;
@@ -10,28 +10,18 @@ use servotwin_diagnosis::residual::Window;
 /// The virtual twin's signals in an operating case, sample after sample.
 pub(super) type Twin = Vec<f64>;
 
-/// Keeps all samples.
-pub(super) struct Rows(pub Twin);
-
-impl Sink for Rows {
-    fn sample(&mut self, _index: usize, values: &[f64]) {
-        self.0.extend_from_slice(values);
-    }
-}
-
 /// Makes the sinks of variants.
 pub(super) struct Observer<'c> {
     campaign: &'c Campaign<'c>,
     images: &'c Images,
     scales: Vec<f64>,
-    imperfections: Vec<Imperfection>,
+    imperfections: Imperfections,
 }
 
 impl<'c> Observer<'c> {
     pub fn new(campaign: &'c Campaign<'c>, images: &'c Images) -> Self {
         let study = campaign.study;
-        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
-        let imperfections = study.measured.iter().map(of).collect();
+        let imperfections = Imperfections::of(&study.system, &study.measured);
         Self { campaign, images, scales: study.scales(), imperfections }
     }
 
@@ -105,10 +95,7 @@ impl Sink for Watch<'_> {
                 }
             }
             if let Some(noise) = &mut view.noise {
-                let imperfections = &self.observer.imperfections;
-                for (value, imperfection) in self.measured.iter_mut().zip(imperfections) {
-                    *value = imperfection.apply(*value, noise);
-                }
+                self.observer.imperfections.apply(&mut self.measured, noise);
             }
             if let Some(trace) = &mut view.trace {
                 for (column, &value) in trace.iter_mut().zip(&self.measured) {

@@ -1,0 +1,94 @@
+//! What sensors show of what is simulated: their noise, and the steps of their converters.
+
+use crate::signal::random::Random;
+use crate::system::System;
+use servotwin_model::scalar::Primitive;
+
+/// Noise and quantisation of one sensor, in physical units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Imperfection {
+    sigma: f64,
+    /// The step of the converter; zero for none.
+    step: f64,
+}
+
+impl Imperfection {
+    /// What the component of a sensor declares: `noise_sigma` in parts of its full scale, and
+    /// `bits` over the whole range.
+    pub fn of(system: &System, sensor: usize) -> Self {
+        let instance = &system.network().components[system.sensors[sensor].component];
+        let Some(span) = instance.component.span(&instance.parameters) else {
+            return Self { sigma: 0.0, step: 0.0 };
+        };
+        let spec = instance.component.spec();
+        let value = |name: &str| spec.parameter(name).map_or(0.0, |p| instance.parameters[p]);
+        let bits = value("bits");
+        let step = if bits > 0.0 { span.range / f64::powi(2.0, bits as i32) } else { 0.0 };
+        Self { sigma: value("noise_sigma") * span.full_scale, step }
+    }
+
+    /// The standard deviation that a sample carries, in physical units: noise, and quantisation as
+    /// an even distribution over a step.
+    pub fn deviation(self) -> f64 {
+        (self.sigma * self.sigma + self.step * self.step / 12.0).sqrt()
+    }
+
+    /// What the sensor shows of a value.
+    fn apply(self, value: f64, noise: &mut Random) -> f64 {
+        let noisy = value + self.sigma * noise.normal();
+        // Ties to even, without the call that the standard library's costs.
+        if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
+    }
+}
+
+/// Those of some sensors, in their order.
+#[derive(Clone, Debug)]
+pub(crate) struct Imperfections(Vec<Imperfection>);
+
+impl Imperfections {
+    /// Of some of a system's sensors, by their places.
+    pub fn of(system: &System, sensors: &[usize]) -> Self {
+        Self(sensors.iter().map(|&sensor| Imperfection::of(system, sensor)).collect())
+    }
+
+    /// Makes what the sensors show of one sample.
+    pub fn apply(&self, sample: &mut [f64], noise: &mut Random) {
+        for (value, imperfection) in sample.iter_mut().zip(&self.0) {
+            *value = imperfection.apply(*value, noise);
+        }
+    }
+
+    /// The same for samples one after the other.
+    pub fn apply_to_all(&self, samples: &mut [f64], noise: &mut Random) {
+        samples.chunks_exact_mut(self.0.len()).for_each(|sample| self.apply(sample, noise));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::Study;
+
+    #[test]
+    fn what_sensors_show_has_the_deviation_that_is_declared_and_lies_on_steps() {
+        let study = Study::default();
+        let sensors = &study.measured[..study.base_sensors()];
+        let imperfections = Imperfections::of(&study.system, sensors);
+        const SAMPLES: usize = 20_000;
+        let mut all = vec![0.0; SAMPLES * sensors.len()];
+        imperfections.apply_to_all(&mut all, &mut Random::new(5));
+        for (place, own) in imperfections.0.iter().enumerate() {
+            let shown = || all.iter().skip(place).step_by(sensors.len());
+            let deviation = (shown().map(|v| v * v).sum::<f64>() / SAMPLES as f64).sqrt();
+            assert!((deviation / own.deviation() - 1.0).abs() < 0.03, "{place}: {deviation}");
+            assert!(own.step > 0.0 && shown().all(|v| (v / own.step).fract() == 0.0));
+        }
+        // One sample after the other is the same.
+        let mut noise = Random::new(5);
+        for expected in all.chunks_exact(sensors.len()) {
+            let mut sample = vec![0.0; sensors.len()];
+            imperfections.apply(&mut sample, &mut noise);
+            assert_eq!(sample, expected);
+        }
+    }
+}
