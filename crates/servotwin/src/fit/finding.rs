@@ -100,14 +100,7 @@ impl Problem<'_> {
         let mut suspects = self.suspects(&found, &known.covariance)?;
         let mut findings = self.outside(&found, &known);
         let is_suspect = suspects.first().is_some_and(Suspect::is_finding);
-        let largest = |of: fn(&SensorFit) -> f64| {
-            left.iter()
-                .filter(|left| of(left) > 1.0)
-                .max_by(|a, b| of(a).total_cmp(&of(b)))
-                .cloned()
-        };
-        findings.extend(largest(|left| left.mean_square / left.limit).map(Finding::Scatter));
-        findings.extend(largest(|left| left.largest_mean.abs() / MEAN_LIMIT).map(Finding::Mean));
+        findings.extend(of_what_is_left(&left));
         if is_suspect || !findings.is_empty() {
             suspects = self.likeliest()?;
             let first = suspects.first().filter(|first| first.score > SCORE_LIMIT);
@@ -143,17 +136,38 @@ impl Problem<'_> {
         let mut all = Vec::new();
         let mut begin = 0;
         for (place, record) in self.records.iter().enumerate() {
-            let (width, first) = (record.sensors.len(), self.first_sample(record));
-            let length = (record.samples() - first) * width;
-            let own = &residuals[begin..begin + length];
+            let length = (record.samples() - self.first_sample(record)) * record.sensors.len();
+            all.extend(self.left_of(place, record, &residuals[begin..begin + length]));
             begin += length;
-            for (column, &sensor) in record.sensors.iter().enumerate() {
-                let values: Vec<f64> = own.iter().skip(column).step_by(width).copied().collect();
-                all.push(of_sensor(place, sensor, record, first, &values));
-            }
         }
         all
     }
+
+    /// What is left of every sensor of one record.
+    pub(super) fn left_of(
+        &self,
+        place: usize,
+        record: &Record,
+        residuals: &[f64],
+    ) -> Vec<SensorFit> {
+        let (width, first) = (record.sensors.len(), self.first_sample(record));
+        let of = |(column, &sensor): (usize, &usize)| {
+            let values: Vec<f64> = residuals.iter().skip(column).step_by(width).copied().collect();
+            of_sensor(place, sensor, record, first, &values)
+        };
+        record.sensors.iter().enumerate().map(of).collect()
+    }
+}
+
+/// The sensor whose residuals scatter most, and the one whose mean is largest, where that is a finding.
+pub(super) fn of_what_is_left(left: &[SensorFit]) -> impl Iterator<Item = Finding> {
+    let largest = |of: fn(&SensorFit) -> f64| {
+        let found = left.iter().filter(|left| of(left) > 1.0);
+        found.max_by(|a, b| of(a).total_cmp(&of(b))).cloned()
+    };
+    let scatter = largest(|left| left.mean_square / left.limit).map(Finding::Scatter);
+    let mean = largest(|left| left.largest_mean.abs() / MEAN_LIMIT).map(Finding::Mean);
+    scatter.into_iter().chain(mean)
 }
 
 fn of_sensor(

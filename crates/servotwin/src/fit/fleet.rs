@@ -4,17 +4,25 @@
 //! then is a single run for each specimen, with its own parameters, in lanes: the products Jᵀr are summed
 //! up while samples come, and no sample is kept. After three turns specimens are where a fit of their own
 //! would have brought them, but for a part of a standard error (test).
+//!
+//! What the last turn leaves is judged as that of a fit is, and so a specimen that had a fault in its calibration
+//! flight has a finding; suspects are compared by (FF1) with their changes of the nominal twin.
 
-use super::linear::Symmetric;
+use super::finding::{Finding, of_what_is_left};
+use super::linear::{Symmetric, dot};
 use super::record::Record;
 use super::response::{Difference, Linear};
+use super::suspects::{INTENSITY, SCORE_LIMIT, Suspect};
 use super::unknown::Unknown;
 use super::{FitError, Problem};
 use crate::ensemble::Sink;
+use servotwin_model::program::FaultAt;
 use std::sync::atomic::Ordering;
 
 /// Turns for each specimen.
 const TURNS: usize = 3;
+/// A last step that still lowers F by more has not come to an end.
+const MOST_LAST_GAIN: f64 = 1.0;
 
 /// The calibration flight, and what it tells of the unknowns.
 pub struct Fleet<'p, 's> {
@@ -23,6 +31,17 @@ pub struct Fleet<'p, 's> {
     linear: Linear,
     curvature: Symmetric,
     deviations: Vec<f64>,
+    shown: Vec<Shown>,
+}
+
+/// What a suspect shows.
+struct Shown {
+    fault: (usize, usize),
+    /// d of (FF1).
+    change: Vec<f64>,
+    /// dᵀd, and s.
+    square: f64,
+    rest: f64,
 }
 
 /// One specimen.
@@ -39,6 +58,15 @@ pub struct Specimen {
     pub last_gain: f64,
     /// How far, in standard errors, a parameter would like to leave its tolerance.
     pub outside: f64,
+    /// What no tolerance explains.
+    pub findings: Vec<Finding>,
+}
+
+impl Specimen {
+    /// Whether its twin may take the parameters.
+    pub fn is_update(&self) -> bool {
+        self.findings.is_empty()
+    }
 }
 
 impl<'p, 's> Fleet<'p, 's> {
@@ -55,7 +83,32 @@ impl<'p, 's> Fleet<'p, 's> {
         let linear = problem.linear(&vec![0.0; problem.unknowns.len()], Difference::Central)?;
         let curvature = linear.information.plus_diagonal(&problem.priors());
         let deviations = problem.deviations(record);
-        Ok(Self { problem, record, linear, curvature, deviations })
+        let mut fleet = Self { problem, record, linear, curvature, deviations, shown: vec![] };
+        fleet.shown = fleet.shown()?;
+        Ok(fleet)
+    }
+
+    /// What the problem's suspects show; those with which the twin cannot be simulated are left out.
+    fn shown(&self) -> Result<Vec<Shown>, FitError> {
+        let Some(covariance) = self.covariance() else { return Ok(vec![]) };
+        let (suspects, nominal) = (&self.problem.suspects, &self.linear.z);
+        let variant = |job: usize| {
+            let (component, fault) = suspects[job];
+            let mut variant = self.problem.variant(nominal, &self.record.inputs);
+            variant.faults.push(FaultAt { component, fault, intensity: INTENSITY });
+            variant
+        };
+        let found = self.problem.run(self.record, suspects.len(), variant)?;
+        let shown = |(&fault, found): (&(usize, usize), Result<Vec<f64>, FitError>)| {
+            let pairs = self.linear.residuals.iter().zip(found.ok()?);
+            let change: Vec<f64> =
+                pairs.map(|(before, after)| (before - after) / INTENSITY).collect();
+            let along = self.linear.pull(&change);
+            let square = dot(&change, &change);
+            let rest = square - dot(&along, &covariance.times(&along));
+            Some(Shown { fault, change, square, rest })
+        };
+        Ok(suspects.iter().zip(found).filter_map(shown).collect())
     }
 
     /// The covariance of the unknowns, the same for all; `None` where one is not determined.
@@ -76,14 +129,15 @@ impl<'p, 's> Fleet<'p, 's> {
             mean_squares: Vec::new(),
             last_gain: 0.0,
             outside: 0.0,
+            findings: Vec::new(),
         };
         let mut all: Vec<Result<Specimen, FitError>> = vec![Ok(start); measured.len()];
         let errors: Vec<f64> = match self.covariance() {
             Some(covariance) => (0..unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect(),
             None => return Err(FitError::Undetermined),
         };
-        for _ in 0..TURNS {
-            self.turn(measured, &mut all, &errors)?;
+        for turn in 1..=TURNS {
+            self.turn(measured, &mut all, &errors, turn == TURNS)?;
         }
         for specimen in all.iter_mut().flatten() {
             specimen.overrides = self.problem.variant(&specimen.z, &[]).overrides;
@@ -96,6 +150,7 @@ impl<'p, 's> Fleet<'p, 's> {
         measured: &[Vec<f64>],
         all: &mut [Result<Specimen, FitError>],
         errors: &[f64],
+        is_last: bool,
     ) -> Result<(), FitError> {
         let before: Vec<Vec<f64>> =
             all.iter().map(|one| one.as_ref().map_or(Vec::new(), |one| one.z.clone())).collect();
@@ -104,25 +159,47 @@ impl<'p, 's> Fleet<'p, 's> {
         self.problem.ensemble(self.record).run(
             going.len(),
             |job| self.problem.variant(&before[going[job]], &self.record.inputs),
-            |job| Along::new(self, &measured[going[job]]),
-            |job, along, outcome| {
-                ended.push((going[job], along, outcome));
+            |job| Along::new(self, &measured[going[job]], is_last),
+            |job, mut along, outcome| {
+                // Residuals are many: they are judged before the next specimen's come.
+                let residuals = along.residuals.take().filter(|_| outcome.is_ok());
+                let findings = residuals.map_or(vec![], |residuals| self.findings(&residuals));
+                ended.push((going[job], along, findings, outcome));
                 (self.problem.progress)();
             },
         );
         if self.problem.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
             return Err(FitError::Cancelled);
         }
-        for (place, along, outcome) in ended {
+        for (place, along, findings, outcome) in ended {
             all[place] = match outcome {
-                Ok(_) => self.stepped(&before[place], &along, errors),
+                Ok(_) => self.stepped(&before[place], &along, findings, errors),
                 Err(failure) => Err(FitError::run(self.problem.system, failure)),
             };
         }
         Ok(())
     }
 
-    fn stepped(&self, z: &[f64], along: &Along, errors: &[f64]) -> Result<Specimen, FitError> {
+    /// What residuals show beside parameters that leave their tolerances.
+    fn findings(&self, residuals: &[f64]) -> Vec<Finding> {
+        let suspect = |shown: &Shown| {
+            let with = dot(&shown.change, residuals);
+            let name = self.problem.fault_name(shown.fault);
+            Suspect::of(name, with, shown.square, shown.rest)
+        };
+        let likeliest = self.shown.iter().map(suspect).max_by(|a, b| a.score.total_cmp(&b.score));
+        let looks = likeliest.filter(Suspect::is_finding).map(Finding::Looks);
+        let left = self.problem.left_of(0, self.record, residuals);
+        looks.into_iter().chain(of_what_is_left(&left)).collect()
+    }
+
+    fn stepped(
+        &self,
+        z: &[f64],
+        along: &Along,
+        mut findings: Vec<Finding>,
+        errors: &[f64],
+    ) -> Result<Specimen, FitError> {
         let (step, last_gain) = self.problem.step(&self.curvature, z, &along.pull)?;
         let inside = |((z, step), unknown): ((&f64, &f64), &Unknown)| {
             (z + step).clamp(unknown.range.0, unknown.range.1)
@@ -137,8 +214,15 @@ impl<'p, 's> Fleet<'p, 's> {
             if at_bound { by * errors[k] } else { 0.0 }
         };
         let outside = (0..next.len()).map(outwards).fold(0.0, f64::max);
+        if along.is_last {
+            let leaving = (0..next.len()).filter(|&k| outwards(k) > SCORE_LIMIT);
+            findings.extend(
+                leaving.map(|unknown| Finding::LeavesTolerance { unknown, by: outwards(unknown) }),
+            );
+            findings.extend((last_gain > MOST_LAST_GAIN).then_some(Finding::NotConverged));
+        }
         let mean_squares = along.squares.iter().map(|sum| sum / along.samples as f64).collect();
-        Ok(Specimen { z: next, overrides: Vec::new(), mean_squares, last_gain, outside })
+        Ok(Specimen { z: next, overrides: vec![], mean_squares, last_gain, outside, findings })
     }
 }
 
@@ -152,11 +236,16 @@ struct Along<'f> {
     samples: usize,
     pull: Vec<f64>,
     squares: Vec<f64>,
+    is_last: bool,
+    /// Kept in the last turn.
+    residuals: Option<Vec<f64>>,
 }
 
 impl<'f> Along<'f> {
-    fn new(fleet: &'f Fleet, measured: &'f [f64]) -> Self {
+    fn new(fleet: &'f Fleet, measured: &'f [f64], is_last: bool) -> Self {
         Self {
+            is_last,
+            residuals: is_last.then(|| Vec::with_capacity(fleet.linear.residuals.len())),
             columns: &fleet.linear.columns,
             deviations: &fleet.deviations,
             measured,
@@ -178,6 +267,9 @@ impl Sink for Along<'_> {
         for (sensor, (measured, value)) in measured.iter().zip(values).enumerate() {
             let left = (measured - value) / self.deviations[sensor];
             self.squares[sensor] += left * left;
+            if let Some(residuals) = &mut self.residuals {
+                residuals.push(left);
+            }
             for (pull, column) in self.pull.iter_mut().zip(self.columns) {
                 *pull += column[self.place] * left;
             }

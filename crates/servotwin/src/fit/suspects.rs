@@ -28,7 +28,7 @@ use std::fmt;
 /// Largest score, in standard deviations, that chance is believed to make among a hundred suspects.
 pub const SCORE_LIMIT: f64 = 5.0;
 /// The intensity whose effect is compared.
-const INTENSITY: f64 = 0.2;
+pub(super) const INTENSITY: f64 = 0.2;
 /// By what share a clock is fast for comparison: less time has passed than it says.
 const FAST: f64 = 0.005;
 /// A clock that is less off is no finding.
@@ -63,6 +63,15 @@ pub struct Suspect {
 }
 
 impl Suspect {
+    /// (FF1), with what of dᵀd tolerances leave: s. A fault that shows nothing, or nothing of its own, cannot be
+    /// suspected.
+    pub(super) fn of(name: String, with: f64, square: f64, rest: f64) -> Self {
+        if rest <= 1e-6 * square || square == 0.0 {
+            return Suspect { name, score: 0.0, intensity: 0.0 };
+        }
+        Suspect { name, score: with / rest.sqrt(), intensity: with / rest }
+    }
+
     /// Whether chance does not explain it.
     pub(super) fn is_finding(&self) -> bool {
         match self.name == CLOCK {
@@ -356,12 +365,7 @@ impl Sums {
         } else {
             dot(&self.along, &covariance.times(&self.along))
         };
-        // A fault that shows nothing, or nothing of its own, cannot be suspected.
-        let rest = self.square - known;
-        if rest <= 1e-6 * self.square || self.square == 0.0 {
-            return Suspect { name, score: 0.0, intensity: 0.0 };
-        }
-        Suspect { name, score: self.with / rest.sqrt(), intensity: self.with / rest }
+        Suspect::of(name, self.with, self.square, self.square - known)
     }
 }
 

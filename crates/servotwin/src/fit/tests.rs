@@ -1,5 +1,7 @@
 //! Specimens with known parameters, and what a fit makes of their records.
 
+mod measure;
+
 use super::record::smooth;
 use super::*;
 use crate::ensemble::{Ensemble, Variant};
@@ -100,101 +102,6 @@ fn coverage(
         refused += usize::from(!fitted.is_update());
     }
     (inside, all, refused)
-}
-
-#[test]
-#[ignore = "a measurement: minutes"]
-fn measure_coverage() {
-    let study = Study::default();
-    let begin = std::time::Instant::now();
-    let specimens: usize = std::env::var("SPECIMENS").map_or(4, |n| n.parse().unwrap());
-    let (inside, all, refused) = coverage(&study, 0..specimens, 60.0);
-    println!(
-        "{inside} of {all} inside ({:.2} %), {refused} refused, {:.1} s",
-        100.0 * inside as f64 / all as f64,
-        begin.elapsed().as_secs_f64()
-    );
-}
-
-#[test]
-#[ignore = "a measurement: minutes"]
-fn measure_faults() {
-    let study = Study::default();
-    let intensity: f64 = std::env::var("INTENSITY").map_or(0.5, |n| n.parse().unwrap());
-    let units = study.units.len();
-    let mut faults: Vec<_> =
-        study.faults.iter().filter(|f| f.unit == 0).map(|f| (f.id.clone(), f.at)).collect();
-    faults.dedup_by(|a, b| a.0 == b.0);
-    println!("{} kinds, {units} units", faults.len());
-    for (number, (id, at)) in faults.iter().enumerate() {
-        let fault = FaultAt { intensity, ..*at };
-        let problem =
-            Problem::of_study(&study, vec![record(&study, Some(number), vec![fault], 60.0)]);
-        let begin = std::time::Instant::now();
-        match problem.solve() {
-            Ok(fitted) => println!(
-                "{id}: {} findings, {:.1} s; {} | {} | {}",
-                fitted.findings.len(),
-                begin.elapsed().as_secs_f64(),
-                fitted.suspects[0],
-                fitted.suspects[1],
-                fitted.findings.iter().map(|f| f.sentence(&problem)).collect::<Vec<_>>().join("; ")
-            ),
-            Err(error) => println!("{id}: refused: {error}"),
-        }
-    }
-}
-
-#[test]
-#[ignore = "a measurement: minutes"]
-fn measure_intensity() {
-    let study = Study::default();
-    let intensity: f64 = std::env::var("INTENSITY").map_or(0.3, |n| n.parse().unwrap());
-    let mut faults: Vec<_> =
-        study.faults.iter().filter(|f| f.unit == 0).map(|f| (f.id.clone(), f.at)).collect();
-    faults.dedup_by(|a, b| a.0 == b.0);
-    for (number, (id, at)) in faults.iter().enumerate() {
-        let fault = FaultAt { intensity, ..*at };
-        let problem =
-            Problem::of_study(&study, vec![record(&study, Some(number), vec![fault], 60.0)]);
-        let begin = std::time::Instant::now();
-        match intensity::intensity(&problem, &[(at.component, at.fault)]) {
-            Ok(found) => println!(
-                "{id}: {:.4} {:.4?} {} {:.1} s",
-                found[0].intensity,
-                found[0].interval,
-                found[0].interval.0 <= intensity && intensity <= found[0].interval.1,
-                begin.elapsed().as_secs_f64()
-            ),
-            Err(error) => println!("{id}: refused: {error}"),
-        }
-    }
-}
-
-#[test]
-#[ignore = "a measurement: minutes"]
-fn measure_knowledge() {
-    let study = Study::default();
-    let problem = Problem::of_study(&study, vec![record(&study, Some(0), vec![], 60.0)]);
-    let fitted = problem.solve().unwrap();
-    let truth = truth(&study, &problem.unknowns, 0);
-    for (k, unknown) in problem.unknowns.iter().enumerate() {
-        println!(
-            "{:50} {:7.3} ± {:.3} (true {:7.3}) {}",
-            unknown.name,
-            fitted.z[k],
-            fitted.known.error(k),
-            truth[k],
-            fitted.known.sentence(&problem.unknowns, k)
-        );
-    }
-    for direction in &fitted.known.directions {
-        print!("{:.3e} ", direction.information);
-    }
-    println!();
-    for suspect in &fitted.suspects {
-        println!("{suspect}");
-    }
 }
 
 /// The second study: one actuator against a spring, quick to simulate.
@@ -417,17 +324,37 @@ fn fleet_beside_fits(
 }
 
 #[test]
-#[ignore = "a measurement: a minute"]
-fn measure_fleet() {
-    let (worst, inside, all) = fleet_beside_fits(&Study::default(), 64, 60.0, 4);
-    println!("fleet: {worst:.3} standard errors apart, {inside} of {all} inside");
-}
-
-#[test]
 fn a_fleet_is_fitted_as_each_of_it_alone() {
     let (worst, inside, all) = fleet_beside_fits(&spring(), 12, 12.0, 3);
     assert!(worst < 0.3, "{worst}");
     assert!(inside >= all - 5, "{inside} of {all}");
+}
+
+#[test]
+fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
+    let study = spring();
+    let faults = ["leakage_a.leakage", "servo_valve.gain_low", "sensor_ram.bias_positive"];
+    let flown = |n: usize| {
+        let faults = faults.get(n).map(|id| fault(&study, id, 0.5));
+        record(&study, Some(n), faults.into_iter().collect(), 12.0)
+    };
+    let records: Vec<Record> = (0..12).map(flown).collect();
+    let problem = Problem::of_study(&study, vec![records[0].clone()]);
+    let fleet = fleet::Fleet::new(&problem).unwrap();
+    let measured: Vec<Vec<f64>> = records.iter().map(|record| record.measured.clone()).collect();
+    let found = fleet.fit(&measured).unwrap();
+    for (n, specimen) in found.iter().enumerate() {
+        let findings = &specimen.as_ref().unwrap().findings;
+        assert_eq!(findings.is_empty(), n >= faults.len(), "{n}: {findings:?}");
+        if n < faults.len() {
+            assert!(findings.iter().any(|f| matches!(f, Finding::Looks(_))), "{findings:?}");
+        }
+    }
+    // Where tolerances explain a fault its score vanishes with it: a bias within the null's tolerance.
+    let small =
+        record(&study, Some(5), vec![fault(&study, "servo_valve.bias_positive", 0.01)], 12.0);
+    let found = fleet.fit(&[small.measured]).unwrap();
+    assert!(found[0].as_ref().unwrap().is_update(), "{found:?}");
 }
 
 /// Every second flight of one specimen with a leak that grows to 0.5 in 200 flights.
