@@ -109,7 +109,7 @@ class Peer:
         self.command = numpy.ascontiguousarray(table["command_rad"])
         self.slopes = slopes(self.command)
         self.times = numpy.arange(len(self.command)) * PERIOD_S
-        self.measured = numpy.array([table[name] for name in known["columns"]]).T
+        self.measured = numpy.stack([table[name] for name in known["columns"]], axis=1)
         self.deviations = numpy.array(known["deviations"])
         flight = (pointer(self.inputs), known["command"], pointer(self.command), pointer(self.slopes))
         self.library.peer_flight(*flight, len(self.command), PERIOD_S)
