@@ -24,6 +24,7 @@ __all__ = [
     "make_features",
     "merge_shards",
     "read_trees",
+    "run_calibration",
     "run_campaign",
     "run_task",
     "simulate",
@@ -264,7 +265,7 @@ class Model:
     def from_json(text: str) -> Model: ...
 
 _Ran = tuple[list[str], bool, int, int, list[tuple[str, int, str]]]
-_Task = tuple[list[str], bool, list[int], list[str], int]
+_Task = tuple[list[str], bool, list[int], list[str], int, Optional[str]]
 
 def fit(
     settings: str,
@@ -284,6 +285,9 @@ def run_campaign(
     progress: Optional[Progress] = None,
 ) -> list[_Ran]: ...
 def tasks(study: Study, settings: Optional[Sequence[str]] = None) -> list[_Task]: ...
+def run_calibration(
+    study: Study, out: Path, training: bool, threads: Optional[int] = None
+) -> None: ...
 def run_task(
     study: Study,
     out: Path,

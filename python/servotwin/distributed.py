@@ -12,7 +12,6 @@ import random
 import tempfile
 import time
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path as _Path
 from typing import Any, Optional, TypeVar, Union
 
@@ -48,24 +47,10 @@ def campaign(
     """
     options = storage_options or {}
     tasks = _native.tasks(study, settings)
-    texts = (study.text, study.system.text)
     store = _Store(out, options)
     store.keep("study.toml", study.text)
     store.keep("system.toml", study.system.text)
-    futures = [
-        client.submit(
-            _piece,
-            texts,
-            out,
-            options,
-            task,
-            threads or 1,
-            key=_key(study.name, task, out, texts),
-            pure=False,
-            retries=3,
-        )
-        for task in tasks
-    ]
+    calibrations, futures = _submitted(study, client, out, options, tasks, threads or 1)
     variants = {future.key: task[4] for future, task in zip(futures, tasks)}
     all_variants, done = sum(variants.values()), 0
     try:
@@ -77,15 +62,60 @@ def campaign(
                     show("simulating on Dask", done, all_variants)
         return _merge(store, tasks, settings)
     finally:
-        client.cancel(futures)  # type: ignore[no-untyped-call]
+        client.cancel([*futures, *calibrations])  # type: ignore[no-untyped-call]
 
 
-def _key(name: str, task: Any, *about: Any) -> str:
-    """The task's name on the dashboard: the same piece of the same study in the same place has one."""
-    settings, training, shards, _, _ = task
-    mark = hashlib.sha256(repr(about).encode()).hexdigest()[:16]
+def _submitted(
+    study: _native.Study, client: Any, out: str, options: dict[str, Any], tasks: Any, threads: int
+) -> tuple[list[Any], list[Any]]:
+    """What computes the specimens that pieces need, and the pieces."""
+    # Texts stay in the storage: there may be tens of thousands of pieces.
+    mark = _mark(study.text, study.system.text)
+    where = (mark, out, options)
+    # What pieces need that is computed once for all of them.
+    needed = {task[5]: task for task in tasks if task[5] is not None}
+    calibrations = {
+        file: client.submit(
+            _calibration,
+            *where,
+            file,
+            task[1],
+            threads,
+            key=_key(f"{study.name} {file}", out, mark),
+            pure=False,
+            retries=3,
+        )
+        for file, task in needed.items()
+    }
+    futures = [
+        client.submit(
+            _piece,
+            *where,
+            task,
+            threads,
+            calibrations.get(task[5]),
+            key=_piece_key(study.name, task, out, mark),
+            pure=False,
+            retries=3,
+        )
+        for task in tasks
+    ]
+    return list(calibrations.values()), futures
+
+
+def _mark(*about: Any) -> str:
+    return hashlib.sha256(repr(about).encode()).hexdigest()[:16]
+
+
+def _key(name: str, *about: Any) -> str:
+    """A task's name on the dashboard: the same work on the same study in the same place has one."""
+    return f"servotwin {name}-{_mark(*about)}"
+
+
+def _piece_key(name: str, task: Any, *about: Any) -> str:
+    settings, training, shards = task[:3]
     role = "training" if training else "judged"
-    return f"servotwin {name} {'+'.join(settings)} {role}-{shards[0]}-{mark}"
+    return _key(f"{name} {'+'.join(settings)} {role}-{shards[0]}", *about)
 
 
 def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran]:
@@ -95,7 +125,9 @@ def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
         folder = _Path(name)
         (folder / "shards").mkdir()
-        for file in ["study.toml", "system.toml", *(f"shards/{f}" for t in tasks for f in t[3])]:
+        calibrations = sorted({task[5] for task in tasks if task[5] is not None})
+        shards = [f"shards/{file}" for task in tasks for file in task[3]]
+        for file in ["study.toml", "system.toml", *calibrations, *shards]:
             if not store.fetch(file, folder / file):
                 raise FileNotFoundError(f"{store.address}/{file} has vanished from the storage")
         ran = merge(folder, settings=settings, progress=False)
@@ -106,28 +138,60 @@ def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran
         return ran
 
 
-@lru_cache(maxsize=2)
-def _study(text: str, system: str) -> _native.Study:
-    return _native.Study.parse(text, "study.toml", system)
+_STUDIES: dict[str, _native.Study] = {}
+"""The study that this process works on, with its plans; by its mark."""
+
+
+def _study(store: _Store, mark: str) -> _native.Study:
+    known = _STUDIES.get(mark)
+    if known is None:
+        texts = [store.text(name) for name in ("study.toml", "system.toml")]
+        if _mark(*texts) != mark:
+            raise ValueError(f"the study in {store.address} is not that of this campaign")
+        known = _native.Study.parse(texts[0], "study.toml", texts[1])
+        _STUDIES.clear()
+        _STUDIES[mark] = known
+    return known
+
+
+def _calibration(
+    mark: str,
+    out: str,
+    options: dict[str, Any],
+    file: str,
+    training: bool,
+    threads: int,
+) -> None:
+    """Fit the specimens that all pieces fly with, and put them into the storage."""
+    store = _Store(out, options)
+    with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
+        path = _Path(name) / file
+        before = path.read_bytes() if store.fetch(file, path) else None
+        _native.run_calibration(_study(store, mark), name, training, threads)
+        if before != path.read_bytes():
+            store.put(path, file)
 
 
 def _piece(
-    texts: tuple[str, str],
+    mark: str,
     out: str,
     options: dict[str, Any],
     task: Any,
     threads: int,
+    calibrated: None,
 ) -> dict[str, float]:
     """Simulate one piece in a worker, and put its shards into the storage."""
     begin = time.monotonic()
-    settings, training, shards, files, _ = task
+    settings, training, shards, files, _, needed = task
     store = _Store(out, options)
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
         folder = _Path(name)
         (folder / "shards").mkdir()
+        if needed is not None:
+            store.fetch(needed, folder / needed)
         there = {f for f in files if store.fetch(f"shards/{f}", folder / "shards" / f)}
         before = {f: (folder / "shards" / f).read_bytes() for f in there}
-        study = _study(*texts)
+        study = _study(store, mark)
         variants, resumed = _native.run_task(
             study, folder, settings, training, shards, threads
         )
@@ -166,6 +230,13 @@ class _Store:
                 path = _Path(folder) / name
                 path.write_bytes(text.encode())
                 self.put(path, name)
+
+    def text(self, name: str) -> str:
+        """A text that must be there."""
+        content = self._again(lambda: self._read(name))
+        if content is None:
+            raise FileNotFoundError(f"{self.address}/{name} has vanished from the storage")
+        return content.decode()
 
     def _read(self, name: str) -> Optional[bytes]:
         try:

@@ -19,6 +19,16 @@ from . import _servotwin as _native
 __all__ = ["CartClassifier", "CommitteeClassifier", "HierarchyClassifier"]
 
 
+def _weights(sample_weight: Any, X: Any) -> Any:
+    """A weight that is not negative for every row; None for none."""
+    if sample_weight is None:
+        return None
+    # Not public, but what scikit-learn's own estimators call.
+    from sklearn.utils.validation import _check_sample_weight
+
+    return _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+
+
 class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """What the compiled classifiers share."""
 
@@ -38,12 +48,7 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         names = getattr(self, "feature_names_in_", None)
         if names is None:
             names = [f"x{k}" for k in range(self.n_features_in_)]
-        if sample_weight is not None:
-            from sklearn.utils.validation import _check_sample_weight
-
-            sample_weight = _check_sample_weight(
-                sample_weight, X, dtype=np.float64, ensure_non_negative=True
-            )
+        sample_weight = _weights(sample_weight, X)
         self._names = [str(name) for name in names]
         self.model_ = _native.fit(
             json.dumps(self._settings()),
@@ -207,12 +212,7 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         check_classification_targets(y)
         self.classes_, labels = np.unique(y, return_inverse=True)
         paths = [self._parts(label) for label in self.classes_.tolist()]
-        if sample_weight is not None:
-            from sklearn.utils.validation import _check_sample_weight
-
-            sample_weight = _check_sample_weight(
-                sample_weight, X, dtype=np.float64, ensure_non_negative=True
-            )
+        sample_weight = _weights(sample_weight, X)
         base = CartClassifier(max_depth=7) if self.estimator is None else self.estimator
         self.stages_: dict[tuple[Any, ...], Any] = {}
         for asked in sorted({path[:k] for path in paths for k in range(len(path))}, key=repr):

@@ -2,6 +2,7 @@
 //! how far it is.
 
 use pyo3::prelude::*;
+use servotwin::evaluation::parallel::Workers;
 use std::panic::resume_unwind;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,6 +23,12 @@ pub struct Watch {
 }
 
 impl Watch {
+    /// So many threads, or one for each processor, which stop when the work shall.
+    pub fn workers(&self, threads: Option<usize>) -> Workers<'_> {
+        let threads = threads.map_or(Workers::all(), |threads| Workers::new(threads.max(1)));
+        threads.stopped_by(&self.cancel)
+    }
+
     /// Tells what is being done and how far it is.
     pub fn tell(&self, what: &str, done: usize, all: usize) {
         let mut told = self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner());

@@ -6,14 +6,13 @@ use crate::system::System;
 use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::parallel::Workers;
 use servotwin::job::{self, Folder, JobError, manifest, report};
-use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, runs};
+use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, Prepared, runs};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A study that can be run; without a file the paper's of the aileron.
 #[pyclass(frozen, module = "servotwin")]
@@ -21,6 +20,28 @@ pub struct Study {
     /// The study.
     pub inner: Arc<Inner>,
     path: String,
+    /// Plans of campaigns that were needed once: a worker computes many pieces of one.
+    plans: Mutex<Vec<Plan>>,
+}
+
+/// What a campaign is for, its settings, and its plan.
+type Plan = (Role, Vec<Setting>, Arc<Prepared>);
+
+impl Study {
+    fn made(inner: Inner, path: String) -> Self {
+        Study { inner: Arc::new(inner), path, plans: Mutex::default() }
+    }
+
+    fn prepared(&self, campaign: &Campaign) -> Result<Arc<Prepared>, CampaignError> {
+        let mut plans = self.plans.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_it = |plan: &&Plan| (plan.0, &plan.1) == (campaign.role, &campaign.settings);
+        if let Some((_, _, known)) = plans.iter().find(is_it) {
+            return Ok(known.clone());
+        }
+        let made = Arc::new(campaign.prepared()?);
+        plans.push((campaign.role, campaign.settings.clone(), made.clone()));
+        Ok(made)
+    }
 }
 
 #[pymethods]
@@ -34,7 +55,7 @@ impl Study {
             Some(path) => Inner::read(path),
             None => Ok(Inner::default()),
         });
-        Ok(Study { inner: Arc::new(inner.map_err(Failure::from)?), path: shown })
+        Ok(Study::made(inner.map_err(Failure::from)?, shown))
     }
 
     /// Reads a study from a text; a system that it names as a file is looked for beside `path`.
@@ -46,7 +67,7 @@ impl Study {
             let system = servotwin::system::System::parse(system, "system.toml")?;
             Ok(Inner::parse_for(text, path, system)?)
         };
-        Ok(Study { inner: Arc::new(py.detach(parse)?), path: path.into() })
+        Ok(Study::made(py.detach(parse)?, path.into()))
     }
 
     /// The name in files.
@@ -104,7 +125,7 @@ impl Study {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let make = slf.py().get_type::<Study>().getattr("parse")?;
-        let Study { inner, path } = slf.get();
+        let Study { inner, path, .. } = slf.get();
         let arguments = (inner.text.clone(), path.clone(), inner.system.text.clone());
         Ok((make, arguments).into_pyobject(slf.py())?.into_any())
     }
@@ -144,10 +165,9 @@ fn planned<'s>(
     threads: Option<usize>,
     watch: &'s Watch,
 ) -> Campaign<'s> {
-    let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
     Campaign {
         settings: settings.clone(),
-        threads: threads.unwrap_or(processors).max(1),
+        threads: watch.workers(threads).threads(),
         cancel: Some(&watch.cancel),
         ..Campaign::stored(folder.path(), study, settings[0], role)
     }
@@ -221,34 +241,56 @@ pub fn run_campaign(
     Ok(result?)
 }
 
-/// A piece of a campaign that runs anywhere: (settings, training, shards, files, variants).
-type Task = (Vec<&'static str>, bool, Vec<usize>, Vec<String>, usize);
+/// A piece of a campaign that runs anywhere: (settings, training, shards, files, variants, the file with
+/// calibrated specimens that it needs).
+type Task = (Vec<&'static str>, bool, Vec<usize>, Vec<String>, usize, Option<String>);
 
 /// The pieces of a study's campaigns.
 #[pyfunction]
 #[pyo3(signature = (study, settings = None))]
 pub fn tasks(py: Python<'_>, study: &Study, settings: Option<Vec<String>>) -> PyResult<Vec<Task>> {
     let wanted = chosen(settings)?;
-    let study = &*study.inner;
     let list = py.detach(|| -> Result<Vec<Task>, Failure> {
-        let (watch, mut list) = (Watch::default(), vec![]);
-        let runs = runs(study, |setting| wanted.contains(&setting));
+        let (watch, folder, mut list) = (Watch::default(), Folder::new(""), vec![]);
+        let runs = runs(&study.inner, |setting| wanted.contains(&setting));
         if runs.is_empty() {
             return Err(missing(&wanted));
         }
         for (role, settings) in runs {
-            let folder = Folder::new("");
-            let campaign = planned(study, role, settings.clone(), &folder, None, &watch);
-            for bundle in campaign.bundles()? {
-                let names = settings.iter().map(|setting| setting.name()).collect();
-                let files = campaign.shard_files(&bundle)?;
-                let variants = campaign.variants_in(&bundle)?;
-                list.push((names, role == Role::Training, bundle, files, variants));
-            }
+            let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+            let campaign = planned(&study.inner, role, settings, &folder, None, &watch);
+            let prepared = study.prepared(&campaign)?;
+            list.extend(prepared.bundles().into_iter().map(|bundle| {
+                let files = campaign.shard_files(&prepared, &bundle);
+                let variants = campaign.variants_in(&prepared, &bundle);
+                let is_training = role == Role::Training;
+                (names.clone(), is_training, bundle, files, variants, campaign.calibration())
+            }));
         }
         Ok(list)
     })?;
     Ok(list)
+}
+
+/// Fits the specimens of the setting `fitted` into the folder, unless they are there.
+#[pyfunction]
+#[pyo3(signature = (study, out, training, threads = None))]
+pub fn run_calibration(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    training: bool,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let (study, folder) = (&*study.inner, Folder::new(out));
+    let result = long(py, None, |watch| -> Result<(), Failure> {
+        let fitted = vec![Setting::Fitted];
+        match planned(study, role(training), fitted, &folder, threads, watch).calibrate()? {
+            true => Ok(()),
+            false => Err(CampaignError::Cancelled.into()),
+        }
+    })?;
+    Ok(result?)
 }
 
 /// Simulates one piece into the folder's shards: (variants, of them found done).
@@ -263,11 +305,11 @@ pub fn run_task(
     shards: Vec<usize>,
     threads: Option<usize>,
 ) -> PyResult<(usize, usize)> {
-    let settings = chosen(Some(settings))?;
-    let (study, folder) = (&*study.inner, Folder::new(out));
+    let (settings, folder) = (chosen(Some(settings))?, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(usize, usize), Failure> {
-        let campaign = planned(study, role(training), settings, &folder, threads, watch);
-        let outcome = campaign.run_bundles(&[shards], |_, _| ())?;
+        let campaign = planned(&study.inner, role(training), settings, &folder, threads, watch);
+        let prepared = study.prepared(&campaign)?;
+        let outcome = campaign.run_bundles(&prepared, vec![shards], |_, _| ())?;
         if outcome.cancelled {
             return Err(CampaignError::Cancelled.into());
         }
@@ -346,7 +388,7 @@ pub fn train_folder(
     let folder = Folder::new(out);
     let result = long(py, progress.as_ref(), |watch| -> Result<_, Failure> {
         let study = folder.read_study()?;
-        let workers = threads.map_or(Workers::all(), Workers::new).stopped_by(&watch.cancel);
+        let workers = watch.workers(threads);
         watch.tell("training", 0, 1);
         let trained = job::train_all(&folder, &study, workers)?;
         watch.tell("training", 1, 1);
@@ -370,7 +412,7 @@ pub fn evaluate_folder(
     let folder = Folder::new(out);
     let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
         let study = folder.read_study()?;
-        let workers = threads.map_or(Workers::all(), Workers::new).stopped_by(&watch.cancel);
+        let workers = watch.workers(threads);
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let results = job::evaluate_all(&folder, &study, workers, &told)?;
         manifest::write(&folder, &study)?;
@@ -405,7 +447,7 @@ pub fn study_of(py: Python<'_>, out: PathBuf) -> PyResult<Study> {
     let folder = Folder::new(out);
     let path = folder.study().display().to_string();
     let inner = py.detach(|| folder.read_study()).map_err(Failure::from)?;
-    Ok(Study { inner: Arc::new(inner), path })
+    Ok(Study::made(inner, path))
 }
 
 impl From<CampaignError> for Failure {

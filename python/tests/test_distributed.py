@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from tiny import contents, many_shards
+from tiny import contents, many_shards, with_fitted
 
 import servotwin
 
@@ -34,7 +34,8 @@ def whole(study, tmp_path_factory):
 class Cluster:
     """A scheduler and workers, each a command of its own."""
 
-    def __init__(self, workers):
+    def __init__(self, workers, *preload):
+        self.preload = preload
         self.port = free_port()
         self.address = f"tcp://127.0.0.1:{self.port}"
         self.processes = []
@@ -51,6 +52,7 @@ class Cluster:
 
     def worker(self):
         options = ["--nthreads", "1", "--no-dashboard", "--no-nanny"]
+        options += [f"--preload={path}" for path in self.preload]
         return self.start("worker", self.address, *options)
 
     def client(self, workers):
@@ -159,6 +161,36 @@ def test_a_storage_that_fails_one_write_in_ten_gives_the_same_bytes(tmp_path, mo
     with pytest.raises(OSError):
         store.put(path, "shards/never")
     assert contents(tmp_path / "out") == written
+
+
+def test_a_campaign_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp_path, monkeypatch):
+    import flaky
+
+    notes, out = tmp_path / "notes", tmp_path / "out"
+    notes.mkdir()
+    monkeypatch.setenv("FLAKY_NOTES", str(notes))
+    with Cluster(2, flaky.__file__) as cluster, cluster.client(2) as client:
+        distributed.campaign(study, client, f"flaky://{out}", progress=False)
+    assert {note.name.split("-")[0] for note in notes.iterdir()} - {str(os.getpid())}, "in workers"
+    assert_same(out, whole)
+
+
+def test_the_fitted_setting_has_the_bytes_of_one_machine(tmp_path):
+    fitted = servotwin.Study.parse(with_fitted())
+    alone, shared = tmp_path / "alone", tmp_path / "shared"
+    servotwin.campaign(fitted, alone, settings=["fitted"], progress=False)
+    with Cluster(2) as cluster, cluster.client(2) as client:
+        ran = distributed.campaign(
+            fitted, client, str(shared), settings=["fitted"], progress=False
+        )
+    assert [one.settings for one in ran] == [["fitted"]]
+    assert_same(shared, contents(alone))
+    # In parts, without Dask.
+    parts = tmp_path / "parts"
+    for part in ("2/2", "1/2"):
+        servotwin.campaign(fitted, parts, settings=["fitted"], part=part, progress=False)
+    servotwin.merge(parts, settings=["fitted"], progress=False)
+    assert_same(parts, contents(alone))
 
 
 def test_an_s3_server_holds_the_same_bytes(study, whole):

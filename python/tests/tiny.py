@@ -1,29 +1,10 @@
 """Studies that are small enough for a test."""
 
-STUDY = """
-format = 1
-name = "tiny"
-title = "A study small enough for a test"
-system = "aileron_dual"
-duration_s = 2
-sample_hz = 50
-intensities = [0.4, 0.6, 0.8, 1.0]
-units = ["actuator_1", "actuator_2"]
-[command]
-input = "command"
-signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
-[load]
-input = "load_factor"
-values.100 = 1.0
-[sensors]
-p_a_1 = { quantity = "pressure_a", unit = 1 }
-p_b_1 = { quantity = "pressure_b", unit = 1 }
-x_p_1 = { quantity = "ram", unit = 1 }
-x_v_1 = { quantity = "spool", unit = 1 }
-p_a_2 = { quantity = "pressure_a", unit = 2 }
-p_b_2 = { quantity = "pressure_b", unit = 2 }
-x_p_2 = { quantity = "ram", unit = 2 }
-x_v_2 = { quantity = "spool", unit = 2 }
+from pathlib import Path
+
+_TESTS = Path(__file__).resolve().parents[2] / "crates/servotwin/tests"
+
+STUDY = (_TESTS / "tiny.toml").read_text(encoding="utf-8") + """
 [[classes]]
 detail = "external_leakage"
 command = "shut_down"
@@ -76,6 +57,18 @@ def many_shards():
     begin, end = text.index("[training]"), text.index("[flights]")
     text = text[:begin] + text[end:]
     return text[: text.index("[flights]")] + text[text.index("[reactions]") :]
+
+
+def with_fitted():
+    """Several shards of specimens beside twins that are fitted to them."""
+    return many_shards().replace(
+        "[reactions]",
+        'tolerances = [{ parameters = ["servo_valve.null_bias"], sigma = 0.0067, absolute = true }]\n'
+        "[fitted]\n"
+        'command = "noise:rms=4deg,bandwidth=1Hz,seed=9"\n'
+        "duration_s = 5\njudge = 4\nlearn = 4\nin_each_case = 2\n"
+        "[reactions]",
+    )
 
 
 def contents(folder):

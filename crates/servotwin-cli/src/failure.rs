@@ -321,7 +321,10 @@ impl From<StudyError> for Failure {
 
 impl From<CampaignError> for Failure {
     fn from(error: CampaignError) -> Self {
-        Failure::Campaign(error)
+        match error {
+            CampaignError::Cancelled => Failure::Stopped,
+            error => Failure::Campaign(error),
+        }
     }
 }
 

@@ -7,10 +7,10 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
+use servotwin::evaluation::parallel::Workers;
 use servotwin::job::{Folder, manifest};
 use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, runs};
 use servotwin::study::{Role, Setting, Study};
-use servotwin_model::solver::Settings;
 use std::time::Instant;
 
 /// Simulate every fault of a study under every operating case, into a data set.
@@ -44,18 +44,7 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
     stop::heed();
-    let named = |setting: Setting| match options.setting.as_deref() {
-        Some(name) => name == setting.name(),
-        None => setting.is_usual(),
-    };
-    let runs = runs(&study, named);
-    if runs.is_empty() {
-        // A setting was named that the study does not have.
-        let setting = Setting::ALL.into_iter().find(|setting| named(*setting));
-        return Err(
-            CampaignError::NoSection { setting: setting.expect("one that is named") }.into()
-        );
-    }
+    let runs = chosen(&study, options.setting.as_deref())?;
     let folder = Folder::new(&options.study.out);
     match options.shards {
         Some(_) => folder.join_study(&study)?,
@@ -86,6 +75,23 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
+/// The campaigns of a study in the setting of a name, or in the usual ones.
+pub fn chosen(
+    study: &Study,
+    setting: Option<&str>,
+) -> Result<Vec<(Role, Vec<Setting>)>, CampaignError> {
+    let named = |candidate: Setting| match setting {
+        Some(name) => name == candidate.name(),
+        None => candidate.is_usual(),
+    };
+    let runs = runs(study, named);
+    match Setting::ALL.into_iter().find(|setting| named(*setting)) {
+        // A setting was named that the study does not have.
+        Some(setting) if runs.is_empty() => Err(CampaignError::NoSection { setting }),
+        _ => Ok(runs),
+    }
+}
+
 /// A campaign that Ctrl-C stops.
 pub fn campaign<'s>(
     study: &'s Study,
@@ -94,17 +100,11 @@ pub fn campaign<'s>(
     folder: &Folder,
     threads: Option<usize>,
 ) -> Campaign<'s> {
-    let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
     Campaign {
-        study,
-        role,
-        settings,
-        solver: Settings::campaign(),
-        threads: threads.unwrap_or(processors).max(1),
-        folder: folder.path().into(),
-        keep_traces: false,
-        simulate_images: false,
+        settings: settings.clone(),
+        threads: threads.unwrap_or_else(|| Workers::all().threads()).max(1),
         cancel: Some(stop::flag()),
+        ..Campaign::stored(folder.path(), study, settings[0], role)
     }
 }
 

@@ -1,11 +1,10 @@
 //! `servotwin merge`: the shards of a campaign's parts joined to data sets.
 
-use super::campaign::{campaign, describe};
-use crate::Global;
+use super::campaign::{campaign, chosen, describe};
 use crate::failure::Failure;
+use crate::{Global, stop};
 use servotwin::job::{Folder, manifest};
 use servotwin::study::Setting;
-use servotwin::study::campaign::runs;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -16,15 +15,19 @@ use std::time::Instant;
 pub struct Options {
     /// The folder in which all parts have worked.
     folder: PathBuf,
+    /// The setting that was named to 'servotwin campaign' [default: all but fitted].
+    #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
+    setting: Option<String>,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let study = folder.read_study()?;
+    stop::heed();
     let mut text = String::new();
     let mut merged = vec![];
-    for (role, settings) in runs(&study, Setting::is_usual) {
+    for (role, settings) in chosen(&study, options.setting.as_deref())? {
         let begin = Instant::now();
         let campaign = campaign(&study, role, settings, &folder, None);
         let outcome = campaign.merge()?;

@@ -3,30 +3,8 @@
 use super::{Folder, servotwin, stderr, stdout};
 use std::path::Path;
 
+/// What follows the beginning that all tiny studies have.
 const STUDY: &str = r#"
-format = 1
-name = "tiny"
-title = "Flights small enough for a test"
-system = "aileron_dual"
-duration_s = 2
-sample_hz = 50
-intensities = [1.0]
-units = ["actuator_1", "actuator_2"]
-[command]
-input = "command"
-signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
-[load]
-input = "load_factor"
-values.100 = 1.0
-[sensors]
-p_a_1 = { quantity = "pressure_a", unit = 1 }
-p_b_1 = { quantity = "pressure_b", unit = 1 }
-x_p_1 = { quantity = "ram", unit = 1 }
-x_v_1 = { quantity = "spool", unit = 1 }
-p_a_2 = { quantity = "pressure_a", unit = 2 }
-p_b_2 = { quantity = "pressure_b", unit = 2 }
-x_p_2 = { quantity = "ram", unit = 2 }
-x_v_2 = { quantity = "spool", unit = 2 }
 [[classes]]
 detail = "control_valve"
 command = "shut_down"
@@ -50,10 +28,15 @@ judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 "#;
 
+fn tiny() -> String {
+    let head = include_str!("../../../servotwin/tests/tiny.toml");
+    format!("{}{STUDY}", head.replace("[0.4, 0.6, 0.8, 1.0]", "[1.0]"))
+}
+
 /// Study and diagnoser, learned in a folder.
 pub fn learned(folder: &Folder) -> [String; 2] {
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    std::fs::write(&study, STUDY).unwrap();
+    std::fs::write(&study, tiny()).unwrap();
     let output = servotwin(&["flights", &study, "--out", &out]);
     assert!(output.status.success(), "{}", stderr(&output));
     [study, format!("{out}/diagnoser-realistic.json")]
@@ -63,7 +46,7 @@ pub fn learned(folder: &Folder) -> [String; 2] {
 fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() {
     let folder = Folder::new("flights");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    std::fs::write(&study, STUDY).unwrap();
+    std::fs::write(&study, tiny()).unwrap();
     let full = servotwin(&["flights", &study, "--out", &out, "--full"]);
     assert_eq!(full.status.code(), Some(2));
     assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
@@ -103,14 +86,14 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
 fn what_cannot_be_flown_is_told_in_one_line() {
     let folder = Folder::new("not-flown");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    std::fs::write(&study, STUDY.split("[flights]").next().unwrap()).unwrap();
+    std::fs::write(&study, tiny().split("[flights]").next().unwrap()).unwrap();
     for command in ["flights", "fly"] {
         let output = servotwin(&[command, &study, "--out", &out]);
         assert_eq!(output.status.code(), Some(2), "{command}");
         let text = stderr(&output);
         assert!(text.contains("no [flights]") && text.trim_end().lines().count() == 1, "{text}");
     }
-    std::fs::write(&study, STUDY).unwrap();
+    std::fs::write(&study, tiny()).unwrap();
     let output = servotwin(&["fly", &study, "--out", &out, "--duration", "never"]);
     assert!(!output.status.success() && stderr(&output).contains("--duration"), "{output:?}");
 }

@@ -9,30 +9,7 @@ use std::time::Duration;
 /// The paper's study with few faults, two short runs, and every section of the file in use.
 fn tiny(classes: &str) -> String {
     format!(
-        r#"
-format = 1
-name = "tiny"
-title = "A study small enough for a test"
-system = "aileron_dual"
-duration_s = 2
-sample_hz = 50
-intensities = [0.4, 0.6, 0.8, 1.0]
-units = ["actuator_1", "actuator_2"]
-[command]
-input = "command"
-signals.S1 = "noise:rms=5deg,bandwidth=1Hz,seed=1"
-[load]
-input = "load_factor"
-values.100 = 1.0
-[sensors]
-p_a_1 = {{ quantity = "pressure_a", unit = 1 }}
-p_b_1 = {{ quantity = "pressure_b", unit = 1 }}
-x_p_1 = {{ quantity = "ram", unit = 1 }}
-x_v_1 = {{ quantity = "spool", unit = 1 }}
-p_a_2 = {{ quantity = "pressure_a", unit = 2 }}
-p_b_2 = {{ quantity = "pressure_b", unit = 2 }}
-x_p_2 = {{ quantity = "ram", unit = 2 }}
-x_v_2 = {{ quantity = "spool", unit = 2 }}
+        r#"{}
 [extra_sensor]
 id = "x_p_3"
 title = "third stroke sensor"
@@ -67,7 +44,8 @@ learn = {{ environments = 3, repeats = 1, healthy = 2 }}
 judge = {{ environments = 2, repeats = 1, healthy = 1, foreign = 1 }}
 [reactions]
 shut_down = {{ switches_off = true, unit_inputs = {{ mode = 0 }} }}
-"#
+"#,
+        include_str!("../../../servotwin/tests/tiny.toml")
     )
 }
 
@@ -301,6 +279,12 @@ fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     fails(&["merge", &parts], 1, "have not been simulated");
     run(&["campaign", &study, "--out", &parts, "--shards", "1/2", "--threads", "1"]);
     run(&["merge", &parts]);
+    assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
+    let fitted = ["--setting", "fitted"];
+    run(&[&["campaign", &study, "--out", &whole], &fitted[..]].concat());
+    run(&[&["campaign", &study, "--out", &parts, "--shards", "1/1"], &fitted[..]].concat());
+    assert!(!Path::new(&parts).join("dataset-fitted.parquet").exists());
+    run(&[&["merge", &parts], &fitted[..]].concat());
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
 
     let other = folder.file("other.toml");

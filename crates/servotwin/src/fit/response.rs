@@ -93,7 +93,7 @@ impl<'s> Problem<'s> {
     }
 
     /// A variant with given unknowns.
-    pub(super) fn variant<'v>(&self, z: &[f64], inputs: &'v [Piecewise]) -> Variant<'v> {
+    pub(crate) fn variant<'v>(&self, z: &[f64], inputs: &'v [Piecewise]) -> Variant<'v> {
         let mut variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
         for (unknown, &z) in self.unknowns.iter().zip(z) {
             unknown.apply(z, &mut variant.overrides, &mut variant.faults);

@@ -3,7 +3,7 @@
 use crate::files::Folder;
 use servotwin::study::campaign::{Campaign, CampaignError, Row, calibration_file};
 use servotwin::study::{Role, Setting, Study};
-use servotwin::table;
+use servotwin::table::{self, Column, Table};
 use servotwin_model::solver::Settings;
 use std::collections::BTreeSet;
 
@@ -127,4 +127,46 @@ fn what_the_setting_needs_is_told() {
     assert!(short.contains("duration_s") && short.contains("5 … 10000 s"), "{short}");
     let signal = wrong("noise:rms=5deg,bandwidth=1Hz,seed=9", "noise:rms=5deg");
     assert!(signal.contains("bandwidth"), "{signal}");
+}
+
+#[test]
+fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
+    let study = study(FITTED);
+    let (whole, parts) = (Folder::new("whole"), Folder::new("parts"));
+    let file = |folder: &Folder, name: &str| std::fs::read(folder.file(name)).unwrap();
+    let (data_set, pool) = ("dataset-fitted.parquet", "calibration-fitted.parquet");
+    let one = campaign(&study, Setting::Fitted, &whole, 2);
+    rows(&one);
+    // Shards that are worked on one after the other, by another number of threads.
+    let other = Campaign { round_shards: 1, ..campaign(&study, Setting::Fitted, &parts, 1) };
+    assert!(other.calibrate().unwrap());
+    assert!(file(&parts, pool) == file(&whole, pool));
+    for part in ["2/2", "1/2"] {
+        other.run_part(part.parse().unwrap(), 0, |_, _| ()).unwrap();
+    }
+    assert!(!parts.file(data_set).exists());
+    // Only the shards may have been copied together.
+    std::fs::remove_file(parts.file(pool)).unwrap();
+    other.merge().unwrap();
+    assert!(file(&parts, pool) == file(&whole, pool));
+    assert!(file(&parts, data_set) == file(&whole, data_set));
+
+    // The file is what is flown with, unless it is of something else.
+    let bent = Folder::new("bent");
+    let third = campaign(&study, Setting::Fitted, &bent, 2);
+    let known = table::read(whole.file(pool)).unwrap();
+    let rows = known.row_count();
+    let mut columns = known.columns().to_vec();
+    let place = columns.iter().position(|column| column.name == "fitted_sigma").unwrap();
+    columns[place] = Column::new("fitted_sigma", "", vec![0.0; rows]);
+    let mut bare = Table::from_columns(columns).unwrap();
+    bare.metadata = known.metadata.clone();
+    table::write(bent.file(pool), &bare).unwrap();
+    third.run(|_, _| ()).unwrap();
+    assert!(file(&bent, data_set) != file(&whole, data_set));
+    bare.metadata.clear();
+    std::fs::remove_dir_all(bent.file("shards")).unwrap();
+    table::write(bent.file(pool), &bare).unwrap();
+    third.run(|_, _| ()).unwrap();
+    assert!(file(&bent, data_set) == file(&whole, data_set));
 }

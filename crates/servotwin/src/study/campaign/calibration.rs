@@ -3,9 +3,11 @@
 //!
 //! Nothing of a specimen is used but the noisy, quantised samples of its sensors; of the command the samples
 //! that a logger keeps. What came out is kept beside the true values, in standard deviations of the
-//! tolerances: `calibration-fitted.parquet`.
+//! tolerances: `calibration-fitted.parquet`. It is computed once: every part of a campaign that finds
+//! the file takes it over, to the bit.
 
-use super::{Campaign, CampaignError, Setting, ensemble};
+use super::prepared::Mark;
+use super::{Campaign, CampaignError, Plants, Setting, ensemble};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
 use crate::fit::{FitError, Problem, Record, Unknown};
@@ -19,17 +21,37 @@ type Overrides = Vec<(usize, usize, f64)>;
 
 /// The file with the specimens of a pool: true values, what was fitted, and its standard error.
 pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
-    let (name, suffix) = (Setting::Fitted.name(), role.suffix());
-    folder.join(format!("calibration-{name}{suffix}.parquet"))
+    folder.join(calibration_name(role))
+}
+
+fn calibration_name(role: Role) -> String {
+    format!("calibration-{}{}.parquet", Setting::Fitted.name(), role.suffix())
 }
 
 impl Campaign<'_> {
+    /// The file that all parts read, or else each would have to fit the specimens itself; `None` where
+    /// nothing is fitted.
+    pub fn calibration(&self) -> Option<String> {
+        (self.plants() == Plants::Pool).then(|| calibration_name(self.role))
+    }
+
+    /// Fits the specimens, if the file with them is not there; `false` if cancelled.
+    ///
+    /// # Errors
+    /// A specimen cannot be fitted, or the file not be written.
+    pub fn calibrate(&self) -> Result<bool, CampaignError> {
+        self.calibrated().map(|found| found.is_some())
+    }
+
     /// The parameters of every specimen's twin, fitted to its calibration flight; `None` if cancelled.
     pub(super) fn calibrated(&self) -> Result<Option<Vec<Overrides>>, CampaignError> {
         let (Some(realism), Some(calibration)) = (&self.study.realism, &self.study.calibration)
         else {
             return Err(CampaignError::NoSection { setting: Setting::Fitted });
         };
+        if let Some(known) = self.known(calibration.specimens(self.role)) {
+            return Ok(Some(known));
+        }
         let truth: Vec<Overrides> = (0..calibration.specimens(self.role))
             .map(|specimen| realism.specimen(self.study, Lot::pool(self.role), specimen))
             .collect();
@@ -57,6 +79,33 @@ impl Campaign<'_> {
         };
         self.write_calibration(&problem.unknowns, &truth, &found)?;
         Ok(Some(found.specimens.into_iter().map(|specimen| specimen.overrides).collect()))
+    }
+
+    /// What a file of this campaign says of so many specimens; `None` if there is none.
+    fn known(&self, specimens: usize) -> Option<Vec<Overrides>> {
+        let table = table::read(calibration_file(&self.folder, self.role)).ok()?;
+        if table.metadata.get("fingerprint") != Some(&self.calibration_mark()) {
+            return None;
+        }
+        let unknowns = Unknown::of_study(self.study);
+        let z = table.f64("fitted_sigma").ok()?;
+        let problem = Problem { unknowns, ..Problem::new(&self.study.system, vec![]) };
+        let size = problem.unknowns.len().max(1);
+        let of = |z: &[f64]| problem.variant(z, &[]).overrides;
+        (z.len() == specimens * size).then(|| z.chunks(size).map(of).collect())
+    }
+
+    /// What a pool must have been made from to be taken over.
+    fn calibration_mark(&self) -> String {
+        let study = self.study;
+        let mut mark = Mark::default();
+        mark.add(format_args!(
+            "calibration 1 {:?} {:?} {} ",
+            self.role, self.solver, study.sample_period_s
+        ));
+        mark.add(format_args!("{}", self.model_text()));
+        mark.add(format_args!("{:?} {:?}", study.realism, study.calibration));
+        mark.text()
     }
 
     /// What the sensors of each specimen show in its calibration flight.
@@ -117,7 +166,8 @@ impl Campaign<'_> {
             Column::new("true_sigma", "", float(&|n, k| unknowns[k].sigmas(&truth[n]))),
             Column::new("fitted_sigma", "", float(&|n, k| found.specimens[n].z[k])),
             Column::new("error_sigma", "", float(&|_, k| found.errors[k])),
-        ])?;
+        ])?
+        .with_metadata("fingerprint", self.calibration_mark());
         Ok(table::write(calibration_file(&self.folder, self.role), &table)?)
     }
 }

@@ -7,6 +7,7 @@ use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// A feature of the data set.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,19 +34,20 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
-/// What a data set is made from.
+/// What a data set is made from, some variants after the others.
 pub(super) struct Maker<'m> {
     pub study: &'m Study,
     pub cases: &'m [OperatingCase],
+    pub plan: &'m [Planned],
     pub images: &'m Images,
     pub setting: Setting,
 }
 
 impl Maker<'_> {
-    /// The data set: labels, detection, features.
-    pub fn table(&self, plan: &[Planned], rows: &[Row]) -> Table {
-        let mut columns = self.label_columns(plan);
-        let reflected = (0..plan.len()).map(|variant| self.images.is_mirrored(variant));
+    /// The data set of some variants, whose rows these are: labels, detection, features.
+    pub fn table(&self, variants: Range<usize>, rows: &[Row]) -> Table {
+        let mut columns = self.label_columns(variants.clone());
+        let reflected = variants.map(|variant| self.images.is_mirrored(variant));
         let reflected = Values::Flag(reflected.collect());
         columns.push(Column::new("reflected", "", reflected));
         let float = |f: &dyn Fn(&Window) -> f64| {
@@ -77,10 +79,10 @@ impl Maker<'_> {
         feature_columns(features.iter().map(|known| known.feature.name.as_str()), &rows)
     }
 
-    fn label_columns(&self, plan: &[Planned]) -> Vec<Column> {
-        let study = self.study;
+    fn label_columns(&self, variants: Range<usize>) -> Vec<Column> {
+        let (study, plan) = (self.study, &self.plan[variants.clone()]);
         let seed = study.realism.as_ref().map_or(0, |r| r.seed as u32);
-        let variants = (0..plan.len() as u32).collect();
+        let variants = variants.map(|variant| variant as u32).collect();
         let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(variants)),
             Column::new("case", "", texts(plan, |p| &self.cases[p.case].name)),

@@ -11,18 +11,19 @@
 
 use super::{Planned, Study};
 use servotwin_diagnosis::residual::Window;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// By how much means and deviations of a probe's scaled residuals may differ
 /// from its image's: a thirtieth of the band (4), and a hundred times the
 /// solver's error, because a limit cycle multiplies rounding errors.
 const LARGEST_DIFFERENCE: f64 = 1e-3;
 
-/// Where a variant's signals come from.
+/// Where a variant's signals come from. In 32 bits, as variants are numbered in shards: there may be
+/// millions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Source {
     /// The variant that is simulated.
-    simulated: usize,
+    simulated: u32,
     /// Whether the units are exchanged.
     mirrored: bool,
 }
@@ -31,8 +32,8 @@ struct Source {
 pub(super) struct Images {
     /// For every variant where its signals come from.
     sources: Vec<Source>,
-    /// For every simulated variant the others that it serves.
-    served: Vec<Vec<usize>>,
+    /// Every variant that is not simulated, behind the one that serves it, in order.
+    served: Vec<(u32, u32)>,
     /// Variants that are simulated although they are mirror images: (probe, original).
     probes: Vec<(usize, usize)>,
     /// The sensors with the units exchanged.
@@ -44,8 +45,8 @@ impl Images {
     pub fn none(plan: &[Planned]) -> Self {
         let own = |simulated| Source { simulated, mirrored: false };
         Images {
-            sources: (0..plan.len()).map(own).collect(),
-            served: vec![Vec::new(); plan.len()],
+            sources: (0..plan.len() as u32).map(own).collect(),
+            served: Vec::new(),
             probes: Vec::new(),
             order: Vec::new(),
         }
@@ -61,6 +62,7 @@ impl Images {
             images.order = order;
             images.mirror(study, plan);
         }
+        images.served.sort_unstable();
         images
     }
 
@@ -75,22 +77,31 @@ impl Images {
     }
 
     fn mirror(&mut self, study: &Study, plan: &[Planned]) {
-        let fault = |planned: &Planned| planned.fault.map(|f| &study.faults[f]);
-        let mut first_units = BTreeMap::new();
-        for (variant, planned) in plan.iter().enumerate() {
-            if let Some(fault) = fault(planned).filter(|fault| fault.unit == 0) {
-                let key = (planned.case, &fault.kind, fault.at.intensity.to_bits());
-                first_units.insert(key, variant);
-            }
+        let mut start = 0;
+        // Case by case, as they stand in the plan: no more of it needs to be looked up at a time.
+        for of_case in plan.chunk_by(|one, next| one.case == next.case) {
+            self.mirror_case(study, start, of_case);
+            start += of_case.len();
         }
-        for (variant, planned) in plan.iter().enumerate() {
-            let Some(fault) = fault(planned).filter(|fault| fault.unit == 1) else { continue };
-            let key = (planned.case, &fault.kind, fault.at.intensity.to_bits());
+    }
+
+    /// The images among variants of one case, of which the first has the number `start`.
+    fn mirror_case(&mut self, study: &Study, start: usize, plan: &[Planned]) {
+        let of_unit = |unit: usize| {
+            plan.iter().enumerate().filter_map(move |(place, planned)| {
+                let fault = &study.faults[planned.fault?];
+                let key = (&fault.kind, fault.at.intensity.to_bits());
+                (fault.unit == unit).then_some((start + place, planned.case, fault, key))
+            })
+        };
+        let first_units: BTreeMap<_, usize> =
+            of_unit(0).map(|(variant, _, _, key)| (key, variant)).collect();
+        for (variant, case, fault, key) in of_unit(1) {
             let Some(&original) = first_units.get(&key) else { continue };
             let stronger = |other: &super::FaultCase| {
                 other.kind == fault.kind && other.at.intensity > fault.at.intensity
             };
-            if planned.case == 0 && !study.faults.iter().any(stronger) {
+            if case == 0 && !study.faults.iter().any(stronger) {
                 self.probes.push((variant, original));
             } else {
                 self.serve(variant, original, true);
@@ -99,18 +110,21 @@ impl Images {
     }
 
     fn serve(&mut self, variant: usize, simulated: usize, mirrored: bool) {
+        let simulated = simulated as u32;
         self.sources[variant] = Source { simulated, mirrored };
-        self.served[simulated].push(variant);
+        self.served.push((simulated, variant as u32));
     }
 
     /// The variant to simulate for this one.
     pub fn simulated(&self, variant: usize) -> usize {
-        self.sources[variant].simulated
+        self.sources[variant].simulated as usize
     }
 
     /// All variants whose signals the simulation of one gives, itself first.
     pub fn served(&self, simulated: usize) -> impl Iterator<Item = usize> + '_ {
-        std::iter::once(simulated).chain(self.served[simulated].iter().copied())
+        let first = self.served.partition_point(|&(by, _)| (by as usize) < simulated);
+        let own = self.served[first..].iter().take_while(move |&&(by, _)| by as usize == simulated);
+        std::iter::once(simulated).chain(own.map(|&(_, variant)| variant as usize))
     }
 
     /// The order of the simulated sensors in which a variant's stand; `None` for the same order.
@@ -130,7 +144,12 @@ impl Images {
 
     /// Number of variants that are not simulated.
     pub fn count(&self) -> usize {
-        self.served.iter().map(Vec::len).sum()
+        self.served.len()
+    }
+
+    /// The probes and what they are compared with.
+    pub fn probed(&self) -> BTreeSet<usize> {
+        self.probes.iter().flat_map(|&(probe, original)| [probe, original]).collect()
     }
 
     /// Whether all probes are what the images say.

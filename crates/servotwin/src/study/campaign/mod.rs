@@ -7,8 +7,9 @@
 //! Variants are written in *shards*, each a Parquet file that appears when all
 //! its variants have ended. A campaign that was interrupted skips the shards
 //! that exist: because every variant is the same bits whenever it runs, the
-//! result is the same bytes. Memory holds the windows of open lanes and the rows of
-//! unfinished shards; it does not grow with the length of runs.
+//! result is the same bytes. Shards are simulated in rounds and joined one after the other: memory holds
+//! the twins of a round, its open lanes and unfinished shards, and of every variant some 50 bytes of the
+//! plan; it does not grow with the length of faulty runs.
 //!
 //! A shard holds windows, not features: the data set is made from the shards,
 //! so that features can be changed without simulating anything again.
@@ -17,7 +18,9 @@ mod calibration;
 pub mod columns;
 mod data_set;
 mod images;
+mod join;
 mod part;
+mod prepared;
 mod shard;
 mod watch;
 
@@ -25,18 +28,17 @@ pub use calibration::calibration_file;
 pub use columns::largest_column;
 pub use data_set::{DataFeature, data_features};
 pub use part::{Part, runs};
+pub use prepared::Prepared;
 pub use shard::Row;
 
 use super::{Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Setting, Study};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::files::{FileError, create_folder};
 use crate::table::{self, Column, Table, TableError, Values};
-use data_set::Maker;
 use images::Images;
-use servotwin_model::c_source;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{Failure, Settings, Statistics};
-use shard::{Collector, Shards};
+use shard::{Collector, Shards, variants_of};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -45,6 +47,12 @@ use watch::{Observer, Twin, Watch};
 
 /// What is in a shard; shards of another format are made anew.
 const SHARD_FORMAT: &str = "windows 2";
+
+/// Shards in one round of a campaign: lanes seldom wait for the last ones, and memory stays small.
+pub const ROUND_SHARDS: usize = 200;
+
+/// Twins in one round at most, of which each is as long as a run.
+const ROUND_TWINS: usize = 256;
 
 /// What a campaign needs besides the study.
 pub struct Campaign<'s> {
@@ -60,6 +68,9 @@ pub struct Campaign<'s> {
     pub threads: usize,
     /// Where the files go.
     pub folder: PathBuf,
+    /// Shards that are worked on at a time, [`ROUND_SHARDS`]: the bytes do not depend on it, but how much
+    /// memory is used.
+    pub round_shards: usize,
     /// Whether to keep the time series too.
     pub keep_traces: bool,
     /// Whether to simulate variants that others show, too.
@@ -124,8 +135,6 @@ pub enum CampaignError {
     },
     /// It was stopped from elsewhere.
     Cancelled,
-    /// Specimens of this setting are fitted once for all variants, not in parts.
-    InOneGo,
     /// Shards were made as if two units were alike, and they are not.
     NotAlike,
     /// The healthy system could not be simulated.
@@ -164,10 +173,6 @@ impl fmt::Display for CampaignError {
                 "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
             ),
             CampaignError::Cancelled => write!(out, "cancelled"),
-            CampaignError::InOneGo => write!(
-                out,
-                "the specimens of setting 'fitted' are fitted once for all variants: run its campaign in one go"
-            ),
             CampaignError::NotAlike => write!(
                 out,
                 "the units are not alike enough for variants to be shown by others: run every part again \
@@ -213,6 +218,7 @@ impl<'s> Campaign<'s> {
             solver: Settings::campaign(),
             threads: 1,
             folder: folder.into(),
+            round_shards: ROUND_SHARDS,
             keep_traces: false,
             simulate_images: false,
             cancel: None,
@@ -291,30 +297,18 @@ impl Campaign<'_> {
     /// A file cannot be written, the study is empty, or the healthy system
     /// cannot be simulated. Single variants that fail are in the outcome.
     pub fn run(&self, progress: impl Fn(usize, usize) + Sync) -> Result<Outcome, CampaignError> {
-        let plan = self.checked_plan()?;
-        create_folder(self.shard_folder()).map_err(CampaignError::File)?;
+        let mut prepared = self.prepared()?;
         let mut outcome = Outcome::default();
-        let mut images = self.images(&plan);
         loop {
-            let rows = self.rows(&plan, &images, &mut outcome, &progress)?;
-            let Some(rows) = rows else { return Ok(outcome) };
-            if !images.hold(|variant| &rows[0][variant].window) {
-                images = Images::none(&plan);
-                continue;
+            self.simulate(&prepared, prepared.bundles(), &mut outcome, &progress)?;
+            if outcome.cancelled {
+                return Ok(outcome);
             }
-            self.write_data_sets(&plan, &rows, &images, &mut outcome)?;
-            return Ok(outcome);
-        }
-    }
-
-    fn checked_plan(&self) -> Result<Vec<Planned>, CampaignError> {
-        let plan = self.plan();
-        if plan.is_empty() {
-            return Err(CampaignError::NoVariants);
-        }
-        match self.settings.iter().find(|setting| !setting.is_possible(self.study)) {
-            Some(&setting) => Err(CampaignError::NoSection { setting }),
-            None => Ok(plan),
+            if self.units_are_alike(&prepared)? {
+                self.write_data_sets(&prepared, &mut outcome)?;
+                return Ok(outcome);
+            }
+            prepared = self.without_images(prepared);
         }
     }
 
@@ -335,163 +329,91 @@ impl Campaign<'_> {
         self.folder.join("shards")
     }
 
-    fn shards(&self, plan: &[Planned], images: &Images) -> Vec<Shards> {
-        let of = |&setting: &Setting| {
-            let fingerprint = self.fingerprint(setting, plan, images.has_mirrored());
-            let variants = setting.planned(plan);
+    fn shards(&self, prepared: &Prepared) -> Vec<Shards> {
+        let of = |(&setting, fingerprint): (&Setting, &String)| {
+            let variants = setting.planned(&prepared.plan);
+            let fingerprint = fingerprint.clone();
             Shards::new(&self.shard_folder(), setting, self.role, fingerprint, variants)
         };
-        self.settings.iter().map(of).collect()
+        self.settings.iter().zip(&prepared.fingerprints).map(of).collect()
     }
 
-    /// The rows of all variants in every setting, simulated where no shard holds them; `None` if
-    /// cancelled.
-    fn rows(
-        &self,
-        plan: &[Planned],
-        images: &Images,
-        outcome: &mut Outcome,
-        progress: &(impl Fn(usize, usize) + Sync),
-    ) -> Result<Option<Vec<Vec<Row>>>, CampaignError> {
-        let shards = self.shards(plan, images);
-        let pending: Vec<Vec<usize>> = shards.iter().map(Shards::pending).collect();
-        outcome.variants = self.settings.iter().map(|setting| setting.planned(plan)).sum();
-        self.simulate(plan, images, &shards, &pending, outcome, progress)?;
-        if self.is_cancelled() {
-            outcome.cancelled = true;
-            return Ok(None);
-        }
-        shards.iter().map(|shards| shards.collect(self.study)).collect::<Result<_, _>>().map(Some)
-    }
-
-    /// Simulates variants whose rows no shard holds, unless cancelled.
+    /// Simulates the variants of some bundles whose rows no shard holds, unless cancelled, round by
+    /// round.
     fn simulate(
         &self,
-        plan: &[Planned],
-        images: &Images,
-        shards: &[Shards],
-        pending: &[Vec<usize>],
+        prepared: &Prepared,
+        mut bundles: Vec<Vec<usize>>,
         outcome: &mut Outcome,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
-        outcome.resumed = outcome.variants - pending.iter().map(Vec::len).sum::<usize>();
-        let is_done = pending.iter().all(Vec::is_empty);
+        create_folder(self.shard_folder()).map_err(CampaignError::File)?;
+        let shards = self.shards(prepared);
+        let wanted = || bundles.iter().flatten().copied();
+        let missing = shards.iter().map(|shards| shards.missing(wanted())).collect::<Vec<_>>();
+        let of = |shards: &Shards, shard: usize| shards.variants_of(shard).len();
+        let all = shards.iter().flat_map(|own| wanted().map(|shard| of(own, shard)));
+        outcome.variants = all.sum();
+        let both = shards.iter().zip(&missing);
+        let open = both.flat_map(|(own, missing)| missing.iter().map(|&shard| of(own, shard)));
+        outcome.resumed = outcome.variants - open.sum::<usize>();
         let is_pool = self.plants() == Plants::Pool;
+        bundles.retain(|own| own.iter().any(|s| missing.iter().any(|open| open.contains(s))));
         let is_told = !is_pool || calibration_file(&self.folder, self.role).exists();
-        if is_done && is_told {
+        if bundles.is_empty() && is_told {
             return Ok(());
         }
-        let specimens = if is_pool { self.calibrated()? } else { Some(Vec::new()) };
-        let jobs = self.hardest_first(plan, images, pending);
-        let twins = match specimens.filter(|_| !self.is_cancelled()) {
-            Some(specimens) => self.twins(plan, &jobs, &specimens)?,
-            None => None,
+        let Some(specimens) = (if is_pool { self.calibrated()? } else { Some(vec![]) }) else {
+            outcome.cancelled = true;
+            return Ok(());
         };
-        if let (Some(twins), false) = (twins, self.is_cancelled()) {
-            let collectors = shards.iter().zip(pending);
-            let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
-            let run = Run { plan, images, jobs: &jobs, twins: &twins };
-            self.run_pending(&run, collectors, outcome, progress)?;
-        }
-        Ok(())
-    }
-
-    /// Makes the data sets anew from the shards of a campaign that has ended.
-    ///
-    /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read or written.
-    pub fn features(&self) -> Result<Outcome, CampaignError> {
-        let (plan, images, rows) = self.done()?;
-        let mut outcome = Outcome::default();
-        outcome.variants = rows.iter().map(Vec::len).sum();
-        outcome.resumed = outcome.variants;
-        self.write_data_sets(&plan, &rows, &images, &mut outcome)?;
-        Ok(outcome)
-    }
-
-    /// The windows of all variants of a campaign that has ended, setting by setting.
-    ///
-    /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read.
-    pub fn windows(&self) -> Result<Vec<Vec<Row>>, CampaignError> {
-        self.done().map(|(_, _, rows)| rows)
-    }
-
-    fn done(&self) -> Result<Done, CampaignError> {
-        let plan = self.checked_plan()?;
-        let mut missing = usize::MAX;
-        for images in [self.images(&plan), Images::none(&plan)] {
-            let shards = self.shards(&plan, &images);
-            let pending: usize = shards.iter().map(|shards| shards.pending().len()).sum();
-            missing = missing.min(pending);
-            if pending == 0 {
-                let rows = shards.iter().map(|shards| shards.collect(self.study));
-                let rows = rows.collect::<Result<_, _>>()?;
-                return Ok((plan, images, rows));
+        let mut done = outcome.resumed;
+        for round in self.rounds(prepared, &bundles) {
+            let pending = shards.iter().zip(&missing).map(|(own, missing)| {
+                let open = round.iter().filter(|shard| missing.contains(shard));
+                open.flat_map(|&shard| own.variants_of(shard)).collect()
+            });
+            let pending: Vec<Vec<usize>> = pending.collect();
+            let jobs = self.hardest_first(prepared, &pending);
+            let twins = self.twins(&prepared.plan, &jobs, &specimens)?;
+            if let (Some(twins), false) = (twins, self.is_cancelled()) {
+                let collectors = shards.iter().zip(&pending);
+                let collectors = collectors.map(|(s, p)| Collector::new(s, p)).collect();
+                let run = Run { prepared, jobs: &jobs, twins: &twins };
+                self.run_pending(&run, collectors, outcome, &mut done, progress)?;
+            }
+            if self.is_cancelled() {
+                outcome.cancelled = true;
+                break;
             }
         }
-        Err(CampaignError::Unfinished { missing })
-    }
-
-    fn write_data_sets(
-        &self,
-        plan: &[Planned],
-        rows: &[Vec<Row>],
-        images: &Images,
-        outcome: &mut Outcome,
-    ) -> Result<(), CampaignError> {
-        outcome.images = images.count();
-        outcome.failed.clear();
-        for (&setting, rows) in self.settings.iter().zip(rows) {
-            let failed = rows.iter().enumerate().filter(|(_, row)| !row.failure.is_empty());
-            let failed = failed.map(|(index, row)| (setting, index, row.failure.clone()));
-            outcome.failed.extend(failed);
-            let (study, cases) = (self.study, self.cases());
-            let table = Maker { study, cases, images, setting }
-                .table(&plan[..rows.len()], rows)
-                .with_metadata(
-                    "fingerprint",
-                    self.fingerprint(setting, plan, images.has_mirrored()),
-                )
-                .with_metadata("study", self.study.name.clone())
-                .with_metadata("setting", setting.name());
-            let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
-            table::write(self.folder.join(name), &table)?;
-        }
         Ok(())
     }
 
-    /// What a shard must have been made from to be taken over: the equations with their
-    /// parameters, the inputs, the variants, the sensors, and how all this is simulated.
-    fn fingerprint(&self, setting: Setting, plan: &[Planned], mirrored: bool) -> String {
-        let study = self.study;
-        let mut text = format!(
-            "{SHARD_FORMAT} {mirrored} {setting:?} {:?} {:?} {} {} {} ",
-            self.role,
-            self.solver,
-            study.duration_s,
-            self.duration_s(),
-            study.sample_period_s
-        );
-        let equations = c_source::write(&study.system.program, "model", &[]);
-        text.push_str(&equations.expect("a prefix that is a name"));
-        text.push_str(&study.system.text);
-        text.push_str(&format!("{:?} {:?} ", study.measured, study.sensors));
-        if let Some(realism) = study.realism.as_ref().filter(|_| setting.has_noise()) {
-            text.push_str(&realism.canonical());
+    /// The shards of bundles in rounds, each of which holds its twins and the rows of unfinished shards in
+    /// memory.
+    fn rounds(&self, prepared: &Prepared, bundles: &[Vec<usize>]) -> Vec<Vec<usize>> {
+        let mut rounds: Vec<Vec<usize>> = vec![];
+        let mut twins = BTreeSet::new();
+        for bundle in bundles {
+            let variants = bundle.iter().flat_map(|&shard| variants_of(shard, prepared.plan.len()));
+            let own: BTreeSet<(usize, usize)> =
+                variants.map(|variant| self.beside(variant, prepared.plan[variant])).collect();
+            match rounds.last_mut() {
+                Some(round)
+                    if round.len() + bundle.len() <= self.round_shards
+                        && twins.union(&own).count() <= ROUND_TWINS =>
+                {
+                    round.extend(bundle);
+                    twins.extend(own);
+                }
+                _ => {
+                    rounds.push(bundle.clone());
+                    twins = own;
+                }
+            }
         }
-        if let Some(calibration) = study.calibration.as_ref().filter(|_| setting == Setting::Fitted)
-        {
-            text.push_str(&calibration.canonical());
-        }
-        for planned in &plan[..setting.planned(plan)] {
-            let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
-            text.push_str(&format!("{} {fault} {} ", planned.case, planned.intensity));
-        }
-        for case in self.cases() {
-            text.push_str(&format!("{:?} ", case.inputs));
-        }
-        format!("{:016x}", hash(text.as_bytes()))
+        rounds
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
@@ -589,17 +511,18 @@ impl Campaign<'_> {
         run: &Run,
         mut collectors: Vec<Collector>,
         outcome: &mut Outcome,
+        done: &mut usize,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
         let stop = AtomicBool::new(false);
         let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
-        let Run { plan, images, jobs, twins } = *run;
+        let Run { prepared, jobs, twins } = *run;
+        let Prepared { plan, images, .. } = prepared;
         let observer = Observer::new(self, images);
         let planned: Vec<usize> = self.settings.iter().map(|s| s.planned(plan)).collect();
         let all = outcome.variants;
         let mut error = None;
-        let mut done = outcome.resumed;
-        progress(done, all);
+        progress(*done, all);
         let statistics = &mut outcome.statistics;
         ensemble.run(
             jobs.len(),
@@ -614,13 +537,13 @@ impl Campaign<'_> {
                 }
                 let failure = result.err().map(|f| self.describe(&f)).unwrap_or_default();
                 match self.keep(watch, &failure, &mut collectors) {
-                    Ok(rows) => done += rows,
+                    Ok(rows) => *done += rows,
                     Err(failed) => drop(error.get_or_insert(failed)),
                 }
                 if error.is_some() || self.is_cancelled() {
                     stop.store(true, Ordering::Relaxed);
                 }
-                progress(done, all);
+                progress(*done, all);
             },
         );
         match error {
@@ -652,8 +575,7 @@ impl Campaign<'_> {
     /// end.
     fn hardest_first(
         &self,
-        plan: &[Planned],
-        images: &Images,
+        Prepared { plan, images, .. }: &Prepared,
         pending: &[Vec<usize>],
     ) -> Vec<usize> {
         let pending = pending.iter().flatten();
@@ -692,23 +614,12 @@ impl Campaign<'_> {
     }
 }
 
-/// The plan of a campaign that has ended, and the rows of every setting.
-type Done = (Vec<Planned>, Images, Vec<Vec<Row>>);
-
 /// Virtual twins by case and specimen ([`Campaign::beside`]).
 type Twins = BTreeMap<(usize, usize), Twin>;
 
 /// Variants whose rows no shard holds, and what is needed to simulate them.
 struct Run<'r> {
-    plan: &'r [Planned],
-    images: &'r Images,
+    prepared: &'r Prepared,
     jobs: &'r [usize],
     twins: &'r Twins,
-}
-
-/// FNV-1a, for fingerprints of files: not for secrets.
-pub(crate) fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
 }

@@ -1,16 +1,13 @@
 //! Parts of a campaign that run apart, on as many machines as there are, and what joins them.
 //!
-//! A *bundle* is a set of shards of which no simulation serves any other shard ([`Images`]): so no
+//! A *bundle* is a set of shards that share simulations ([`Prepared::bundles`]), so that hardly any
 //! variant is simulated twice, wherever its bundle runs. A shard's bytes depend on nothing but the
 //! study, so parts that run anywhere, again or at the same time give the files of one machine.
 
-use super::images::Images;
-use super::shard::{SHARD, Shards};
-use super::{Campaign, CampaignError, Outcome, Plants};
-use crate::files::create_folder;
+use super::shard::Shards;
+use super::{Campaign, CampaignError, Outcome, Prepared};
 use crate::study::{Role, Setting, Study};
 use std::fmt;
-use std::ops::Range;
 use std::str::FromStr;
 
 /// One of several parts, `3/100` for the third of a hundred.
@@ -58,37 +55,17 @@ pub fn runs(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<(Role, Vec<S
 }
 
 impl Campaign<'_> {
-    /// The shards that are simulated together, by their numbers.
-    ///
-    /// # Errors
-    /// The study is empty, or has not what a setting needs.
-    pub fn bundles(&self) -> Result<Vec<Vec<usize>>, CampaignError> {
-        if self.plants() == Plants::Pool {
-            return Err(CampaignError::InOneGo);
-        }
-        let plan = self.checked_plan()?;
-        Ok(bundles(&self.images(&plan), plan.len()))
-    }
-
     /// The names of the files of a bundle, in the folder of the shards.
-    ///
-    /// # Errors
-    /// As [`Campaign::bundles`].
-    pub fn shard_files(&self, bundle: &[usize]) -> Result<Vec<String>, CampaignError> {
-        let plan = self.checked_plan()?;
-        let of = |shards: &Shards| shards.names(bundle);
-        Ok(self.shards(&plan, &self.images(&plan)).iter().flat_map(of).collect())
+    pub fn shard_files(&self, prepared: &Prepared, bundle: &[usize]) -> Vec<String> {
+        self.shards(prepared).iter().flat_map(|shards| shards.names(bundle)).collect()
     }
 
     /// How many variants a bundle has in all settings.
-    ///
-    /// # Errors
-    /// As [`Campaign::bundles`].
-    pub fn variants_in(&self, bundle: &[usize]) -> Result<usize, CampaignError> {
-        let plan = self.checked_plan()?;
-        let counts = self.settings.iter().map(|setting| setting.planned(&plan));
-        let of = |variants| bundle.iter().map(|&s| variants_of(s, variants).len()).sum::<usize>();
-        Ok(counts.map(of).sum())
+    pub fn variants_in(&self, prepared: &Prepared, bundle: &[usize]) -> usize {
+        let of = |shards: &Shards| -> usize {
+            bundle.iter().map(|&shard| shards.variants_of(shard).len()).sum()
+        };
+        self.shards(prepared).iter().map(of).sum()
     }
 
     /// Simulates the shards of some bundles that are not there yet. No data set is written.
@@ -97,20 +74,12 @@ impl Campaign<'_> {
     /// As [`Campaign::run`].
     pub fn run_bundles(
         &self,
-        wanted: &[Vec<usize>],
+        prepared: &Prepared,
+        wanted: Vec<Vec<usize>>,
         progress: impl Fn(usize, usize) + Sync,
     ) -> Result<Outcome, CampaignError> {
-        let plan = self.checked_plan()?;
-        create_folder(self.shard_folder()).map_err(CampaignError::File)?;
-        let images = self.images(&plan);
-        let shards = self.shards(&plan, &images);
-        let wanted: Vec<usize> = wanted.iter().flatten().copied().collect();
-        let pending = shards.iter().map(|shards| shards.pending_of(wanted.iter().copied()));
-        let pending: Vec<Vec<usize>> = pending.collect();
-        let variants = self.variants_in(&wanted)?;
-        let mut outcome = Outcome { variants, ..Outcome::default() };
-        self.simulate(&plan, &images, &shards, &pending, &mut outcome, &progress)?;
-        outcome.cancelled = self.is_cancelled();
+        let mut outcome = Outcome::default();
+        self.simulate(prepared, wanted, &mut outcome, &progress)?;
         Ok(outcome)
     }
 
@@ -125,59 +94,14 @@ impl Campaign<'_> {
         bundles_before: usize,
         progress: impl Fn(usize, usize) + Sync,
     ) -> Result<(Outcome, usize), CampaignError> {
-        let bundles = self.bundles()?;
+        let prepared = self.prepared()?;
+        let bundles = prepared.bundles();
         let count = bundles.len();
         let numbered = bundles.into_iter().enumerate();
         let own = numbered.filter(|(place, _)| part.holds(bundles_before + place));
         let own: Vec<Vec<usize>> = own.map(|(_, bundle)| bundle).collect();
-        Ok((self.run_bundles(&own, progress)?, count))
+        Ok((self.run_bundles(&prepared, own, progress)?, count))
     }
-
-    /// Joins the shards of a campaign that has ended to its data sets.
-    ///
-    /// # Errors
-    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`]; a file cannot
-    /// be read or written.
-    pub fn merge(&self) -> Result<Outcome, CampaignError> {
-        let (plan, images, rows) = self.done()?;
-        if !images.hold(|variant| &rows[0][variant].window) {
-            return Err(CampaignError::NotAlike);
-        }
-        let mut outcome = Outcome::default();
-        outcome.variants = rows.iter().map(Vec::len).sum();
-        outcome.resumed = outcome.variants;
-        self.write_data_sets(&plan, &rows, &images, &mut outcome)?;
-        Ok(outcome)
-    }
-}
-
-/// Shards joined by what serves both, in the order of their first ones.
-fn bundles(images: &Images, variants: usize) -> Vec<Vec<usize>> {
-    let count = variants.div_ceil(SHARD);
-    // The first shard known to belong together with each.
-    let mut first: Vec<usize> = (0..count).collect();
-    let root = |first: &[usize], mut shard: usize| {
-        while first[shard] != shard {
-            shard = first[shard];
-        }
-        shard
-    };
-    for variant in 0..variants {
-        let own = root(&first, variant / SHARD);
-        let other = root(&first, images.simulated(variant) / SHARD);
-        first[own.max(other)] = own.min(other);
-    }
-    let mut bundles: Vec<Vec<usize>> = vec![vec![]; count];
-    for shard in 0..count {
-        bundles[root(&first, shard)].push(shard);
-    }
-    bundles.retain(|bundle| !bundle.is_empty());
-    bundles
-}
-
-/// The variants of a shard.
-pub(super) fn variants_of(shard: usize, variants: usize) -> Range<usize> {
-    (shard * SHARD).min(variants)..((shard + 1) * SHARD).min(variants)
 }
 
 #[cfg(test)]
@@ -192,31 +116,6 @@ mod tests {
         assert_eq!(held, [2, 102, 202]);
         for wrong in ["", "3", "0/3", "4/3", "-1/3", "a/b", "1/2/3"] {
             assert!(wrong.parse::<Part>().is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn every_shard_is_in_one_bundle_and_nobody_serves_another_bundle() {
-        let study = Study::default();
-        for (role, settings) in runs(&study, Setting::is_usual) {
-            let campaign = Campaign {
-                role,
-                settings: settings.clone(),
-                ..Campaign::stored(std::path::Path::new("none"), &study, settings[0], role)
-            };
-            let plan = campaign.plan();
-            let images = campaign.images(&plan);
-            let bundles = campaign.bundles().unwrap();
-            let mut all: Vec<usize> = bundles.concat();
-            all.sort_unstable();
-            assert_eq!(all, (0..plan.len().div_ceil(SHARD)).collect::<Vec<_>>());
-            let bundle_of = |variant: usize| {
-                bundles.iter().position(|bundle| bundle.contains(&(variant / SHARD)))
-            };
-            for variant in 0..plan.len() {
-                assert_eq!(bundle_of(variant), bundle_of(images.simulated(variant)));
-            }
-            assert!(bundles.len() > 2, "{role:?} {settings:?}: {bundles:?}");
         }
     }
 }

@@ -1,11 +1,12 @@
 //! Shards: the windows of a few hundred variants in a file that appears when all have ended.
 
-use super::part::variants_of;
 use super::{CampaignError, Role, Setting, Study};
+use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::residual::Window;
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Variants in one shard.
@@ -99,12 +100,13 @@ impl Shards {
         self.folder.join(format!("{}-{shard:04}.parquet", self.stem))
     }
 
-    fn count(&self) -> usize {
+    /// How many there are.
+    pub fn count(&self) -> usize {
         self.variants.div_ceil(SHARD)
     }
 
     /// The variants of a shard, none of one beyond the last.
-    fn variants_of(&self, shard: usize) -> std::ops::Range<usize> {
+    pub fn variants_of(&self, shard: usize) -> Range<usize> {
         variants_of(shard, self.variants)
     }
 
@@ -114,36 +116,74 @@ impl Shards {
         own.map(|&shard| format!("{}-{shard:04}.parquet", self.stem)).collect()
     }
 
-    /// Variants that no usable shard holds. A shard of something else, or one that cannot be
-    /// read, is made anew.
-    pub fn pending(&self) -> Vec<usize> {
-        self.pending_of(0..self.count())
+    /// Those of some shards that are not there, or cannot be used: a shard of something else, or one
+    /// that is damaged, is made anew.
+    pub fn missing(&self, among: impl Iterator<Item = usize>) -> BTreeSet<usize> {
+        among.filter(|&shard| shard < self.count() && self.sound(shard).is_none()).collect()
     }
 
-    /// The same of some shards.
-    pub fn pending_of(&self, shards: impl Iterator<Item = usize>) -> Vec<usize> {
-        let is_done = |shard: usize| {
+    /// Whether all shards of this campaign seem to be there, as far as their heads tell.
+    pub fn seem_complete(&self) -> bool {
+        (0..self.count()).all(|shard| {
             let path = self.path(shard);
-            path.exists() && table::read(&path).is_ok_and(|table| self.is_sound(shard, &table))
-        };
-        let missing = shards.filter(|&shard| shard < self.count() && !is_done(shard));
-        missing.flat_map(|shard| self.variants_of(shard)).collect()
+            let head = path.exists().then(|| ParquetReader::open(path));
+            head.is_some_and(|head| head.is_ok_and(|head| self.is_own(head.schema())))
+        })
     }
 
-    fn is_sound(&self, shard: usize, table: &Table) -> bool {
+    fn is_own(&self, table: &Table) -> bool {
         table.metadata.get("fingerprint") == Some(&self.fingerprint)
-            && table.row_count() == self.variants_of(shard).len()
-            && table.metadata.get("checksum") == Some(&checksum(table))
     }
 
-    /// The rows of all shards.
-    pub fn collect(&self, study: &Study) -> Result<Vec<Row>, CampaignError> {
-        let mut rows = Vec::with_capacity(self.variants);
-        for shard in 0..self.count() {
-            rows.extend(Row::from_table(study, &table::read(self.path(shard))?)?);
-        }
-        Ok(rows)
+    /// A shard that is whole and of this campaign.
+    fn sound(&self, shard: usize) -> Option<Table> {
+        let path = self.path(shard);
+        let table = path.exists().then(|| table::read(path))?.ok()?;
+        let is_whole = table.row_count() == self.variants_of(shard).len()
+            && table.metadata.get("checksum") == Some(&checksum(&table));
+        (is_whole && self.is_own(&table)).then_some(table)
     }
+
+    /// The rows of a shard.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if it cannot be used.
+    pub fn rows(&self, study: &Study, shard: usize) -> Result<Vec<Row>, CampaignError> {
+        match self.sound(shard) {
+            Some(table) => Ok(Row::from_table(study, &table)?),
+            None => Err(CampaignError::Unfinished { missing: self.missing_variants() }),
+        }
+    }
+
+    /// How many variants no usable shard holds.
+    pub fn missing_variants(&self) -> usize {
+        let missing = self.missing(0..self.count());
+        missing.into_iter().map(|shard| self.variants_of(shard).len()).sum()
+    }
+
+    /// The windows of some variants.
+    ///
+    /// # Errors
+    /// As [`Shards::rows`].
+    pub fn windows(
+        &self,
+        study: &Study,
+        variants: &BTreeSet<usize>,
+    ) -> Result<BTreeMap<usize, Window>, CampaignError> {
+        let shards: BTreeSet<usize> = variants.iter().map(|variant| variant / SHARD).collect();
+        let mut windows = BTreeMap::new();
+        for shard in shards {
+            let numbered = self.variants_of(shard).zip(self.rows(study, shard)?);
+            let wanted = numbered.filter(|(variant, _)| variants.contains(variant));
+            windows.extend(wanted.map(|(variant, row)| (variant, row.window)));
+        }
+        Ok(windows)
+    }
+}
+
+/// The variants of a shard, none of one beyond the last.
+pub(super) fn variants_of(shard: usize, variants: usize) -> Range<usize> {
+    (shard * SHARD).min(variants)..((shard + 1) * SHARD).min(variants)
 }
 
 /// Gathers the rows of a data set until a shard is complete.

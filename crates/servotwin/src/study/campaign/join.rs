@@ -1,0 +1,144 @@
+//! Shards joined to data sets, one after the other: memory holds the rows of one group of the file.
+
+use super::data_set::Maker;
+use super::shard::{Row, Shards};
+use super::{Campaign, CampaignError, Outcome, Plants, Prepared, Setting, calibration_file};
+use crate::table::parquet::ParquetWriter;
+
+/// Shards whose rows stand in one group of a data set: a group is held in memory until it is written.
+const GROUP_SHARDS: usize = 80;
+
+/// A variant that could not be finished: its setting, its number, and why.
+type Failed = (Setting, usize, String);
+
+impl Campaign<'_> {
+    /// Joins the shards of a campaign that has ended to its data sets.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if shards are missing, [`CampaignError::NotAlike`],
+    /// [`CampaignError::Cancelled`]; a file cannot be read or written.
+    pub fn merge(&self) -> Result<Outcome, CampaignError> {
+        let prepared = self.done()?;
+        if !self.units_are_alike(&prepared)? {
+            return Err(CampaignError::NotAlike);
+        }
+        // Where parts had folders of their own, only their shards may have been copied together.
+        let is_told = calibration_file(&self.folder, self.role).exists();
+        if self.plants() == Plants::Pool && !is_told && self.calibrated()?.is_none() {
+            return Err(CampaignError::Cancelled);
+        }
+        self.joined(&prepared)
+    }
+
+    /// Makes the data sets anew from the shards of a campaign that has ended.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read or written.
+    pub fn features(&self) -> Result<Outcome, CampaignError> {
+        self.joined(&self.done()?)
+    }
+
+    /// The windows of all variants of a campaign that has ended, setting by setting.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if shards are missing; a file cannot be read.
+    pub fn windows(&self) -> Result<Vec<Vec<Row>>, CampaignError> {
+        let prepared = self.done()?;
+        let of = |shards: &Shards| {
+            let rows = (0..shards.count()).map(|shard| shards.rows(self.study, shard));
+            Ok(rows.collect::<Result<Vec<_>, CampaignError>>()?.into_iter().flatten().collect())
+        };
+        self.shards(&prepared).iter().map(of).collect()
+    }
+
+    /// The plan of a campaign whose shards are there, be it with images or with every variant simulated.
+    fn done(&self) -> Result<Prepared, CampaignError> {
+        let missing = |prepared: &Prepared| {
+            let shards = self.shards(prepared);
+            match shards.iter().all(Shards::seem_complete) {
+                true => 0,
+                false => shards.iter().map(Shards::missing_variants).sum::<usize>(),
+            }
+        };
+        let prepared = self.prepared()?;
+        let least = missing(&prepared);
+        if least == 0 {
+            return Ok(prepared);
+        }
+        let prepared = self.without_images(prepared);
+        match missing(&prepared).min(least) {
+            0 => Ok(prepared),
+            missing => Err(CampaignError::Unfinished { missing }),
+        }
+    }
+
+    /// Whether the variants that tell so are what the images say.
+    pub(super) fn units_are_alike(&self, prepared: &Prepared) -> Result<bool, CampaignError> {
+        let probed = prepared.images.probed();
+        let windows = self.shards(prepared)[0].windows(self.study, &probed)?;
+        Ok(prepared.images.hold(|variant| &windows[&variant]))
+    }
+
+    fn joined(&self, prepared: &Prepared) -> Result<Outcome, CampaignError> {
+        let variants = self.settings.iter().map(|setting| setting.planned(&prepared.plan)).sum();
+        let mut outcome = Outcome { variants, resumed: variants, ..Outcome::default() };
+        self.write_data_sets(prepared, &mut outcome)?;
+        Ok(outcome)
+    }
+
+    pub(super) fn write_data_sets(
+        &self,
+        prepared: &Prepared,
+        outcome: &mut Outcome,
+    ) -> Result<(), CampaignError> {
+        outcome.images = prepared.images.count();
+        outcome.failed.clear();
+        let shards = self.shards(prepared);
+        for (place, shards) in shards.iter().enumerate() {
+            outcome.failed.extend(self.write_data_set(prepared, place, shards)?);
+        }
+        Ok(())
+    }
+
+    fn write_data_set(
+        &self,
+        prepared: &Prepared,
+        place: usize,
+        shards: &Shards,
+    ) -> Result<Vec<Failed>, CampaignError> {
+        let (study, cases, setting) = (self.study, self.cases(), self.settings[place]);
+        let maker = Maker { study, cases, plan: &prepared.plan, images: &prepared.images, setting };
+        let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
+        let mut failed = vec![];
+        let mut writer: Option<ParquetWriter> = None;
+        for shard in 0..shards.count().max(1) {
+            if self.is_cancelled() {
+                return Err(CampaignError::Cancelled);
+            }
+            let variants = shards.variants_of(shard);
+            let rows = if variants.is_empty() { vec![] } else { shards.rows(study, shard)? };
+            let numbered = variants.clone().zip(&rows).filter(|(_, row)| !row.failure.is_empty());
+            failed.extend(numbered.map(|(index, row)| (setting, index, row.failure.clone())));
+            let part = maker.table(variants, &rows);
+            let writer = match &mut writer {
+                Some(writer) => writer,
+                None => {
+                    let schema = part
+                        .without_rows()
+                        .with_metadata("fingerprint", prepared.fingerprints[place].clone())
+                        .with_metadata("study", study.name.clone())
+                        .with_metadata("setting", setting.name());
+                    writer.insert(ParquetWriter::create(self.folder.join(&name), &schema)?)
+                }
+            };
+            writer.append(&part)?;
+            if (shard + 1).is_multiple_of(GROUP_SHARDS) {
+                writer.end_group()?;
+            }
+        }
+        if let Some(writer) = writer {
+            writer.finish()?;
+        }
+        Ok(failed)
+    }
+}

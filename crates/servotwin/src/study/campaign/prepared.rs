@@ -1,0 +1,214 @@
+//! What every piece of a campaign has in common: the plan, whom each simulation serves, and what shards
+//! must have been made from.
+//!
+//! It is made once for all pieces that one process works on: it takes 50 bytes and some time for every
+//! variant of the whole campaign, also for those that others simulate.
+
+use super::images::Images;
+use super::shard::SHARD;
+use super::{Campaign, CampaignError, Planned, SHARD_FORMAT};
+use crate::study::Setting;
+use servotwin_model::c_source;
+use std::fmt::{self, Write};
+
+/// Shards of a bundle, unless its first one alone serves more.
+const LARGEST_BUNDLE: usize = 8;
+
+/// The plan of a campaign.
+pub struct Prepared {
+    pub(super) plan: Vec<Planned>,
+    pub(super) images: Images,
+    /// By setting what a shard must have been made from.
+    pub(super) fingerprints: Vec<String>,
+}
+
+impl Campaign<'_> {
+    /// Plans the campaign.
+    ///
+    /// # Errors
+    /// The study is empty, or has not what a setting needs.
+    pub fn prepared(&self) -> Result<Prepared, CampaignError> {
+        let plan = self.plan();
+        if plan.is_empty() {
+            return Err(CampaignError::NoVariants);
+        }
+        if let Some(&setting) = self.settings.iter().find(|s| !s.is_possible(self.study)) {
+            return Err(CampaignError::NoSection { setting });
+        }
+        let images = self.images(&plan);
+        Ok(self.prepared_with(plan, images))
+    }
+
+    /// The same plan with every variant simulated.
+    pub(super) fn without_images(&self, Prepared { plan, .. }: Prepared) -> Prepared {
+        let images = Images::none(&plan);
+        self.prepared_with(plan, images)
+    }
+
+    fn prepared_with(&self, plan: Vec<Planned>, images: Images) -> Prepared {
+        let model = self.model_text();
+        let of = |&setting: &Setting| self.fingerprint(setting, &plan, &images, &model);
+        let fingerprints = self.settings.iter().map(of).collect();
+        Prepared { plan, images, fingerprints }
+    }
+
+    /// The equations with their parameters, and the sensors.
+    pub(super) fn model_text(&self) -> String {
+        let study = self.study;
+        let equations = c_source::write(&study.system.program, "model", &[]);
+        let equations = equations.expect("a prefix that is a name");
+        format!("{equations}{}{:?} {:?} ", study.system.text, study.measured, study.sensors)
+    }
+
+    /// What a shard must have been made from to be taken over: the equations with their
+    /// parameters, the inputs, the variants, the sensors, and how all this is simulated.
+    fn fingerprint(
+        &self,
+        setting: Setting,
+        plan: &[Planned],
+        images: &Images,
+        model: &str,
+    ) -> String {
+        let study = self.study;
+        let mut mark = Mark::default();
+        mark.add(format_args!(
+            "{SHARD_FORMAT} {} {setting:?} {:?} {:?} {} {} {} {model}",
+            images.has_mirrored(),
+            self.role,
+            self.solver,
+            study.duration_s,
+            self.duration_s(),
+            study.sample_period_s
+        ));
+        if let Some(realism) = study.realism.as_ref().filter(|_| setting.has_noise()) {
+            mark.add(format_args!("{}", realism.canonical()));
+        }
+        if let Some(calibration) = study.calibration.as_ref().filter(|_| setting == Setting::Fitted)
+        {
+            mark.add(format_args!("{}", calibration.canonical()));
+        }
+        for planned in &plan[..setting.planned(plan)] {
+            let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
+            mark.add(format_args!("{} {fault} {} ", planned.case, planned.intensity));
+        }
+        for case in self.cases() {
+            mark.add(format_args!("{:?} ", case.inputs));
+        }
+        mark.text()
+    }
+}
+
+impl Prepared {
+    /// Shards that are simulated together, by their numbers: where one's simulations serve another they
+    /// are in one bundle, until it is large. At the edges of large bundles some variants are simulated in
+    /// both.
+    pub fn bundles(&self) -> Vec<Vec<usize>> {
+        let count = self.plan.len().div_ceil(SHARD);
+        // The first shard known to belong together with each, and how many belong to a first one.
+        let mut first: Vec<usize> = (0..count).collect();
+        let mut sizes = vec![1; count];
+        let root = |first: &[usize], mut shard: usize| {
+            while first[shard] != shard {
+                shard = first[shard];
+            }
+            shard
+        };
+        for variant in 0..self.plan.len() {
+            let one = root(&first, variant / SHARD);
+            let other = root(&first, self.images.simulated(variant) / SHARD);
+            let (low, high) = (one.min(other), one.max(other));
+            if low != high && sizes[low] + sizes[high] <= LARGEST_BUNDLE {
+                first[high] = low;
+                sizes[low] += sizes[high];
+            }
+        }
+        let mut bundles: Vec<Vec<usize>> = vec![vec![]; count];
+        for shard in 0..count {
+            bundles[root(&first, shard)].push(shard);
+        }
+        bundles.retain(|bundle| !bundle.is_empty());
+        bundles
+    }
+}
+
+/// FNV-1a of texts as they come, for fingerprints of files: not for secrets.
+pub(super) struct Mark(u64);
+
+impl Default for Mark {
+    fn default() -> Self {
+        Mark(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Mark {
+    /// Adds a text.
+    pub fn add(&mut self, text: fmt::Arguments) {
+        self.write_fmt(text).expect("a hash takes everything");
+    }
+
+    /// What the texts add up to.
+    pub fn text(&self) -> String {
+        format!("{:016x}", self.0)
+    }
+}
+
+impl Write for Mark {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for &byte in text.as_bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::runs;
+    use super::*;
+    use crate::study::{Role, Study};
+    use std::path::Path;
+
+    fn prepared(study: &Study, role: Role, settings: Vec<Setting>) -> Prepared {
+        let stored = Campaign::stored(Path::new("none"), study, settings[0], role);
+        Campaign { settings, ..stored }.prepared().unwrap()
+    }
+
+    /// The share of variants that a bundle shows and another one simulates, too.
+    fn shared(prepared: &Prepared, bundles: &[Vec<usize>]) -> f64 {
+        let mut bundle_of = vec![0; prepared.plan.len().div_ceil(SHARD)];
+        for (place, bundle) in bundles.iter().enumerate() {
+            bundle.iter().for_each(|&shard| bundle_of[shard] = place);
+        }
+        let of = |variant: usize| bundle_of[variant / SHARD];
+        let variants = 0..prepared.plan.len();
+        let count = variants.filter(|&v| of(v) != of(prepared.images.simulated(v))).count();
+        count as f64 / prepared.plan.len() as f64
+    }
+
+    #[test]
+    fn every_shard_is_in_one_bundle_and_few_variants_are_simulated_twice() {
+        let study = Study::default();
+        for (role, settings) in runs(&study, Setting::is_usual) {
+            let prepared = prepared(&study, role, settings.clone());
+            let bundles = prepared.bundles();
+            let mut all: Vec<usize> = bundles.concat();
+            all.sort_unstable();
+            assert_eq!(all, (0..prepared.plan.len().div_ceil(SHARD)).collect::<Vec<_>>());
+            assert!(bundles.iter().all(|bundle| bundle.len() <= LARGEST_BUNDLE));
+            assert!(bundles.len() > 2, "{role:?} {settings:?}: {bundles:?}");
+            assert!(shared(&prepared, &bundles) < 0.03);
+        }
+    }
+
+    #[test]
+    fn cases_that_straddle_shards_do_not_chain_all_of_them_together() {
+        let text = Study::default().text.replace("intensities = [", "intensities = [0.01, 0.05, ");
+        let study = Study::parse(&text, "paper.toml").unwrap();
+        assert!(!study.faults.len().is_multiple_of(SHARD), "{}", study.faults.len());
+        let prepared = prepared(&study, Role::Judged, vec![Setting::Ideal, Setting::Noise]);
+        let bundles = prepared.bundles();
+        assert!(bundles.len() >= prepared.plan.len().div_ceil(SHARD) / LARGEST_BUNDLE);
+        let twice = shared(&prepared, &bundles);
+        assert!(twice > 0.0 && twice < 0.1, "{twice}");
+    }
+}
