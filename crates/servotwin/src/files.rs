@@ -10,7 +10,7 @@
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -274,6 +274,22 @@ pub fn write_atomically(
 pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
     let path = path.as_ref();
     fs::read(path).map_err(|cause| FileError::from_io(path, cause))
+}
+
+/// Gives the bytes of a file to a function, some of them at a time.
+pub fn read_through(path: impl AsRef<Path>, mut take: impl FnMut(&[u8])) -> Result<(), FileError> {
+    let path = path.as_ref();
+    let in_file = |cause| FileError::from_io(path, cause);
+    let mut file = fs::File::open(path).map_err(in_file)?;
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(()),
+            Ok(count) => take(&buffer[..count]),
+            Err(cause) if cause.kind() == io::ErrorKind::Interrupted => (),
+            Err(cause) => return Err(in_file(cause)),
+        }
+    }
 }
 
 /// Reads a whole UTF-8 text file; a byte order mark at its start is dropped.

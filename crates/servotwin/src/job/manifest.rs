@@ -6,7 +6,8 @@ use crate::evaluation::protocol::Holding;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files;
 use crate::study::{Role, Setting, Study};
-use crate::table::{self, TableError};
+use crate::table::parquet::ParquetReader;
+use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_model::solver;
 use sha2::{Digest, Sha256};
@@ -119,13 +120,14 @@ fn hashes(folder: &Folder, paths: &[PathBuf]) -> Result<Vec<FileHash>, JobError>
 }
 
 fn hash(folder: &Folder, path: &Path) -> Result<FileHash, JobError> {
-    let digest = Sha256::digest(files::read_bytes(path)?);
+    let mut digest = Sha256::new();
+    files::read_through(path, |bytes| digest.update(bytes))?;
     let inside = path.strip_prefix(folder.path()).unwrap_or(path);
     let parts = inside.iter().map(|part| part.to_string_lossy());
     Ok(FileHash {
         // The same on every system.
         file: parts.collect::<Vec<_>>().join("/"),
-        sha256: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+        sha256: digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
     })
 }
 
@@ -139,28 +141,47 @@ fn data_set(folder: &Folder, setting: Setting, role: Role) -> Result<DataSetEntr
 }
 
 fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, TableError> {
-    let table = table::read(path)?;
-    let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
-    let (faults, cases) = (table.text("fault")?, table.text("case")?);
-    let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
-    let reflected = table.bool("reflected")?;
-    let rows = || 0..table.row_count();
-    let failed = |row: usize| FailedVariant {
-        variant: variants[row],
-        fault: faults[row].clone(),
-        intensity: intensities[row],
-        case: cases[row].clone(),
-        reason: reasons[row].clone(),
-    };
-    let is_healthy = |row: &usize| intensities[*row] == 0.0;
-    let is_hidden = |row: &usize| !is_healthy(row) && reasons[*row].is_empty() && !detectable[*row];
-    Ok(DataSetEntry {
+    let mut entry = DataSetEntry {
         setting: setting.name().into(),
         is_training: role == Role::Training,
-        variants: table.row_count(),
-        reflected: reflected.iter().filter(|&&is_image| is_image).count(),
-        healthy: rows().filter(is_healthy).count(),
-        undetectable: rows().filter(is_hidden).count(),
-        failed: rows().filter(|&row| !reasons[row].is_empty()).map(failed).collect(),
-    })
+        variants: 0,
+        reflected: 0,
+        healthy: 0,
+        undetectable: 0,
+        failed: vec![],
+    };
+    // Part by part: there may be millions of rows.
+    for part in ParquetReader::open_columns(path, &COLUMNS)? {
+        entry.add(&part?)?;
+    }
+    Ok(entry)
+}
+
+/// The columns of a data set that a manifest looks at.
+const COLUMNS: [&str; 7] =
+    ["variant", "intensity", "fault", "case", "failure", "detectable", "reflected"];
+
+impl DataSetEntry {
+    fn add(&mut self, table: &Table) -> Result<(), TableError> {
+        let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
+        let (faults, cases) = (table.text("fault")?, table.text("case")?);
+        let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
+        self.variants += table.row_count();
+        self.reflected += table.bool("reflected")?.iter().filter(|&&is_image| is_image).count();
+        for row in 0..table.row_count() {
+            let (is_healthy, ran) = (intensities[row] == 0.0, reasons[row].is_empty());
+            self.healthy += usize::from(is_healthy);
+            self.undetectable += usize::from(!is_healthy && ran && !detectable[row]);
+            if !ran {
+                self.failed.push(FailedVariant {
+                    variant: variants[row],
+                    fault: faults[row].clone(),
+                    intensity: intensities[row],
+                    case: cases[row].clone(),
+                    reason: reasons[row].clone(),
+                });
+            }
+        }
+        Ok(())
+    }
 }
