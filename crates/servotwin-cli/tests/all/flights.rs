@@ -102,8 +102,8 @@ fn what_cannot_be_flown_is_told_in_one_line() {
 fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let folder = Folder::new("band");
     let (few, many) = (folder.file("few.toml"), folder.file("many.toml"));
-    std::fs::write(&few, STUDY).unwrap();
-    let wider = STUDY
+    std::fs::write(&few, tiny()).unwrap();
+    let wider = tiny()
         .replace(
             "environments = 3, repeats = 3, healthy = 2",
             "environments = 40, repeats = 0, healthy = 1",
