@@ -13,6 +13,7 @@
 //! switches the output off.
 
 use super::Component;
+use super::position_controller::feedback;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};
@@ -110,9 +111,8 @@ impl Equation<3, 2, 2> for AxisDamping {
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b, washout]: [S; 3]) -> [S; 2] {
-        let change = p_a - p_b - washout;
-        [change * c[0], change * c[1]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], inputs: [S; 3]) -> [S; 2] {
+        feedback(c, inputs)
     }
 }
 

@@ -11,7 +11,7 @@
 use super::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -20,29 +20,33 @@ pub struct FlowSource;
 const FLOW: usize = 0;
 const LEAKAGE: usize = 1;
 
+/// What every pump has; other pumps share these declarations.
+pub(crate) const FLOW_AT_RATED_SPEED: Parameter =
+    required("flow_m3_s", Unit::CubicMetrePerSecond, (0.0, 1.0), "full flow Q at rated speed");
+pub(crate) const INTERNAL_LEAKAGE: Parameter = parameter(
+    "internal_leakage_m3_s_pa",
+    Unit::CubicMetrePerSecondPascal,
+    5e-13,
+    (0.0, 1e-8),
+    "laminar conductance C_li from outlet to inlet",
+);
+pub(crate) const SPEED: Parameter =
+    parameter("speed", Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one");
+pub(crate) const WEAR: Fault = adds(
+    "wear",
+    "internal_leakage_m3_s_pa",
+    1e-11,
+    (1e-14, 1e-7),
+    Category::InternalLeakage,
+    "gaps are worn: 6 L/min more at 100 bar",
+);
+
 static SPEC: Spec = Spec {
     kind: "flow_source",
     summary: "pump of constant displacement",
-    parameters: &[
-        required("flow_m3_s", Unit::CubicMetrePerSecond, (0.0, 1.0), "flow Q at rated speed"),
-        parameter(
-            "internal_leakage_m3_s_pa",
-            Unit::CubicMetrePerSecondPascal,
-            5e-13,
-            (0.0, 1e-8),
-            "laminar conductance C_li from outlet to inlet",
-        ),
-        parameter("speed", Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one"),
-    ],
+    parameters: &[FLOW_AT_RATED_SPEED, INTERNAL_LEAKAGE, SPEED],
     faults: &[
-        adds(
-            "wear",
-            "internal_leakage_m3_s_pa",
-            1e-11,
-            (1e-14, 1e-7),
-            Category::InternalLeakage,
-            "gaps are worn: 6 L/min more at 100 bar",
-        ),
+        WEAR,
         scales(
             "flow_loss",
             "flow_m3_s",
@@ -74,6 +78,12 @@ impl Component for FlowSource {
     }
 }
 
+/// Equation (FS1): what a pump delivers at `speed` times its displacement. Of `[Q, C_li]`.
+#[inline(always)]
+pub(crate) fn delivered<S: Scalar>(c: &[S::Base; 2], [speed, inlet, outlet]: [S; 3]) -> S {
+    speed * c[0] - (outlet - inlet) * c[1]
+}
+
 /// Equation (FS1): (speed, p_in, p_out) → flow.
 pub struct PumpFlow;
 
@@ -83,8 +93,8 @@ impl Equation<3, 1, 2> for PumpFlow {
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 2], [speed, inlet, outlet]: [S; 3]) -> [S; 1] {
-        [speed * c[0] - (outlet - inlet) * c[1]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], inputs: [S; 3]) -> [S; 1] {
+        [delivered(c, inputs)]
     }
 }
 

@@ -106,6 +106,14 @@ pub(crate) fn feedback_gain<S: Scalar<Base = S>>(given: &Given<S>) -> S {
     given[at::PRESSURE_GAIN] / given[at::PRESSURE_REFERENCE]
 }
 
+/// The second term of (K2): what the demand loses, and the rate of the washout. Of
+/// `[K_d/p_ref, 1/τ]` and `[p_A, p_B, d]`.
+#[inline(always)]
+pub(crate) fn feedback<S: Scalar>(c: &[S::Base; 2], [p_a, p_b, washout]: [S; 3]) -> [S; 2] {
+    let change = p_a - p_b - washout;
+    [change * c[0], change * c[1]]
+}
+
 /// Equation (K3).
 #[inline(always)]
 pub(crate) fn limited<S: Scalar>(demand: S, mode: S) -> S {
@@ -137,9 +145,8 @@ impl Equation<3, 2, 2> for PressureFeedback {
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 2], [p_a, p_b, washout]: [S; 3]) -> [S; 2] {
-        let change = p_a - p_b - washout;
-        [change * c[0], change * c[1]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], inputs: [S; 3]) -> [S; 2] {
+        feedback(c, inputs)
     }
 }
 

@@ -12,6 +12,7 @@
 //! and that it draws less where its inlet cavitates.
 
 use super::Component;
+use super::flow_source::{FLOW_AT_RATED_SPEED, INTERNAL_LEAKAGE, SPEED, WEAR, delivered};
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
@@ -31,28 +32,15 @@ static SPEC: Spec = Spec {
     kind: "variable_pump",
     summary: "pump of variable displacement with pressure compensator",
     parameters: &[
-        required("flow_m3_s", Unit::CubicMetrePerSecond, (0.0, 1.0), "full flow Q at rated speed"),
+        FLOW_AT_RATED_SPEED,
         parameter("set_pa", Unit::Pascal, 21e6, (1e5, 1e8), "set pressure: no flow there"),
         parameter("range_pa", Unit::Pascal, 1e6, (1e3, 1e8), "below it, from full to no flow"),
         parameter("time_constant_s", Unit::Second, 0.04, (1e-4, 10.0), "of the compensator, τ"),
-        parameter(
-            "internal_leakage_m3_s_pa",
-            Unit::CubicMetrePerSecondPascal,
-            5e-13,
-            (0.0, 1e-8),
-            "laminar conductance C_li from outlet to inlet",
-        ),
-        parameter("speed", Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one"),
+        INTERNAL_LEAKAGE,
+        SPEED,
     ],
     faults: &[
-        adds(
-            "wear",
-            "internal_leakage_m3_s_pa",
-            1e-11,
-            (1e-14, 1e-7),
-            Category::InternalLeakage,
-            "gaps are worn: 6 L/min more at 100 bar",
-        ),
+        WEAR,
         scales(
             "flow_loss",
             "flow_m3_s",
@@ -139,7 +127,7 @@ impl Equation<4, 1, 2> for StrokedFlow {
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 2], inputs: [S; 4]) -> [S; 1] {
         let [speed, displacement, inlet, outlet] = inputs;
-        [speed * displacement * c[0] - (outlet - inlet) * c[1]]
+        [delivered(c, [speed * displacement, inlet, outlet])]
     }
 }
 

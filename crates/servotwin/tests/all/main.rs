@@ -6,6 +6,7 @@ mod figure;
 mod files;
 mod fitted;
 mod flights;
+mod golden;
 mod log;
 mod peer_cases;
 mod physics;

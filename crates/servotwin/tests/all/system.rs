@@ -3,7 +3,7 @@
 //!
 //! `UPDATE=1 cargo test -p servotwin system` writes the expected files anew.
 
-use servotwin::files::{read_text, write_atomically};
+use crate::golden;
 use servotwin::system::{Mistake, System, SystemError};
 use servotwin_model::network::Instance;
 use servotwin_model::spec::Unit;
@@ -58,32 +58,8 @@ connections = [["supply.port", "leak.a"], ["leak.b", "chamber.port"]]
 
 #[test]
 fn broken_systems_are_told_what_is_wrong() {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder("tests/broken_systems"))
-        .expect("the folder of broken systems")
-        .map(|entry| entry.expect("an entry").path())
-        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
-        .collect();
-    files.sort();
-    assert!(files.len() >= 40, "{} broken systems", files.len());
-    let update = std::env::var_os("UPDATE").is_some();
-    let mut wrong = Vec::new();
-    for path in files {
-        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-        let text = read_text(&path).expect("readable");
-        let found = match System::parse(&text, &name) {
-            Ok(_) => "no mistake was found".to_owned(),
-            Err(error) => error.to_string(),
-        };
-        let golden = path.with_extension("expected");
-        if update {
-            write_atomically(&golden, |out| out.write_all(found.as_bytes())).expect("written");
-        }
-        let expected = read_text(&golden).unwrap_or_default();
-        if found != expected {
-            wrong.push(format!("--- {name}: expected\n{expected}\n--- found\n{found}\n"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let parse = |text: &str, name: &str| System::parse(text, name).map(drop);
+    golden::assert_mistakes("tests/broken_systems", 40, parse);
 }
 
 #[test]
