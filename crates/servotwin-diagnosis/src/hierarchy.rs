@@ -242,7 +242,9 @@ impl Examples {
         Examples {
             views: self.views.iter().enumerate().map(of_view).collect(),
             labels: self.labels.iter().copied().chain(more).collect(),
-            ..self.clone()
+            names: self.names.clone(),
+            read: self.read.clone(),
+            details: self.details.clone(),
         }
     }
 

@@ -12,7 +12,7 @@ use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::table_model::evaluate_table;
-use servotwin::job::{self, Folder, Results, manifest};
+use servotwin::job::{self, Folder, JobError, Results, manifest};
 use servotwin::study::Study;
 use std::path::PathBuf;
 
@@ -50,7 +50,7 @@ fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.input);
     let study = folder.read_study()?;
-    let results = measure(&folder, &study, options.threads, global)?;
+    let results = measure(job::evaluate_all, &folder, &study, options.threads, global)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
@@ -63,8 +63,13 @@ pub fn workers(threads: Option<usize>) -> Workers<'static> {
     threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag())
 }
 
-/// Evaluates every data set of a folder, with the progress on a terminal.
+/// A stage of the main job that ends in results.
+type Measuring =
+    fn(&Folder, &Study, Workers, &(dyn Fn(&str, f64) + Sync)) -> Result<Results, JobError>;
+
+/// Runs such a stage for every data set of a folder, with the progress on a terminal.
 pub fn measure(
+    stage: Measuring,
     folder: &Folder,
     study: &Study,
     threads: Option<usize>,
@@ -72,9 +77,7 @@ pub fn measure(
 ) -> Result<Results, Failure> {
     let workers = workers(threads);
     let stages = Stages::new(global);
-    let results = job::evaluate_all(folder, study, workers, &|what, share| {
-        stages.show(what, share);
-    })?;
+    let results = stage(folder, study, workers, &|what, share| stages.show(what, share))?;
     stages.end();
     manifest::write(folder, study)?;
     Ok(results)

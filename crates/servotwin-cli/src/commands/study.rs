@@ -2,7 +2,7 @@
 
 use super::StudyOptions;
 use super::campaign::{campaign, describe, simulate};
-use super::evaluate::{measure, workers};
+use super::evaluate::measure;
 use super::flights::fly;
 use super::progress::Notes;
 use super::summary;
@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Runs, one after the other, what `campaign`, `train`, `flights`, `evaluate` and `report` do
+/// Runs, one after the other, what `campaign`, `flights`, `train`, `evaluate` and `report` do
 /// alone. An interrupted study goes on where it was; run again, it gives the same bytes.
 #[derive(clap::Args)]
 pub struct Options {
@@ -50,19 +50,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let seconds = begin.elapsed().as_secs_f64();
         notes.write(describe(&campaign, &outcome, seconds).trim_end());
     }
-    let training = Instant::now();
-    let workers = workers(options.study.threads);
     stop::check()?;
-    job::train_all(&folder, &study, workers)?;
-    notes.write(&format!("trained in {:.1} s", training.elapsed().as_secs_f64()));
     if let Some(flights) = &flights {
         let flying = Instant::now();
         fly(&folder, &study, flights, false, options.study.threads, global)?;
         notes.write(&format!("flown in {:.1} s", flying.elapsed().as_secs_f64()));
     }
-    let evaluating = Instant::now();
-    let results = measure(&folder, &study, options.study.threads, global)?;
-    notes.write(&format!("evaluated in {:.1} s", evaluating.elapsed().as_secs_f64()));
+    let judging = Instant::now();
+    let stage = job::train_and_evaluate_all;
+    let results = measure(stage, &folder, &study, options.study.threads, global)?;
+    notes.write(&format!("trained and evaluated in {:.1} s", judging.elapsed().as_secs_f64()));
     stop::check()?;
     report::write(&folder, &study)?;
     let path = folder.report().display().to_string();

@@ -16,6 +16,7 @@ use crate::study::{Role, Study};
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Examples, HEALTHY, Label, Names};
+use std::sync::Arc;
 
 /// What an evaluation must know of a feature.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -123,8 +124,8 @@ impl Lessons {
 pub struct DataSet {
     /// The features.
     pub features: Vec<FeatureInfo>,
-    /// All rows.
-    pub examples: Examples,
+    /// All rows; shared, because they are large, by data sets that differ in bands only.
+    pub examples: Arc<Examples>,
     /// The same rows.
     pub rows: Vec<Row>,
     /// The sensors whose largest residuals are known.
@@ -235,7 +236,7 @@ impl DataSet {
         Ok(DataSet {
             rows: (0..origins.len()).map(row).collect(),
             features,
-            examples,
+            examples: Arc::new(examples),
             sensors,
             cases,
             flown,
@@ -337,7 +338,7 @@ impl DataSet {
         let (copies, values): (Vec<Row>, Vec<Vec<Vec<f64>>>) = moved.into_iter().flatten().unzip();
         let rows = self.rows.iter().cloned().chain(copies).collect();
         let examples = self.examples.extended(&origins, |row, view| &values[row][view]);
-        Ok(DataSet { rows, examples, ..self.clone() })
+        Ok(DataSet { rows, examples: Arc::new(examples), ..self.clone() })
     }
 
     /// For each case the training rows without a fault.
@@ -353,7 +354,7 @@ impl DataSet {
     pub fn without(&self, drop: impl Fn(&Row) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.rows.len()).filter(|&row| !drop(&self.rows[row])).collect();
         DataSet {
-            examples: self.examples.select_rows(&kept),
+            examples: Arc::new(self.examples.select_rows(&kept)),
             rows: kept.iter().map(|&row| self.rows[row].clone()).collect(),
             ..self.clone()
         }
@@ -374,7 +375,7 @@ impl DataSet {
         }
         Ok(DataSet {
             features: columns.iter().map(|&column| self.features[column].clone()).collect(),
-            examples: self.examples.select_columns(&columns)?,
+            examples: Arc::new(self.examples.select_columns(&columns)?),
             ..self.clone()
         })
     }
@@ -395,7 +396,7 @@ impl DataSet {
     pub fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
         let all = (0..self.features.len()).collect();
         let read = vec![all; self.examples.names().actuators.len()];
-        Ok(DataSet { examples: self.examples.reading(read)?, ..self.clone() })
+        Ok(DataSet { examples: Arc::new(self.examples.reading(read)?), ..self.clone() })
     }
 
     /// The families of the features, in the order of the features.

@@ -96,46 +96,94 @@ pub fn pools(study: &Study) -> Vec<usize> {
     (0..sensors.len()).map(pool).collect()
 }
 
-/// Trains trees and committee of a subject with everything there is to learn from, and writes them.
-///
-/// # Errors
-/// A file cannot be read or written; what training says.
-pub fn train(
-    folder: &Folder,
-    study: &Study,
+/// What training and evaluation of a subject begin with: reading it and moving its windows takes longer than
+/// training its trees.
+struct Prepared {
     subject: Subject,
-    workers: Workers,
-) -> Result<Trained, JobError> {
-    let data = data_set(folder, study, subject)?;
-    let windows = windows(folder, study, subject, &data)?;
-    let data = with_moved(study, subject, &data, &windows, workers)?;
-    let trained = evaluation::train(&data, &subject.settings(), &pools(study), workers)?;
-    let sensors = &study.sensors.0[..study.base_sensors()];
-    let half_width = |sensor: usize| {
-        let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
-        learned.unwrap_or(servotwin_diagnosis::residual::BAND)
-    };
-    let bands = sensors.iter().enumerate().map(|(place, sensor)| SensorBand {
-        sensor: sensor.name.clone(),
-        half_width: half_width(place),
-    });
-    let panel = Panel {
-        bands: bands.collect(),
-        least_confidence: trained.committee.least_confidence,
-        committee: trained.committee.hierarchy.clone(),
-        trees: trained.trees.clone(),
-        ..Panel::default()
-    };
-    model_file::write(folder.hierarchy(subject), &trained.trees)?;
-    model_file::write(folder.panel(subject), &panel)?;
-    Ok(trained)
+    /// With every feature, also those that teach nothing.
+    all_features: DataSet,
+    /// The windows of all rows.
+    windows: Vec<Window>,
+    /// What is learned from and judged: bands, features that teach, moved rows where there are windows.
+    data: DataSet,
+}
+
+impl Prepared {
+    fn read(
+        folder: &Folder,
+        study: &Study,
+        subject: Subject,
+        workers: Workers,
+    ) -> Result<Self, JobError> {
+        let all_features = data_set(folder, study, subject)?;
+        let windows = windows(folder, study, subject, &all_features)?;
+        let taught = all_features.taught()?;
+        let (mut data, _) = evaluation::banded(&taught, &subject.settings(), &pools(study));
+        if let Some(moving) = moving(study, subject, &windows, learned(subject)) {
+            data = data.with_moved(&moving, workers)?;
+        }
+        Ok(Self { subject, all_features, windows, data })
+    }
+
+    /// Trains trees and committee with everything there is to learn from, and writes them.
+    fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Trained, JobError> {
+        let trained =
+            evaluation::train(&self.data, &self.subject.settings(), &pools(study), workers)?;
+        let sensors = &study.sensors.0[..study.base_sensors()];
+        let half_width = |sensor: usize| {
+            let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
+            learned.unwrap_or(servotwin_diagnosis::residual::BAND)
+        };
+        let bands = sensors.iter().enumerate().map(|(place, sensor)| SensorBand {
+            sensor: sensor.name.clone(),
+            half_width: half_width(place),
+        });
+        let panel = Panel {
+            bands: bands.collect(),
+            least_confidence: trained.committee.least_confidence,
+            committee: trained.committee.hierarchy.clone(),
+            trees: trained.trees.clone(),
+            ..Panel::default()
+        };
+        model_file::write(folder.hierarchy(self.subject), &trained.trees)?;
+        model_file::write(folder.panel(self.subject), &panel)?;
+        Ok(trained)
+    }
+
+    /// Evaluates what was trained; also gives what others are tested on, where it is a setting and not a
+    /// sensor more.
+    fn evaluate(
+        self,
+        study: &Study,
+        trained: Trained,
+        workers: Workers,
+        progress: &dyn Fn(&str, f64),
+    ) -> Result<(SubjectResult, Option<Tested>), JobError> {
+        let Self { subject, all_features, windows, data } = self;
+        let (pools, moving) = (pools(study), moving(study, subject, &windows, JUDGED));
+        let context = Context {
+            trained: &trained,
+            pools: &pools,
+            all_features: &all_features,
+            moving: moving.as_ref(),
+            workers,
+            progress,
+        };
+        let settings = Settings { shutdowns: study.shutdowns(), ..subject.settings() };
+        let evaluation = evaluation::evaluate(&data, &settings, &context)?;
+        let tested = (!subject.extra_sensor()).then(|| {
+            let (data, _) = evaluation::banded(&data, &settings, &pools);
+            (subject.name().to_owned(), data, trained)
+        });
+        Ok((SubjectResult::new(subject, study, settings, evaluation), tested))
+    }
 }
 
 /// Trains every subject in a folder, and writes what was trained. Subjects are worked on at the same time:
 /// much of one of them is work for one thread.
 ///
 /// # Errors
-/// As [`train`].
+/// A file cannot be read or written; what training says.
 pub fn train_all(
     folder: &Folder,
     study: &Study,
@@ -143,7 +191,8 @@ pub fn train_all(
 ) -> Result<Vec<(Subject, Trained)>, JobError> {
     let subjects = subjects(folder, study)?;
     let trained = parallel::map(&subjects, workers, |&subject| {
-        Ok((subject, train(folder, study, subject, workers)?))
+        let prepared = Prepared::read(folder, study, subject, workers)?;
+        Ok((subject, prepared.train(folder, study, workers)?))
     });
     trained?.into_iter().collect()
 }
@@ -159,6 +208,30 @@ pub fn evaluate_all(
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Results, JobError> {
+    evaluate_with(folder, study, workers, progress, &|prepared| trained(folder, prepared.subject))
+}
+
+/// [`train_all`] and [`evaluate_all`] in one, to the same bytes: what both begin with is done once.
+///
+/// # Errors
+/// As theirs.
+pub fn train_and_evaluate_all(
+    folder: &Folder,
+    study: &Study,
+    workers: Workers,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Results, JobError> {
+    let train = |prepared: &Prepared| prepared.train(folder, study, workers);
+    evaluate_with(folder, study, workers, progress, &train)
+}
+
+fn evaluate_with(
+    folder: &Folder,
+    study: &Study,
+    workers: Workers,
+    progress: &(dyn Fn(&str, f64) + Sync),
+    trained: &(dyn Fn(&Prepared) -> Result<Trained, JobError> + Sync),
+) -> Result<Results, JobError> {
     let subjects = subjects(folder, study)?;
     let shares = Mutex::new(vec![0.0; subjects.len()]);
     let numbered: Vec<(usize, Subject)> = subjects.into_iter().enumerate().collect();
@@ -169,7 +242,9 @@ pub fn evaluate_all(
             let done = shares.iter().sum::<f64>() / (shares.len() as f64 + 0.2);
             progress(&format!("{}: {what}", subject.name()), done);
         };
-        let evaluated = evaluate(folder, study, subject, workers, &told);
+        let prepared = Prepared::read(folder, study, subject, workers)?;
+        let trained = trained(&prepared)?;
+        let evaluated = prepared.evaluate(study, trained, workers, &told);
         told("done", 1.0);
         evaluated
     });
@@ -188,36 +263,6 @@ pub fn evaluate_all(
 
 /// A setting's name, the data on which others are tested, and what was trained on it.
 type Tested = (String, DataSet, Trained);
-
-/// Evaluates a subject; also what others are tested on, where it is a setting and not a sensor more.
-fn evaluate(
-    folder: &Folder,
-    study: &Study,
-    subject: Subject,
-    workers: Workers,
-    progress: &dyn Fn(&str, f64),
-) -> Result<(SubjectResult, Option<Tested>), JobError> {
-    let all_features = data_set(folder, study, subject)?;
-    let trained = trained(folder, subject)?;
-    let windows = windows(folder, study, subject, &all_features)?;
-    let data = with_moved(study, subject, &all_features, &windows, workers)?;
-    let (pools, moving) = (pools(study), moving(study, subject, &windows, JUDGED));
-    let context = Context {
-        trained: &trained,
-        pools: &pools,
-        all_features: &all_features,
-        moving: moving.as_ref(),
-        workers,
-        progress,
-    };
-    let settings = Settings { shutdowns: study.shutdowns(), ..subject.settings() };
-    let evaluation = evaluation::evaluate(&data, &settings, &context)?;
-    let tested = (!subject.extra_sensor()).then(|| {
-        let (data, _) = evaluation::banded(&data, &settings, &pools);
-        (subject.name().to_owned(), data, trained)
-    });
-    Ok((SubjectResult::new(subject, study, settings, evaluation), tested))
-}
 
 /// The windows of all rows of a data set, in their order; none where the study has no training
 /// commands, because then nothing is moved.
@@ -263,21 +308,6 @@ fn moving<'w>(
         draws,
         seed,
     })
-}
-
-/// The data that is learned from: bands, features that teach, moved rows where there are windows.
-fn with_moved(
-    study: &Study,
-    subject: Subject,
-    data: &DataSet,
-    windows: &[Window],
-    workers: Workers,
-) -> Result<DataSet, JobError> {
-    let (data, _) = evaluation::banded(&data.taught()?, &subject.settings(), &pools(study));
-    match moving(study, subject, windows, learned(subject)) {
-        Some(moving) => Ok(data.with_moved(&moving, workers)?),
-        None => Ok(data),
-    }
 }
 
 /// Reads what was trained for a subject.

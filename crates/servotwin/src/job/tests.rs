@@ -16,9 +16,7 @@ fn measure_trees() {
     let subject = Subject::ALL.into_iter().find(|subject| subject.name() == name).unwrap();
     let study = folder.read_study().unwrap();
     let workers = Workers::new(2);
-    let all = data_set(&folder, &study, subject).unwrap();
-    let windows = windows(&folder, &study, subject, &all).unwrap();
-    let data = with_moved(&study, subject, &all, &windows, workers).unwrap();
+    let Prepared { data, .. } = Prepared::read(&folder, &study, subject, workers).unwrap();
     let judged =
         data.rows_where(Role::Training, |r| !r.is_healthy && r.is_detected() && r.moved == 0);
     let in_fold = |row: usize, fold: u32| data.rows[row].flown % 4 == fold;
