@@ -95,6 +95,8 @@ pub struct StateOf {
     pub state: usize,
     /// The size that errors are measured against.
     pub scale: f64,
+    /// The search for the steady state does not go below.
+    pub lowest: f64,
     /// The unit.
     pub unit: Unit,
 }
@@ -853,6 +855,7 @@ impl Layout {
                     component,
                     state,
                     scale: declared.scale,
+                    lowest: declared.lowest,
                     unit: declared.unit,
                 });
             }

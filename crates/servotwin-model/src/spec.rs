@@ -20,6 +20,8 @@ pub enum Unit {
     CubicMetre,
     /// Metre per second.
     MetrePerSecond,
+    /// Square metre per second: a kinematic viscosity.
+    SquareMetrePerSecond,
     /// Cubic metre per second.
     CubicMetrePerSecond,
     /// Kilogram.
@@ -102,6 +104,7 @@ impl Unit {
             Unit::SquareMetre => facts("_m2", "m²", "mm²", 1e6),
             Unit::CubicMetre => facts("_m3", "m³", "cm³", 1e6),
             Unit::MetrePerSecond => facts("_m_s", "m/s", "mm/s", 1e3),
+            Unit::SquareMetrePerSecond => facts("_m2_s", "m²/s", "cSt", 1e6),
             Unit::CubicMetrePerSecond => facts("_m3_s", "m³/s", "L/min", 6e4),
             Unit::Kilogram => facts("_kg", "kg", "kg", 1.0),
             Unit::KilogramSquareMetre => facts("_kg_m2", "kg m²", "kg m²", 1.0),
@@ -159,7 +162,7 @@ impl Unit {
     }
 
     /// All units, for tests and for the parser's hints.
-    pub const ALL: [Unit; 30] = [
+    pub const ALL: [Unit; 31] = [
         Unit::None,
         Unit::Pascal,
         Unit::Kelvin,
@@ -167,6 +170,7 @@ impl Unit {
         Unit::SquareMetre,
         Unit::CubicMetre,
         Unit::MetrePerSecond,
+        Unit::SquareMetrePerSecond,
         Unit::CubicMetrePerSecond,
         Unit::Kilogram,
         Unit::KilogramSquareMetre,
@@ -387,9 +391,15 @@ pub struct State {
     pub scale: f64,
     /// Where the search for the steady state begins.
     pub start: Start,
+    /// The search for the steady state does not go below; minus infinity for no bound.
+    pub lowest: f64,
     /// One line for people.
     pub summary: &'static str,
 }
+
+/// An implicit step may end below vacuum, where hardly any flow lifts a pressure again; a search that went
+/// there would find no rest. No system of the catalogue rests at less than this.
+const LOWEST_AT_REST_PA: f64 = 1e3;
 
 /// The first guess of a state for the steady-state search.
 #[derive(Clone, Copy, Debug)]
@@ -597,7 +607,17 @@ pub mod declare {
         start: Start,
         summary: &'static str,
     ) -> State {
-        State { name, unit, scale, start, summary }
+        State { name, unit, scale, start, lowest: f64::NEG_INFINITY, summary }
+    }
+
+    /// The absolute pressure of a fluid, Pa; the search for the steady state begins at a parameter.
+    pub const fn pressure_state(
+        name: &'static str,
+        start: &'static str,
+        summary: &'static str,
+    ) -> State {
+        let start = Start::Parameter(start);
+        State { name, unit: Unit::Pascal, scale: 2e7, start, lowest: LOWEST_AT_REST_PA, summary }
     }
 }
 

@@ -15,7 +15,7 @@ use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
 use servotwin::signal::{Quantity, Signal};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{FaultCase, Setting, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::Slot;
@@ -25,29 +25,27 @@ use std::sync::Arc;
 
 /// Fly with a fault that begins, with the diagnosis and without, and show what it is good for.
 ///
-/// Needs no option. Writes `flight.svg`, and the records `flight-reacting.csv` and
+/// Needs no option: without them the stroke sensor of the first unit gets a bias, or the study's first fault
+/// begins. Writes `flight.svg`, and the records `flight-reacting.csv` and
 /// `flight-alone.csv`, into the folder `flight` of the output folder. A diagnoser that is not there is
 /// learned first, which takes half a minute.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// The fault and its intensity from 0 to 1, or 'none'.
-    #[arg(
-        long,
-        value_name = "FAULT=INTENSITY",
-        default_value = "actuator_1.servo_valve.bias_positive=0.7"
-    )]
-    fault: String,
+    /// The fault and its intensity from 0 to 1, or 'none' [default: a bias of the stroke sensor of 0.7, or
+    /// the first fault of the study].
+    #[arg(long, value_name = "FAULT=INTENSITY")]
+    fault: Option<String>,
     /// When it begins.
     #[arg(long, value_name = "TIME", default_value = "6s")]
     at: String,
     /// How long the flight is.
     #[arg(long, value_name = "TIME", default_value = "20s")]
     duration: String,
-    /// The command.
-    #[arg(long, value_name = "SIGNAL", default_value = "noise:rms=3deg,bandwidth=0.6Hz,seed=77")]
-    command: Signal,
+    /// The command [default: the first one of the study].
+    #[arg(long, value_name = "SIGNAL")]
+    command: Option<Signal>,
     /// Which specimen flies: its number, another one has other tolerances [default: one that is the
     /// twin].
     #[arg(long, value_name = "NUMBER")]
@@ -62,6 +60,13 @@ fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
         true => Ok(value),
         false => Err(Failure::OutOfRange { option, given: text.into(), range: "0 to 10,000 s" }),
     }
+}
+
+/// The fault that is flown where none is named: one whose reaction shows what it is good for, if the study has it.
+fn usual_fault(study: &Study) -> String {
+    let shows = |fault: &&FaultCase| fault.id.ends_with("sensor_ram.bias_positive");
+    let fault = study.faults.iter().find(shows).or(study.faults.first());
+    fault.map_or_else(|| "none".into(), |fault| format!("{}=0.7", fault.id))
 }
 
 /// The head of the figure: the fault, and when it begins.
@@ -84,11 +89,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let duration_s = seconds("--duration", &options.duration)?;
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
-    inputs[study.command_input] = options
-        .command
-        .build(unit, duration_s)
-        .map_err(|error| Failure::Signal { option: "--command".into(), error })?;
-    let fault = match options.fault.as_str() {
+    inputs[study.command_input] = match &options.command {
+        Some(command) => command
+            .build(unit, duration_s)
+            .map_err(|error| Failure::Signal { option: "--command".into(), error })?,
+        None => study.cases[0].inputs[study.command_input].clone(),
+    };
+    let named = options.fault.clone().unwrap_or_else(|| usual_fault(&study));
+    let fault = match named.as_str() {
         "none" => None,
         text => Some(fault(&study.system, text)?),
     };
@@ -113,7 +121,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     create_folder(&path).map_err(JobError::from)?;
     table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
     table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
-    flown.figure(&title(&options.fault, onset_s)).draw().save(path.join("flight.svg"))?;
+    flown.figure(&title(&named, onset_s)).draw().save(path.join("flight.svg"))?;
     Ok(match global {
         Global { json: true, .. } => json(&flown.json(onset_s)),
         Global { quiet: true, .. } => String::new(),
@@ -148,13 +156,20 @@ struct Kept {
     slots: Vec<Slot>,
     names: Vec<String>,
     units: Vec<Unit>,
+    /// Which of them follows the command.
+    following: Option<usize>,
 }
 
 impl Kept {
-    /// The angle of every surface, the load on it, and what the rods carry.
+    /// What follows the command (the angle of a surface, or the place of a piston), the load on it, and what
+    /// the rods carry.
     fn of(study: &Study) -> Self {
+        let follows = match study.system.network().inputs[study.command_input].unit {
+            Unit::Radian => ".angle_rad",
+            _ => ".position_m",
+        };
         let is_wanted = |name: &str| {
-            let ends = [".angle_rad", ".rod.force_n", ".shaft.torque_nm"];
+            let ends = [follows, ".rod.force_n", ".shaft.torque_nm"];
             ends.iter().any(|end| name.ends_with(end))
         };
         let observables = study.system.program.observables().iter();
@@ -163,11 +178,8 @@ impl Kept {
             slots: found.iter().map(|o| o.slot).collect(),
             names: found.iter().map(|o| o.name.clone()).collect(),
             units: found.iter().map(|o| o.unit).collect(),
+            following: found.iter().position(|o| o.name.ends_with(follows)),
         }
-    }
-
-    fn place(&self, wanted: &str) -> Option<usize> {
-        self.names.iter().position(|name| name.contains(wanted))
     }
 }
 
@@ -180,11 +192,16 @@ struct Flown<'f> {
 }
 
 impl Flown<'_> {
-    /// The surface's angle less the command, rad.
+    /// The unit of the command and of what follows it.
+    fn unit(&self) -> Unit {
+        self.study.system.network().inputs[self.study.command_input].unit
+    }
+
+    /// What follows the command less the command, SI.
     fn tracking_error(&self, record: &Record) -> Option<Vec<f64>> {
-        let angle = &record.plant[self.kept.place("angle_rad")?];
+        let place = self.kept.following.filter(|&place| self.kept.units[place] == self.unit())?;
         let command = &record.inputs[self.study.command_input];
-        Some(angle.iter().zip(command).map(|(angle, command)| angle - command).collect())
+        Some(record.plant[place].iter().zip(command).map(|(is, wanted)| is - wanted).collect())
     }
 
     /// Half the difference of what the actuators' rods carry, N.
@@ -218,7 +235,15 @@ impl Flown<'_> {
     }
 
     fn figure(&self, title: &str) -> TimeSeries<'_> {
-        let degrees = |values: &[f64]| values.iter().map(|v| v.to_degrees()).collect::<Vec<f64>>();
+        let unit = self.unit();
+        let shown = |values: &[f64]| {
+            values.iter().map(|v| unit.difference_to_shown(*v)).collect::<Vec<f64>>()
+        };
+        let label = format!(
+            "{} / {}",
+            if unit == Unit::Radian { "angle" } else { "position" },
+            unit.shown()
+        );
         let time = self.with.time_s.as_slice();
         let mut panels = vec![];
         let mut panel = |title: &str, y_label: &str, series: Vec<(String, Vec<f64>)>| {
@@ -236,15 +261,22 @@ impl Flown<'_> {
                 named.into_iter().filter_map(|(n, record)| Some((n.to_owned(), of(record)?)));
             series.collect::<Vec<_>>()
         };
-        let angle = |record: &Record| Some(degrees(&record.plant[self.kept.place("angle_rad")?]));
-        let mut surface = both(&angle);
-        surface.push(("command".into(), degrees(&self.with.inputs[self.study.command_input])));
-        panel("Surface", "angle / deg", surface);
-        let error = |record: &Record| self.tracking_error(record).map(|e| degrees(&e));
-        panel("Tracking error", "angle / deg", both(&error));
+        let following = |record: &Record| Some(shown(&record.plant[self.kept.following?]));
+        let mut motion = both(&following);
+        motion.push(("command".into(), shown(&self.with.inputs[self.study.command_input])));
+        panel("Motion", &label, motion);
+        let error = |record: &Record| self.tracking_error(record).map(|e| shown(&e));
+        let error = both(&error);
+        if !error.is_empty() {
+            panel("Tracking error", &label, error);
+        }
         let fight =
             |record: &Record| Some(self.force_fight(record)?.iter().map(|f| f / 1e3).collect());
-        panel("Force fight: half the difference of the rods' forces", "force / kN", both(&fight));
+        let fight = both(&fight);
+        if !fight.is_empty() {
+            let title = "Force fight: half the difference of the rods' forces";
+            panel(title, "force / kN", fight);
+        }
         let residual = |record: &Record| Some(self.largest_residual(record));
         panel("Largest residual", "% of scale", both(&residual));
         if let Some(last) = panels.last_mut() {
@@ -275,9 +307,10 @@ impl Flown<'_> {
             (tail.iter().map(|x| x * x).sum::<f64>() / tail.len().max(1) as f64).sqrt()
         };
         let largest = |v: Vec<f64>| v[since..].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let shown = |error: f64| self.unit().difference_to_shown(error);
         [
-            self.tracking_error(record).map(|e| rms(e).to_degrees()),
-            self.tracking_error(record).map(|e| largest(e).to_degrees()),
+            self.tracking_error(record).map(|e| shown(rms(e))),
+            self.tracking_error(record).map(|e| shown(largest(e))),
             self.force_fight(record).map(rms),
         ]
     }
@@ -305,8 +338,12 @@ impl Flown<'_> {
         if self.with.actions.is_empty() {
             let _ = writeln!(out, "nothing had to be done");
         }
-        let names =
-            ["rms tracking error / deg", "largest tracking error / deg", "rms force fight / N"];
+        let unit = self.unit().shown();
+        let names = [
+            format!("rms tracking error / {unit}"),
+            format!("largest tracking error / {unit}"),
+            "rms force fight / N".into(),
+        ];
         let (with, without) =
             (self.numbers(&self.with, onset_s), self.numbers(&self.without, onset_s));
         for (name, (with, without)) in names.iter().zip(with.into_iter().zip(without)) {
@@ -346,10 +383,11 @@ impl Flown<'_> {
             })
             .collect();
         let numbers = |record| {
-            let [rms_deg, largest_deg, fight_n] = self.numbers(record, onset_s);
+            let [rms, largest, fight_n] = self.numbers(record, onset_s);
             json!({
-                "rms_tracking_error_deg": rms_deg,
-                "largest_tracking_error_deg": largest_deg,
+                "tracking_unit": self.unit().shown(),
+                "rms_tracking_error": rms,
+                "largest_tracking_error": largest,
                 "rms_force_fight_n": fight_n,
             })
         };

@@ -71,8 +71,10 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let fly = servotwin(&["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"]);
     assert!(fly.status.success(), "{}", stderr(&fly));
     assert!(stdout(&fly).contains("nothing had to be done"), "{}", stdout(&fly));
-    let output =
-        servotwin(&["fly", &study, "--out", &out, "--at", "2s", "--duration", "5s", "--json"]);
+    let fault = "actuator_1.servo_valve.bias_positive=0.7";
+    let command = "noise:rms=3deg,bandwidth=0.6Hz,seed=77";
+    let fly = ["fly", &study, "--out", &out, "--fault", fault, "--command", command];
+    let output = servotwin(&[&fly[..], &["--at", "2s", "--duration", "5s", "--json"]].concat());
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
     assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");

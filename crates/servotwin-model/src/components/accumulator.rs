@@ -18,7 +18,7 @@ use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, LOWEST_PRESSURE_PA, compressibility_per_pa};
 use crate::math::{power, smooth_step};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -51,13 +51,7 @@ static SPEC: Spec = Spec {
         "gas has been lost",
     )],
     ports: &[pressure("port", "fluid side")],
-    states: &[state(
-        "pressure_pa",
-        Unit::Pascal,
-        2e7,
-        Start::Parameter("start_pa"),
-        "pressure, absolute",
-    )],
+    states: &[pressure_state("pressure_pa", "start_pa", "pressure, absolute")],
     reference: false,
 };
 

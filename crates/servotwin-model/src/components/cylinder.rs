@@ -130,20 +130,8 @@ static SPEC: Spec = Spec {
         output("velocity", Unit::MetrePerSecond, "piston velocity"),
     ],
     states: &[
-        state(
-            "pressure_a_pa",
-            Unit::Pascal,
-            2e7,
-            Start::Parameter("start_a_pa"),
-            "chamber A, absolute",
-        ),
-        state(
-            "pressure_b_pa",
-            Unit::Pascal,
-            2e7,
-            Start::Parameter("start_b_pa"),
-            "chamber B, absolute",
-        ),
+        pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
+        pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
         state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
     ],

@@ -42,13 +42,7 @@ static SPEC: Spec = Spec {
     ],
     states: &[
         state("flow_m3_s", Unit::CubicMetrePerSecond, 2e-4, Start::Value(0.0), "flow from a to b"),
-        state(
-            "pressure_pa",
-            Unit::Pascal,
-            2e7,
-            Start::Parameter("start_pa"),
-            "pressure at b, absolute",
-        ),
+        pressure_state("pressure_pa", "start_pa", "pressure at b, absolute"),
     ],
     reference: false,
 };

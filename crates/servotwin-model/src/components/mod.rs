@@ -42,6 +42,7 @@ pub mod pid_controller;
 pub mod position_controller;
 pub mod pressure_sensor;
 pub mod pressure_source;
+pub mod proportional_valve;
 pub mod relief_valve;
 pub mod sampled_position_controller;
 pub mod selector;
@@ -205,6 +206,7 @@ catalogue! {
     long_line::LongLine [LineFlow, LinePressure],
     shut_off_valve::ShutOffValve [ShutOffFlow],
     servo_valve::ServoValve [SpoolMotion, EdgeFlow, PilotFlow],
+    proportional_valve::ProportionalValve [ControlledSpool, RatedEdge],
     mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, ReserveFlow],
     cylinder::Cylinder [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
 

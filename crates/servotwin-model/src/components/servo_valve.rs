@@ -245,8 +245,11 @@ static SPEC: Spec = Spec {
     reference: false,
 };
 
+/// Whether each edge opens with the spool or against it, in the order of `which`.
+pub(crate) const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
+
 /// Upstream and downstream port of each edge, in the order of `which`.
-const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")];
+pub(crate) const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")];
 
 impl Component for ServoValve {
     fn spec(&self) -> &'static Spec {
@@ -262,7 +265,11 @@ impl Component for ServoValve {
             Output::add(wiring.derivative("spool_position_m")),
             Output::add(wiring.derivative("spool_velocity_m_s")),
         ];
-        wiring.equation::<SpoolMotion, 3, 2, 11>(0, [current, position, velocity], rates);
+        wiring.equation::<SpoolMotion, 3, 2, SPOOL_CONSTANTS>(
+            0,
+            [current, position, velocity],
+            rates,
+        );
         let transmission = wiring.signal("transmission");
         for (which, (up, down)) in EDGES.into_iter().enumerate() {
             let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
@@ -275,42 +282,76 @@ impl Component for ServoValve {
     }
 }
 
+/// What the motion of a spool depends on.
+pub(crate) struct Spool<S> {
+    pub stroke_m: S,
+    pub natural_frequency_hz: S,
+    pub damping_ratio: S,
+    pub slew_rate_m_s: S,
+    pub null_bias: S,
+    pub current_gain: S,
+    pub mobility: S,
+    /// Place per unit of stroke, stiffness and damping of the end stops.
+    pub stop: [S; 3],
+}
+
+/// Number of constants of [`spool_motion`].
+pub(crate) const SPOOL_CONSTANTS: usize = 7 + END_STOP_CONSTANTS;
+
+/// The constants of [`spool_motion`].
+pub(crate) fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
+    let omega = spool.natural_frequency_hz * S::constant(2.0 * core::f64::consts::PI);
+    let square = omega * omega;
+    let [fraction, stiffness, damping] = spool.stop;
+    let [a, b, c, d] = end_stop_constants(spool.stroke_m * fraction, stiffness, damping);
+    [
+        spool.current_gain,
+        spool.null_bias,
+        square * spool.stroke_m,
+        square,
+        omega * spool.damping_ratio * S::constant(2.0),
+        spool.slew_rate_m_s * spool.mobility,
+        S::constant(1.0) / spool.slew_rate_m_s,
+        a,
+        b,
+        c,
+        d,
+    ]
+}
+
+/// Equations (W1)–(W3): (current, x, v) → (x', v').
+#[inline(always)]
+pub(crate) fn spool_motion<S: Scalar>(
+    c: &[S::Base; SPOOL_CONSTANTS],
+    [current, x, v]: [S; 3],
+) -> [S; 2] {
+    let one = S::constant(1.0);
+    let command = (current * c[0] + c[1]).clamp(-one, one);
+    let spring = command * c[2] - x * c[3];
+    let rate = (v * c[6]).tanh() * c[5];
+    [rate, spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]])]
+}
+
 /// Equations (W1)–(W3): (current, x, v) → (x', v').
 pub struct SpoolMotion;
 
-impl Equation<3, 2, { 7 + END_STOP_CONSTANTS }> for SpoolMotion {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 7 + END_STOP_CONSTANTS] {
-        let one = S::constant(1.0);
-        let omega = given[NATURAL_FREQUENCY] * S::constant(2.0 * core::f64::consts::PI);
-        let square = omega * omega;
-        let slew = given[SLEW_RATE];
-        let limit = given[STROKE] * given[STOP_FRACTION];
-        let [a, b, c, d] = end_stop_constants(limit, given[STOP_STIFFNESS], given[STOP_DAMPING]);
-        [
-            given[CURRENT_GAIN],
-            given[NULL_BIAS],
-            square * given[STROKE],
-            square,
-            omega * given[DAMPING_RATIO] * S::constant(2.0),
-            slew * given[MOBILITY],
-            one / slew,
-            a,
-            b,
-            c,
-            d,
-        ]
+impl Equation<3, 2, SPOOL_CONSTANTS> for SpoolMotion {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; SPOOL_CONSTANTS] {
+        spool_constants(Spool {
+            stroke_m: given[STROKE],
+            natural_frequency_hz: given[NATURAL_FREQUENCY],
+            damping_ratio: given[DAMPING_RATIO],
+            slew_rate_m_s: given[SLEW_RATE],
+            null_bias: given[NULL_BIAS],
+            current_gain: given[CURRENT_GAIN],
+            mobility: given[MOBILITY],
+            stop: [STOP_FRACTION, STOP_STIFFNESS, STOP_DAMPING].map(|place| given[place]),
+        })
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(
-        c: &[S::Base; 7 + END_STOP_CONSTANTS],
-        [current, x, v]: [S; 3],
-    ) -> [S; 2] {
-        let one = S::constant(1.0);
-        let command = (current * c[0] + c[1]).clamp(-one, one);
-        let spring = command * c[2] - x * c[3];
-        let rate = (v * c[6]).tanh() * c[5];
-        [rate, spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]])]
+    fn evaluate<S: Scalar>(c: &[S::Base; SPOOL_CONSTANTS], inputs: [S; 3]) -> [S; 2] {
+        spool_motion(c, inputs)
     }
 }
 
@@ -321,7 +362,7 @@ pub struct EdgeFlow;
 impl Equation<4, 1, 9> for EdgeFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 9] {
         let number = S::constant;
-        let orientation = [1.0, -1.0, -1.0, 1.0][given.which];
+        let orientation = ORIENTATIONS[given.which];
         let clearance = given[CLEARANCE];
         let two_radii = given[EDGE_RADIUS] * number(2.0);
         let height = clearance + two_radii;

@@ -11,7 +11,7 @@ use super::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -28,13 +28,7 @@ static SPEC: Spec = Spec {
     ],
     faults: &[],
     ports: &[pressure("port", "all connections")],
-    states: &[state(
-        "pressure_pa",
-        Unit::Pascal,
-        2e7,
-        Start::Parameter("start_pa"),
-        "pressure, absolute",
-    )],
+    states: &[pressure_state("pressure_pa", "start_pa", "pressure, absolute")],
     reference: false,
 };
 

@@ -18,6 +18,7 @@
 mod mil_prf_5606;
 mod mil_prf_83282;
 mod mineral_oil;
+pub mod own;
 mod phosphate_ester;
 
 use crate::math::power;
@@ -47,6 +48,8 @@ pub trait Liquid {
 pub struct Fluid {
     /// The liquid.
     pub kind: FluidKind,
+    /// Its numbers, where it is [`FluidKind::Own`].
+    pub own: own::OwnLiquid,
     /// Volume of free gas per volume of liquid at normal pressure.
     pub air_fraction: f64,
     /// Polytropic exponent of the gas.
@@ -59,6 +62,7 @@ impl Default for Fluid {
     fn default() -> Self {
         Self {
             kind: FluidKind::PhosphateEster,
+            own: own::OwnLiquid::default(),
             air_fraction: 0.005,
             polytropic_exponent: 1.4,
             wall_modulus_pa: 10e9,
@@ -163,30 +167,39 @@ macro_rules! liquids {
         /// A liquid of the catalogue.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum FluidKind {
-            $(#[doc = stringify!($liquid)] $variant),*
+            $(#[doc = stringify!($liquid)] $variant,)*
+            /// [`own::OwnLiquid`].
+            Own,
         }
 
         impl FluidKind {
             /// Every liquid, in the order of the documentation.
-            pub const ALL: &'static [FluidKind] = &[$(FluidKind::$variant),*];
+            pub const ALL: &'static [FluidKind] = &[$(FluidKind::$variant,)* FluidKind::Own];
 
             /// The word for `kind` in a system file.
             pub fn name(self) -> &'static str {
-                match self { $(Self::$variant => $module::$liquid::NAME),* }
+                match self { $(Self::$variant => $module::$liquid::NAME,)* Self::Own => own::NAME }
             }
 
             /// One line for people.
             pub fn summary(self) -> &'static str {
-                match self { $(Self::$variant => $module::$liquid::SUMMARY),* }
+                match self {
+                    $(Self::$variant => $module::$liquid::SUMMARY,)*
+                    Self::Own => own::SUMMARY,
+                }
             }
 
             /// Temperatures its laws hold for, K.
             pub fn range_k(self) -> (f64, f64) {
-                match self { $(Self::$variant => $module::$liquid::RANGE_K),* }
+                match self {
+                    $(Self::$variant => $module::$liquid::RANGE_K,)*
+                    Self::Own => own::RANGE_K,
+                }
             }
 
-            fn laws<S: Scalar>(self, t: S) -> (S, S, S, f64) {
+            fn laws<S: Scalar>(self, own: &own::OwnLiquid, t: S) -> (S, S, S, f64) {
                 match self {
+                    Self::Own => own.laws(t),
                     $(Self::$variant => (
                         $module::$liquid::density_kg_m3(t),
                         $module::$liquid::kinematic_viscosity_m2_s(t),
@@ -211,7 +224,7 @@ liquids! {
 impl Fluid {
     /// The properties at a temperature.
     pub fn at<S: Scalar>(&self, temperature_k: S) -> FluidState<S> {
-        let (density, viscosity, bulk, slope) = self.kind.laws(temperature_k);
+        let (density, viscosity, bulk, slope) = self.kind.laws(&self.own, temperature_k);
         let exponent = 1.0 / self.polytropic_exponent;
         let gas = self.air_fraction * power(NORMAL_PRESSURE_PA, exponent);
         FluidState {
@@ -314,6 +327,13 @@ mod tests {
                 let viscosity = at(kind, celsius).kinematic_viscosity_m2_s;
                 assert_close(viscosity, centistokes * 1e-6, 1e-4);
             }
+        }
+        // The numbers of HLP 46 make HLP 46.
+        for celsius in [-10.0, 15.0, 70.0, 100.0] {
+            let [named, own] = [FluidKind::Hlp46, FluidKind::Own].map(|kind| at(kind, celsius));
+            assert_close(own.density_kg_m3, named.density_kg_m3, 1e-12);
+            assert_close(own.kinematic_viscosity_m2_s, named.kinematic_viscosity_m2_s, 1e-5);
+            assert_close(own.bulk.liquid_pa, named.bulk.liquid_pa, 1e-12);
         }
         assert_close(at(FluidKind::Hlp46, 15.0).density_kg_m3, 880.0, 1e-12);
         assert_close(at(FluidKind::Hlp46, 40.0).bulk.liquid_pa, 1.6e9, 1e-12);

@@ -23,6 +23,8 @@ pub struct Batch<'p, V> {
     /// Stage vectors, one after the other.
     stages: Vec<V>,
     reciprocal_scales: Vec<f64>,
+    /// What no state goes below on the way to rest.
+    lowest: Vec<f64>,
     /// For every external input that changes in some lane: its place and its
     /// cubic from the beginning of the step.
     moving: Vec<(usize, [V; 4])>,
@@ -49,6 +51,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
             error: zeros(n),
             stages: zeros(n * MOST_STAGES),
             reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
+            lowest: program.states().iter().map(|s| s.lowest).collect(),
             moving: Vec::new(),
         }
     }
@@ -212,13 +215,14 @@ impl<'p, V: Lanes> Batch<'p, V> {
     }
 
     /// Makes the last step one of the linearly implicit Euler method over `γ h`
-    /// in the lanes of the mask, which is its first stage. Gives the largest
+    /// in the lanes of the mask, which is its first stage, ending at no state's lowest value. Gives the largest
     /// change there, and `error` elsewhere.
     #[inline(always)]
     pub fn keep_first_stage(&mut self, lanes: V::Mask, error: V) -> V {
         for (k, &y) in self.y.iter().enumerate() {
             let change = self.stages[k];
-            self.y_new[k] = V::select(lanes, y + change, self.y_new[k]);
+            let new = (y + change).max(V::constant(self.lowest[k]));
+            self.y_new[k] = V::select(lanes, new, self.y_new[k]);
             self.error[k] = V::select(lanes, change, self.error[k]);
         }
         V::select(lanes, self.largest_error(), error)

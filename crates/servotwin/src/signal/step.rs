@@ -24,7 +24,8 @@ static SPEC: Spec = Spec {
             name: "at",
             sort: Sort::Time,
             range: Range::NotNegative,
-            fallback: Fallback::Number(0.0),
+            // Later than the rest from which a run begins, which would else be that after the jump.
+            fallback: Fallback::Number(0.1),
             summary: "when it jumps",
         },
     ],

@@ -20,7 +20,9 @@ fn a_step_comes_from_rest() {
     let step = curve("step:size=10deg,at=100ms", 1.0);
     assert_eq!([-1.0, 0.0, 0.0999].map(|t| step.value(t)), [0.0; 3]);
     assert_eq!(step.value(0.1), 10.0 * DEGREE);
-    let at_once = curve("step:size=10deg", 1.0);
+    let unsaid = curve("step:size=10deg", 1.0);
+    assert_eq!([unsaid.value(0.0), unsaid.value(0.1)], [0.0, 10.0 * DEGREE]);
+    let at_once = curve("step:size=10deg,at=0s", 1.0);
     assert_eq!(at_once.value(0.0), 10.0 * DEGREE);
     assert_eq!(at_once.value(-1e-9), 0.0);
 }

@@ -47,6 +47,8 @@ pub enum Mistake {
         /// Its name or value.
         name: String,
     },
+    /// The whole system is a unit beside others.
+    WholeBesideUnits,
 }
 
 impl From<document::Mistake> for Mistake {
@@ -66,6 +68,9 @@ impl fmt::Display for Mistake {
             Mistake::Signal { name, error } => write!(out, "signal '{name}': {error}"),
             Mistake::Empty { field } => write!(out, "'{field}' is empty"),
             Mistake::Repeated { what, name } => write!(out, "the {what} '{name}' stands twice"),
+            Mistake::WholeBesideUnits => {
+                write!(out, "the unit '' is the whole system, which has no other units")
+            }
         }
     }
 }

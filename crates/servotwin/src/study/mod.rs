@@ -441,29 +441,53 @@ fn is_only_a_name(mistake: &Mistake) -> bool {
     use document::Mistake::{UnknownKey, UnknownWord};
     matches!(
         mistake,
-        Mistake::Document(UnknownKey { .. } | UnknownWord { .. }) | Mistake::Repeated { .. }
+        Mistake::Document(UnknownKey { .. } | UnknownWord { .. })
+            | Mistake::Repeated { .. }
+            | Mistake::WholeBesideUnits
     )
 }
 
 /// What stands twice in a list where each is one thing.
 fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
-    for (key, what) in [("intensities", "intensity"), ("units", "unit")] {
-        let entry = root.iter().find(|entry| entry.key == key);
-        let list = entry.and_then(|entry| entry.list().ok()).unwrap_or_default();
+    let mut told = |what: &'static str, elements: Vec<Entry>| {
         let mut seen: Vec<String> = vec![];
-        for element in list.iter().map(|value| Entry::element(key, value)) {
+        for element in elements {
             let text = element.text().map(str::to_owned);
             let Ok(name) = text.or_else(|_| element.number().map(|n| n.to_string())) else {
                 continue;
             };
-            // The empty name is the whole system: it has no second unit.
-            if seen.contains(&name) || (name.is_empty() && list.len() > 1) {
+            if seen.contains(&name) {
                 let name = name.clone();
                 mistakes.note(&element.value_at(), Mistake::Repeated { what, name });
             }
             seen.push(name);
         }
+    };
+    told("intensity", listed(root, "intensities"));
+    told("unit", listed(root, "units"));
+    // A fault belongs to one class, and a parameter to one tolerance.
+    told("fault", listed_in(&listed(root, "classes"), "faults"));
+    let realistic = root.iter().find(|entry| entry.key == "realistic");
+    let realistic = realistic.and_then(|entry| entry.table().ok()).map(entries).unwrap_or_default();
+    told("tolerance of", listed_in(&listed(&realistic, "tolerances"), "parameters"));
+    let units = listed(root, "units");
+    if let Some(whole) = units.iter().find(|unit| unit.text() == Ok("")).filter(|_| units.len() > 1)
+    {
+        mistakes.note(&whole.value_at(), Mistake::WholeBesideUnits);
     }
+}
+
+/// The elements of a list.
+fn listed<'a>(table: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
+    let entry = table.iter().find(|entry| entry.key == key);
+    let list = entry.and_then(|entry| entry.list().ok()).unwrap_or_default();
+    list.iter().map(|value| Entry::element(key, value)).collect()
+}
+
+/// The elements of a list in each of some tables.
+fn listed_in<'a>(tables: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
+    let tables = tables.iter().filter_map(|entry| entry.table().ok());
+    tables.flat_map(|table| listed(&entries(table), key)).collect()
 }
 
 /// Where the file names its system.

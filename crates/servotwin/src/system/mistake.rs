@@ -20,6 +20,11 @@ pub enum Mistake {
         /// The name.
         name: String,
     },
+    /// A liquid would be thicker at 100 °C than at 40 °C.
+    ThickensWhenWarm {
+        /// The fluid.
+        fluid: String,
+    },
     /// Two things have the same id.
     DuplicateId {
         /// The id.
@@ -262,6 +267,9 @@ impl fmt::Display for Mistake {
             Mistake::ReservedName { name } => {
                 write!(out, "the name '{name}' has a meaning of its own")
             }
+            Mistake::ThickensWhenWarm { fluid } => {
+                write!(out, "the fluid '{fluid}' is no thinner at 100 °C than at 40 °C")
+            }
             Mistake::DuplicateId { id } => write!(out, "there are two things called '{id}'"),
             Mistake::UnknownWord { what, word, .. } => write!(out, "unknown {what} '{word}'"),
             Mistake::Unused { what, name } => write!(out, "the {what} '{name}' is never used"),
@@ -382,6 +390,9 @@ impl Explained for Mistake {
             Mistake::Document(mistake) => return mistake.help(),
             Mistake::BadName { .. } => "names have small letters, digits and '_'".into(),
             Mistake::ReservedName { .. } => "choose another".into(),
+            Mistake::ThickensWhenWarm { .. } => {
+                "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)".into()
+            }
             Mistake::DuplicateId { .. } => "every id stands for one thing".into(),
             Mistake::UnknownWord { nearest, known, .. }
             | Mistake::UnknownPort { nearest, known, .. } => suggest(nearest, known),

@@ -7,7 +7,7 @@ use super::{FORMAT, Sensor, units};
 use crate::document::{self, Collector, Entry, Span, entries};
 use crate::nearest::nearest;
 use servotwin_model::components::{ALL, find};
-use servotwin_model::fluid::{Fluid, FluidKind};
+use servotwin_model::fluid::{Fluid, FluidKind, own};
 use servotwin_model::network::PortOf;
 use servotwin_model::spec::{Law, Parameter, PortKind, Spec, Unit, declare::parameter};
 use toml::de::DeTable;
@@ -16,17 +16,34 @@ use toml::de::DeTable;
 const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 
 /// The numbers of a fluid, in the order of [`set_fluid`].
-pub(crate) static FLUID: [Parameter; 3] = [
+pub(crate) static FLUID: [Parameter; 10] = [
     parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
     parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
     parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
+    parameter("density_kg_m3", Unit::KilogramPerCubicMetre, 880.0, (500.0, 2000.0), "at 15 °C"),
+    parameter("expansion", Unit::None, 7e-4, (0.0, 5e-3), "of its volume, per kelvin"),
+    parameter("viscosity_40_m2_s", Unit::SquareMetrePerSecond, 46e-6, (2e-6, 1e-3), "at 40 °C"),
+    parameter("viscosity_100_m2_s", Unit::SquareMetrePerSecond, 6.8e-6, (1e-6, 5e-4), "at 100 °C"),
+    parameter("bulk_modulus_pa", Unit::Pascal, 1.6e9, (2e8, 1e10), "of the liquid at 40 °C"),
+    parameter("bulk_modulus_change", Unit::None, -8e6, (-2e7, 0.0), "of it, Pa per kelvin"),
+    parameter("bulk_modulus_slope", Unit::None, 11.0, (0.0, 20.0), "of it, Pa per pascal"),
 ];
+
+/// The first of those that only a fluid of kind `own` has.
+const FIRST_OWN: usize = 3;
 
 fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
     match index {
         0 => fluid.air_fraction = value,
         1 => fluid.polytropic_exponent = value,
-        _ => fluid.wall_modulus_pa = value,
+        2 => fluid.wall_modulus_pa = value,
+        3 => fluid.own.density_kg_m3 = value,
+        4 => fluid.own.expansion = value,
+        5 => fluid.own.viscosity_40_m2_s = value,
+        6 => fluid.own.viscosity_100_m2_s = value,
+        7 => fluid.own.bulk_modulus_pa = value,
+        8 => fluid.own.bulk_modulus_change = value,
+        _ => fluid.own.bulk_modulus_slope = value,
     }
 }
 
@@ -257,9 +274,11 @@ impl Reader {
         let place = format!("fluid '{}'", fluid.key);
         let mut value = Fluid::default();
         let mut sound = true;
+        let is_own = get(all, "kind").is_some_and(|entry| entry.text() == Ok(own::NAME));
+        let known = if is_own { &FLUID[..] } else { &FLUID[..FIRST_OWN] };
         for entry in all.iter().filter(|entry| entry.key != "kind") {
-            let Some(index) = FLUID.iter().position(|p| p.name == entry.key) else {
-                self.unknown_number(entry, &place, &FLUID, &["kind"]);
+            let Some(index) = known.iter().position(|p| p.name == entry.key) else {
+                self.unknown_number(entry, &place, known, &["kind"]);
                 sound = false;
                 continue;
             };
@@ -271,6 +290,10 @@ impl Reader {
             }
         }
         value.kind = self.liquid(fluid, get(all, "kind"))?;
+        if value.own.viscosity_100_m2_s >= value.own.viscosity_40_m2_s {
+            self.mistakes.note(&fluid.at, Mistake::ThickensWhenWarm { fluid: fluid.key.into() });
+            sound = false;
+        }
         sound.then_some(value)
     }
 

@@ -1,0 +1,358 @@
+//! A proportional directional valve with four edges, by the numbers of a data sheet.
+//!
+//! The spool moves as that of [`super::servo_valve`], equations (W1) to (W3). Edge `e` of PA, PB, AT, BT,
+//! which opens with the spool for PA and BT and against it for PB and AT (`s_e` = ±1), with stroke `x_max`,
+//! overlap `o` and smoothing `ε` per unit of it:
+//!
+//! ```text
+//! ξ  = (s_e x/x_max − o)/(1 − o),   ξ₊ = (ξ + √(ξ² + ε²))/2                 (PV1)
+//! q  = m (f Q_N √(ρ_N/(ρ Δp_N)) ξ₊ Δp/(Δp² + p_t²)^¼ + C_l Δp)             (PV2)
+//! ```
+//!
+//! `Q_N` is the flow of one edge at full stroke and the pressure drop `Δp_N` over this edge, with an oil of
+//! density `ρ_N` (ISO 10770-1 rates proportional valves at 5 bar an edge, servo valves at 35 bar); `f` the share
+//! of it that an edge passes, as in the spools for cylinders with one rod. Below `p_t` the flow becomes
+//! proportional to the drop. `C_l` is what leaks past a land. `m` is the transmission, as in the servo valve.
+//! Flow forces are left to the valve's own position loop.
+
+use super::Component;
+use super::servo_valve::{
+    EDGES, ORIENTATIONS, SPOOL_CONSTANTS, Spool, spool_constants, spool_motion,
+};
+use crate::equation::{Equation, Given};
+use crate::scalar::Scalar;
+use crate::spec::{Category, Fault, Parameter, Spec, Start, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// See the module.
+pub struct ProportionalValve;
+
+const RATED_FLOW: usize = 0;
+const RATED_DROP: usize = 1;
+const RATED_DENSITY: usize = 2;
+/// The first of four, in the order PA, PB, AT, BT.
+const SHARE: usize = 3;
+/// The first of four, in the same order.
+const OVERLAP: usize = 7;
+const SMOOTHING: usize = 11;
+const TRANSITION: usize = 12;
+const LEAKAGE: usize = 13;
+const STROKE: usize = 14;
+const NATURAL_FREQUENCY: usize = 15;
+const DAMPING_RATIO: usize = 16;
+const OPENING_TIME: usize = 17;
+const NULL_BIAS: usize = 18;
+const CURRENT_GAIN: usize = 19;
+const MOBILITY: usize = 20;
+
+/// The spool's stops, where they do not matter for the flow: 1.1 strokes, stiff and damped as those of
+/// the servo valve.
+const STOP: [f64; 3] = [1.1, 1e8, 1e4];
+
+const fn share(name: &'static str, summary: &'static str) -> Parameter {
+    parameter(name, Unit::None, 1.0, (0.0, 2.0), summary)
+}
+
+const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
+    parameter(name, Unit::None, 0.0, (-0.5, 0.5), summary)
+}
+
+const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+    scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
+}
+
+const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+    adds(name, parameter, -0.05, (-0.5, 0.5), Category::Wear, summary)
+}
+
+static SPEC: Spec = Spec {
+    kind: "proportional_valve",
+    summary: "four-way proportional or servo valve by rated flow and overlap",
+    parameters: &[
+        required(
+            "rated_flow_m3_s",
+            Unit::CubicMetrePerSecond,
+            (1e-7, 0.1),
+            "flow Q_N of an edge, fully open, at the rated pressure drop",
+        ),
+        parameter(
+            "rated_drop_pa",
+            Unit::Pascal,
+            5e5,
+            (1e4, 1e8),
+            "pressure drop Δp_N over an edge",
+        ),
+        parameter(
+            "rated_density_kg_m3",
+            Unit::KilogramPerCubicMetre,
+            865.0,
+            (500.0, 2000.0),
+            "of the oil with which the flow was rated",
+        ),
+        share("share_pa", "share of the rated flow that edge P-A passes"),
+        share("share_pb", "share of the rated flow that edge P-B passes"),
+        share("share_at", "share of the rated flow that edge A-T passes"),
+        share("share_bt", "share of the rated flow that edge B-T passes"),
+        overlap("overlap_pa", "overlap of edge P-A per unit of stroke; negative: underlap"),
+        overlap("overlap_pb", "overlap of edge P-B per unit of stroke"),
+        overlap("overlap_at", "overlap of edge A-T per unit of stroke"),
+        overlap("overlap_bt", "overlap of edge B-T per unit of stroke"),
+        parameter("smoothing", Unit::None, 2e-3, (1e-5, 0.1), "smoothing of the edges, ε"),
+        parameter("transition_pa", Unit::Pascal, 2e4, (1.0, 1e6), "laminar below this drop, p_t"),
+        parameter(
+            "leakage_m3_s_pa",
+            Unit::CubicMetrePerSecondPascal,
+            2e-13,
+            (0.0, 1e-8),
+            "laminar conductance C_l past each land",
+        ),
+        parameter("stroke_m", Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at full signal"),
+        parameter("natural_frequency_hz", Unit::Hertz, 60.0, (0.1, 2000.0), "of the spool"),
+        parameter("damping_ratio", Unit::None, 0.8, (1e-3, 10.0), "of the spool"),
+        parameter(
+            "opening_time_s",
+            Unit::Second,
+            0.015,
+            (1e-4, 10.0),
+            "from the centre to full opening, as fast as it can",
+        ),
+        parameter("null_bias", Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
+        parameter("current_gain", Unit::None, 1.0, (-10.0, 10.0), "stroke gained per full signal"),
+        parameter("mobility", Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
+        parameter("transmission", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+    ],
+    faults: &[
+        clogging("clogging_pa", "share_pa", "dirt narrows edge P-A"),
+        clogging("clogging_pb", "share_pb", "dirt narrows edge P-B"),
+        clogging("clogging_at", "share_at", "dirt narrows edge A-T"),
+        clogging("clogging_bt", "share_bt", "dirt narrows edge B-T"),
+        shrinks(
+            "natural_frequency_loss",
+            "natural_frequency_hz",
+            0.03,
+            (1e-3, 1.0),
+            Category::Dynamics,
+            "the position loop of the spool became slow",
+        ),
+        shrinks(
+            "damping_loss",
+            "damping_ratio",
+            0.03,
+            (1e-3, 1.0),
+            Category::Dynamics,
+            "the position loop of the spool rings",
+        ),
+        scales(
+            "slow_spool",
+            "opening_time_s",
+            20.0,
+            (1.0, 1000.0),
+            Category::Dynamics,
+            "the pilot stage or the solenoid has lost force",
+        ),
+        adds(
+            "bias_positive",
+            "null_bias",
+            0.40,
+            (0.0, 2.0),
+            Category::Bias,
+            "null shift towards p → a",
+        ),
+        adds(
+            "bias_negative",
+            "null_bias",
+            -0.40,
+            (-2.0, 0.0),
+            Category::Bias,
+            "null shift towards p → b",
+        ),
+        adds(
+            "gain_high",
+            "current_gain",
+            1.0,
+            (0.0, 10.0),
+            Category::Calibration,
+            "too much stroke per signal",
+        ),
+        adds(
+            "gain_low",
+            "current_gain",
+            -0.8,
+            (-2.0, 0.0),
+            Category::Calibration,
+            "too little stroke per signal",
+        ),
+        adds(
+            "wear",
+            "leakage_m3_s_pa",
+            5e-12,
+            (1e-14, 1e-7),
+            Category::InternalLeakage,
+            "worn lands: 3 L/min more at 100 bar past each",
+        ),
+        edge_wear("wear_pa", "overlap_pa", "edge P-A is eroded"),
+        edge_wear("wear_pb", "overlap_pb", "edge P-B is eroded"),
+        edge_wear("wear_at", "overlap_at", "edge A-T is eroded"),
+        edge_wear("wear_bt", "overlap_bt", "edge B-T is eroded"),
+        shrinks(
+            "jam",
+            "mobility",
+            1e-5,
+            (1e-12, 1.0),
+            Category::Jamming,
+            "the spool sticks where it began",
+        ),
+    ],
+    ports: &[
+        hydraulic("p", "pressure"),
+        hydraulic("t", "return"),
+        hydraulic("a", "control port A"),
+        hydraulic("b", "control port B"),
+        input("current", Unit::None, "per unit of full signal"),
+        input_or("transmission", Unit::None, "transmission", "factor on the flow of all edges"),
+        output("spool_position", Unit::Metre, "spool position, positive opens p → a"),
+    ],
+    states: &[
+        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
+        state(
+            "spool_velocity_m_s",
+            Unit::MetrePerSecond,
+            0.1,
+            Start::Value(0.0),
+            "spool velocity before its limit",
+        ),
+    ],
+    reference: false,
+};
+
+impl Component for ProportionalValve {
+    fn spec(&self) -> &'static Spec {
+        &SPEC
+    }
+
+    fn connect(&self, wiring: &mut Wiring) {
+        let position = wiring.state("spool_position_m");
+        let velocity = wiring.state("spool_velocity_m_s");
+        wiring.set("spool_position", position);
+        let inputs = [wiring.signal("current"), position, velocity];
+        let rates = [
+            Output::add(wiring.derivative("spool_position_m")),
+            Output::add(wiring.derivative("spool_velocity_m_s")),
+        ];
+        wiring.equation::<ControlledSpool, 3, 2, SPOOL_CONSTANTS>(0, inputs, rates);
+        let transmission = wiring.signal("transmission");
+        for (which, (up, down)) in EDGES.into_iter().enumerate() {
+            let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
+            let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
+            wiring.equation::<RatedEdge, 4, 1, 6>(which, inputs, [flow]);
+        }
+    }
+}
+
+/// Equations (W1)–(W3): (signal, x, v) → (x', v').
+pub struct ControlledSpool;
+
+impl Equation<3, 2, SPOOL_CONSTANTS> for ControlledSpool {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; SPOOL_CONSTANTS] {
+        spool_constants(Spool {
+            stroke_m: given[STROKE],
+            natural_frequency_hz: given[NATURAL_FREQUENCY],
+            damping_ratio: given[DAMPING_RATIO],
+            slew_rate_m_s: given[STROKE] / given[OPENING_TIME],
+            null_bias: given[NULL_BIAS],
+            current_gain: given[CURRENT_GAIN],
+            mobility: given[MOBILITY],
+            stop: STOP.map(S::constant),
+        })
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; SPOOL_CONSTANTS], inputs: [S; 3]) -> [S; 2] {
+        spool_motion(c, inputs)
+    }
+}
+
+/// Equations (PV1) and (PV2): (x, transmission, p_up, p_down) → flow. `which` is the edge: 0 PA, 1 PB,
+/// 2 AT, 3 BT.
+pub struct RatedEdge;
+
+impl Equation<4, 1, 6> for RatedEdge {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
+        let one = S::constant(1.0);
+        let overlap = given[OVERLAP + given.which];
+        let per_stroke = one / ((one - overlap) * given[STROKE]);
+        let density = given[RATED_DENSITY] / given.fluid.density_kg_m3;
+        let full = given[RATED_FLOW] * (density / given[RATED_DROP]).sqrt();
+        [
+            S::constant(ORIENTATIONS[given.which]) * per_stroke,
+            overlap / (one - overlap),
+            given[SMOOTHING] * given[SMOOTHING],
+            full * given[SHARE + given.which] * S::constant(0.5),
+            given[TRANSITION] * given[TRANSITION],
+            given[LEAKAGE],
+        ]
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(c: &[S::Base; 6], [x, transmission, up, down]: [S; 4]) -> [S; 1] {
+        let [per_stroke, overlap, smoothing, half_of_full, transition, leakage] = *c;
+        let travel = x * per_stroke - overlap;
+        let twice_open = travel + (travel * travel + smoothing).sqrt();
+        let drop = up - down;
+        let root = (drop * drop + transition).sqrt().sqrt();
+        [transmission * drop * (twice_open * half_of_full / root + leakage)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    /// L/min through an edge of a valve of 60 L/min at 5 bar.
+    fn flow(changes: &[(&str, f64)], which: usize, stroke: f64, bar: f64) -> f64 {
+        let all = [&[("rated_flow_m3_s", 1e-3)], changes].concat();
+        let c = constants::<RatedEdge, 4, 1, 6>(&ProportionalValve, &all, which);
+        RatedEdge::evaluate(&c, [stroke * 1e-3, 1.0, 1e5 + bar * 1e5, 1e5])[0] * 6e4
+    }
+
+    #[track_caller]
+    fn assert_close(value: f64, expected: f64, tolerance: f64) {
+        assert!((value / expected - 1.0).abs() < tolerance, "{value} instead of {expected}");
+    }
+
+    #[test]
+    fn an_open_edge_passes_the_rated_flow_with_any_overlap() {
+        let density = constants_density();
+        let expected = 60.0 * (865.0 / density).sqrt();
+        for overlap in [0.0, 0.2, -0.1] {
+            for (which, sign) in [(0, 1.0), (1, -1.0), (2, -1.0), (3, 1.0)] {
+                let names = ["overlap_pa", "overlap_pb", "overlap_at", "overlap_bt"];
+                let changes = [(names[which], overlap), ("leakage_m3_s_pa", 0.0)];
+                assert_close(flow(&changes, which, sign, 5.0), expected, 1e-3);
+                assert_close(flow(&changes, which, sign, 20.0), 2.0 * expected, 1e-3);
+                assert_close(flow(&changes, which, sign, -5.0), -expected, 1e-3);
+            }
+        }
+    }
+
+    /// Of the fluid that [`constants`] gives.
+    fn constants_density() -> f64 {
+        let half = [("rated_density_kg_m3", 1000.0), ("leakage_m3_s_pa", 0.0)];
+        1000.0 / (flow(&half, 0, 1.0, 5.0) / 60.0).powi(2)
+    }
+
+    #[test]
+    fn inside_the_overlap_only_the_land_leaks() {
+        let changes = [("overlap_pa", 0.2), ("leakage_m3_s_pa", 1e-12)];
+        // 10⁻¹² m³/(s Pa) at 100 bar are 0.6 L/min.
+        assert_close(flow(&changes, 0, 0.1, 100.0), 0.6, 0.02);
+        assert!(flow(&changes, 0, 0.21, 100.0) > 2.0 * flow(&changes, 0, 0.19, 100.0));
+    }
+
+    #[test]
+    fn small_drops_make_flows_in_proportion() {
+        let changes = [("leakage_m3_s_pa", 0.0)];
+        assert_close(flow(&changes, 0, 1.0, 0.002) / flow(&changes, 0, 1.0, 0.001), 2.0, 1e-3);
+    }
+}

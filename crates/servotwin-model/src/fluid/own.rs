@@ -1,0 +1,77 @@
+//! A liquid by the numbers of its data sheet.
+//!
+//! ```text
+//! ρ(T) = ρ₁₅ (1 − α (T − 288.15 K))                                        (L1)
+//! lg lg(ν/cSt + 0.7) = A − B lg(T/K)   through ν at 40 and at 100 °C          (L2)
+//! E₀(T) = E₄₀ + β (T − 313.15 K)                                          (L3)
+//! ```
+//!
+//! (L2) is Walther's law (ASTM D341); the defaults are those of HLP 46.
+
+use super::{log_10, walther_m2_s};
+use crate::scalar::{Scalar, lit};
+
+/// The word for `kind` in a system file.
+pub const NAME: &str = "own";
+/// One line for people.
+pub const SUMMARY: &str = "a liquid by its own numbers";
+/// Temperatures for which numbers may be given, K.
+pub const RANGE_K: (f64, f64) = (233.15, 423.15);
+
+/// The numbers of a liquid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OwnLiquid {
+    /// Density at 15 °C, kg/m³.
+    pub density_kg_m3: f64,
+    /// Its thermal expansion α, 1/K.
+    pub expansion: f64,
+    /// Kinematic viscosity at 40 °C, m²/s.
+    pub viscosity_40_m2_s: f64,
+    /// Kinematic viscosity at 100 °C, m²/s.
+    pub viscosity_100_m2_s: f64,
+    /// Bulk modulus at 40 °C, extrapolated to zero pressure, Pa.
+    pub bulk_modulus_pa: f64,
+    /// Its change β with the temperature, Pa/K.
+    pub bulk_modulus_change: f64,
+    /// Its growth with the pressure, Pa/Pa.
+    pub bulk_modulus_slope: f64,
+}
+
+impl Default for OwnLiquid {
+    fn default() -> Self {
+        Self {
+            density_kg_m3: 880.0,
+            expansion: 7e-4,
+            viscosity_40_m2_s: 46e-6,
+            viscosity_100_m2_s: 6.8e-6,
+            bulk_modulus_pa: 1.6e9,
+            bulk_modulus_change: -8e6,
+            bulk_modulus_slope: 11.0,
+        }
+    }
+}
+
+impl OwnLiquid {
+    /// Density, kg/m³, kinematic viscosity, m²/s, bulk modulus, Pa, and its growth with the pressure.
+    pub fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S, f64) {
+        let since_15 = temperature_k - lit::<S>(288.15);
+        let since_40 = temperature_k - lit::<S>(313.15);
+        let number = |value: f64| S::constant(value);
+        let (a, b) = self.walther();
+        (
+            (number(1.0) - since_15 * number(self.expansion)) * number(self.density_kg_m3),
+            walther_m2_s(temperature_k, number(a), number(b)),
+            number(self.bulk_modulus_pa) + since_40 * number(self.bulk_modulus_change),
+            self.bulk_modulus_slope,
+        )
+    }
+
+    /// A and B of (L2).
+    fn walther(&self) -> (f64, f64) {
+        let double = |m2_s: f64| log_10(log_10(m2_s * 1e6 + 0.7));
+        let [warm, hot] = [313.15, 373.15].map(log_10::<f64>);
+        let [at_40, at_100] = [self.viscosity_40_m2_s, self.viscosity_100_m2_s].map(double);
+        let b = (at_40 - at_100) / (hot - warm);
+        (at_40 + b * warm, b)
+    }
+}
