@@ -4,6 +4,7 @@
 use crate::document::{Quantities, Quantity};
 use crate::system::units::word;
 use servotwin_model::components::{ALL, description};
+use servotwin_model::fluid::{Fluid, FluidKind};
 use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind, Spec};
 
 /// Every component, in the order of the documentation.
@@ -117,16 +118,49 @@ pub fn flow(port: &Port, spec: &Spec) -> String {
     }
 }
 
+/// What heads the columns of [`fluids`].
+pub const FLUID_HEADS: [&str; 6] =
+    ["fluid", "what it is", "°C", "kg/m³ at 40 °C", "cSt at 40 and 100 °C", "E₀ at 40 °C, GPa"];
+
+/// The liquids with their numbers, in the order of [`FLUID_HEADS`].
+pub fn fluids() -> Vec<[String; 6]> {
+    let one = |&kind: &FluidKind| {
+        let at = |celsius: f64| Fluid { kind, ..Fluid::default() }.at(celsius + 273.15);
+        let (low, high) = kind.range_k();
+        let (warm, hot) = (at(40.0), at(100.0));
+        let centistokes = [warm, hot].map(|state| 1e6 * state.kinematic_viscosity_m2_s);
+        [
+            kind.name().into(),
+            kind.summary().into(),
+            format!("{:.0} … {:.0}", low - 273.15, high - 273.15),
+            format!("{:.0}", warm.density_kg_m3),
+            format!("{:.1}, {:.1}", centistokes[0], centistokes[1]),
+            format!("{:.2}", warm.bulk.liquid_pa / 1e9),
+        ]
+    };
+    FluidKind::ALL.iter().map(one).collect()
+}
+
+/// All that the book says of the catalogue: a page for each component, and the liquids.
+pub fn book() -> String {
+    let pages: Vec<String> = all().map(markdown).collect();
+    let rows = fluids().into_iter().map(Vec::from).collect();
+    let fluids = "The numbers of `own` are those of its defaults; [the system format](system-format.md) has its keys.";
+    format!("{}\n## Fluids\n\n{fluids}\n{}", pages.join("\n"), table(&FLUID_HEADS, rows))
+}
+
+/// A table in Markdown.
+fn table(heads: &[&str], rows: Vec<Vec<String>>) -> String {
+    let cells = |row: &[String]| format!("| {} |\n", row.join(" | "));
+    let heads: Vec<String> = heads.iter().map(|&head| head.to_owned()).collect();
+    let rule = vec!["---".to_owned(); heads.len()];
+    let rows: String = rows.iter().map(|row| cells(row)).collect();
+    format!("\n{}{}{rows}", cells(&heads), cells(&rule))
+}
+
 /// A page about a component, in Markdown.
 pub fn markdown(spec: &Spec) -> String {
     let mut page = format!("## {}\n\n{}\n", spec.kind, prose(spec.kind).trim_end());
-    let table = |heads: &[&str], rows: Vec<Vec<String>>| {
-        let cells = |row: &[String]| format!("| {} |\n", row.join(" | "));
-        let heads: Vec<String> = heads.iter().map(|&head| head.to_owned()).collect();
-        let rule = vec!["---".to_owned(); heads.len()];
-        let rows: String = rows.iter().map(|row| cells(row)).collect();
-        format!("\n{}{}{rows}", cells(&heads), cells(&rule))
-    };
     let code = |text: &str| format!("`{text}`");
     let plain = |text: &str| text.replace('|', "\\|");
     let ports = spec.ports.iter();
@@ -172,9 +206,17 @@ mod tests {
         assert!(kinds("CLOGGING").contains(&"servo_valve"));
         assert!(kinds("stribeck").contains(&"cylinder"));
         assert_eq!(kinds("no such word"), Vec::<&str>::new());
-        let hits = search("clogging_pa");
+        let hits = search("edge_rounding");
         assert_eq!(hits.len(), 1);
-        assert!(hits[0].lines[0].starts_with("fault clogging_pa"), "{:?}", hits[0].lines);
+        assert!(hits[0].lines[0].starts_with("fault edge_rounding"), "{:?}", hits[0].lines);
+    }
+
+    #[test]
+    fn fluids_have_their_numbers() {
+        let all = fluids();
+        let hlp = all.iter().find(|row| row[0] == "hlp_46").unwrap();
+        assert_eq!(hlp[2..], ["-10 … 100", "865", "46.0, 6.8", "1.60"]);
+        assert!(book().contains("| mil_prf_83282 |"));
     }
 
     #[test]

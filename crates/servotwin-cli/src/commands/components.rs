@@ -28,19 +28,21 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let chosen = word.and_then(catalogue::find);
     if let (Some(word), None) = (word, chosen) {
         let hits = catalogue::search(word);
-        if hits.is_empty() {
+        let fluids = fluids(word);
+        if hits.is_empty() && fluids.is_empty() {
             return Err(unknown(word));
         }
         return Ok(match options.markdown || global.json {
             true => whole(hits.iter().map(|hit| hit.spec), global),
-            false => hits.iter().map(found).collect(),
+            false => hits.iter().map(found).collect::<String>() + &fluids,
         });
     }
     Ok(match chosen {
         Some(spec) if options.markdown => catalogue::markdown(spec),
         Some(spec) if global.json => json(&as_json(spec)),
         Some(spec) => people(spec),
-        None if options.markdown || global.json => whole(catalogue::all(), global),
+        None if options.markdown => catalogue::book(),
+        None if global.json => whole(catalogue::all(), global),
         None => list(),
     })
 }
@@ -73,7 +75,21 @@ fn list() -> String {
         grid.push(vec![spec.kind.into(), parameters, faults, spec.summary.into()]);
         kinds += 1;
     }
-    format!("{}\n{kinds} kinds; 'servotwin components KIND' tells all about one\n", grid.text())
+    let kinds = format!("{kinds} kinds; 'servotwin components KIND' tells all about one");
+    format!("{}\n{kinds}\n\n{}", grid.text(), fluids(""))
+}
+
+/// The fluids that have a word anywhere in what is said of them; empty without any.
+fn fluids(word: &str) -> String {
+    let word = word.to_lowercase();
+    let has = |row: &[String; 6]| row.iter().any(|cell| cell.to_lowercase().contains(&word));
+    let mut grid = Grid::new(&catalogue::FLUID_HEADS.map(|head| (head, Side::Left)));
+    let rows: Vec<_> = catalogue::fluids().into_iter().filter(has).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    rows.into_iter().for_each(|row| grid.push(row.into()));
+    grid.text()
 }
 
 fn found(hit: &Hit) -> String {

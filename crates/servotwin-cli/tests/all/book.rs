@@ -151,7 +151,7 @@ fn with(page: &str, generated: &str) -> String {
 #[test]
 fn tables_of_the_book_are_what_is_declared() {
     let pages = [
-        ("components.md", catalogue::all().map(catalogue::markdown).collect::<Vec<_>>().join("\n")),
+        ("components.md", catalogue::book()),
         ("study-format.md", format::markdown(study::keys())),
         ("signals.md", format!("```text\n{}```", signal::help())),
     ];

@@ -16,7 +16,7 @@ pub const NAME: &str = "own";
 /// One line for people.
 pub const SUMMARY: &str = "a liquid by its own numbers";
 /// Temperatures for which numbers may be given, K.
-pub const RANGE_K: (f64, f64) = (233.15, 423.15);
+pub const RANGE_K: (f64, f64) = (253.15, 423.15);
 
 /// The numbers of a liquid.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -18,7 +18,7 @@ use alloc::vec::Vec;
 /// Rejections in a row before a variant is given up.
 const MOST_REJECTIONS: u32 = 60;
 /// Steps of the steady-state search.
-const MOST_SETTLING_STEPS: u32 = 400;
+const MOST_SETTLING_STEPS: u32 = 2000;
 /// Change over scale in one step that is accepted on the way to rest.
 const LARGEST_SETTLING_CHANGE: f64 = 0.5;
 /// The system is at rest when no state moves faster than this part of its

@@ -152,9 +152,12 @@ impl Finding {
 
     /// In words: `isolated, raised: actuator 1, shutdown, supply valve`.
     pub fn words(&self) -> String {
+        // What is held for true until there is enough evidence need not be likely any more.
+        let undecided = self.state == State::Healthy && self.confidence < 0.5;
+        let state = if undecided { "undecided" } else { self.state.words() };
         let state = match self.phase {
-            Phase::None => self.state.words().to_owned(),
-            phase => format!("{}, {}", self.state.words(), phase.words()),
+            Phase::None => state.to_owned(),
+            phase => format!("{state}, {}", phase.words()),
         };
         let actuator = self.actuator.map(|number| format!("actuator {number}"));
         let parts = [actuator.unwrap_or_default(), self.command.clone(), self.detail.clone()];

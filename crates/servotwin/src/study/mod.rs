@@ -441,9 +441,7 @@ fn is_only_a_name(mistake: &Mistake) -> bool {
     use document::Mistake::{UnknownKey, UnknownWord};
     matches!(
         mistake,
-        Mistake::Document(UnknownKey { .. } | UnknownWord { .. })
-            | Mistake::Repeated { .. }
-            | Mistake::WholeBesideUnits
+        Mistake::Document(UnknownKey { .. } | UnknownWord { .. }) | Mistake::Repeated { .. }
     )
 }
 

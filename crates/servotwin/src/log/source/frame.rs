@@ -223,9 +223,10 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
         return Some(keys);
     }
     let names = names(line, Dialect::of(line).separator);
-    // A row of numbers names nothing.
-    let named = names.iter().any(|name| !name.is_empty() && name.parse::<f64>().is_err());
-    named.then_some(names)
+    // A row of numbers names nothing, not even where it falls apart at decimal commas.
+    let is_name = |name: &&String| name.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let named = names.iter().filter(is_name).count();
+    (named > 0 && 2 * named >= names.len()).then_some(names)
 }
 
 fn list_keys(value: &serde_json::Value, path: String, keys: &mut Vec<String>) {
@@ -447,6 +448,15 @@ mod tests {
         let no_time = Flaw::NoTime { text: "x".into() };
         assert_eq!(read(&mut frames, "1;2;x").0, Read::Flawed(no_time));
         assert_eq!(read(&mut frames, "1;\u{0};3").0, Read::Flawed(Flaw::Noise));
+    }
+
+    #[test]
+    fn numbers_with_decimal_commas_name_nothing() {
+        let header = columns(b"time_s;\"p [bar]\";x_m");
+        assert_eq!(header, Some(["time_s", "p [bar]", "x_m"].map(String::from).to_vec()));
+        for row in ["0,01;-3,17e-5;1,0", "0.5,1e-3,abc", "1;2;3"] {
+            assert_eq!(columns(row.as_bytes()), None, "{row}");
+        }
     }
 
     #[test]
