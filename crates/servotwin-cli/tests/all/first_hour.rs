@@ -334,3 +334,20 @@ fn a_run_that_does_not_begin_at_rest_says_so() {
     let ringing = run(&["--fault", "actuator_1.servo_valve.damping_loss=0.7"]);
     assert!(!told(&ringing), "{}", stderr(&ringing));
 }
+
+#[test]
+fn no_run_begins_below_vacuum() {
+    // Implicit steps on the way to rest would end there, and the run would stay.
+    let pressures = "cylinder.pressure_a_pa,cylinder.pressure_b_pa,accumulator.pressure_pa";
+    let tail = ["--record", pressures, "--duration", "50ms", "--json"];
+    let starved: [&[&str]; 2] = [
+        &["--fault", "pump.set_pressure_loss=1", "--input", "process_force=-30kN"],
+        &["--set", "pump.flow_m3_s=0", "--command", "step:size=100mm"],
+    ];
+    for how in starved {
+        let run = json(&[&["simulate", "press_axis"], how, &tail].concat());
+        for pressure in run["recorded"].as_array().unwrap() {
+            assert!(pressure["min"].as_f64().unwrap() > 0.0, "{how:?}: {pressure}");
+        }
+    }
+}
