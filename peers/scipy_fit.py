@@ -9,11 +9,13 @@ same start (the nominal twin), the same unknowns with the same priors and bounds
 residuals by less than 0.005. SciPy integrates the C source that servotwin writes, compiled with -O3, by LSODA
 (odeint); the command and its interpolation are C too, so that Python only passes pointers on. `servotwin fit` is the
 whole command: it also reads the file, looks at whether the record can be of the system, and compares 82 faults.
-Prints the seconds of both, with one thread and with all, their ratio, and how far the results are apart.
+Prints the seconds of both, with one thread and with all, and their ratio; the same in processor time, which a busy
+machine does not change as much; and how far the results are apart.
 """
 
 import ctypes
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -181,12 +183,18 @@ def record(servotwin, folder, known):
 
 
 def fitted(servotwin, log, *more):
-    begin = time.perf_counter()
+    begin, before = time.perf_counter(), children_s()
     command = [servotwin, "fit", log, "--parameters", ",".join(NAMES), "--json", *more]
     output = subprocess.run(command, capture_output=True, text=True)
     seconds = time.perf_counter() - begin
     assert output.returncode in (0, 1), output.stderr
-    return seconds, json.loads(output.stdout)
+    return seconds, children_s() - before, json.loads(output.stdout)
+
+
+def children_s():
+    """The processor time of all commands that were run."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def main():
@@ -201,14 +209,19 @@ def main():
         assert len(unknowns) == 12, len(unknowns)
         peer = Peer(folder, known, unknowns, columns)
         for _ in range(turns):
-            begin = time.perf_counter()
+            begin, before = time.perf_counter(), time.process_time()
             found = peer.fit()
-            scipy_s = time.perf_counter() - begin
-            one_s, _ = fitted(servotwin, log, "--threads", "1")
-            all_s, own = fitted(servotwin, log)
+            scipy_s, scipy_cpu_s = time.perf_counter() - begin, time.process_time() - before
+            one_s, one_cpu_s, _ = fitted(servotwin, log, "--threads", "1")
+            all_s, all_cpu_s, own = fitted(servotwin, log)
             print(
                 f"SciPy {scipy_s:.1f} s ({peer.runs} runs), servotwin {one_s:.2f} s with one thread (ratio"
                 f" {scipy_s / one_s:.1f}), {all_s:.2f} s with all (ratio {scipy_s / all_s:.1f})"
+            )
+            print(
+                f"processor time: SciPy {scipy_cpu_s:.1f} s, servotwin {one_cpu_s:.2f} s with one thread (ratio"
+                f" {scipy_cpu_s / one_cpu_s:.1f}), {all_cpu_s:.2f} s with all",
+                flush=True,
             )
             peer.runs = 0
     apart = 0.0

@@ -5,8 +5,9 @@
 //! up while samples come, and no sample is kept. After three turns specimens are where a fit of their own
 //! would have brought them, but for a part of a standard error (test).
 //!
-//! What the last turn leaves is judged as that of a fit is, and so a specimen that had a fault in its calibration
-//! flight has a finding; suspects are compared by (FF1) with their changes of the nominal twin.
+//! [`Fleet::judge`] goes on until steps are small, and judges what the last one leaves, to first order, as a fit of its
+//! own does: a specimen that had a fault in its calibration flight has a finding. Suspects are compared by (FF1) with
+//! their changes of the nominal twin.
 
 use super::finding::{Finding, of_what_is_left};
 use super::linear::{Symmetric, dot};
@@ -21,8 +22,10 @@ use std::sync::atomic::Ordering;
 
 /// Turns for each specimen.
 const TURNS: usize = 3;
-/// A last step that still lowers F by more has not come to an end.
-const MOST_LAST_GAIN: f64 = 1.0;
+/// Most turns where specimens are judged, ...
+const MOST_TURNS: usize = 10;
+/// ... until a step would lower F by less than this: no unknown moves by more than half of its standard error.
+const SMALL_GAIN: f64 = 0.1;
 
 /// The calibration flight, and what it tells of the unknowns.
 pub struct Fleet<'p, 's> {
@@ -58,11 +61,18 @@ pub struct Specimen {
     pub last_gain: f64,
     /// How far, in standard errors, a parameter would like to leave its tolerance.
     pub outside: f64,
+}
+
+/// A specimen, and what its calibration flight shows beside parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judged {
+    /// The specimen.
+    pub specimen: Specimen,
     /// What no tolerance explains.
     pub findings: Vec<Finding>,
 }
 
-impl Specimen {
+impl Judged {
     /// Whether its twin may take the parameters.
     pub fn is_update(&self) -> bool {
         self.findings.is_empty()
@@ -122,25 +132,46 @@ impl<'p, 's> Fleet<'p, 's> {
     /// # Errors
     /// It was stopped.
     pub fn fit(&self, measured: &[Vec<f64>]) -> Result<Vec<Result<Specimen, FitError>>, FitError> {
-        let unknowns = &self.problem.unknowns;
-        let start = Specimen {
-            z: vec![0.0; unknowns.len()],
+        let found = self.turns(measured, TURNS, false)?;
+        Ok(found.into_iter().map(|one| one.map(|one| one.specimen)).collect())
+    }
+
+    /// Fits specimens until steps are small, and says what no tolerance explains.
+    ///
+    /// # Errors
+    /// As [`Fleet::fit`].
+    pub fn judge(&self, measured: &[Vec<f64>]) -> Result<Vec<Result<Judged, FitError>>, FitError> {
+        self.turns(measured, MOST_TURNS, true)
+    }
+
+    fn turns(
+        &self,
+        measured: &[Vec<f64>],
+        most: usize,
+        is_judged: bool,
+    ) -> Result<Vec<Result<Judged, FitError>>, FitError> {
+        let specimen = Specimen {
+            z: vec![0.0; self.problem.unknowns.len()],
             overrides: Vec::new(),
             mean_squares: Vec::new(),
-            last_gain: 0.0,
+            last_gain: f64::INFINITY,
             outside: 0.0,
-            findings: Vec::new(),
         };
-        let mut all: Vec<Result<Specimen, FitError>> = vec![Ok(start); measured.len()];
-        let errors: Vec<f64> = match self.covariance() {
-            Some(covariance) => (0..unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect(),
-            None => return Err(FitError::Undetermined),
-        };
-        for turn in 1..=TURNS {
-            self.turn(measured, &mut all, &errors, turn == TURNS)?;
+        let start = Judged { specimen, findings: Vec::new() };
+        let mut all: Vec<Result<Judged, FitError>> = vec![Ok(start); measured.len()];
+        let covariance = self.covariance().ok_or(FitError::Undetermined)?;
+        let size = self.problem.unknowns.len();
+        let errors: Vec<f64> = (0..size).map(|k| covariance.at(k, k).sqrt()).collect();
+        for turn in 1..=most {
+            let goes_on = |one: &Judged| turn <= TURNS || one.specimen.last_gain > SMALL_GAIN;
+            let going: Vec<usize> =
+                (0..all.len()).filter(|&k| all[k].as_ref().is_ok_and(goes_on)).collect();
+            self.turn(measured, &mut all, &going, &errors, is_judged && turn >= TURNS)?;
         }
-        for specimen in all.iter_mut().flatten() {
+        for Judged { specimen, findings } in all.iter_mut().flatten() {
             specimen.overrides = self.problem.variant(&specimen.z, &[]).overrides;
+            let has_ended = specimen.last_gain <= SMALL_GAIN;
+            findings.extend((is_judged && !has_ended).then_some(Finding::NotConverged));
         }
         Ok(all)
     }
@@ -148,58 +179,40 @@ impl<'p, 's> Fleet<'p, 's> {
     fn turn(
         &self,
         measured: &[Vec<f64>],
-        all: &mut [Result<Specimen, FitError>],
+        all: &mut [Result<Judged, FitError>],
+        going: &[usize],
         errors: &[f64],
-        is_last: bool,
+        is_judged: bool,
     ) -> Result<(), FitError> {
-        let before: Vec<Vec<f64>> =
-            all.iter().map(|one| one.as_ref().map_or(Vec::new(), |one| one.z.clone())).collect();
-        let going: Vec<usize> = (0..all.len()).filter(|&k| all[k].is_ok()).collect();
+        let before: Vec<Vec<f64>> = going
+            .iter()
+            .map(|&k| all[k].as_ref().map_or(vec![], |one| one.specimen.z.clone()))
+            .collect();
         let mut ended = Vec::with_capacity(going.len());
         self.problem.ensemble(self.record).run(
             going.len(),
-            |job| self.problem.variant(&before[going[job]], &self.record.inputs),
-            |job| Along::new(self, &measured[going[job]], is_last),
-            |job, mut along, outcome| {
-                // Residuals are many: they are judged before the next specimen's come.
-                let residuals = along.residuals.take().filter(|_| outcome.is_ok());
-                let findings = residuals.map_or(vec![], |residuals| self.findings(&residuals));
-                ended.push((going[job], along, findings, outcome));
+            |job| self.problem.variant(&before[job], &self.record.inputs),
+            |job| Along::new(self, &measured[going[job]], is_judged),
+            |job, along, outcome| {
+                // Residuals are many: what they show is found before the next specimen's come.
+                let stepped = match outcome {
+                    Ok(_) => self.stepped(&before[job], along, errors),
+                    Err(failure) => Err(FitError::run(self.problem.system, failure)),
+                };
+                ended.push((going[job], stepped));
                 (self.problem.progress)();
             },
         );
         if self.problem.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
             return Err(FitError::Cancelled);
         }
-        for (place, along, findings, outcome) in ended {
-            all[place] = match outcome {
-                Ok(_) => self.stepped(&before[place], &along, findings, errors),
-                Err(failure) => Err(FitError::run(self.problem.system, failure)),
-            };
+        for (place, stepped) in ended {
+            all[place] = stepped;
         }
         Ok(())
     }
 
-    /// What residuals show beside parameters that leave their tolerances.
-    fn findings(&self, residuals: &[f64]) -> Vec<Finding> {
-        let suspect = |shown: &Shown| {
-            let with = dot(&shown.change, residuals);
-            let name = self.problem.fault_name(shown.fault);
-            Suspect::of(name, with, shown.square, shown.rest)
-        };
-        let likeliest = self.shown.iter().map(suspect).max_by(|a, b| a.score.total_cmp(&b.score));
-        let looks = likeliest.filter(Suspect::is_finding).map(Finding::Looks);
-        let left = self.problem.left_of(0, self.record, residuals);
-        looks.into_iter().chain(of_what_is_left(&left)).collect()
-    }
-
-    fn stepped(
-        &self,
-        z: &[f64],
-        along: &Along,
-        mut findings: Vec<Finding>,
-        errors: &[f64],
-    ) -> Result<Specimen, FitError> {
+    fn stepped(&self, z: &[f64], along: Along, errors: &[f64]) -> Result<Judged, FitError> {
         let (step, last_gain) = self.problem.step(&self.curvature, z, &along.pull)?;
         let inside = |((z, step), unknown): ((&f64, &f64), &Unknown)| {
             (z + step).clamp(unknown.range.0, unknown.range.1)
@@ -213,16 +226,33 @@ impl<'p, 's> Fleet<'p, 's> {
             let at_bound = next[k] >= unknown.range.1 || next[k] <= unknown.range.0;
             if at_bound { by * errors[k] } else { 0.0 }
         };
-        let outside = (0..next.len()).map(outwards).fold(0.0, f64::max);
-        if along.is_last {
-            let leaving = (0..next.len()).filter(|&k| outwards(k) > SCORE_LIMIT);
-            findings.extend(
-                leaving.map(|unknown| Finding::LeavesTolerance { unknown, by: outwards(unknown) }),
-            );
-            findings.extend((last_gain > MOST_LAST_GAIN).then_some(Finding::NotConverged));
-        }
+        let by: Vec<f64> = (0..next.len()).map(outwards).collect();
+        let outside = by.iter().copied().fold(0.0, f64::max);
         let mean_squares = along.squares.iter().map(|sum| sum / along.samples as f64).collect();
-        Ok(Specimen { z: next, overrides: vec![], mean_squares, last_gain, outside, findings })
+        let mut findings = Vec::new();
+        if let Some(residuals) = along.residuals {
+            findings = self.findings(&step, residuals);
+            let leaving = by.into_iter().enumerate().filter(|(_, by)| *by > SCORE_LIMIT);
+            findings.extend(leaving.map(|(unknown, by)| Finding::LeavesTolerance { unknown, by }));
+        }
+        let specimen = Specimen { z: next, overrides: vec![], mean_squares, last_gain, outside };
+        Ok(Judged { specimen, findings })
+    }
+
+    /// What residuals show, when a step is taken.
+    fn findings(&self, step: &[f64], mut residuals: Vec<f64>) -> Vec<Finding> {
+        for (column, step) in self.linear.columns.iter().zip(step) {
+            residuals.iter_mut().zip(column).for_each(|(left, column)| *left -= step * column);
+        }
+        let suspect = |shown: &Shown| {
+            let with = dot(&shown.change, &residuals);
+            let name = self.problem.fault_name(shown.fault);
+            Suspect::of(name, with, shown.square, shown.rest)
+        };
+        let likeliest = self.shown.iter().map(suspect).max_by(|a, b| a.score.total_cmp(&b.score));
+        let looks = likeliest.filter(Suspect::is_finding).map(Finding::Looks);
+        let left = self.problem.left_of(0, self.record, &residuals);
+        looks.into_iter().chain(of_what_is_left(&left)).collect()
     }
 }
 
@@ -236,16 +266,14 @@ struct Along<'f> {
     samples: usize,
     pull: Vec<f64>,
     squares: Vec<f64>,
-    is_last: bool,
-    /// Kept in the last turn.
+    /// Kept where they are judged.
     residuals: Option<Vec<f64>>,
 }
 
 impl<'f> Along<'f> {
-    fn new(fleet: &'f Fleet, measured: &'f [f64], is_last: bool) -> Self {
+    fn new(fleet: &'f Fleet, measured: &'f [f64], is_judged: bool) -> Self {
         Self {
-            is_last,
-            residuals: is_last.then(|| Vec::with_capacity(fleet.linear.residuals.len())),
+            residuals: is_judged.then(|| Vec::with_capacity(fleet.linear.residuals.len())),
             columns: &fleet.linear.columns,
             deviations: &fleet.deviations,
             measured,

@@ -342,7 +342,7 @@ fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
     let problem = Problem::of_study(&study, vec![records[0].clone()]);
     let fleet = fleet::Fleet::new(&problem).unwrap();
     let measured: Vec<Vec<f64>> = records.iter().map(|record| record.measured.clone()).collect();
-    let found = fleet.fit(&measured).unwrap();
+    let found = fleet.judge(&measured).unwrap();
     for (n, specimen) in found.iter().enumerate() {
         let findings = &specimen.as_ref().unwrap().findings;
         assert_eq!(findings.is_empty(), n >= faults.len(), "{n}: {findings:?}");
@@ -353,7 +353,7 @@ fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
     // Where tolerances explain a fault its score vanishes with it: a bias within the null's tolerance.
     let small =
         record(&study, Some(5), vec![fault(&study, "servo_valve.bias_positive", 0.01)], 12.0);
-    let found = fleet.fit(&[small.measured]).unwrap();
+    let found = fleet.judge(&[small.measured]).unwrap();
     assert!(found[0].as_ref().unwrap().is_update(), "{found:?}");
 }
 

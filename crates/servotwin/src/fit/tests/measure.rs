@@ -96,7 +96,8 @@ const EFFECTS: [f64; 5] = [0.002, 0.005, 0.01, 0.03, f64::INFINITY];
 fn measure_calibration_with_a_fault() {
     let study = Study::default();
     let rig = Rig::new(&study);
-    let all = faults(&study, 0.3);
+    let mut all = faults(&study, 0.3);
+    all.truncate(setting("VARIANTS", all.len()));
     let solved_each = setting("SOLVE_EACH", 0);
     let first = rig.simulated(&[(0, None)]).remove(0).expect("a healthy specimen flies");
     let problem = Problem::of_study(&study, vec![rig.record(rig.shown(0, first))]);
@@ -120,7 +121,7 @@ fn measure_calibration_with_a_fault() {
             flown.push((place, effect, rig.shown(number(place), faulty)));
         }
         let measured: Vec<Vec<f64>> = flown.iter().map(|(.., measured)| measured.clone()).collect();
-        let found = fleet.fit(&measured).unwrap();
+        let found = fleet.judge(&measured).unwrap();
         for ((place, effect, measured), found) in flown.into_iter().zip(found) {
             let record = rig.record(measured);
             let own = Problem::of_study(&study, vec![record]);
@@ -145,6 +146,13 @@ fn measure_calibration_with_a_fault() {
             }
         }
     }
+    let own = setting("HEALTHY_SOLVED", 8);
+    let findings = (0..own).filter(|n| {
+        let simulated = rig.simulated(&[(1000 + n, None)]).remove(0).unwrap();
+        let record = rig.record(rig.shown(1000 + n, simulated));
+        !Problem::of_study(&study, vec![record]).solve().unwrap().is_update()
+    });
+    println!("healthy, by a fit of its own: {} of {own} with a finding", findings.count());
     println!("{} variants, {unstable} of them could not be flown", all.len());
     let mut least = 0.0;
     for (end, [of, told]) in EFFECTS.iter().zip(counts) {
@@ -169,8 +177,12 @@ fn measure_calibration_with_a_fault() {
                 .collect::<Vec<_>>()
         })
         .collect();
-    let found = fleet.fit(&measured).unwrap();
+    let found = fleet.judge(&measured).unwrap();
     let told = found.iter().filter(|one| !one.as_ref().unwrap().is_update()).count();
+    for one in found.iter().flatten().filter(|one| !one.is_update()) {
+        let sentences: Vec<_> = one.findings.iter().map(|f| f.sentence(&problem)).collect();
+        println!("  {:.3}: {}", one.specimen.last_gain, sentences.join("; "));
+    }
     println!("healthy specimens with a finding: {}", percent(told, found.len()));
 }
 
