@@ -19,6 +19,7 @@ pub mod diagnoser;
 pub mod error;
 pub mod evaluation;
 pub mod features;
+pub mod field;
 pub mod hierarchy;
 mod numeric;
 pub mod panel;

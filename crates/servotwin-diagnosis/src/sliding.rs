@@ -171,9 +171,18 @@ impl Sliding {
             require(whole, "pane_samples", length, "a multiple of the shortest pane")?;
             require(span.panes != Some(0), "panes", 0.0, "at least 1")?;
         }
-        let empty = Window::watching(sensors, watched);
+        Ok(Self::of(Window::watching(sensors, watched), base_samples, spans))
+    }
+
+    /// The same, with residuals compared with a band that varies from sample to sample too.
+    pub fn within_a_field(self) -> Self {
+        let spans: Vec<Span> = self.rings.iter().map(|ring| ring.span).collect();
+        Self::of(self.base.within_a_field(), self.base_samples, &spans)
+    }
+
+    fn of(empty: Window, base_samples: u32, spans: &[Span]) -> Self {
         let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
-        Ok(Sliding { base_samples, base: empty, rings, ended: vec![false; spans.len()] })
+        Sliding { base_samples, base: empty, rings, ended: vec![false; spans.len()] }
     }
 
     /// Adds one sample as [`Window::add`] does; says whether it ended a pane of any span. Does not
@@ -182,7 +191,21 @@ impl Sliding {
     /// # Panics
     /// As [`Window::add`].
     pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> bool {
-        self.base.add(measured, twin, scales);
+        self.add_within(measured, twin, scales, &[])
+    }
+
+    /// The same as [`Window::add_within`] does.
+    ///
+    /// # Panics
+    /// As [`Window::add`].
+    pub fn add_within(
+        &mut self,
+        measured: &[f64],
+        twin: &[f64],
+        scales: &[f64],
+        half_widths: &[f64],
+    ) -> bool {
+        self.base.add_within(measured, twin, scales, half_widths);
         if self.base.count() < u64::from(self.base_samples) {
             self.ended.fill(false);
             return false;

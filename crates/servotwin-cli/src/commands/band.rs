@@ -5,9 +5,11 @@ use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
+use servotwin::evaluation::model_file;
 use servotwin::evaluation::score::Rate;
-use servotwin::figure::value_map::ValueMap;
+use servotwin::files::create_folder;
 use servotwin::flight::band::{self, BandMerit};
+use servotwin::job::{Folder, JobError};
 use servotwin::study::{Setting, Study};
 use std::path::PathBuf;
 
@@ -24,9 +26,14 @@ pub struct Options {
     /// The share of healthy flights that may leave the band.
     #[arg(long, value_name = "SHARE", default_value_t = 0.05)]
     share: f64,
-    /// Specimens that are their twins (noise), or that have their tolerances (realistic).
-    #[arg(long, value_parser = ["noise", "realistic"], default_value = "realistic")]
+    /// Specimens that are their twins (noise), that have twins fitted to their calibration flight (fitted: one
+    /// specimen for each environment), or that have their tolerances beside the nominal twin (realistic).
+    #[arg(long, value_parser = ["noise", "fitted", "realistic"], default_value = "realistic")]
     setting: String,
+    /// Write the band and what it is worth into this folder, as band-SETTING.json: for `servotwin watch --band` and
+    /// the report.
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
     /// The full sizes of the study's flights.
     #[arg(long)]
     full: bool,
@@ -52,16 +59,24 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let Some(flights) = flights else {
         return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
     };
-    let setting = match options.setting.as_str() {
-        "noise" => Setting::Noise,
-        _ => Setting::Realistic,
-    };
+    let named = |setting: &Setting| setting.name() == options.setting;
+    let setting = Setting::ALL.into_iter().find(named).expect("one of the names that are allowed");
+    if !setting.is_possible(&study) {
+        return Err(Failure::Options(
+            "the study has no [realistic], or no [fitted] for that setting",
+        ));
+    }
     stop::listen();
     let merit = band::measure(&study, &flights, setting, options.share, workers(options.threads));
     stop::check()?;
     let merit = merit?;
     if let Some(path) = &options.plot {
-        picture(&merit, &study).draw().save(path)?;
+        merit.picture().draw().save(path)?;
+    }
+    if let Some(path) = &options.out {
+        let folder = Folder::new(path);
+        create_folder(path).map_err(JobError::from)?;
+        model_file::write(folder.band(setting), &merit).map_err(JobError::from)?;
     }
     Ok(match global {
         Global { json: true, .. } => json(&as_json(&merit)),
@@ -128,7 +143,7 @@ fn people(merit: &BandMerit, study: &Study, duration_s: f64) -> String {
         ("the same everywhere", Side::Right),
     ]);
     for (sensor, known) in study.sensors.0[..study.base_sensors()].iter().enumerate() {
-        let [least, most] = ends(merit, sensor);
+        let [least, most] = merit.ends(sensor);
         grid.push(vec![
             known.name.clone(),
             format!("{} … {}", number(100.0 * least, 3), number(100.0 * most, 3)),
@@ -136,41 +151,4 @@ fn people(merit: &BandMerit, study: &Study, duration_s: f64) -> String {
         ]);
     }
     text + &grid.text()
-}
-
-/// The least and the largest half width of a sensor.
-fn ends(merit: &BandMerit, sensor: usize) -> [f64; 2] {
-    let middle = merit.field.scale * merit.field.base[sensor];
-    let factors = &merit.field.factors[sensor];
-    let end = |pick: fn(f64, f64) -> f64| {
-        let of = |bins: &Vec<f64>| bins.iter().copied().reduce(pick).unwrap_or(1.0);
-        factors.iter().fold(middle, |width, bins| width * of(bins))
-    };
-    [end(f64::min), end(f64::max)]
-}
-
-/// By how much each bin of each covariate widens the band of each sensor.
-fn picture(merit: &BandMerit, study: &Study) -> ValueMap {
-    let sensors = &study.sensors.0[..study.base_sensors()];
-    let (mut rows, mut values) = (Vec::new(), Vec::new());
-    for (place, covariate) in merit.field.covariates.iter().enumerate() {
-        for bin in 0..=covariate.edges.len() {
-            let low = bin.checked_sub(1).map_or(covariate.range.0, |k| covariate.edges[k]);
-            let high = covariate.edges.get(bin).copied().unwrap_or(covariate.range.1);
-            rows.push(format!("{}: {} … {}", covariate.name, number(low, 3), number(high, 3)));
-            let factor = |sensor: usize| Some(merit.field.factors[sensor][place][bin]);
-            values.push((0..sensors.len()).map(factor).collect::<Vec<_>>());
-        }
-    }
-    let all = values.iter().flatten().flatten().copied();
-    let range = (0.0, all.fold(1.0, f64::max));
-    ValueMap {
-        title: "By how much the band is wider than on the mean".into(),
-        rows,
-        columns: sensors.iter().map(|sensor| sensor.name.clone()).collect(),
-        values,
-        range,
-        digits: 2,
-        empty: "darker: wider".into(),
-    }
 }

@@ -3,6 +3,7 @@
 use super::fit::{chosen_faults, read_study};
 use super::progress::Stages;
 use super::read_table;
+use super::watch::read_diagnoser;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
@@ -12,8 +13,12 @@ use servotwin::files::FileError;
 use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{Knowledge, Problem, Record};
+use servotwin::flight::told::{Told, told};
+use servotwin::log::{Phase, State};
+use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, Values};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Follow the flights of one tail number: each log is fitted and diagnosed, what is at fault is tracked from the
@@ -33,6 +38,14 @@ pub struct Options {
     /// A study file with the tolerances and faults; without it, the paper's.
     #[arg(long, value_name = "STUDY")]
     study: Option<PathBuf>,
+    /// A trained diagnoser, a file that `servotwin flights` has written: what it says of each flight stands beside
+    /// what the fit found.
+    #[arg(long, value_name = "FILE")]
+    diagnoser: Option<PathBuf>,
+    /// A confidence band for it that `servotwin band` has written: flights outside of what it was learned from are
+    /// marked.
+    #[arg(long, value_name = "FILE", requires = "diagnoser")]
+    band: Option<PathBuf>,
     /// Track these faults, separated by commas [default: what the flights with findings look like].
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     faults: Vec<String>,
@@ -69,6 +82,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let table = read_table(path, &[], global)?;
         all.push((name.clone(), Record::from_table(&name, &table, &study.system)));
     }
+    let told = told_of(options, &study, &all)?;
     let runs = AtomicUsize::new(0);
     let progress = || {
         let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
@@ -86,22 +100,37 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let history = problem.history(all, &faults)?;
     stages.end();
     if let Some(path) = &options.out {
-        table::write(path, &as_table(&history, &problem)?)?;
+        table::write(path, &as_table(&history, &problem, &told)?)?;
     }
     if let Some(path) = &options.plot {
-        figure(&history, &problem, options.threshold).draw().save(path)?;
+        figure(&history, &problem, &told, options.threshold).draw().save(path)?;
     }
     let alarms: Vec<String> =
         history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
     let output = match global {
-        Global { json: true, .. } => json(&as_json(&history, &problem, options, &alarms)),
+        Global { json: true, .. } => json(&as_json(&history, &problem, &told, options, &alarms)),
         Global { quiet: true, .. } => String::new(),
-        _ => people(&history, &problem, options),
+        _ => people(&history, &problem, &told, options),
     };
     match alarms.is_empty() {
         true => Ok(output),
         false => Err(Failure::Alarm { output, alarms }),
     }
+}
+
+/// What a diagnosis said of each flight; `None` of a log that is none. Without a diagnoser, nothing.
+type AllTold = Vec<Option<Told>>;
+
+fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Failure> {
+    let Some(path) = &options.diagnoser else { return Ok(vec![]) };
+    let diagnoser = Arc::new(read_diagnoser(Some(path), options.band.as_deref())?);
+    let mut all = Vec::new();
+    for (_, record) in logs {
+        stop::check()?;
+        let own = record.as_ref().ok().map(|record| told(study, &diagnoser, record));
+        all.push(own.transpose().map_err(Failure::Runtime)?);
+    }
+    Ok(all)
 }
 
 /// The logs of a folder by their names.
@@ -197,12 +226,21 @@ fn drifts(drift: &Drift, problem: &Problem) -> String {
     )
 }
 
-fn people(history: &History, problem: &Problem, options: &Options) -> String {
+fn people(
+    history: &History,
+    problem: &Problem,
+    told: &[Option<Told>],
+    options: &Options,
+) -> String {
     let mut heads = vec![("flight", Side::Right), ("log", Side::Left), ("", Side::Left)];
+    if !told.is_empty() {
+        heads.push(("diagnosis", Side::Left));
+    }
     heads.extend(history.tracks.iter().map(|_| ("intensity ± 95 %", Side::Right)));
     let mut grid = Grid::new(&heads);
     for (number_of, flight) in history.flights.iter().enumerate() {
         let mut row = vec![number_of.to_string(), flight.name.clone(), verdict(flight, problem)];
+        row.extend(told.get(number_of).map(|told| told.as_ref().map_or(String::new(), words)));
         row.extend(history.tracks.iter().map(|track| match of_flight(track, number_of) {
             Some((level, error)) => {
                 format!("{} ± {}", number(level, 3), number(1.96 * error, 2))
@@ -224,18 +262,30 @@ fn people(history: &History, problem: &Problem, options: &Options) -> String {
     text
 }
 
+/// What was said most of a flight, and since when.
+fn words(told: &Told) -> String {
+    let said = told.finding.words();
+    if told.finding.state == State::Healthy { said } else { format!("{said}, {:.1} s", told.at_s) }
+}
+
 fn as_json(
     history: &History,
     problem: &Problem,
+    told: &[Option<Told>],
     options: &Options,
     alarms: &[String],
 ) -> serde_json::Value {
-    let flights = history.flights.iter().map(|flight| {
+    let diagnosis = |told: &Told| {
+        let Told { finding, at_s, outside } = told;
+        json!({ "finding": finding, "at_s": at_s, "share_outside": outside })
+    };
+    let flights = history.flights.iter().enumerate().map(|(number, flight)| {
         json!({
             "log": flight.name,
             "is_usable": flight.fitted.is_ok(),
             "is_healthy": flight.is_healthy(),
             "verdict": verdict(flight, problem),
+            "diagnosis": told.get(number).and_then(Option::as_ref).map(diagnosis),
         })
     });
     let trend = |trend: &Trend| {
@@ -276,7 +326,7 @@ fn as_json(
     })
 }
 
-fn as_table(history: &History, problem: &Problem) -> Result<Table, Failure> {
+fn as_table(history: &History, problem: &Problem, told: &[Option<Told>]) -> Result<Table, Failure> {
     let count = history.flights.len();
     let texts =
         |of: &dyn Fn(&Flight) -> String| Values::Text(history.flights.iter().map(of).collect());
@@ -285,6 +335,15 @@ fn as_table(history: &History, problem: &Problem) -> Result<Table, Failure> {
         Column::new("log", "", texts(&|flight| flight.name.clone())),
         Column::new("verdict", "", texts(&|flight| verdict(flight, problem))),
     ];
+    if !told.is_empty() {
+        let float = |of: fn(&Told) -> f64| {
+            Values::Float(told.iter().map(|told| told.as_ref().map_or(f64::NAN, of)).collect())
+        };
+        let text = |told: &Option<Told>| told.as_ref().map_or(String::new(), |t| t.finding.words());
+        columns.push(Column::new("diagnosis", "", Values::Text(told.iter().map(text).collect())));
+        columns.push(Column::new("diagnosis_at_s", "s", float(|told| told.at_s)));
+        columns.push(Column::new("share_outside", "", float(|told| told.outside)));
+    }
     let mut push = |name: String, of: &dyn Fn(usize) -> Option<f64>| {
         let values = (0..count).map(|flight| of(flight).unwrap_or(f64::NAN)).collect();
         columns.push(Column::new(name, "", Values::Float(values)));
@@ -307,11 +366,19 @@ fn as_table(history: &History, problem: &Problem) -> Result<Table, Failure> {
 /// Most parameters that are drawn.
 const DRAWN: usize = 6;
 
-fn figure(history: &History, problem: &Problem, threshold: f64) -> TimeSeries<'static> {
+fn figure(
+    history: &History,
+    problem: &Problem,
+    told: &[Option<Told>],
+    threshold: f64,
+) -> TimeSeries<'static> {
     let mut figure = TimeSeries::new(problem.system.title.clone(), "flight");
     figure.panel_height = 180.0;
     for track in &history.tracks {
         figure = figure.with(panel(track, history.flights.len(), threshold));
+    }
+    if !told.is_empty() {
+        figure = figure.with(said(told));
     }
     let mut parameters = Panel::new("parameters, in standard deviations of their tolerances", "σ");
     for unknown in drawn(history, problem) {
@@ -326,6 +393,29 @@ fn figure(history: &History, problem: &Problem, threshold: f64) -> TimeSeries<'s
         true => figure,
         false => figure.with(parameters.with_band(Band::constant("tolerance", -3.0, 3.0))),
     }
+}
+
+/// What the diagnosis said of each flight, the graver the higher.
+fn said(told: &[Option<Told>]) -> Panel<'static> {
+    let height = |told: &Told| match (told.finding.phase, told.finding.state) {
+        (Phase::Raised | Phase::Recovering, _) => Some(3.0),
+        (_, State::Isolated) => Some(2.0),
+        (_, State::Detected | State::Unknown) => Some(1.0),
+        (_, State::Healthy) => Some(0.0),
+        (_, State::NoData | State::EnvironmentInvalid) => None,
+    };
+    let points = told.iter().enumerate();
+    let points = points.filter_map(|(n, told)| Some((n as f64, height(told.as_ref()?)?)));
+    let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
+    let title = "diagnosis: 0 healthy, 1 detected, 2 isolated, 3 a command is raised";
+    let mut panel = Panel::new(title, "").with(Series::new("said", x, y));
+    if told.iter().flatten().any(|told| told.outside > 0.0) {
+        let points =
+            told.iter().enumerate().filter_map(|(n, t)| Some((n as f64, t.as_ref()?.outside)));
+        let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
+        panel = panel.with(Series::new("share outside of what the band was learned from", x, y));
+    }
+    panel
 }
 
 /// The parameters that drift, or those that are known best.

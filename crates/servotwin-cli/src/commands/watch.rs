@@ -7,8 +7,9 @@ use crate::render::{Grid, Side};
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
-use servotwin::evaluation::model_file;
+use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::files;
+use servotwin::flight::band::BandMerit;
 use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
 use servotwin::log::checkpoint::Checkpoint;
@@ -23,6 +24,7 @@ use servotwin::log::source::Address;
 use servotwin::log::{Checkpoints, End, Observer, Watch};
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -45,6 +47,10 @@ pub struct Options {
     /// out/diagnoser-realistic.json].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// A confidence band that `servotwin band` has written, instead of the diagnoser's own: where it says nothing,
+    /// outcomes are marked.
+    #[arg(long, value_name = "FILE")]
+    band: Option<PathBuf>,
     /// The map file: which column is which signal.
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
@@ -134,13 +140,22 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 /// Twin and diagnosis, with the period of their samples, s.
 fn observer<'s>(options: &Options, study: &'s Study) -> Result<(Watcher<'s>, f64), Failure> {
-    let diagnoser = match &options.model {
-        Some(path) => model_file::read_diagnoser(path)?,
-        None => flights::diagnoser(&Folder::new("out"), Setting::Realistic)?,
-    };
+    let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
     let period_s = diagnoser.period_s;
     let watcher = Watcher::new(study, Arc::new(diagnoser)).map_err(Failure::Runtime)?;
     Ok((watcher, period_s))
+}
+
+/// The diagnoser of a file, or the one of the output folder, with a band of its own where one is named.
+pub fn read_diagnoser(model: Option<&Path>, band: Option<&Path>) -> Result<Diagnoser, Failure> {
+    let diagnoser = match model {
+        Some(path) => model_file::read_diagnoser(path)?,
+        None => flights::diagnoser(&Folder::new("out"), Setting::Realistic)?,
+    };
+    let Some(path) = band else { return Ok(diagnoser) };
+    let band: BandMerit = model_file::read(path)?;
+    let corrupt = |source| EvaluationError::CorruptModel { path: path.into(), source };
+    Ok(band.put_into(diagnoser).map_err(corrupt)?)
 }
 
 /// The map that is given, or one by the names of the columns.

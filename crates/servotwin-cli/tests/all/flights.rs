@@ -135,3 +135,83 @@ fn a_band_keeps_its_promise_or_says_what_it_takes() {
     assert_eq!(text("1"), text("3"));
     assert!(text("1").contains("of 20 healthy flights leave it"), "{}", text("1"));
 }
+
+/// The study with tolerances and a calibration flight, and sizes that a band needs.
+fn with_tolerances() -> String {
+    let tolerances = "tolerances = [\n\
+        { parameters = [\"servo_valve.null_bias\"], sigma = 0.0067, absolute = true },\n\
+        { parameters = [\"sensor_pressure_a.bias_electrical\"], sigma = 0.003, absolute = true },\n]\n\
+        [fitted]\ncommand = \"noise:rms=4deg,bandwidth=1Hz,seed=9\"\nduration_s = 6\n\
+        judge = 4\nlearn = 4\nin_each_case = 2\n[flights]\n";
+    tiny()
+        .replace("[flights]\n", tolerances)
+        .replace(
+            "environments = 3, repeats = 3, healthy = 2",
+            "environments = 20, repeats = 0, healthy = 1",
+        )
+        .replace(
+            "environments = 2, repeats = 1, healthy = 1",
+            "environments = 4, repeats = 1, healthy = 1",
+        )
+}
+
+#[test]
+fn beside_fitted_twins_a_band_is_narrower_and_it_may_be_chosen_for_watching() {
+    let folder = Folder::new("band-chosen");
+    let [_, model] = learned(&folder);
+    let (study, bands) = (folder.file("study.toml"), folder.file("bands"));
+    std::fs::write(&study, with_tolerances()).unwrap();
+    let band = |setting: &str| {
+        let options = ["--share", "0.1", "--setting", setting, "--out", &bands, "--json"];
+        let found = super::json(&[&["band", &study][..], &options].concat());
+        found["base"].as_array().unwrap()[0].as_f64().unwrap()
+    };
+    let [realistic, fitted] = ["realistic", "fitted"].map(band);
+    assert!(fitted < 0.9 * realistic, "{fitted} {realistic}");
+
+    // Twice the amplitude of any flight that was learned from.
+    let logs = folder.file("logs");
+    std::fs::create_dir_all(&logs).unwrap();
+    let simulate = |name: &str, more: &[&str]| {
+        let log = format!("{logs}/{name}.csv");
+        let flight = ["simulate", "--duration", "8s", "--rate", "50Hz", "-q", "--out", &log];
+        let output = servotwin(&[&flight[..], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        log
+    };
+    simulate("a", &["--command", "sine:amplitude=3deg,frequency=0.4Hz"]);
+    let far = simulate("b", &["--command", "sine:amplitude=20deg,frequency=0.4Hz"]);
+    let fault = ["--command", "noise:rms=3deg,bandwidth=1Hz,seed=4", "--fault"];
+    simulate("c", &[&fault[..], &["actuator_1.servo_valve.bias_positive=1"]].concat());
+    let file = format!("{bands}/band-fitted.json");
+    let with = ["--study", &study, "--model", &model, "--band", &file];
+    let said = stdout(&servotwin(&[&["watch", &far, "--json"][..], &with].concat()));
+    assert!(said.contains(r#""is_outside":true"#), "{said}");
+    assert!(said.contains("outside of what the band was learned from"), "{said}");
+
+    let (table, plot) = (folder.file("history.csv"), folder.file("history.svg"));
+    let history = ["history", &logs, "--study", &study, "--diagnoser", &model, "--band", &file];
+    let more = ["--json", "--within", "0", "--out", &table, "--plot", &plot];
+    let output = servotwin(&[&history[..], &more].concat());
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let diagnosis = |flight: usize| &found["flights"][flight]["diagnosis"];
+    assert!(diagnosis(1)["share_outside"].as_f64().unwrap() > 0.2, "{found}");
+    assert_eq!(diagnosis(1)["finding"]["is_outside"], true);
+    assert_eq!(diagnosis(2)["finding"]["command"], "shut_down", "{found}");
+    assert_eq!(diagnosis(2)["finding"]["actuator"], 1);
+    let at_s = diagnosis(2)["at_s"].as_f64().unwrap();
+    assert!((0.1..8.0).contains(&at_s), "{at_s}");
+    assert!(std::fs::read_to_string(&table).unwrap().contains("diagnosis_at_s"));
+    assert!(std::fs::read_to_string(&plot).unwrap().contains("a command is raised"));
+    // Another study's band is refused, and a band alone is of no use.
+    let text = std::fs::read_to_string(&file).unwrap();
+    let mut other: serde_json::Value = serde_json::from_str(&text).unwrap();
+    other["sensors"][0] = "another".into();
+    let wrong = folder.file("wrong.json");
+    std::fs::write(&wrong, other.to_string()).unwrap();
+    let with = ["--study", &study, "--model", &model, "--band", &wrong];
+    let output = servotwin(&[&["watch", &far][..], &with].concat());
+    assert!(stderr(&output).contains("the field is of other sensors"), "{}", stderr(&output));
+    let alone = ["history", &logs, "--study", &study, "--band", &file];
+    assert_eq!(servotwin(&alone).status.code(), Some(2));
+}

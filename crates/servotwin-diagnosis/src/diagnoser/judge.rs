@@ -173,15 +173,18 @@ fn place(hypotheses: Hypotheses, said: Diagnosis) -> usize {
     fault.map_or(0, |(actuator, command)| hypotheses.place(actuator as usize, command as usize))
 }
 
-/// The sensor whose residual is largest in parts of its band, and that size. A band of nothing is left
-/// by any residual.
+/// The sensor whose residual is largest in parts of its band, and that size. A field is the band where there is one. A
+/// band of nothing is left by any residual.
 fn worst(window: &Window, bands: &[SensorBand]) -> (usize, f64) {
     const LEAST_BAND: f64 = 1e-12;
     let size = |(sensor, band): (usize, &SensorBand)| {
         (sensor, window.largest(sensor) / band.half_width.max(LEAST_BAND))
     };
     let larger = |a: (usize, f64), b: (usize, f64)| if b.1 > a.1 { b } else { a };
-    bands.iter().enumerate().map(size).fold((0, 0.0), larger)
+    match window.excess() {
+        Some(excess) => excess.iter().copied().enumerate().fold((0, 0.0), larger),
+        None => bands.iter().enumerate().map(size).fold((0, 0.0), larger),
+    }
 }
 
 /// Takes masked actuators out of the probabilities.

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, require};
 use crate::features::{self, Quantity, Sensors};
+use crate::field::Field;
 use crate::hierarchy::Names;
 use crate::panel::Panel;
 use crate::sliding::{Sliding, Span};
@@ -82,6 +83,9 @@ pub struct Diagnoser {
     pub environment: Environment,
     /// The window lengths, all with the same actuators, commands and details.
     pub lengths: Vec<Length>,
+    /// A band that depends on what is asked, instead of the bands of all lengths.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<Field>,
     /// When something is raised.
     pub decision: decision::Settings,
 }
@@ -123,7 +127,8 @@ impl Diagnoser {
     /// As [`Sliding::new`].
     pub fn sliding(&self) -> Result<Sliding, Error> {
         let spans: Vec<Span> = self.lengths.iter().map(|length| length.span).collect();
-        Sliding::new(self.sensors.len(), self.watched(), &spans)
+        let sliding = Sliding::new(self.sensors.len(), self.watched(), &spans)?;
+        Ok(if self.field.is_some() { sliding.within_a_field() } else { sliding })
     }
 
     /// How many views of a row a length's novelty looks at.
@@ -179,6 +184,9 @@ impl Diagnoser {
         self.environment.check()?;
         self.lengths.iter().try_for_each(|length| self.check_length(length))?;
         self.check_sensors()?;
+        if let Some(field) = &self.field {
+            field.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
+        }
         self.decision.check(self.names())?;
         self.sliding().map(drop)?;
         self.lengths.iter().try_for_each(|length| judge::Judge::new(self, length).map(drop))

@@ -105,6 +105,10 @@ pub struct Outcome {
     pub worst_sensor: Option<u32>,
     /// That size.
     pub excess: f64,
+    /// How far the sample lies outside of what the diagnoser's field was learned from, in parts of the ranges; 0
+    /// inside, and without a field.
+    #[serde(default)]
+    pub outside: f64,
     /// Samples so far that were not judged, by reason.
     pub counts: Counts,
 }
@@ -135,6 +139,7 @@ impl Outcome {
             length: None,
             worst_sensor: None,
             excess: 0.0,
+            outside: 0.0,
             counts: Counts::default(),
         }
     }

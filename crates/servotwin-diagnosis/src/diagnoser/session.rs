@@ -13,6 +13,7 @@ use super::judge::{self, Judge};
 use super::outcome::{Alarm, Finding, Outcome, Raised};
 use super::{Diagnoser, Length};
 use crate::error::Error;
+use crate::field::{self, Here};
 use crate::hierarchy::Stage;
 use crate::random::Random;
 use crate::residual::Window;
@@ -37,6 +38,9 @@ struct Memory {
     /// Whether any window was judged since the windows were last empty.
     has_judged: bool,
     is_taken_out: Vec<bool>,
+    /// What each covariate of the field was made of in the last sample that was taken.
+    #[serde(default)]
+    asked: Vec<Option<f64>>,
     alarm: alarm::Memory,
     /// Of each window length, here and below.
     evidence: Vec<Evidence>,
@@ -67,6 +71,8 @@ pub struct Session {
     limits: Vec<Limits>,
     guard: Guard,
     sliding: Sliding,
+    /// Where in the field the newest sample is.
+    here: Option<Here>,
     memory: Memory,
     /// The measured values with those of masked sensors replaced.
     measured: Vec<f64>,
@@ -97,6 +103,7 @@ impl Session {
             gap: 0,
             has_judged: false,
             is_taken_out: vec![false; diagnoser.sensors.len()],
+            asked: vec![None; diagnoser.field.as_ref().map_or(0, |field| field.covariates.len())],
             alarm: alarm::Memory::new(units),
             evidence: vec![Evidence::new(hypotheses); judges.len()],
             judged: Vec::new(),
@@ -110,6 +117,7 @@ impl Session {
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             sliding: diagnoser.sliding()?,
+            here: diagnoser.field.as_ref().map(Here::new),
             memory,
             measured: vec![0.0; diagnoser.sensors.len()],
             is_masked: vec![false; units],
@@ -123,12 +131,13 @@ impl Session {
         let sample = self.memory.samples;
         self.memory.samples += 1;
         self.memory.outcome.sample = sample;
+        self.memory.outcome.outside = 0.0;
         let diagnoser = self.diagnoser.clone();
         if let Some(invalid) = self.guard.look(&diagnoser.environment, inputs) {
             self.distrust(invalid);
         } else {
             match self.usable(measured, twin) {
-                Usable::Yes => self.take(&diagnoser, twin),
+                Usable::Yes => self.take(&diagnoser, inputs, twin),
                 Usable::Missing => self.lack(&diagnoser, Alarm::NoData),
                 Usable::Wrong => self.lack(&diagnoser, Alarm::Error),
             }
@@ -139,6 +148,18 @@ impl Session {
     /// What was said of the last sample.
     pub fn outcome(&self) -> &Outcome {
         &self.memory.outcome
+    }
+
+    /// Half the width of the field of each watched sensor at the last sample that was taken, in parts of scale; `None`
+    /// where the diagnoser has no field.
+    pub fn half_widths(&self) -> Option<&[f64]> {
+        self.here.as_ref().map(|here| here.half_widths.as_slice())
+    }
+
+    /// What is asked that lies farthest outside of what the field was learned from, by its name.
+    pub fn farthest(&self) -> Option<&str> {
+        let (field, here) = (self.diagnoser.field.as_ref()?, self.here.as_ref()?);
+        Some(&field.farthest(&here.point)?.name)
     }
 
     /// The diagnoser.
@@ -298,6 +319,7 @@ impl Session {
             && memory.judged.len() == self.judges.len()
             && memory.judged.iter().zip(&self.judges).all(|(judged, judge)| judge.fits(judged))
             && memory.is_taken_out.len() == self.scales.len()
+            && memory.asked.len() == self.memory.asked.len()
             && memory.alarm.fits(&self.rules)
             && self.guard.fits(environment);
         if !fits {
@@ -332,6 +354,7 @@ impl Session {
 
     fn clear_windows(&mut self) {
         self.sliding.clear();
+        self.memory.asked.fill(None);
         self.memory.evidence.iter_mut().for_each(Evidence::clear);
         self.judges.iter_mut().for_each(Judge::forget);
         self.memory.has_judged = false;
@@ -391,6 +414,7 @@ impl Session {
             _ => counts.errors += 1,
         }
         self.memory.gap += 1;
+        self.memory.asked.fill(None);
         let limit = libm::ceil(diagnoser.decision.no_data_after_s / diagnoser.period_s) as u64;
         if self.memory.gap < limit.max(1) {
             return;
@@ -402,8 +426,9 @@ impl Session {
     }
 
     /// A sample that can be judged.
-    fn take(&mut self, diagnoser: &Diagnoser, twin: &[f64]) {
+    fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
         self.memory.gap = 0;
+        self.ask(diagnoser, inputs, twin);
         let is_lacking = matches!(self.memory.outcome.alarm, Alarm::NoData | Alarm::Error);
         if self.memory.settling > 0 {
             self.memory.settling -= 1;
@@ -411,7 +436,8 @@ impl Session {
             self.say(Finding::Unjudged, self.own_alarm(false));
             return;
         }
-        let has_new = self.sliding.add(&self.measured, twin, &self.scales);
+        let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
+        let has_new = self.sliding.add_within(&self.measured, twin, &self.scales, half_widths);
         if has_new && self.judge(diagnoser).is_err() {
             self.memory.outcome.counts.errors += 1;
             self.say(Finding::Unjudged, Alarm::Error);
@@ -420,6 +446,15 @@ impl Session {
         } else if is_lacking || !self.memory.has_judged {
             self.say(Finding::Unjudged, self.own_alarm(false));
         }
+    }
+
+    /// Looks where in the field a sample is, and whether it is in it at all.
+    fn ask(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
+        let (Some(field), Some(here)) = (&diagnoser.field, &mut self.here) else { return };
+        let period_s = diagnoser.period_s;
+        let sample = field::Sample { inputs, twin, scales: &self.scales, period_s };
+        here.go(field, &mut self.memory.asked, &sample);
+        self.memory.outcome.outside = field.outside(&here.point);
     }
 
     /// Judges every length's new window, if it is full.

@@ -41,6 +41,8 @@ pub struct Window {
     /// whole groups of [`GROUP`] columns, which the compiler updates at once.
     moments: Vec<f64>,
     largest: Vec<f64>,
+    /// The largest |r'| of each watched residual in parts of a band that varies; empty without one.
+    excess: Vec<f64>,
     first_excursion: Option<u64>,
     /// Scratch: the sample being added, as deviations from the mean before it; filled
     /// up with zeros like a row of the co-moments.
@@ -55,6 +57,7 @@ impl PartialEq for Window {
             && self.mean == other.mean
             && self.moments == other.moments
             && self.largest == other.largest
+            && self.excess == other.excess
     }
 }
 
@@ -91,8 +94,32 @@ impl Window {
             mean: vec![0.0; channels],
             moments: vec![0.0; row_start(channels)],
             largest: vec![0.0; sensors],
+            excess: vec![],
             first_excursion: None,
             deviation: vec![0.0; channels.next_multiple_of(GROUP)],
+        }
+    }
+
+    /// The same, with residuals compared with a band that varies from sample to sample too.
+    pub fn within_a_field(self) -> Self {
+        Self { excess: vec![0.0; self.watched], ..self }
+    }
+
+    /// Adds one sample as [`Window::add`], with the half width of the band of each watched residual.
+    ///
+    /// # Panics
+    /// As [`Window::add`].
+    pub fn add_within(
+        &mut self,
+        measured: &[f64],
+        twin: &[f64],
+        scales: &[f64],
+        half_widths: &[f64],
+    ) {
+        self.add(measured, twin, scales);
+        for (i, (excess, half_width)) in self.excess.iter_mut().zip(half_widths).enumerate() {
+            let size = ((measured[i] - twin[i]) / scales[i]).abs() / half_width;
+            *excess = if size > *excess { size } else { *excess };
         }
     }
 
@@ -185,6 +212,11 @@ impl Window {
         self.largest[sensor]
     }
 
+    /// The largest |r'| of each watched residual in parts of the band of its sample; `None` where no band varies.
+    pub fn excess(&self) -> Option<&[f64]> {
+        (!self.excess.is_empty()).then_some(self.excess.as_slice())
+    }
+
     /// The number of the first sample outside the band of equation (4).
     pub fn first_excursion(&self) -> Option<u64> {
         self.first_excursion
@@ -211,7 +243,8 @@ impl Window {
         result
     }
 
-    /// As [`Window::reordered`], into a window of as many sensors. Does not allocate.
+    /// As [`Window::reordered`], into a window of as many sensors. Does not allocate. What features do not read, the
+    /// excess over a band that varies, stays where it was.
     ///
     /// # Panics
     /// If `result` has another number of sensors.
@@ -234,11 +267,11 @@ impl Window {
     }
 
     /// The statistics as a flat list, to be stored: number of samples, first excursion (−1 for
-    /// none), largest sizes, means, co-moments.
+    /// none), largest sizes, means, co-moments, excesses.
     pub fn to_values(&self) -> Vec<f64> {
         let first = self.first_excursion.map_or(-1.0, |sample| sample as f64);
         let head = [self.count as f64, first];
-        let lists = [&head[..], &self.largest, &self.mean, &self.moments];
+        let lists = [&head[..], &self.largest, &self.mean, &self.moments, &self.excess];
         lists.concat()
     }
 
@@ -252,16 +285,19 @@ impl Window {
     /// does not fit. Does not allocate.
     pub fn set_values(&mut self, values: &[f64]) -> bool {
         let [count, first, rest @ ..] = values else { return false };
-        if rest.len() != self.largest.len() + self.mean.len() + self.moments.len() {
+        let lengths = [&self.largest, &self.mean, &self.moments, &self.excess].map(Vec::len);
+        if rest.len() != lengths.iter().sum::<usize>() {
             return false;
         }
         let (largest, rest) = rest.split_at(self.largest.len());
-        let (mean, moments) = rest.split_at(self.mean.len());
+        let (mean, rest) = rest.split_at(self.mean.len());
+        let (moments, excess) = rest.split_at(self.moments.len());
         self.count = *count as u64;
         self.first_excursion = (*first >= 0.0).then_some(*first as u64);
         self.largest.copy_from_slice(largest);
         self.mean.copy_from_slice(mean);
         self.moments.copy_from_slice(moments);
+        self.excess.copy_from_slice(excess);
         true
     }
 
@@ -269,7 +305,7 @@ impl Window {
     pub fn clear(&mut self) {
         self.count = 0;
         self.first_excursion = None;
-        for list in [&mut self.mean, &mut self.moments, &mut self.largest] {
+        for list in [&mut self.mean, &mut self.moments, &mut self.largest, &mut self.excess] {
             list.fill(0.0);
         }
     }

@@ -5,7 +5,9 @@ use proptest::prelude::*;
 use servotwin_diagnosis::diagnoser::{
     Alarm, Diagnoser, Finding, Invalid, Outcome, Raised, Session, State, Why,
 };
+use servotwin_diagnosis::field::{Covariate, Field, Source};
 use servotwin_diagnosis::random::Random;
+use std::sync::Arc;
 
 fn session() -> Session {
     Session::new(toy::diagnoser()).unwrap()
@@ -350,4 +352,76 @@ proptest! {
             }
         }
     }
+}
+
+/// A field that is as wide as the bands, times some factor, and that the temperature makes wider.
+fn field(width: f64, when_hot: f64) -> Field {
+    let diagnoser = toy::diagnoser();
+    let bands = &diagnoser.lengths[0].panel.bands;
+    let covariates = vec![Covariate {
+        name: "temperature".into(),
+        source: Source::Input { input: 2 },
+        edges: vec![310.0],
+        range: (270.0, 320.0),
+    }];
+    Field {
+        covariates,
+        base: bands.iter().map(|band| band.half_width).collect(),
+        factors: vec![vec![vec![1.0, when_hot]]; bands.len()],
+        scale: width,
+        share: 0.05,
+        calibrated_on: 19,
+    }
+}
+
+fn session_in(field: Field) -> Session {
+    let diagnoser = Diagnoser { field: Some(field), ..(*toy::diagnoser()).clone() };
+    Session::new(Arc::new(diagnoser)).unwrap()
+}
+
+#[test]
+fn a_field_as_wide_as_the_bands_says_the_same_and_a_wide_one_hides_a_fault() {
+    let fault = Fault { unit: 1, kind: Kind::Bias, size: 0.9 };
+    let mut banded = session();
+    let (mut same, mut wide) = (session_in(field(1.0, 1.0)), session_in(field(1e3, 1.0)));
+    let mut flights = [Flight::new(6300), Flight::new(6300), Flight::new(6300)];
+    for k in 0..1200 {
+        let fault = (k >= 600).then_some(fault);
+        let expected = fly(&mut banded, &mut flights[0], fault, 1);
+        assert_eq!(fly(&mut same, &mut flights[1], fault, 1), expected, "sample {k}");
+        assert_eq!(fly(&mut wide, &mut flights[2], fault, 1).raised, None);
+    }
+    assert!(banded.outcome().raised.is_some());
+    assert_eq!(wide.outcome().finding, Finding::Healthy);
+    let narrow = &same.half_widths().unwrap()[0];
+    assert!((wide.half_widths().unwrap()[0] / narrow - 1e3).abs() < 1e-9);
+}
+
+#[test]
+fn outside_of_what_the_field_was_learned_from_outcomes_are_marked() {
+    let mut session = session_in(field(1.0, 2.0));
+    let mut flight = Flight::new(6400);
+    let mut push = |session: &mut Session, temperature: f64| {
+        let (mut inputs, measured, twin) = flight.next(None);
+        inputs[2] = temperature;
+        *session.push(&inputs, &measured, &twin)
+    };
+    for _ in 0..300 {
+        assert_eq!(push(&mut session, 300.0).outside, 0.0);
+    }
+    let width = session.half_widths().unwrap()[0];
+    assert!((push(&mut session, 325.0).outside - 0.1).abs() < 1e-12);
+    assert_eq!(session.farthest(), Some("temperature"));
+    assert_eq!(session.half_widths().unwrap()[0], 2.0 * width);
+    // Stored and restored it goes on to the bit.
+    let text = serde_json::to_string(&session.save()).unwrap();
+    let mut other = session_in(field(1.0, 2.0));
+    other.restore(&serde_json::from_str::<State>(&text).unwrap()).unwrap();
+    for _ in 0..200 {
+        let (inputs, measured, twin) = flight.next(None);
+        let outcome = *session.push(&inputs, &measured, &twin);
+        assert_eq!(*other.push(&inputs, &measured, &twin), outcome);
+    }
+    assert_eq!(session.save(), other.save());
+    assert!(self::session().restore(&session.save()).is_err(), "of a diagnoser without a field");
 }

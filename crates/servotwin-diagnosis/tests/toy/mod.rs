@@ -236,6 +236,7 @@ pub fn diagnoser() -> Arc<Diagnoser> {
             sensors: sensors(),
             environment: environment(),
             lengths: vec![],
+            field: None,
             decision: decision::Settings::usual(&names(), &["shut_down"]),
         };
         let lessons = lessons(&diagnoser);

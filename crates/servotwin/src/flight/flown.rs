@@ -1,21 +1,30 @@
 //! Flights in lanes: every plant is observed, as its sensors show it, beside the virtual twin of its
 //! environment.
+//!
+//! In the setting *fitted* one specimen flies all flights of an environment, and the environment's twin is fitted to
+//! a calibration flight of it; otherwise every flight has a specimen of its own, beside the nominal twin.
 
 use super::plan::{self, Flight, Purpose};
 use crate::ensemble::{Ensemble, Rows, Sink, Variant};
 use crate::evaluation::parallel::Workers;
 use crate::signal::random::Random;
-use crate::study::campaign::{CampaignError, ensemble};
+use crate::study::campaign::{Calibrating, CampaignError, ensemble};
 use crate::study::flights::Environment;
-use crate::study::{Flights, Imperfections, Setting, Study};
+use crate::study::{Flights, Imperfections, Lot, Plants, Setting, Study};
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{Failure, Statistics};
+use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;
 
 /// What watches a flight.
 pub trait Observer: Send {
     /// A sample: what the sensors show, what the twin says that they should, and the inputs; SI.
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]);
+}
+
+/// An actuator that was calibrated: its parameters that differ from the system's, and its twin's.
+struct Actuator {
+    parameters: Vec<(usize, usize, f64)>,
+    twin: Vec<(usize, usize, f64)>,
 }
 
 /// Flights of one purpose in one setting.
@@ -32,6 +41,8 @@ pub struct Flown<'s> {
     twins: Vec<Vec<f64>>,
     sensors: usize,
     imperfections: Imperfections,
+    /// For each environment the one that flies there; empty but in the setting fitted.
+    calibrated: Vec<Actuator>,
 }
 
 impl<'s> Flown<'s> {
@@ -79,9 +90,37 @@ impl<'s> Flown<'s> {
             twins: vec![],
             sensors,
             imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
+            calibrated: vec![],
         };
+        if setting.plants() == Plants::Pool {
+            flown.calibrated = flown.calibrate(workers)?;
+        }
         flown.twins = flown.simulate_twins()?;
         Ok(flown)
+    }
+
+    /// An actuator for each environment, with its calibration flight.
+    fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
+        let Some(realism) = &self.study.realism else {
+            return Err(CampaignError::NoSection { setting: self.setting });
+        };
+        let number = |place: usize| place + (self.seed as usize) * 1_000_000;
+        let lot = self.purpose.lot();
+        let specimen = |place: usize| realism.specimen(self.study, lot, number(place));
+        let specimens: Vec<_> = (0..self.environments.len()).map(specimen).collect();
+        let calibrating = Calibrating {
+            study: self.study,
+            solver: Settings::campaign(),
+            threads: workers.threads(),
+            cancel: workers.cancel(),
+        };
+        // Flights to be judged in have other noise than those that were learned from.
+        let first = if self.purpose == Purpose::Judge { 500_000 } else { 0 };
+        let noise = |place: usize| realism.noise(Lot::FlightsCalibrated, first + number(place));
+        let found = calibrating.fit(&specimens, noise)?;
+        let twins = found.specimens.into_iter().map(|specimen| specimen.overrides);
+        let pairs = specimens.into_iter().zip(twins);
+        Ok(pairs.map(|(parameters, twin)| Actuator { parameters, twin }).collect())
     }
 
     fn simulate_twins(&self) -> Result<Vec<Vec<f64>>, CampaignError> {
@@ -94,8 +133,9 @@ impl<'s> Flown<'s> {
         let mut error = None;
         let variant = |place: usize| {
             let environment = &self.environments[place];
+            let fitted = self.calibrated.get(place).map_or(&[][..], |actuator| &actuator.twin);
             Variant {
-                overrides: environment.parameters.clone(),
+                overrides: [&environment.parameters, fitted].concat(),
                 inputs: environment.inputs.iter().collect(),
                 duration_s: self.longest_s(place),
                 ..Variant::default()
@@ -165,8 +205,10 @@ impl<'s> Flown<'s> {
         let environment = &self.environments[flight.environment];
         let lot = self.purpose.lot();
         let realism = self.study.realism.as_ref().filter(|_| self.setting.has_tolerances());
-        let specimen =
-            realism.map(|realism| realism.specimen(self.study, lot, self.specimen(flight)));
+        let specimen = match self.calibrated.get(flight.environment) {
+            Some(actuator) => Some(actuator.parameters.clone()),
+            None => realism.map(|r| r.specimen(self.study, lot, self.specimen(flight))),
+        };
         let overrides =
             environment.parameters.iter().copied().chain(specimen.into_iter().flatten());
         Variant {

@@ -166,7 +166,11 @@ impl Watching {
             let bands = length.panel.bands.iter().enumerate();
             let is_out =
                 |(sensor, band): (usize, &SensorBand)| window.largest(sensor) > band.half_width;
-            if bands.into_iter().any(is_out) {
+            let has_left = match window.excess() {
+                Some(excess) => excess.iter().any(|excess| *excess > 1.0),
+                None => bands.into_iter().any(is_out),
+            };
+            if has_left {
                 *first = if *count == 0 { index } else { *first };
                 *count += 1;
             } else {

@@ -7,6 +7,7 @@
 //! - [`train`]: bands, trees and committee for each length: a diagnoser
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call for each sample
 //! - [`watcher`]: the runtime beside a log or a live stream
+//! - [`told`]: what it says of a flight that is over
 //! - [`closed_loop`]: a plant beside the runtime, and a flight control computer that reacts
 //! - [`judge`]: how fast, how sure, how often wrong it is
 //! - [`band`]: the confidence band as a field over what is asked, with a promise
@@ -20,5 +21,6 @@ pub mod judge;
 pub mod lessons;
 pub mod plan;
 pub mod runtime;
+pub mod told;
 pub mod train;
 pub mod watcher;

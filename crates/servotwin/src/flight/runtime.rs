@@ -19,6 +19,13 @@ pub enum RuntimeError {
         /// The sensor.
         name: String,
     },
+    /// The diagnoser is for samples that are farther apart, or nearer.
+    Period {
+        /// Time between samples, s.
+        period_s: f64,
+        /// What it should be, s.
+        needed_s: f64,
+    },
     /// The twin could not go on.
     Twin {
         /// The state to blame.
@@ -35,6 +42,10 @@ impl fmt::Display for RuntimeError {
             RuntimeError::Sensor { name } => {
                 write!(out, "the diagnoser reads sensor '{name}', which the study does not have")
             }
+            RuntimeError::Period { period_s, needed_s } => write!(
+                out,
+                "the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s"
+            ),
             RuntimeError::Twin { state, failure } => {
                 let Failure { cause, time_s, .. } = failure;
                 write!(out, "the twin cannot be simulated: {cause} at {time_s:.4} s in {state}")

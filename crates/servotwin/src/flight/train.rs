@@ -49,6 +49,7 @@ pub fn diagnoser(
         environment: environment(study, flights),
         decision: decision::Settings::usual(names, &off),
         lengths,
+        field: None,
     };
     diagnoser.check()?;
     Ok(diagnoser)

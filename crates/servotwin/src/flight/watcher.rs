@@ -24,6 +24,10 @@ pub struct Watcher<'s> {
     twin: Vec<f64>,
     residuals: Vec<f64>,
     bands: Vec<f64>,
+    /// Samples of the longest window.
+    longest: u64,
+    /// So many samples are still in a window with one that was outside of what the band was learned from.
+    outside_for: u64,
     finding: Finding,
     last: Option<Outcome>,
 }
@@ -37,6 +41,8 @@ struct Stored {
     is_off: Vec<bool>,
     /// What was said last; `None` if nothing.
     finding: Option<Finding>,
+    #[serde(default)]
+    outside_for: u64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -83,11 +89,18 @@ impl<'s> Watcher<'s> {
             twin: vec![f64::NAN; sensors.len()],
             residuals: vec![f64::NAN; sensors.len()],
             bands,
+            longest: diagnoser.lengths.iter().filter_map(|l| l.span.samples()).max().unwrap_or(0),
+            outside_for: 0,
             finding: Finding::default(),
             last: None,
             places,
             diagnoser,
         })
+    }
+
+    /// Whether the last sample lay outside of what the diagnoser's field was learned from.
+    pub fn is_outside(&self) -> bool {
+        self.last.is_some_and(|outcome| outcome.outside > 0.0)
     }
 
     /// Units that the log switches off, or on again.
@@ -119,9 +132,18 @@ impl<'s> Watcher<'s> {
         for (residual, ((measured, twin), scale)) in self.residuals.iter_mut().zip(pairs) {
             *residual = (measured - twin) / scale;
         }
+        let half_widths = self.runtime.session().half_widths().unwrap_or_default();
+        for (&place, &half_width) in self.places.iter().zip(half_widths) {
+            self.bands[place] = half_width;
+        }
+        let was_outside = self.outside_for > 0;
+        let is_outside = outcome.outside > 0.0;
+        self.outside_for =
+            if is_outside { self.longest } else { self.outside_for.saturating_sub(1) };
         let said =
             |o: &Outcome| (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)));
-        if self.last.as_ref().map(said) != Some(said(&outcome)) {
+        let is_new = was_outside != (self.outside_for > 0);
+        if is_new || self.last.as_ref().map(said) != Some(said(&outcome)) {
             self.say(&outcome);
         }
         self.finding.confidence = outcome.confidence;
@@ -157,7 +179,14 @@ impl<'s> Watcher<'s> {
                 outcome.excess
             ));
         }
+        if let Some(name) = self.runtime.session().farthest().filter(|_| outcome.outside > 0.0) {
+            evidence.push(format!(
+                "{name} is {:.0} % of its range outside of what the band was learned from",
+                (100.0 * outcome.outside).ceil()
+            ));
+        }
         self.finding = Finding {
+            is_outside: self.outside_for > 0,
             state,
             phase: match outcome.alarm {
                 Alarm::Normal | Alarm::NoData | Alarm::Error => Phase::None,
@@ -199,6 +228,7 @@ impl Observer for Watcher<'_> {
 
     fn restart(&mut self) {
         self.runtime.restart();
+        self.outside_for = 0;
         self.last = None;
     }
 
@@ -213,7 +243,8 @@ impl Observer for Watcher<'_> {
             inputs: twin.inputs.iter().map(|knot| (knot.value, knot.slope_per_s)).collect(),
         });
         let finding = self.last.map(|_| self.finding.clone());
-        let stored = Stored { twin, session, buses, is_off: self.is_off.clone(), finding };
+        let (is_off, outside_for) = (self.is_off.clone(), self.outside_for);
+        let stored = Stored { twin, session, buses, is_off, finding, outside_for };
         serde_json::to_vec(&stored).expect("numbers and names are always JSON")
     }
 
@@ -234,6 +265,7 @@ impl Observer for Watcher<'_> {
         let checkpoint = Checkpoint { twin, session: stored.session, buses: stored.buses };
         self.runtime.restore(&checkpoint).map_err(|error| error.to_string())?;
         self.is_off = stored.is_off;
+        self.outside_for = stored.outside_for;
         self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());
         self.finding = stored.finding.unwrap_or_default();
         Ok(())

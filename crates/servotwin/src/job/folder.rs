@@ -10,6 +10,7 @@
 //! | `panel-<subject>.json` | train: trees, committee and bands |
 //! | `diagnoser-<setting>.json` | flights: all that it takes to diagnose beside an actuator |
 //! | `flights.json` | flights: what that is worth |
+//! | `band-<setting>.json` | band: the confidence band as a field, and what it is worth |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `manifest.json` | every stage |
@@ -65,6 +66,11 @@ impl Folder {
         self.0.join(format!("diagnoser-{}.json", setting.name()))
     }
 
+    /// The confidence band that was learned in a setting.
+    pub fn band(&self, setting: Setting) -> PathBuf {
+        self.0.join(format!("band-{}.json", setting.name()))
+    }
+
     /// What was measured in flights.
     pub fn flights(&self) -> PathBuf {
         self.0.join("flights.json")
@@ -100,6 +106,7 @@ impl Folder {
         let models = |subject| [self.hierarchy(subject), self.panel(subject)];
         files.extend(Subject::ALL.into_iter().flat_map(models));
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
+        files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.flights(), self.results(), self.report()]);
         files.retain(|file| file.exists());

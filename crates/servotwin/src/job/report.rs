@@ -3,8 +3,10 @@
 use super::{Folder, JobError, Results, Subject, flights, hierarchy, manifest};
 use crate::evaluation::model_file;
 use crate::files::{create_folder, write_atomically};
+use crate::flight::band::BandMerit;
 use crate::report::{self, Material, examples};
-use crate::study::Study;
+use crate::study::campaign;
+use crate::study::{Role, Setting, Study};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 
 /// Writes the report, its figures and the manifest from what the other stages have left.
@@ -21,11 +23,16 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     folder.remove_report()?;
     let manifest = manifest::of(folder, study)?;
     let flights = flights::results(folder)?;
+    let bands = bands(folder)?;
+    let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
+    let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
     let (html, figures) = report::render(&Material {
         study,
         results: &results,
         hierarchies: &hierarchies,
         flights: flights.as_ref(),
+        bands: &bands,
+        calibrations: &calibrations,
         examples: &examples::simulate(study)?,
         manifest: &manifest,
     });
@@ -36,6 +43,16 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     }
     write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
     manifest::write(folder, study).map(drop)
+}
+
+/// Reads the bands that were learned.
+///
+/// # Errors
+/// A file cannot be read.
+fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
+    let files = Setting::ALL.map(|setting| folder.band(setting));
+    let there = files.into_iter().filter(|file| file.exists());
+    there.map(|file| Ok(model_file::read(file)?)).collect()
 }
 
 /// Reads what the stage before has measured.

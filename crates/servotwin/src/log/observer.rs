@@ -141,17 +141,27 @@ pub struct Finding {
     pub confidence: f64,
     /// Why: residuals, the path through trees.
     pub evidence: Vec<String>,
+    /// Whether what is asked of the actuator lies, or just lay, outside of what the band was learned from: there it
+    /// promises nothing.
+    #[serde(default)]
+    pub is_outside: bool,
 }
 
 impl Finding {
     /// Whether another one differs in nothing but how sure it is and why.
     pub fn says_the_same(&self, other: &Finding) -> bool {
-        let said = |f: &Finding| (f.state, f.phase, f.actuator);
+        let said = |f: &Finding| (f.state, f.phase, f.actuator, f.is_outside);
         said(self) == said(other) && self.command == other.command && self.detail == other.detail
     }
 
     /// In words: `isolated, raised: actuator 1, shutdown, supply valve`.
     pub fn words(&self) -> String {
+        let outside =
+            if self.is_outside { " (outside of what the band was learned from)" } else { "" };
+        self.said() + outside
+    }
+
+    fn said(&self) -> String {
         // What is held for true until there is enough evidence need not be likely any more.
         let undecided = self.state == State::Healthy && self.confidence < 0.5;
         let state = if undecided { "undecided" } else { self.state.words() };

@@ -16,11 +16,13 @@ pub mod table_model;
 pub mod words;
 
 use crate::figure::Figure;
+use crate::flight::band::BandMerit;
 use crate::job::flights::FlightResults;
 use crate::job::manifest::Manifest;
 use crate::job::results::SubjectResult;
 use crate::job::{Results, Subject};
 use crate::study::Study;
+use crate::study::campaign::Comparison;
 use examples::Example;
 use page::Page;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -35,6 +37,10 @@ pub struct Material<'a> {
     pub hierarchies: &'a [(Subject, Hierarchy)],
     /// What was measured in flights, where the study has any.
     pub flights: Option<&'a FlightResults>,
+    /// The confidence bands that were learned.
+    pub bands: &'a [BandMerit],
+    /// True and fitted parameters of the pool of the fitted setting.
+    pub calibrations: &'a [Comparison],
     /// Faults simulated as examples.
     pub examples: &'a [Example],
     /// Where everything comes from.
@@ -61,6 +67,7 @@ pub static ALL: &[&dyn Section] = &[
     &sections::residuals::Residuals,
     &sections::detectability::Detectability,
     &sections::bands::Bands,
+    &sections::twin::Twin,
     &sections::actuator_tree::ActuatorTree,
     &sections::macrostructure::Macrostructure,
     &sections::protocols::Protocols,

@@ -170,6 +170,9 @@ pub enum Lot {
     PoolJudged,
     /// The pool that flies training commands.
     PoolTraining,
+    /// Calibration flights of the actuators whose flights are flown in the fitted setting; the last lot that random
+    /// numbers have room for.
+    FlightsCalibrated,
 }
 
 impl Lot {

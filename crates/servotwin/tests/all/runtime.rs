@@ -2,12 +2,18 @@
 
 use crate::flights::{diagnoser, fault, fly, study};
 use servotwin::evaluation::parallel::Workers;
+use servotwin::fit::Record;
 use servotwin::flight::flown::{Flown, Observer as FlightObserver};
 use servotwin::flight::plan::{Flight, Purpose};
-use servotwin::flight::runtime::Runtime;
+use servotwin::flight::runtime::{Runtime, RuntimeError};
+use servotwin::flight::told::told;
 use servotwin::flight::watcher::Watcher;
 use servotwin::log::{Finding, Observer, Phase, State};
 use servotwin::study::Setting;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::field::{Covariate, Field, Source};
+use servotwin_model::signal::Piecewise;
+use std::sync::Arc;
 
 /// All that an observer of a flight is told.
 #[derive(Default)]
@@ -101,4 +107,78 @@ fn values_that_are_missing_or_absurd_say_so_and_raise_nothing() {
         assert!(observation.finding.command.is_empty(), "{:?}", observation.finding);
         assert!(observation.twin.iter().all(|value| value.is_finite()));
     }
+}
+
+/// The flight of `replay` as a record.
+fn record() -> Record {
+    let flown = fly(vec![(2.0, fault("actuator_1.servo_valve.bias_positive"))]);
+    let signal = |column: &Vec<f64>| {
+        let slopes = vec![0.0; column.len()];
+        Piecewise::hermite(&flown.time_s, column, &slopes).unwrap()
+    };
+    let samples = 0..flown.time_s.len();
+    let sample = |k: usize| flown.measured.iter().map(move |column| column[k]);
+    Record {
+        name: "flight".into(),
+        period_s: study().sample_period_s,
+        inputs: flown.inputs.iter().map(signal).collect(),
+        sensors: study().measured[..flown.measured.len()].to_vec(),
+        measured: samples.flat_map(sample).collect(),
+    }
+}
+
+#[test]
+fn of_a_flight_that_is_over_the_most_is_told_that_was_said() {
+    let said = replay(&[]);
+    let raised = said.iter().position(|(finding, _)| finding.phase == Phase::Raised).unwrap();
+    let told = told(study(), diagnoser(), &record()).unwrap();
+    assert_eq!(told.finding.phase, Phase::Raised);
+    assert_eq!((told.finding.actuator, told.finding.command.as_str()), (Some(1), "shut_down"));
+    assert!((told.at_s - raised as f64 * study().sample_period_s).abs() < 1e-9, "{told:?}");
+    assert_eq!((told.outside, told.finding.is_outside), (0.0, false));
+    let slower = Record { period_s: 0.025, ..record() };
+    assert!(matches!(self::told(study(), diagnoser(), &slower), Err(RuntimeError::Period { .. })));
+}
+
+#[test]
+fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_shows_it() {
+    let load = study().system.network().inputs.iter().position(|i| i.id == "load_factor").unwrap();
+    let bands = &diagnoser().lengths[0].panel.bands;
+    let field = Field {
+        covariates: vec![Covariate {
+            name: "load_factor".into(),
+            source: Source::Input { input: load as u32 },
+            edges: vec![],
+            range: (0.6, 0.9),
+        }],
+        base: bands.iter().map(|band| band.half_width).collect(),
+        factors: vec![vec![vec![1.0]]; bands.len()],
+        scale: 1.0,
+        share: 0.05,
+        calibrated_on: 19,
+    };
+    let diagnoser = Arc::new(Diagnoser { field: Some(field), ..(**diagnoser()).clone() });
+    let mut watcher = Watcher::new(study(), diagnoser).unwrap();
+    let mut inputs: Vec<f64> =
+        study().system.network().inputs.iter().map(|input| input.default).collect();
+    let sensors = study().system.sensors.len();
+    let mut marked = vec![];
+    for k in 0..200 {
+        inputs[load] = if (50..60).contains(&k) { 0.95 } else { 0.8 };
+        let observation = watcher.push(f64::from(k) * 0.02, &inputs, &vec![0.0; sensors]);
+        marked.push(observation.finding.is_outside);
+        let finding = observation.finding;
+        assert_eq!(finding.words().contains("outside"), finding.is_outside);
+        if k == 55 {
+            let why = finding.evidence.iter().any(|why| why.contains("load_factor is 17 %"));
+            assert!(why, "{finding:?}");
+            let saved = watcher.save();
+            watcher.restart();
+            watcher.restore(&saved).unwrap();
+        }
+    }
+    // A window is 0.5 s, 25 samples.
+    let expected = |k: usize| (50..85).contains(&k);
+    let wrong: Vec<usize> = (0..200).filter(|&k| marked[k] != expected(k)).collect();
+    assert!(wrong.len() <= 1, "{wrong:?}");
 }

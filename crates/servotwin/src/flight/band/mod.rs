@@ -12,10 +12,13 @@
 //! its own, none of which s was learned from.
 //!
 //! [`Field::outside`] says how far a point lies outside of all that s was learned from: there nothing is promised.
+//!
+//! A diagnoser with a field ([`Diagnoser::field`]) has it instead of its bands.
 
-pub mod field;
+mod learn;
+mod picture;
 
-pub use field::{Covariate, Field, Trace};
+pub use learn::{Trace, learn};
 
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};
@@ -23,14 +26,16 @@ use crate::evaluation::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::campaign::CampaignError;
 use crate::study::{Flights, Setting, Study};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
+use servotwin_diagnosis::field::{Covariate, Field, Sample, Source};
 use std::borrow::Cow;
 use std::fmt;
 
 /// Bins of a covariate.
 const BINS: usize = 4;
-/// A spool that moves less than this part of its scale in a sample stands still.
-const STILL: f64 = 1e-3;
 
 /// Why there is no band.
 #[derive(Debug)]
@@ -66,66 +71,52 @@ impl From<CampaignError> for BandError {
     }
 }
 
-/// What the covariates of a study's flights are.
-struct Covariates {
-    names: Vec<String>,
-    command: usize,
-    spool: Option<(usize, f64)>,
-    /// The other inputs.
-    inputs: Vec<usize>,
-    period_s: f64,
-}
-
-impl Covariates {
-    fn new(study: &Study) -> Self {
-        let sensors = &study.sensors.0[..study.base_sensors()];
-        let spool = sensors.iter().position(|sensor| sensor.quantity == Quantity::Spool);
-        let all = &study.system.network().inputs;
-        let inputs: Vec<usize> = (0..all.len()).filter(|&k| k != study.command_input).collect();
-        let mut names = vec!["size of the command".into(), "rate of the command".into()];
-        names.push("way of the spool".into());
-        names.extend(inputs.iter().map(|&input| all[input].id.clone()));
-        Self {
-            names,
-            command: study.command_input,
-            spool: spool.map(|place| (place, STILL)),
-            inputs,
-            period_s: study.sample_period_s,
-        }
+/// What the covariates of a study's flights are, with their names.
+fn covariates(study: &Study) -> Vec<(String, Source)> {
+    let sensors = &study.sensors.0[..study.base_sensors()];
+    let all = &study.system.network().inputs;
+    let command = study.command_input as u32;
+    let mut list = vec![
+        ("size of the command".into(), Source::Size { input: command }),
+        ("rate of the command".into(), Source::Rate { input: command }),
+    ];
+    if let Some(spool) = sensors.iter().position(|sensor| sensor.quantity == Quantity::Spool) {
+        list.push(("way of the spool".into(), Source::Way { sensor: spool as u32 }));
     }
+    let others = (0..all.len()).filter(|&input| input != study.command_input);
+    list.extend(others.map(|k| (all[k].id.clone(), Source::Input { input: k as u32 })));
+    list
 }
 
 /// Keeps the trace of a flight.
 struct Tracing<'c> {
-    covariates: &'c Covariates,
+    covariates: &'c [(String, Source)],
     scales: &'c [f64],
-    command: Option<f64>,
-    spool: Option<f64>,
+    period_s: f64,
+    last: Vec<Option<f64>>,
     trace: Trace,
 }
 
 impl Observer for Tracing<'_> {
     fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        let Covariates { command, spool, period_s, inputs: others, .. } = self.covariates;
-        let now = inputs[*command];
-        let rate = (now - self.command.unwrap_or(now)).abs() / period_s;
-        let way = spool.map_or(0.0, |(place, still)| {
-            let position = twin[place] / self.scales[place];
-            let moved = position - self.spool.unwrap_or(position);
-            self.spool = Some(position);
-            if moved.abs() < still { 0.0 } else { moved.signum() }
-        });
-        self.command = Some(now);
-        self.trace.points.extend([now.abs(), rate, way]);
-        self.trace.points.extend(others.iter().map(|&input| inputs[input]));
+        let sample = Sample { inputs, twin, scales: self.scales, period_s: self.period_s };
+        let point = self.covariates.iter().zip(&mut self.last);
+        self.trace.points.extend(point.map(|((_, source), last)| source.value(last, &sample)));
         let scaled = measured.iter().zip(twin).zip(self.scales);
         self.trace.residuals.extend(scaled.map(|((m, t), scale)| (m - t) / scale));
     }
 }
 
-/// What a band is worth.
-#[derive(Clone, Debug)]
+/// A band, and what it is worth; stored as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BandMerit {
+    /// The setting in which it was learned.
+    pub setting: String,
+    /// The sensors, in the order of the field.
+    pub sensors: Vec<String>,
+    /// How long the flights were, s.
+    pub duration_s: f64,
     /// The field.
     pub field: Field,
     /// The band with the same promise that is the same everywhere.
@@ -154,7 +145,7 @@ pub fn measure(
     share: f64,
     workers: Workers,
 ) -> Result<BandMerit, BandError> {
-    let covariates = &Covariates::new(study);
+    let covariates = &covariates(study);
     let flying = Flying { study, flights, setting, workers, covariates };
     let mut learned: Vec<(Flight, Trace)> = Vec::new();
     let healthy = |flight: &Flight| flight.fault.is_none();
@@ -173,19 +164,22 @@ pub fn measure(
             calibration.push(trace);
         }
     }
-    let (axes, kept) = binned(&covariates.names, &learning);
+    let (axes, kept) = binned(covariates, &learning);
     let sensors = study.base_sensors();
-    let width = covariates.names.len();
+    let width = covariates.len();
     let slim = |traces: &[Trace]| -> Vec<Trace> {
         traces.iter().map(|trace| trace.with_covariates(&kept, width)).collect()
     };
     let (learning, calibration) = (slim(&learning), slim(&calibration));
-    let field = Field::learn(axes, sensors, &learning, &calibration, share)?;
+    let field = learn(axes, sensors, &learning, &calibration, share)?;
     let none = |traces: &[Trace]| -> Vec<Trace> {
         traces.iter().map(|trace| trace.with_covariates(&[], kept.len())).collect()
     };
-    let fixed = Field::learn(vec![], sensors, &none(&learning), &none(&calibration), share)?;
+    let fixed = learn(vec![], sensors, &none(&learning), &none(&calibration), share)?;
     let mut merit = BandMerit {
+        setting: setting.name().into(),
+        sensors: study.sensors.0[..sensors].iter().map(|sensor| sensor.name.clone()).collect(),
+        duration_s: flights.duration_s,
         field,
         fixed,
         healthy: 0,
@@ -213,8 +207,22 @@ fn drawn_half(count: usize, seed: u64) -> Vec<bool> {
 }
 
 impl BandMerit {
+    /// The diagnoser with the field instead of its bands.
+    ///
+    /// # Errors
+    /// The field is of other sensors or inputs.
+    pub fn put_into(&self, mut diagnoser: Diagnoser) -> Result<Diagnoser, Error> {
+        let watched = diagnoser.sensors.iter().take(diagnoser.watched());
+        if !watched.map(|sensor| &sensor.name).eq(&self.sensors) {
+            return Err(Error::CorruptModel { broken: "the field is of other sensors" });
+        }
+        diagnoser.field = Some(self.field.clone());
+        diagnoser.check()?;
+        Ok(diagnoser)
+    }
+
     fn count(&mut self, is_healthy: bool, trace: &Trace) {
-        let left = [self.field.is_left_by(trace), self.fixed.is_left_by(trace)];
+        let left = [trace.leaves(&self.field), trace.leaves(&self.fixed)];
         let (all, counted) = match is_healthy {
             true => (&mut self.healthy, &mut self.left),
             false => (&mut self.faults, &mut self.detected),
@@ -229,10 +237,11 @@ impl BandMerit {
 }
 
 /// The covariates that vary, with bins of as many samples each, and their places.
-fn binned(names: &[String], learning: &[Trace]) -> (Vec<Covariate>, Vec<usize>) {
+fn binned(all: &[(String, Source)], learning: &[Trace]) -> (Vec<Covariate>, Vec<usize>) {
     let (mut list, mut kept) = (Vec::new(), Vec::new());
-    for (place, name) in names.iter().enumerate() {
-        let all = learning.iter().flat_map(|t| t.points.iter().skip(place).step_by(names.len()));
+    let width = all.len();
+    for (place, &(ref name, source)) in all.iter().enumerate() {
+        let all = learning.iter().flat_map(|t| t.points.iter().skip(place).step_by(width));
         let mut values: Vec<f64> = all.copied().collect();
         values.sort_by(f64::total_cmp);
         let (Some(&low), Some(&high)) = (values.first(), values.last()) else { continue };
@@ -245,7 +254,7 @@ fn binned(names: &[String], learning: &[Trace]) -> (Vec<Covariate>, Vec<usize>) 
         if values.iter().all(|value| [-1.0, 0.0, 1.0].contains(value)) {
             edges = vec![-0.5, 0.5];
         }
-        list.push(Covariate { name: name.clone(), edges, range: (low, high) });
+        list.push(Covariate { name: name.clone(), source, edges, range: (low, high) });
         kept.push(place);
     }
     (list, kept)
@@ -257,7 +266,7 @@ struct Flying<'f> {
     flights: &'f Flights,
     setting: Setting,
     workers: Workers<'f>,
-    covariates: &'f Covariates,
+    covariates: &'f [(String, Source)],
 }
 
 impl Flying<'_> {
@@ -282,8 +291,8 @@ impl Flying<'_> {
         let observer = |_: &Flight| Tracing {
             covariates,
             scales: &scales,
-            command: None,
-            spool: None,
+            period_s: study.sample_period_s,
+            last: vec![None; covariates.len()],
             trace: Trace::default(),
         };
         flown.fly(&which, observer, |flight, tracing, outcome| {

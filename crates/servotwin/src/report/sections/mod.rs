@@ -24,4 +24,5 @@ pub mod safety;
 pub mod settings;
 pub mod summary;
 pub mod system;
+pub mod twin;
 pub mod uncertainty;

@@ -7,17 +7,19 @@
 //! the file takes it over, to the bit.
 
 use super::prepared::Mark;
-use super::{Campaign, CampaignError, Plants, Setting, ensemble};
+use super::{Campaign, CampaignError, Plants, Setting, described, ensemble};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
 use crate::fit::{FitError, Problem, Record, Unknown};
-use crate::study::{Calibration, Imperfections, Lot, Realism, Role};
+use crate::signal::random::Random;
+use crate::study::{Calibration, Imperfections, Lot, Role, Study};
 use crate::table::{self, Column, Table, Values};
-use servotwin_model::solver::Failure;
+use servotwin_model::solver::{Failure, Settings};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Parameters that differ from the system's: (component, parameter, value).
-type Overrides = Vec<(usize, usize, f64)>;
+pub(super) type Overrides = Vec<(usize, usize, f64)>;
 
 /// The file with the specimens of a pool: true values, what was fitted, and its standard error.
 pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
@@ -26,6 +28,136 @@ pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
 
 fn calibration_name(role: Role) -> String {
     format!("calibration-{}{}.parquet", Setting::Fitted.name(), role.suffix())
+}
+
+/// A true parameter beside what a fit made of it, in standard deviations of its tolerance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// The parameter's full name.
+    pub parameter: String,
+    /// The true value.
+    pub true_sigma: f64,
+    /// What was fitted.
+    pub fitted_sigma: f64,
+    /// Its standard error.
+    pub error_sigma: f64,
+}
+
+/// Reads the specimens of a pool; none where it has not flown.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn calibrations(folder: &Path, role: Role) -> Result<Vec<Comparison>, CampaignError> {
+    let file = calibration_file(folder, role);
+    if !file.exists() {
+        return Ok(vec![]);
+    }
+    let table = table::read(&file)?;
+    let (truth, fitted) = (table.f64("true_sigma")?, table.f64("fitted_sigma")?);
+    let errors = table.f64("error_sigma")?;
+    let names = table.text("parameter")?;
+    let row = |(row, name): (usize, &String)| Comparison {
+        parameter: name.clone(),
+        true_sigma: truth[row],
+        fitted_sigma: fitted[row],
+        error_sigma: errors[row],
+    };
+    Ok(names.iter().enumerate().map(row).collect())
+}
+
+/// Fits twins to specimens that fly a study's calibration flight.
+pub struct Calibrating<'s> {
+    /// The study.
+    pub study: &'s Study,
+    /// How runs are made.
+    pub solver: Settings,
+    /// Number of threads.
+    pub threads: usize,
+    /// Set from elsewhere to stop.
+    pub cancel: Option<&'s AtomicBool>,
+}
+
+impl Calibrating<'_> {
+    /// The twins of some specimens, each with the noise of its own flight.
+    ///
+    /// # Errors
+    /// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`CampaignError::Cancelled`].
+    pub fn fit(
+        &self,
+        specimens: &[Overrides],
+        noise: impl Fn(usize) -> Random,
+    ) -> Result<Calibrated, CampaignError> {
+        let Some(calibration) = &self.study.calibration else {
+            return Err(CampaignError::NoSection { setting: Setting::Fitted });
+        };
+        let measured = self.measured(calibration, specimens, noise)?;
+        let sensors = self.study.measured[..self.study.base_sensors()].to_vec();
+        let (inputs, period_s) = (&calibration.inputs, self.study.sample_period_s);
+        let first = measured.first().cloned().unwrap_or_default();
+        let record = Record::logged("calibration flight", inputs, sensors, period_s, first);
+        let problem = Problem {
+            unknowns: Unknown::of_study(self.study),
+            solver: self.solver,
+            threads: self.threads,
+            cancel: self.cancel,
+            ..Problem::new(&self.study.system, vec![record])
+        };
+        match fitted(&problem, &measured) {
+            Err((_, FitError::Cancelled)) => Err(CampaignError::Cancelled),
+            Err((specimen, error)) => {
+                Err(CampaignError::Calibration { specimen, reason: error.to_string() })
+            }
+            Ok((specimens, errors)) => {
+                Ok(Calibrated { unknowns: problem.unknowns, specimens, errors })
+            }
+        }
+    }
+
+    /// What the sensors of each specimen show in its calibration flight.
+    fn measured(
+        &self,
+        calibration: &Calibration,
+        specimens: &[Overrides],
+        noise: impl Fn(usize) -> Random,
+    ) -> Result<Vec<Vec<f64>>, CampaignError> {
+        let study = self.study;
+        let sensors = &study.measured[..study.base_sensors()];
+        let imperfections = Imperfections::of(&study.system, sensors);
+        let mut ensemble = Ensemble {
+            duration_s: calibration.duration_s,
+            settings: self.solver,
+            threads: self.threads,
+            cancel: self.cancel,
+            ..ensemble(study)
+        };
+        ensemble.record.truncate(sensors.len());
+        let mut all = vec![Vec::new(); specimens.len()];
+        let mut failed: Option<(usize, Failure)> = None;
+        ensemble.run(
+            specimens.len(),
+            |specimen| Variant {
+                overrides: specimens[specimen].clone(),
+                inputs: calibration.inputs.iter().collect(),
+                ..Variant::default()
+            },
+            |_| Rows::default(),
+            |specimen, rows, outcome| match outcome {
+                Ok(_) => all[specimen] = rows.0,
+                Err(failure) => failed = Some((specimen, failure)),
+            },
+        );
+        if self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+            return Err(CampaignError::Cancelled);
+        }
+        if let Some((specimen, failure)) = failed {
+            let reason = described(study, &failure);
+            return Err(CampaignError::Calibration { specimen, reason });
+        }
+        for (specimen, samples) in all.iter_mut().enumerate() {
+            imperfections.apply_to_all(samples, &mut noise(specimen));
+        }
+        Ok(all)
+    }
 }
 
 impl Campaign<'_> {
@@ -52,32 +184,17 @@ impl Campaign<'_> {
         if let Some(known) = self.known(calibration.specimens(self.role)) {
             return Ok(Some(known));
         }
+        let lot = Lot::pool(self.role);
         let truth: Vec<Overrides> = (0..calibration.specimens(self.role))
-            .map(|specimen| realism.specimen(self.study, Lot::pool(self.role), specimen))
+            .map(|specimen| realism.specimen(self.study, lot, specimen))
             .collect();
-        let measured = self.measured(realism, calibration, &truth)?;
-        if self.is_cancelled() {
-            return Ok(None);
-        }
-        let sensors = self.study.measured[..self.study.base_sensors()].to_vec();
-        let (inputs, period_s) = (&calibration.inputs, self.study.sample_period_s);
-        let first = measured.first().cloned().unwrap_or_default();
-        let record = Record::logged("calibration flight", inputs, sensors, period_s, first);
-        let problem = Problem {
-            unknowns: Unknown::of_study(self.study),
-            solver: self.solver,
-            threads: self.threads,
-            cancel: self.cancel,
-            ..Problem::new(&self.study.system, vec![record])
+        let Campaign { study, solver, threads, cancel, .. } = *self;
+        let calibrating = Calibrating { study, solver, threads, cancel };
+        let found = match calibrating.fit(&truth, |specimen| realism.noise(lot, specimen)) {
+            Err(CampaignError::Cancelled) => return Ok(None),
+            found => found?,
         };
-        let found = match fitted(&problem, &measured) {
-            Err((_, FitError::Cancelled)) => return Ok(None),
-            Err((specimen, error)) => {
-                return Err(CampaignError::Calibration { specimen, reason: error.to_string() });
-            }
-            Ok(found) => found,
-        };
-        self.write_calibration(&problem.unknowns, &truth, &found)?;
+        self.write_calibration(&truth, &found)?;
         Ok(Some(found.specimens.into_iter().map(|specimen| specimen.overrides).collect()))
     }
 
@@ -108,51 +225,12 @@ impl Campaign<'_> {
         mark.text()
     }
 
-    /// What the sensors of each specimen show in its calibration flight.
-    fn measured(
-        &self,
-        realism: &Realism,
-        calibration: &Calibration,
-        specimens: &[Overrides],
-    ) -> Result<Vec<Vec<f64>>, CampaignError> {
-        let study = self.study;
-        let sensors = &study.measured[..study.base_sensors()];
-        let imperfections = Imperfections::of(&study.system, sensors);
-        let mut ensemble =
-            Ensemble { duration_s: calibration.duration_s, ..self.ensemble_of(ensemble(study)) };
-        ensemble.record.truncate(sensors.len());
-        let mut all = vec![Vec::new(); specimens.len()];
-        let mut failed: Option<(usize, Failure)> = None;
-        ensemble.run(
-            specimens.len(),
-            |specimen| Variant {
-                overrides: specimens[specimen].clone(),
-                inputs: calibration.inputs.iter().collect(),
-                ..Variant::default()
-            },
-            |_| Rows::default(),
-            |specimen, rows, outcome| match outcome {
-                Ok(_) => all[specimen] = rows.0,
-                Err(failure) => failed = Some((specimen, failure)),
-            },
-        );
-        if let Some((specimen, failure)) = failed {
-            let reason = self.describe(&failure);
-            return Err(CampaignError::Calibration { specimen, reason });
-        }
-        for (specimen, samples) in all.iter_mut().enumerate() {
-            let mut noise = realism.noise(Lot::pool(self.role), specimen);
-            imperfections.apply_to_all(samples, &mut noise);
-        }
-        Ok(all)
-    }
-
     fn write_calibration(
         &self,
-        unknowns: &[Unknown],
         truth: &[Overrides],
-        found: &Found,
+        found: &Calibrated,
     ) -> Result<(), CampaignError> {
+        let unknowns = &found.unknowns;
         let size = unknowns.len();
         let rows = || (0..found.specimens.len()).flat_map(|n| (0..size).map(move |k| (n, k)));
         let float = |of: &dyn Fn(usize, usize) -> f64| {
@@ -172,14 +250,22 @@ impl Campaign<'_> {
     }
 }
 
-/// The specimens of a pool, and the standard errors that all have in common.
-struct Found {
-    specimens: Vec<Specimen>,
-    errors: Vec<f64>,
+/// Specimens with their twins, and the standard errors that all have in common.
+#[derive(Clone, Debug)]
+pub struct Calibrated {
+    /// What was fitted.
+    pub unknowns: Vec<Unknown>,
+    /// What came out.
+    pub specimens: Vec<Specimen>,
+    /// For each unknown its standard error, in standard deviations of its tolerance.
+    pub errors: Vec<f64>,
 }
 
 /// Fits all specimens; the first that cannot be fitted is an error.
-fn fitted(problem: &Problem, measured: &[Vec<f64>]) -> Result<Found, (usize, FitError)> {
+fn fitted(
+    problem: &Problem,
+    measured: &[Vec<f64>],
+) -> Result<(Vec<Specimen>, Vec<f64>), (usize, FitError)> {
     let of_all = |error| (0, error);
     let fleet = Fleet::new(problem).map_err(of_all)?;
     let covariance = fleet.covariance().ok_or((0, FitError::Undetermined))?;
@@ -187,5 +273,5 @@ fn fitted(problem: &Problem, measured: &[Vec<f64>]) -> Result<Found, (usize, Fit
     let found = fleet.fit(measured).map_err(of_all)?;
     let numbered = found.into_iter().enumerate();
     let specimens = numbered.map(|(n, specimen)| specimen.map_err(|error| (n, error)));
-    Ok(Found { specimens: specimens.collect::<Result<_, _>>()?, errors })
+    Ok((specimens.collect::<Result<_, _>>()?, errors))
 }

@@ -24,7 +24,7 @@ mod prepared;
 mod shard;
 mod watch;
 
-pub use calibration::calibration_file;
+pub use calibration::{Calibrated, Calibrating, Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, data_features};
 pub use part::{Part, runs};
@@ -206,6 +206,12 @@ pub fn ensemble(study: &Study) -> Ensemble<'_> {
         sample_period_s: study.sample_period_s,
         ..Ensemble::new(program)
     }
+}
+
+/// Why and where a run of a study's system ended early.
+fn described(study: &Study, failure: &Failure) -> String {
+    let state = &study.system.program.states()[failure.state].name;
+    format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
 }
 
 impl<'s> Campaign<'s> {
@@ -417,12 +423,8 @@ impl Campaign<'_> {
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
-        self.ensemble_of(ensemble(self.study))
-    }
-
-    /// Another ensemble, run as the campaign is.
-    fn ensemble_of<'e>(&'e self, ensemble: Ensemble<'e>) -> Ensemble<'e> {
-        Ensemble { settings: self.solver, threads: self.threads, cancel: self.cancel, ..ensemble }
+        let Campaign { solver, threads, cancel, .. } = *self;
+        Ensemble { settings: solver, threads, cancel, ..ensemble(self.study) }
     }
 
     /// Which twin a variant is compared with: its case, and its specimen in the pool; 0 where there is
@@ -479,8 +481,7 @@ impl Campaign<'_> {
     }
 
     fn describe(&self, failure: &Failure) -> String {
-        let state = &self.study.system.program.states()[failure.state].name;
-        format!("{} at {:.4} s in {state}", failure.cause, failure.time_s)
+        described(self.study, failure)
     }
 
     fn variant(&self, index: usize, planned: Planned) -> Variant<'_> {

@@ -1,0 +1,201 @@
+//! A field from traces of flights: factors of what it depends on, and the conformal scale. The equations are in
+//! [`super`].
+
+use super::BandError;
+use servotwin_diagnosis::field::{Covariate, Field};
+
+/// Rounds in which factors are fitted one after the other.
+const ROUNDS: usize = 8;
+/// A factor of a bin is 1 unless so many flights say otherwise: samples of one flight are of one specimen.
+const DOUBT: f64 = 8.0;
+
+/// What the sensors of one flight showed beside its twin.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// The covariates, sample after sample.
+    pub points: Vec<f64>,
+    /// The scaled residuals, sample after sample.
+    pub residuals: Vec<f64>,
+}
+
+impl Trace {
+    /// The same with some of its covariates.
+    pub(super) fn with_covariates(&self, kept: &[usize], width: usize) -> Trace {
+        let own = self.points.chunks_exact(width.max(1));
+        let points = own.flat_map(|point| kept.iter().map(|&place| point[place])).collect();
+        Trace { points, residuals: self.residuals.clone() }
+    }
+
+    /// The points and residuals of its samples, of so many covariates and sensors.
+    fn samples(&self, width: usize, sensors: usize) -> impl Iterator<Item = (&[f64], &[f64])> {
+        let residuals = self.residuals.chunks_exact(sensors).enumerate();
+        residuals.map(move |(k, residuals)| {
+            (self.points.get(k * width..(k + 1) * width).unwrap_or_default(), residuals)
+        })
+    }
+
+    /// max |r|/s over all samples and sensors.
+    pub fn score(&self, field: &Field) -> f64 {
+        let mut most: f64 = 0.0;
+        for (point, residuals) in self.samples(field.covariates.len(), field.base.len()) {
+            let bins = field.bins(point);
+            for (sensor, residual) in residuals.iter().enumerate() {
+                most = most.max(residual.abs() / size_in(field, sensor, &bins));
+            }
+        }
+        most
+    }
+
+    /// Whether it leaves the band.
+    pub fn leaves(&self, field: &Field) -> bool {
+        self.score(field) > field.scale
+    }
+}
+
+/// s of a sensor in some bins.
+fn size_in(field: &Field, sensor: usize, bins: &[usize]) -> f64 {
+    let factors = field.factors[sensor].iter().zip(bins);
+    factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
+}
+
+/// A band for some sensors: s from the first traces, q from the others. Without covariates it is the same everywhere.
+///
+/// # Errors
+/// Too few calibration traces for the share.
+pub fn learn(
+    covariates: Vec<Covariate>,
+    sensors: usize,
+    learning: &[Trace],
+    calibration: &[Trace],
+    share: f64,
+) -> Result<Field, BandError> {
+    let flights = calibration.len();
+    let place = ((flights as f64 + 1.0) * (1.0 - share) - 1e-9).ceil() as usize;
+    if place > flights || place == 0 {
+        let needed = (1.0 / share - 1e-9).ceil() as usize - 1;
+        return Err(BandError::TooFew { flights, needed });
+    }
+    let neutral = covariates.iter().map(|c| vec![1.0; c.edges.len() + 1]).collect();
+    let mut field = Field {
+        covariates,
+        base: vec![1.0; sensors],
+        factors: vec![neutral; sensors],
+        scale: 1.0,
+        share,
+        calibrated_on: flights,
+    };
+    for sensor in 0..sensors {
+        fit(&mut field, sensor, learning);
+    }
+    let mut scores: Vec<f64> = calibration.iter().map(|trace| trace.score(&field)).collect();
+    scores.sort_by(f64::total_cmp);
+    field.scale = scores[place - 1];
+    Ok(field)
+}
+
+/// s of a sensor.
+fn fit(field: &mut Field, sensor: usize, learning: &[Trace]) {
+    let (width, sensors) = (field.covariates.len(), field.base.len());
+    // For each flight the bins of its samples and the squares of their residuals.
+    let squares = |trace: &Trace| -> Vec<(Vec<usize>, f64)> {
+        let of = |(point, residuals): (&[f64], &[f64])| {
+            (field.bins(point), residuals[sensor] * residuals[sensor])
+        };
+        trace.samples(width, sensors).map(of).collect()
+    };
+    let flights: Vec<Vec<(Vec<usize>, f64)>> = learning.iter().map(squares).collect();
+    let count = flights.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+    let mean = flights.iter().flatten().map(|(_, square)| square).sum::<f64>() / count;
+    field.base[sensor] = mean.max(f64::MIN_POSITIVE).sqrt();
+    for _ in 0..ROUNDS {
+        for covariate in 0..width {
+            let bins = field.factors[sensor][covariate].len();
+            let (mut found, mut expected) = (vec![DOUBT; bins], vec![DOUBT; bins]);
+            for flight in &flights {
+                let (mut own, mut samples) = (vec![0.0; bins], vec![0.0; bins]);
+                for (place, square) in flight {
+                    let s = size_in(field, sensor, place);
+                    own[place[covariate]] += square / (s * s);
+                    samples[place[covariate]] += 1.0;
+                }
+                for bin in (0..bins).filter(|&bin| samples[bin] > 0.0) {
+                    found[bin] += own[bin] / samples[bin];
+                    expected[bin] += 1.0;
+                }
+            }
+            for (bin, factor) in field.factors[sensor][covariate].iter_mut().enumerate() {
+                *factor *= (found[bin] / expected[bin]).sqrt();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::random::Random;
+    use servotwin_diagnosis::field::Source;
+
+    /// Flights whose residual grows with the size of what is asked, and with their specimen.
+    fn flights(count: usize, seed: u64) -> Vec<Trace> {
+        let mut random = Random::new(seed);
+        let mut flight = |_| {
+            let specimen = 1.0 + 0.2 * random.normal().abs();
+            let points: Vec<f64> = (0..300).map(|_| random.unit()).collect();
+            let residuals =
+                points.iter().map(|u| specimen * (0.1 + u) * 0.01 * random.normal()).collect();
+            Trace { points, residuals }
+        };
+        (0..count).map(&mut flight).collect()
+    }
+
+    fn axis() -> Vec<Covariate> {
+        vec![Covariate {
+            name: "size".into(),
+            source: Source::Input { input: 0 },
+            edges: vec![0.25, 0.5, 0.75],
+            range: (0.0, 1.0),
+        }]
+    }
+
+    fn none(traces: &[Trace]) -> Vec<Trace> {
+        traces.iter().map(|trace| trace.with_covariates(&[], 1)).collect()
+    }
+
+    #[test]
+    fn the_promised_share_leaves_the_band_and_the_field_sees_more() {
+        let (learning, judged) = (flights(40, 1), flights(400, 2));
+        let (mut left, mut seen, mut seen_fixed) = (0, 0, 0);
+        // The promise is of the mean over calibrations: ten of them.
+        for round in 0..10 {
+            let calibration = flights(39, 100 + round);
+            let field = learn(axis(), 1, &learning, &calibration, 0.1).unwrap();
+            let fixed = learn(vec![], 1, &none(&learning), &none(&calibration), 0.1).unwrap();
+            left += judged.iter().filter(|trace| trace.leaves(&field)).count();
+            // A bias that is large for small motions only.
+            for trace in &judged {
+                let mut faulty = trace.clone();
+                faulty.residuals.iter_mut().for_each(|residual| *residual += 0.016);
+                seen += usize::from(faulty.leaves(&field));
+                let faulty = faulty.with_covariates(&[], 1);
+                seen_fixed += usize::from(faulty.leaves(&fixed));
+            }
+        }
+        let share = left as f64 / 4000.0;
+        assert!((0.04..=0.16).contains(&share), "{share}");
+        assert!(seen > seen_fixed + 200, "{seen} {seen_fixed}");
+    }
+
+    #[test]
+    fn a_share_needs_flights_and_validity_ends_with_the_ranges() {
+        let learning = flights(5, 1);
+        let with = |count| learn(axis(), 1, &learning, &flights(count, 3), 0.05);
+        assert!(matches!(with(18), Err(BandError::TooFew { flights: 18, needed: 19 })));
+        let field = with(19).unwrap();
+        // With 19 flights the band is the largest of their scores: none of them leaves it.
+        assert!(flights(19, 3).iter().all(|trace| !trace.leaves(&field)));
+        assert_eq!(field.outside(&[0.5]), 0.0);
+        assert!((field.outside(&[1.5]) - 0.5).abs() < 1e-12);
+        assert!(field.half_width(0, &[0.9]) > 2.0 * field.half_width(0, &[0.1]));
+    }
+}
