@@ -116,29 +116,33 @@ pub fn table(
     Ok(table)
 }
 
-/// A figure with a panel for each unit, in the order they appear.
+/// Quantities of one unit whose sizes differ by more than this have panels of their own: on a common
+/// axis the small one would be a straight line.
+const SIZES: f64 = 8.0;
+
+/// A figure with a panel for each unit, in the order they appear, and for each size of values.
 pub fn figure(
     title: &str,
     recorded: &[Recorded],
     times_s: &[f64],
     values: &[&[f64]],
 ) -> TimeSeries<'static> {
+    let mut panels: Vec<(Unit, f64, Panel)> = Vec::new();
+    for (one, values) in recorded.iter().zip(values) {
+        let shown: Vec<f64> = values.iter().map(|&si| one.unit.to_shown(si)).collect();
+        let size = shown.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        let is_alike =
+            |other: f64| size.max(other) <= SIZES * size.min(other) || size * other == 0.0;
+        let series = Series::new(one.label.clone(), times_s.to_vec(), shown);
+        match panels.iter_mut().find(|(unit, other, _)| *unit == one.unit && is_alike(*other)) {
+            Some((_, _, panel)) => panel.series.push(series),
+            None => {
+                panels.push((one.unit, size, Panel::new("", one.unit.shown()).with(series)));
+            }
+        }
+    }
     let mut figure = TimeSeries::new(title.to_owned(), "time in s");
-    let mut units: Vec<Unit> = Vec::new();
-    for one in recorded {
-        if !units.contains(&one.unit) {
-            units.push(one.unit);
-        }
-    }
-    for unit in units {
-        let mut panel = Panel::new("", unit.shown());
-        let of_unit = recorded.iter().zip(values).filter(|(one, _)| one.unit == unit);
-        for (one, values) in of_unit {
-            let shown: Vec<f64> = values.iter().map(|&si| unit.to_shown(si)).collect();
-            panel = panel.with(Series::new(one.label.clone(), times_s.to_vec(), shown));
-        }
-        figure = figure.with(panel);
-    }
+    figure.panels = panels.into_iter().map(|(_, _, panel)| panel).collect();
     figure
 }
 
@@ -151,6 +155,20 @@ mod tests {
         assert_eq!(with_suffix("p_a_1", Unit::Pascal), "p_a_1_pa");
         assert_eq!(with_suffix("x.pressure_pa", Unit::Pascal), "x.pressure_pa");
         assert_eq!(with_suffix("mode", Unit::None), "mode");
+    }
+
+    #[test]
+    fn what_is_small_has_an_axis_of_its_own() {
+        let recorded = |name: &str| Recorded {
+            name: name.into(),
+            label: name.into(),
+            unit: Unit::Metre,
+            slot: 0,
+        };
+        let all = ["ram", "ram_2", "spool"].map(recorded);
+        let values: [&[f64]; 3] = [&[0.0, 0.02], &[0.0, -0.018], &[0.0, 1e-3]];
+        let panels = figure("", &all, &[0.0, 1.0], &values).panels;
+        assert_eq!(panels.iter().map(|panel| panel.series.len()).collect::<Vec<_>>(), [2, 1]);
     }
 
     #[test]

@@ -54,7 +54,7 @@ fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => summary::text(&results),
+        _ => summary::text(&results, &study),
     })
 }
 

@@ -71,6 +71,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             "manifest": folder.manifest().display().to_string(),
         })),
         Global { quiet: true, .. } => String::new(),
-        _ => format!("{}\n{path}, after {seconds:.0} s\n", summary::text(&results)),
+        _ => format!("{}\n{path}, after {seconds:.0} s\n", summary::text(&results, &study)),
     })
 }

@@ -4,19 +4,21 @@ use crate::render::{Grid, Side};
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::{Results, Subject};
 use servotwin::report::lines::{self, OF_PAPER, PAPER};
+use servotwin::report::vocabulary::Vocabulary;
 use servotwin::report::words::{percent, share};
+use servotwin::study::Study;
 
 /// One table for trees and committee.
-pub fn text(results: &Results) -> String {
+pub fn text(results: &Results, study: &Study) -> String {
     let settings = lines::settings(results);
     let mut heads = vec![("", Side::Left), ("by", Side::Left)];
     heads.extend(settings.iter().map(|result| (result.subject.name(), Side::Right)));
     let mut grid = Grid::new(&heads);
-    let mut last = "";
-    for row in lines::headline(&settings) {
-        let title = if row.title == last { "" } else { row.title };
+    let mut last = String::new();
+    for row in lines::headline(&settings, &Vocabulary::of(study)) {
+        let title = if row.title == last { String::new() } else { row.title.clone() };
         last = row.title;
-        let mut cells = vec![title.to_owned(), row.who.to_owned()];
+        let mut cells = vec![title, row.who.to_owned()];
         cells.extend(row.rates.iter().map(|rate| share(*rate)));
         grid.push(cells);
     }

@@ -156,6 +156,22 @@ fn digits_after_point(step: f64) -> usize {
         .unwrap_or(12) as usize
 }
 
+/// A number as a reader wants it who points at it: four significant digits, no idle zeros.
+pub(super) fn plain(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return if value == 0.0 { "0".to_owned() } else { "–".to_owned() };
+    }
+    let size = value.abs();
+    if !(1e-4..1e6).contains(&size) {
+        return signed(format!("{value:.3e}"));
+    }
+    let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
+    let text = format!("{value:.decimals$}");
+    let text =
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    signed(text.to_owned())
+}
+
 /// A number's text with the typographic minus sign, and without the sign of zero.
 pub(super) fn signed(text: String) -> String {
     match text.strip_prefix('-') {
@@ -183,4 +199,26 @@ fn power(exponent: i32) -> String {
         digit => char::from_u32('⁰' as u32 + digit.to_digit(10).unwrap_or(0)).unwrap_or('⁰'),
     };
     format!("10{}", exponent.to_string().chars().map(raised).collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain;
+
+    #[test]
+    fn a_value_has_four_digits_and_no_idle_zeros() {
+        let cases = [
+            (0.25, "0.25"),
+            (100.0, "100"),
+            (-1.0, "−1"),
+            (0.123_456, "0.1235"),
+            (98.765_43, "98.77"),
+            (0.0, "0"),
+            (f64::NAN, "–"),
+            (1e-7, "1.000e-7"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(plain(value), text);
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Grouped horizontal bars with confidence intervals: scores of several methods side by side.
 
 use super::Figure;
-use super::axis::{Axis, extent};
+use super::axis::{Axis, extent, plain};
 use super::font;
 use super::frame::{Frame, TITLE_BELOW};
 use super::legend::{self, Entry, Swatch};
@@ -106,7 +106,22 @@ impl Bars {
         }
         frame.draw_outline(&mut canvas);
         frame.draw_x_labels(&mut canvas, &self.x_label);
-        canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title)
+        let figure =
+            canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title);
+        figure.with_values(&["", "series", &self.x_label, "interval"], self.values())
+    }
+
+    fn values(&self) -> Vec<Vec<String>> {
+        let of_group = |group: &Group| {
+            let bars = group.bars.iter().enumerate();
+            let bar = |(index, bar): (usize, &Option<Bar>)| {
+                let series = self.series.get(index).cloned().unwrap_or_default();
+                let [value, interval] = in_words(bar.as_ref());
+                vec![group.label.clone(), series, value, interval]
+            };
+            bars.map(bar).collect::<Vec<_>>()
+        };
+        self.groups.iter().flat_map(of_group).collect()
     }
 
     fn draw_header(&self, canvas: &mut Canvas, left: f64) -> f64 {
@@ -152,7 +167,14 @@ impl Bars {
         for (index, bar) in group.bars.iter().enumerate() {
             let middle = y + GROUP_GAP / 2.0 + BAR * (index as f64 + 0.5);
             match bar {
-                Some(bar) => self.draw_bar(canvas, *bar, index, middle, frame),
+                Some(bar) => {
+                    let series = self.series.get(index).map_or("", String::as_str);
+                    let [value, interval] = in_words(Some(bar));
+                    let title = format!("{}, {series}: {value} {interval}", group.label);
+                    canvas.titled(&title, |canvas| {
+                        self.draw_bar(canvas, *bar, index, middle, frame);
+                    });
+                }
                 None => {
                     let kind = Type::new(VALUE_SIZE).colour(GREY);
                     canvas.text((frame.area.x + 4.0, middle + 3.4), "no result", kind);
@@ -174,10 +196,10 @@ impl Bars {
             height: BAR - 2.0,
         };
         let fill = tint(colour(index), 0.75);
-        canvas.rect(
-            area,
-            &format!(" fill=\"{fill}\" stroke=\"{}\" stroke-width=\".6\"", colour(index)),
-        );
+        canvas.rect(area, &format!("{fill} stroke=\"{}\" stroke-width=\".6\"", colour(index)));
+        if frame.x.low > 0.0 {
+            draw_break(canvas, (area.x, middle));
+        }
         if let Some((Some(low), Some(high))) = bar.interval.map(|(low, high)| (at(low), at(high))) {
             let style = format!(" stroke=\"{INK}\" stroke-width=\"1.1\"");
             canvas.line((low, middle), (high, middle), &style);
@@ -188,5 +210,22 @@ impl Bars {
         // The values stand in a column of their own, where no bar or grid line crosses them.
         let column = right + 6.0;
         canvas.text((column, middle + 3.4), &self.value_text(bar.value), Type::new(VALUE_SIZE));
+    }
+}
+
+/// A bar's value and interval in words.
+fn in_words(bar: Option<&Bar>) -> [String; 2] {
+    let Some(bar) = bar else {
+        return ["no result".to_owned(), String::new()];
+    };
+    let ends = bar.interval.map(|(low, high)| format!("({} … {})", plain(low), plain(high)));
+    [plain(bar.value), ends.unwrap_or_default()]
+}
+
+/// The mark of a bar that does not begin at zero: two strokes across its foot.
+fn draw_break(canvas: &mut Canvas, (x, y): (f64, f64)) {
+    for shift in [3.0, 7.0] {
+        let ends = [(x + shift, y + BAR / 2.0), (x + shift + 4.0, y - BAR / 2.0)];
+        canvas.line(ends[0], ends[1], " stroke=\"#ffffff\" stroke-width=\"1.6\"");
     }
 }

@@ -4,14 +4,19 @@
 //! the nearest block that nothing leads to (or the column asked for); its group, such as an
 //! actuator, is a horizontal band. Within a band the blocks are ordered and placed by the mean of
 //! their neighbours, a few times forwards and backwards. Wires run only between the columns, each
-//! on a track of its own, and pass a column through a gap kept for them: none crosses a block.
+//! on a track of its own, and pass a column through a gap kept for them: none crosses a block. Wires
+//! that leave the same port are one line that branches.
+//!
+//! A diagram can be drawn downwards: what is said of columns then holds for rows, bands stand side by
+//! side, and ports have their names in the blocks. The layout is the same; only the picture is turned,
+//! so *along* is the way from layer to layer, and *across* is the way within one.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use super::Figure;
 use super::font;
 use super::legend::{self, Entry, Swatch};
-use super::style::{GREY, colour, dash, shade, tint};
+use super::style::{GREY, colour, dash, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of blocks and wires.
@@ -25,6 +30,10 @@ pub struct Diagram {
     pub blocks: Vec<Block>,
     /// The wires; one that leads to an unknown block or back to its own is not drawn.
     pub wires: Vec<Wire>,
+    /// Kinds whose colours come first, so that they are the same in every diagram.
+    pub kinds: Vec<String>,
+    /// Whether layers follow each other from the top downwards.
+    pub downwards: bool,
 }
 
 /// A component.
@@ -78,6 +87,10 @@ pub struct Wire {
     pub label: String,
     /// Whether its end has an arrow head.
     pub arrow: bool,
+    /// The names of the ports it connects, shown where the diagram is drawn downwards; a space for a
+    /// port without a name. Wires from the same port are drawn as one line that branches; those from
+    /// no port, empty, are lines of their own.
+    pub ports: [String; 2],
 }
 
 impl Wire {
@@ -85,10 +98,26 @@ impl Wire {
     pub fn new(from: &str, to: &str, kind: &str) -> Self {
         Self { from: from.to_owned(), to: to.to_owned(), kind: kind.to_owned(), ..Self::default() }
     }
+
+    /// What it connects, e.g. `valve.a → cylinder.a`.
+    fn in_words(&self) -> String {
+        let end = |id: &str, port: &str| match port.trim() {
+            "" => id.to_owned(),
+            port => format!("{id}.{port}"),
+        };
+        let [from, to] = &self.ports;
+        let sign = if self.arrow { "→" } else { "–" };
+        format!("{} {sign} {}", end(&self.from, from), end(&self.to, to))
+    }
 }
 
 const MARGIN: f64 = 12.0;
 const SIZE: f64 = 9.5;
+const PORT_SIZE: f64 = 7.5;
+/// Room for the names of ports at one edge of a block.
+const PORT_LINE: f64 = 10.0;
+/// Blocks are not widened further for the names of their ports.
+const WIDEST: f64 = 300.0;
 const LINE: f64 = 12.0;
 const LABEL_SIZE: f64 = 8.0;
 const GAP: f64 = 12.0;
@@ -107,7 +136,8 @@ impl Diagram {
         let kinds = self.kinds();
         let entries = self.legend(&kinds);
         let title_width = font::width(&self.title, 13.0, true) + 2.0 * MARGIN;
-        let width = layout.width.max(title_width).max(240.0);
+        let wide = if self.downwards { layout.height + 2.0 * MARGIN } else { layout.width };
+        let width = wide.max(title_width).max(240.0);
         let mut top = MARGIN;
         if !self.title.is_empty() {
             canvas.text((MARGIN, top + 12.0), &self.title, Type::new(13.0).bold());
@@ -116,31 +146,63 @@ impl Diagram {
         let rows = legend::rows(&entries, width - 2.0 * MARGIN);
         legend::draw(&mut canvas, (MARGIN, top), &rows);
         top += legend::ROW * rows.len() as f64 + 8.0;
-        layout.draw_bands(&mut canvas, top, width);
-        layout.draw_wires(&mut canvas, top, self, &kinds);
-        layout.draw_blocks(&mut canvas, top, self, &kinds);
-        layout.draw_labels(&mut canvas, top, self);
-        canvas.finish(width, top + layout.height + MARGIN, &self.title)
+        let view = View { downwards: self.downwards, top };
+        layout.draw_bands(&mut canvas, view, width);
+        layout.draw_wires(&mut canvas, view, self, &kinds);
+        layout.draw_blocks(&mut canvas, view, self, &kinds);
+        layout.draw_labels(&mut canvas, view, self);
+        layout.draw_port_names(&mut canvas, view, self);
+        let high = if self.downwards { layout.width } else { layout.height };
+        canvas.finish(width, top + high + MARGIN, &self.title)
     }
 
-    /// Every kind once, those of wires first.
+    /// Every kind once, those with a place of their own first, then those of wires.
     fn kinds(&self) -> Vec<&str> {
+        let first = self.kinds.iter().map(String::as_str);
         let wires = self.wires.iter().map(|wire| wire.kind.as_str());
-        unique(wires.chain(self.blocks.iter().map(|block| block.kind.as_str())))
+        unique(first.chain(wires).chain(self.blocks.iter().map(|block| block.kind.as_str())))
     }
 
+    /// Every kind that occurs, once: a block and a wire of one kind have the same colour.
     fn legend(&self, kinds: &[&str]) -> Vec<Entry> {
         let mut entries = Vec::new();
         for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_empty()) {
             let mut add = |swatch| entries.push(Entry { name: (*kind).to_owned(), swatch });
             if self.wires.iter().any(|wire| wire.kind == *kind) {
                 add(Swatch::Line(index));
-            }
-            if self.blocks.iter().any(|block| block.kind == *kind) {
+            } else if self.blocks.iter().any(|block| block.kind == *kind) {
                 add(Swatch::Box(index));
             }
         }
         entries
+    }
+
+    /// A block's size along and across the layers.
+    fn size(&self, block: &Block) -> (f64, f64) {
+        if !self.downwards {
+            return (block.width(), block.height());
+        }
+        let own = |wire: &Wire| {
+            let ends = [&wire.from, &wire.to].into_iter().zip(&wire.ports);
+            ends.filter(|(id, port)| **id == block.id && !port.trim().is_empty())
+                .map(|(_, port)| port.clone())
+                .collect::<Vec<_>>()
+        };
+        let mut names: Vec<String> = self.wires.iter().flat_map(own).collect();
+        names.sort();
+        names.dedup();
+        let names_width: f64 = names.iter().map(|name| port_width(name)).sum();
+        let edges = if names.is_empty() { 0.0 } else { 2.0 * PORT_LINE };
+        (block.height() + edges, block.width().max(names_width.min(WIDEST)))
+    }
+
+    /// What joins wires to one line: the port that they come from, or each wire by itself.
+    fn net(&self, wire: usize) -> String {
+        let own = &self.wires[wire];
+        match own.ports[0].as_str() {
+            "" => format!("{wire}"),
+            port => format!("{}.{port}", own.from),
+        }
     }
 
     fn group_names(&self) -> Vec<&str> {
@@ -148,6 +210,32 @@ impl Diagram {
         let all = unique(named.chain(self.blocks.iter().map(|block| block.group.as_str())));
         let used = |name: &&str| self.blocks.iter().any(|block| block.group == **name);
         all.into_iter().filter(used).collect()
+    }
+}
+
+fn port_width(name: &str) -> f64 {
+    font::width(name, PORT_SIZE, false) + 8.0
+}
+
+/// How the layout becomes a picture.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    downwards: bool,
+    top: f64,
+}
+
+impl View {
+    fn point(self, (along, across): (f64, f64)) -> (f64, f64) {
+        match self.downwards {
+            true => (across + MARGIN, along + self.top),
+            false => (along, across + self.top),
+        }
+    }
+
+    fn area(self, (along, across): (f64, f64), size: (f64, f64)) -> Area {
+        let (x, y) = self.point((along, across));
+        let (width, height) = if self.downwards { (size.1, size.0) } else { size };
+        Area { x, y, width, height }
     }
 }
 
@@ -182,6 +270,8 @@ impl Item {
 #[derive(Debug, Clone)]
 struct Piece {
     wire: usize,
+    /// What it is part of: pieces of one net may touch each other.
+    net: usize,
     /// The items at the two ends; the first one's column is the lower or the same.
     ends: [usize; 2],
     /// The heights at which it leaves them.
@@ -190,12 +280,27 @@ struct Piece {
     track: Option<usize>,
 }
 
-/// One end of a piece at a side of its item.
+/// Where pieces leave a side of an item: those of one port leave at one point.
 struct Port {
-    /// The height of the item at the piece's other end.
-    aim: f64,
-    place: usize,
-    end: usize,
+    /// The name, empty for none.
+    name: String,
+    /// The net of the pieces.
+    net: usize,
+    /// The heights of the items at the pieces' other ends.
+    aims: Vec<f64>,
+    /// The pieces, and which of their ends is here.
+    ends: Vec<(usize, usize)>,
+}
+
+impl Port {
+    fn aim(&self) -> f64 {
+        self.aims.iter().sum::<f64>() / self.aims.len() as f64
+    }
+
+    /// The share of the side that it takes.
+    fn width(&self) -> f64 {
+        port_width(&self.name)
+    }
 }
 
 #[derive(Debug)]
@@ -231,12 +336,12 @@ impl Layout {
         let wires: Vec<Option<(usize, usize)>> = diagram.wires.iter().map(ends).collect();
         let groups = diagram.group_names();
         let mut items = block_items(diagram, &wires, &groups);
-        let pieces = split_wires(&wires, &mut items);
+        let pieces = split_wires(diagram, &wires, &mut items);
         let bands = stack_bands(&groups, &items);
         let height = bands.last().map_or(0.0, |band| band.top + band.height);
         let mut layout = Self { items, pieces, bands, columns: Vec::new(), width: 0.0, height };
         layout.place_items();
-        layout.place_ports();
+        layout.place_ports(diagram);
         layout.part_ports();
         layout.place_tracks();
         layout.place_columns(diagram);
@@ -304,32 +409,57 @@ impl Layout {
     }
 
     /// Where each piece leaves its two items.
-    fn place_ports(&mut self) {
+    fn place_ports(&mut self, diagram: &Diagram) {
         let mut sides: BTreeMap<(usize, bool), Vec<Port>> = BTreeMap::new();
         for (place, piece) in self.pieces.iter().enumerate() {
             for end in [0, 1] {
                 let (own, other) = (piece.ends[end], piece.ends[1 - end]);
                 let right = self.items[other].layer >= self.items[own].layer;
-                let aim = self.items[other].middle();
-                sides.entry((own, right)).or_default().push(Port { aim, place, end });
+                let (aim, name) = (self.items[other].middle(), self.port_name(piece, end, diagram));
+                let ports = sides.entry((own, right)).or_default();
+                match ports.iter_mut().find(|port| port.net == piece.net && port.name == name) {
+                    Some(port) => {
+                        port.aims.push(aim);
+                        port.ends.push((place, end));
+                    }
+                    None => ports.push(Port {
+                        name,
+                        net: piece.net,
+                        aims: vec![aim],
+                        ends: vec![(place, end)],
+                    }),
+                }
             }
         }
         let mut alone = vec![[false; 2]; self.pieces.len()];
         for ((own, _), mut ports) in sides {
             ports.sort_by(|one, other| {
-                one.aim.total_cmp(&other.aim).then(one.place.cmp(&other.place))
+                one.aim().total_cmp(&other.aim()).then(one.ends.cmp(&other.ends))
             });
             let item = &self.items[own];
-            let count = ports.len();
-            for (rank, Port { place, end, .. }) in ports.into_iter().enumerate() {
-                let share = (rank + 1) as f64 / (count + 1) as f64;
-                self.pieces[place].ports[end] = item.top + item.height * share;
-                alone[place][end] = count == 1;
+            let all: f64 = ports.iter().map(Port::width).sum();
+            let mut before = 0.0;
+            for port in &ports {
+                // Names need room; without any, all ports are as wide.
+                let share = (before + port.width() / 2.0) / all;
+                before += port.width();
+                for &(place, end) in &port.ends {
+                    self.pieces[place].ports[end] = item.top + item.height * share;
+                    alone[place][end] = ports.len() == 1 && port.ends.len() == 1;
+                }
             }
         }
         for (place, alone) in alone.into_iter().enumerate() {
             self.straighten(place, alone);
         }
+    }
+
+    /// The name of the port at an end of a piece; empty where it has none, or passes a gap.
+    fn port_name(&self, piece: &Piece, end: usize, diagram: &Diagram) -> String {
+        let wire = &diagram.wires[piece.wire];
+        let Some(block) = self.items[piece.ends[end]].block else { return String::new() };
+        let is_from = diagram.blocks[block].id == wire.from;
+        wire.ports[usize::from(!is_from)].clone()
     }
 
     /// A wire alone on a side is moved to where it runs straight, if its block reaches there.
@@ -370,17 +500,26 @@ impl Layout {
             let shifts = [4.0, -4.0, 6.0, -6.0, 8.0, -8.0, 10.0, -10.0];
             let mut others = shifts.into_iter().map(|shift| to + shift);
             let free = others.find(|y| *y >= low && *y <= high && self.is_free(place, *y));
-            self.pieces[place].ports[1] = free.unwrap_or(to);
+            let (net, own) = (self.pieces[place].net, self.pieces[place].ends[1]);
+            // What leaves the same port goes with it.
+            for piece in self.pieces.iter_mut().filter(|piece| piece.net == net) {
+                for end in [0, 1] {
+                    if piece.ends[end] == own && piece.ports[end] == to {
+                        piece.ports[end] = free.unwrap_or(to);
+                    }
+                }
+            }
         }
     }
 
-    /// Whether no other wire of a piece's channel ends at a height.
+    /// Whether no other net's wire of a piece's channel ends at a height.
     fn is_free(&self, place: usize, y: f64) -> bool {
         let layer = self.items[self.pieces[place].ends[0]].layer;
-        let others =
-            self.pieces.iter().enumerate().filter(|(other, piece)| {
-                *other != place && self.items[piece.ends[0]].layer == layer
-            });
+        let others = self.pieces.iter().enumerate().filter(|(other, piece)| {
+            *other != place
+                && piece.net != self.pieces[place].net
+                && self.items[piece.ends[0]].layer == layer
+        });
         others.flat_map(|(_, piece)| piece.ports).all(|port| (port - y).abs() >= 3.0)
     }
 
@@ -392,20 +531,26 @@ impl Layout {
                 self.items[piece.ends[0]].layer == layer
                     && (self.same_layer(piece) || (piece.ports[0] - piece.ports[1]).abs() > 0.5)
             };
-            let mut places: Vec<usize> = (0..self.pieces.len()).filter(bent).collect();
-            let top = |place: &usize| {
-                let ports = self.pieces[*place].ports;
-                ports[0].min(ports[1])
-            };
-            places.sort_by(|one, other| top(one).total_cmp(&top(other)).then(one.cmp(other)));
-            let mut ends: Vec<f64> = Vec::new();
-            for place in places {
+            let places: Vec<usize> = (0..self.pieces.len()).filter(bent).collect();
+            // Pieces of one net lie on one track.
+            let mut spans: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+            for &place in &places {
                 let [one, other] = self.pieces[place].ports;
-                let track = ends.iter().position(|end| *end + 3.0 < one.min(other));
-                let track = track.unwrap_or(ends.len());
+                let span = spans.entry(self.pieces[place].net).or_insert((one, one));
+                *span = (span.0.min(one).min(other), span.1.max(one).max(other));
+            }
+            let mut order: Vec<(usize, (f64, f64))> = spans.into_iter().collect();
+            order.sort_by(|one, other| one.1.0.total_cmp(&other.1.0).then(one.0.cmp(&other.0)));
+            let mut ends: Vec<f64> = Vec::new();
+            let mut tracks: BTreeMap<usize, usize> = BTreeMap::new();
+            for (net, (low, high)) in order {
+                let track = ends.iter().position(|end| *end + 3.0 < low).unwrap_or(ends.len());
                 ends.resize(ends.len().max(track + 1), f64::NEG_INFINITY);
-                ends[track] = one.max(other);
-                self.pieces[place].track = Some(track);
+                ends[track] = high;
+                tracks.insert(net, track);
+            }
+            for place in places {
+                self.pieces[place].track = tracks.get(&self.pieces[place].net).copied();
             }
         }
     }
@@ -415,7 +560,7 @@ impl Layout {
     }
 
     fn place_columns(&mut self, diagram: &Diagram) {
-        let mut x = MARGIN + 8.0;
+        let mut x = if diagram.downwards { BAND_HEAD + 6.0 } else { MARGIN + 8.0 };
         for layer in 0..self.layer_count() {
             let items = self.items.iter().filter(|item| item.layer == layer);
             let width = items.map(|item| item.width).fold(0.0, f64::max);
@@ -463,13 +608,11 @@ impl Layout {
         vec![(start, from), (x, from), (x, to), (end, to)]
     }
 
-    fn draw_bands(&self, canvas: &mut Canvas, top: f64, width: f64) {
+    fn draw_bands(&self, canvas: &mut Canvas, view: View, width: f64) {
         for band in &self.bands {
-            let area = Area {
-                x: MARGIN,
-                y: top + band.top,
-                width: width - 2.0 * MARGIN,
-                height: band.height,
+            let area = match view.downwards {
+                true => view.area((0.0, band.top), (self.width, band.height)),
+                false => view.area((MARGIN, band.top), (width - 2.0 * MARGIN, band.height)),
             };
             canvas.rect(area, " rx=\"6\" fill=\"#f5f5f5\" stroke=\"#d8d8d8\"");
             let kind = Type::new(10.0).bold().colour(GREY);
@@ -477,25 +620,28 @@ impl Layout {
         }
     }
 
-    fn draw_wires(&self, canvas: &mut Canvas, top: f64, diagram: &Diagram, kinds: &[&str]) {
+    fn draw_wires(&self, canvas: &mut Canvas, view: View, diagram: &Diagram, kinds: &[&str]) {
         for piece in &self.pieces {
             let wire = &diagram.wires[piece.wire];
             let index = kinds.iter().position(|kind| *kind == wire.kind).unwrap_or(0);
-            let corners: Vec<(f64, f64)> =
-                self.corners(piece).into_iter().map(|(x, y)| (x, y + top)).collect();
+            let corners = self.corners(piece);
+            let drawn: Vec<(f64, f64)> = corners.iter().map(|corner| view.point(*corner)).collect();
             let style = format!(
                 " stroke=\"{}\" stroke-width=\"1.3\" stroke-linejoin=\"round\"{}",
                 colour(index),
                 dash(index)
             );
-            canvas.path(&corners, &style);
-            for (item, (x, y)) in self.gap_ends(piece, &corners) {
-                let (left, right) = self.sides(item);
-                // The wire goes on through the gap, from its right end to its left one.
-                canvas.line((left, y), (right.max(x), y), &style);
-            }
+            canvas.titled(&wire.in_words(), |canvas| {
+                canvas.path(&drawn, &style);
+                for (item, (along, across)) in self.gap_ends(piece, &corners) {
+                    let (left, right) = self.sides(item);
+                    // The wire goes on through the gap, from its right end to its left one.
+                    let ends = [(left, across), (right.max(along), across)];
+                    canvas.line(view.point(ends[0]), view.point(ends[1]), &style);
+                }
+            });
             if wire.arrow {
-                self.draw_arrow(canvas, piece, &corners, diagram, colour(index));
+                self.draw_arrow(canvas, view, piece, (diagram, colour(index)));
             }
         }
     }
@@ -524,56 +670,83 @@ impl Layout {
     fn draw_arrow(
         &self,
         canvas: &mut Canvas,
+        view: View,
         piece: &Piece,
-        corners: &[(f64, f64)],
-        diagram: &Diagram,
-        fill: &str,
+        (diagram, fill): (&Diagram, &str),
     ) {
         let Some(end) = self.target_end(piece, diagram) else {
             return;
         };
-        let (x, y) = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
+        let corners = self.corners(piece);
+        let (along, across) = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
         // An end on the right of its block is entered leftwards.
         let leftwards = end == 0 || self.same_layer(piece);
-        let back = if leftwards { x + 7.0 } else { x - 7.0 };
-        let head = [(x, y), (back, y - 3.2), (back, y + 3.2)];
-        canvas.polygon(&head, &format!(" fill=\"{fill}\""));
+        let back = if leftwards { along + 7.0 } else { along - 7.0 };
+        let head = [(along, across), (back, across - 3.2), (back, across + 3.2)];
+        canvas.polygon(&head.map(|corner| view.point(corner)), &format!(" fill=\"{fill}\""));
     }
 
-    fn draw_blocks(&self, canvas: &mut Canvas, top: f64, diagram: &Diagram, kinds: &[&str]) {
+    fn draw_blocks(&self, canvas: &mut Canvas, view: View, diagram: &Diagram, kinds: &[&str]) {
         for item in &self.items {
             let Some(block) = item.block.map(|block| &diagram.blocks[block]) else {
                 continue;
             };
             let (left, right) = self.sides(item);
-            let y = item.top + top;
-            let area = Area { x: left, y, width: right - left, height: item.height };
+            let area = view.area((left, item.top), (right - left, item.height));
             let index = kinds.iter().position(|kind| *kind == block.kind).unwrap_or(0);
-            let (fill, stroke) = (tint(colour(index), 0.25), shade(colour(index)));
-            canvas.rect(area, &format!(" rx=\"3\" fill=\"{fill}\" stroke=\"{stroke}\""));
+            let fill = tint(colour(index), 0.2);
+            canvas.rect(area, &format!(" rx=\"3\"{fill} stroke=\"{}\"", colour(index)));
+            let text = LINE * block.lines.len() as f64;
+            let first = area.y + (area.height - text) / 2.0;
             for (place, line) in block.lines.iter().enumerate() {
                 let kind = Type::new(SIZE).anchor(Anchor::Middle);
                 let kind = if place == 0 { kind.bold() } else { kind };
-                let baseline = y + 5.0 + LINE * (place as f64 + 0.78);
-                canvas.text(((left + right) / 2.0, baseline), line, kind);
+                let baseline = first + LINE * (place as f64 + 0.78);
+                canvas.text((area.x + area.width / 2.0, baseline), line, kind);
+            }
+        }
+    }
+
+    /// The names of ports stand in their blocks, each once on a side, where the line leaves.
+    fn draw_port_names(&self, canvas: &mut Canvas, view: View, diagram: &Diagram) {
+        if !view.downwards {
+            return;
+        }
+        let mut done: Vec<(usize, bool, String)> = vec![];
+        for piece in &self.pieces {
+            for end in [0, 1] {
+                let item = &self.items[piece.ends[end]];
+                let name = self.port_name(piece, end, diagram);
+                // The lower edge faces the layers behind, and its own.
+                let lower = end == 0 || self.same_layer(piece);
+                let known = (piece.ends[end], lower, name.clone());
+                if name.trim().is_empty() || done.contains(&known) {
+                    continue;
+                }
+                done.push(known);
+                let (upper_edge, lower_edge) = self.sides(item);
+                let along = if lower { lower_edge - 3.0 } else { upper_edge + 8.0 };
+                let kind = Type::new(PORT_SIZE).anchor(Anchor::Middle);
+                canvas.text(view.point((along, piece.ports[end])), &name, kind);
             }
         }
     }
 
     /// Labels stand above their wire beside the block it leads to.
-    fn draw_labels(&self, canvas: &mut Canvas, top: f64, diagram: &Diagram) {
+    fn draw_labels(&self, canvas: &mut Canvas, view: View, diagram: &Diagram) {
         for piece in &self.pieces {
             let label = &diagram.wires[piece.wire].label;
             let Some(end) = self.target_end(piece, diagram).filter(|_| !label.is_empty()) else {
                 continue;
             };
             let corners = self.corners(piece);
-            let (x, y) = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
+            let corner = if end == 0 { corners[0] } else { corners[corners.len() - 1] };
+            let (x, y) = view.point(corner);
             let rightwards = end == 0 || self.same_layer(piece);
             let (anchor, shift) =
                 if rightwards { (Anchor::Start, 8.0) } else { (Anchor::End, -8.0) };
             let kind = Type::new(LABEL_SIZE).anchor(anchor).rim();
-            canvas.text((x + shift, y + top - 2.5), label, kind);
+            canvas.text((x + shift, y - 2.5), label, kind);
         }
     }
 }
@@ -581,14 +754,11 @@ impl Layout {
 fn block_items(diagram: &Diagram, wires: &[Option<(usize, usize)>], groups: &[&str]) -> Vec<Item> {
     let layers = layers_of(diagram, wires);
     let blocks = diagram.blocks.iter().zip(layers).enumerate();
-    let item = |(place, (block, layer)): (usize, (&Block, usize))| Item {
-        block: Some(place),
-        layer,
-        group: groups.iter().position(|name| *name == block.group).unwrap_or(0),
-        width: block.width(),
-        height: block.height(),
+    let item = |(place, (block, layer)): (usize, (&Block, usize))| {
+        let (width, height) = diagram.size(block);
+        let group = groups.iter().position(|name| *name == block.group).unwrap_or(0);
         // The first order is the one given.
-        top: place as f64,
+        Item { block: Some(place), layer, group, width, height, top: place as f64 }
     };
     blocks.map(item).collect()
 }
@@ -638,23 +808,39 @@ fn spread(queue: &mut VecDeque<usize>, neighbours: &[Vec<usize>], layers: &mut [
     }
 }
 
-/// Cuts wires into pieces; a wire over several columns gets a gap in each of those between.
-fn split_wires(wires: &[Option<(usize, usize)>], items: &mut Vec<Item>) -> Vec<Piece> {
-    let mut pieces = Vec::new();
+/// Cuts wires into pieces; a wire over several columns gets a gap in each of those between, which it
+/// shares with the others of its net.
+fn split_wires(
+    diagram: &Diagram,
+    wires: &[Option<(usize, usize)>],
+    items: &mut Vec<Item>,
+) -> Vec<Piece> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut nets: BTreeMap<String, usize> = BTreeMap::new();
+    let mut gaps: BTreeMap<(usize, usize, usize), usize> = BTreeMap::new();
     for (wire, ends) in wires.iter().enumerate() {
         let Some((from, to)) = *ends else { continue };
+        let count = nets.len();
+        let net = *nets.entry(diagram.net(wire)).or_insert(count);
+        let mut push = |ends: [usize; 2]| {
+            let is_there = pieces.iter().any(|piece| piece.net == net && piece.ends == ends);
+            if !is_there {
+                pieces.push(Piece { wire, net, ends, ports: [0.0; 2], track: None });
+            }
+        };
         let (first, last) =
             if items[from].layer <= items[to].layer { (from, to) } else { (to, from) };
         let mut left = first;
         for layer in items[first].layer + 1..items[last].layer {
-            let group = items[first].group;
-            let top = items[first].top;
-            items.push(Item { block: None, layer, group, width: 0.0, height: 4.0, top });
-            let gap = items.len() - 1;
-            pieces.push(Piece { wire, ends: [left, gap], ports: [0.0; 2], track: None });
+            let (group, top) = (items[first].group, items[first].top);
+            let gap = *gaps.entry((net, layer, group)).or_insert_with(|| {
+                items.push(Item { block: None, layer, group, width: 0.0, height: 4.0, top });
+                items.len() - 1
+            });
+            push([left, gap]);
             left = gap;
         }
-        pieces.push(Piece { wire, ends: [left, last], ports: [0.0; 2], track: None });
+        push([left, last]);
     }
     pieces
 }

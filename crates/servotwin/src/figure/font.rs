@@ -54,3 +54,38 @@ pub(super) fn fit(text: &str, available: f64, size: f64) -> String {
     short.truncate(short.trim_end().len());
     short + "…"
 }
+
+/// The text in lines that fit: broken at spaces, and in long words after `_`, `.` or `/`.
+pub(super) fn wrap(text: &str, available: f64, size: f64, bold: bool) -> Vec<String> {
+    let fits = |line: &str| width(line.trim_end(), size, bold) <= available;
+    let mut lines: Vec<String> = vec![String::new()];
+    let mut push = |part: &str| {
+        let last = lines.last_mut().expect("there is always a line");
+        if last.is_empty() || fits(&format!("{last}{part}")) {
+            last.push_str(part);
+        } else {
+            lines.push(part.to_owned());
+        }
+    };
+    for word in text.split_inclusive(' ') {
+        match fits(word) {
+            true => push(word),
+            false => word.split_inclusive(['_', '.', '/']).for_each(&mut push),
+        }
+    }
+    lines.iter().map(|line| line.trim_end().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_wrapped_without_losing_a_letter() {
+        let text = "variance_of_pressure_a_less_variance_of_pressure_b ≤ 3.2 %";
+        let lines = wrap(text, 100.0, 10.0, true);
+        assert!(lines.len() > 2 && lines.iter().all(|line| width(line, 10.0, true) <= 100.0));
+        assert_eq!(lines.concat().replace(' ', ""), text.replace(' ', ""));
+        assert_eq!(wrap("a b", 100.0, 10.0, false), ["a b"]);
+    }
+}

@@ -5,7 +5,7 @@
 
 use super::Figure;
 use super::font;
-use super::style::{FRAME, GREY, ink_on, mix};
+use super::style::{FRAME, GREY, ink_on, scale};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A matrix of counts, true classes in rows and predicted ones in columns.
@@ -21,8 +21,6 @@ pub struct ConfusionMatrix {
 
 const MARGIN: f64 = 10.0;
 const LABEL_SIZE: f64 = 10.0;
-/// The white and the dark end of the scale.
-const SCALE: ([f64; 3], [f64; 3]) = ([255.0, 255.0, 255.0], [8.0, 48.0, 107.0]);
 
 impl ConfusionMatrix {
     /// A matrix from its classes and counts.
@@ -54,12 +52,29 @@ impl ConfusionMatrix {
         }
         let area = Area { x: left, y: top, width: side, height: side };
         canvas.rect(area, &format!(" fill=\"none\" stroke=\"{FRAME}\""));
-        let scale =
+        let bar =
             Area { x: left + side + 14.0, y: top, width: 12.0, height: side.clamp(60.0, 240.0) };
-        draw_scale(&mut canvas, scale);
+        draw_scale(&mut canvas, bar, ["100%", "50%", "0%"]);
         let title = font::width(&self.title, 13.0, true) + 2.0 * MARGIN;
-        let bottom = area.bottom().max(scale.bottom()) + MARGIN;
-        canvas.finish((scale.right() + 44.0).max(title), bottom, &self.title)
+        let bottom = area.bottom().max(bar.bottom()) + MARGIN;
+        let figure = canvas.finish((bar.right() + 44.0).max(title), bottom, &self.title);
+        figure.with_values(&["true class", "said", "cases"], self.values())
+    }
+
+    fn count(&self, row: usize, column: usize) -> u64 {
+        self.counts.get(row).and_then(|counts| counts.get(column)).copied().unwrap_or(0)
+    }
+
+    /// Every pair of classes that occurs.
+    fn values(&self) -> Vec<Vec<String>> {
+        let places = 0..self.classes.len();
+        let pairs = places.clone().flat_map(|row| places.clone().map(move |column| (row, column)));
+        let there = pairs.filter(|&(row, column)| self.count(row, column) > 0);
+        let value = |(row, column): (usize, usize)| {
+            let count = self.count(row, column).to_string();
+            vec![self.classes[row].clone(), self.classes[column].clone(), count]
+        };
+        there.map(value).collect()
     }
 
     /// The sides of a cell and the size of the class names.
@@ -96,19 +111,24 @@ impl ConfusionMatrix {
     }
 
     fn draw_row(&self, canvas: &mut Canvas, row: usize, (left, top): (f64, f64), cell: f64) {
-        let count = |column: usize| {
-            self.counts.get(row).and_then(|counts| counts.get(column)).copied().unwrap_or(0)
-        };
+        let count = |column: usize| self.count(row, column);
         let total: u64 = (0..self.classes.len()).map(count).sum();
         for column in 0..self.classes.len() {
             let x = left + cell * column as f64;
             let area = Area { x, y: top, width: cell, height: cell };
             let share = count(column) as f64 / total.max(1) as f64;
-            let fill = mix(SCALE.0, SCALE.1, share);
-            canvas.rect(area, &format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\""));
-            if count(column) > 0 {
-                draw_cell_text(canvas, count(column), share, area, ink_on(&fill));
+            let fill = scale(share);
+            let style = format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\"");
+            if count(column) == 0 {
+                canvas.rect(area, &style);
+                continue;
             }
+            let [truth, said] = [row, column].map(|class| &self.classes[class]);
+            let title = format!("{truth} taken for {said}: {} of {total}", count(column));
+            canvas.titled(&title, |canvas| {
+                canvas.rect(area, &style);
+                draw_cell_text(canvas, count(column), share, area, ink_on(&fill));
+            });
         }
         if total == 0 {
             let kind = Type::new(9.0).colour(GREY);
@@ -138,7 +158,8 @@ fn draw_cell_text(canvas: &mut Canvas, count: u64, share: f64, area: Area, ink: 
     canvas.text((x, middle + 10.0), &percent, Type { size: 8.0, ..kind });
 }
 
-fn draw_scale(canvas: &mut Canvas, area: Area) {
+/// The colours of a scale beside a map, with what the upper end, the middle and the lower end mean.
+pub(super) fn draw_scale(canvas: &mut Canvas, area: Area, labels: [&str; 3]) {
     const STEPS: usize = 24;
     let step = area.height / STEPS as f64;
     for place in 0..STEPS {
@@ -146,11 +167,11 @@ fn draw_scale(canvas: &mut Canvas, area: Area) {
         let y = area.y + step * place as f64;
         // A little overlap, so that no white seams show between the steps.
         let height = if place + 1 == STEPS { step } else { step + 0.5 };
-        let fill = mix(SCALE.0, SCALE.1, share);
+        let fill = scale(share);
         canvas.rect(Area { y, height, ..area }, &format!(" fill=\"{fill}\""));
     }
     canvas.rect(area, &format!(" fill=\"none\" stroke=\"{FRAME}\" stroke-width=\".6\""));
-    for (share, label) in [(0.0, "100%"), (0.5, "50%"), (1.0, "0%")] {
+    for (share, label) in [0.0, 0.5, 1.0].into_iter().zip(labels) {
         let y = area.y + area.height * share;
         canvas.text((area.right() + 4.0, y + 3.4), label, Type::new(9.0));
     }

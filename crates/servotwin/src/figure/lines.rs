@@ -2,7 +2,7 @@
 //! logarithmic axes.
 
 use super::Figure;
-use super::axis::{Axis, extent, padded};
+use super::axis::{Axis, extent, padded, plain};
 use super::frame::{Frame, TITLE_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
 use super::style::{colour, dash};
@@ -123,7 +123,17 @@ impl Lines {
         frame.draw_outline(&mut canvas);
         frame.draw_x_labels(&mut canvas, &self.x_label);
         frame.draw_y_labels(&mut canvas, &self.y_label, MARGIN + 9.0);
-        canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title)
+        let figure =
+            canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title);
+        figure.with_values(&["", &self.x_label, &self.y_label, "interval"], self.values())
+    }
+
+    fn values(&self) -> Vec<Vec<String>> {
+        let of_curve = |curve: &Curve| {
+            let points = (0..curve.points.len()).map(|place| in_words(curve, place));
+            points.map(|[x, y, ends]| vec![curve.name.clone(), x, y, ends]).collect::<Vec<_>>()
+        };
+        self.curves.iter().flat_map(of_curve).collect()
     }
 
     fn legend(&self) -> Vec<Entry> {
@@ -164,7 +174,8 @@ fn axis(
             Axis::logarithmic((low / margin, high * margin))
         }
         (true, found, _) => Axis::logarithmic(found.unwrap_or((1.0, 10.0))),
-        (false, Some(range), Some(_)) => Axis::linear(range, count),
+        // A curve at the range's end would hide in the frame.
+        (false, Some(range), Some(_)) => Axis::linear(padded(range, 0.025), count),
         (false, found, _) => Axis::linear(padded(found.unwrap_or((0.0, 1.0)), 0.03), count),
     }
 }
@@ -185,7 +196,19 @@ fn draw_curve(canvas: &mut Canvas, curve: &Curve, index: usize, frame: &Frame) {
             }
         }
     }
-    if curve.marked {
-        curve.points.iter().filter_map(place).for_each(|at| legend::marker(canvas, index, at));
+    for (place, at) in curve.points.iter().map(place).enumerate().filter(|_| curve.marked) {
+        let Some(at) = at else { continue };
+        let [x, y, ends] = in_words(curve, place);
+        canvas.titled(&format!("{}: {x}, {y} {ends}", curve.name), |canvas| {
+            legend::marker(canvas, index, at);
+        });
     }
+}
+
+/// A point's place, value and interval in words.
+fn in_words(curve: &Curve, place: usize) -> [String; 3] {
+    let (x, y) = curve.points[place];
+    let ends = curve.intervals.get(place);
+    let ends = ends.map(|(low, high)| format!("({} … {})", plain(*low), plain(*high)));
+    [plain(x), plain(y), ends.unwrap_or_default()]
 }

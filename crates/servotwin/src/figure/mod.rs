@@ -1,7 +1,7 @@
 //! Static figures for reports: an SVG writer of our own and the chart kinds drawn with it.
 //!
 //! Every kind is a struct of plain data with a `draw` that returns a [`Figure`]. The bytes depend
-//! on the data only. Series differ by colour (Okabe and Ito's palette, made for colour-blind
+//! on the data only. Series differ by colour (a palette for colour-blind
 //! readers) and again by dash or marker, so that a figure survives a grey printer. Numbers that
 //! are not finite are left out: a line has a gap there.
 //!
@@ -43,7 +43,13 @@ pub struct Figure {
     pub width: f64,
     /// The height in SVG units.
     pub height: f64,
+    /// The values that are drawn, for readers who cannot point at them: heads first. Empty where a
+    /// table would be longer than anybody reads.
+    pub values: Vec<Vec<String>>,
 }
+
+/// A table of values with more rows than this is read by nobody.
+const MOST_VALUES: usize = 250;
 
 /// Why a figure could not be saved.
 #[derive(Debug)]
@@ -94,6 +100,15 @@ impl From<PngError> for FigureError {
 }
 
 impl Figure {
+    /// The figure with the values in it.
+    fn with_values(mut self, heads: &[&str], rows: Vec<Vec<String>>) -> Self {
+        if !rows.is_empty() && rows.len() <= MOST_VALUES {
+            self.values.push(heads.iter().map(|head| (*head).to_owned()).collect());
+            self.values.extend(rows);
+        }
+        self
+    }
+
     /// Saves the figure atomically, as SVG or PNG after the file's extension.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FigureError> {
         let path = path.as_ref();

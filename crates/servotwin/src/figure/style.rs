@@ -9,10 +9,12 @@ pub(super) const GRID: &str = "#e2e2e2";
 /// Frames and connections.
 pub(super) const FRAME: &str = "#8a8a8a";
 
-/// Okabe and Ito's colours, those that stand out best on white first; a brown in place of their yellow,
-/// which nobody sees there.
-const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#7a5c00"];
+/// Colours that differ from each other and from white for colour-blind readers, too: Okabe and Ito's
+/// that are dark enough, and others in place of their yellow, amber and light blue, which fade on white.
+const COLOURS: [&str; 10] = [
+    "#0072b2", "#d55e00", "#009e73", "#c2578f", "#000000", "#7a5c00", "#6f4fa8", "#2f9bd6",
+    "#7f7f7f", "#9b1c31",
+];
 
 /// Dash patterns; the first is a full line.
 const DASHES: [&str; 6] = ["", "7 3", "2 2", "9 3 2 3", "5 2 2 2 2 2", "12 4"];
@@ -24,7 +26,7 @@ pub(super) fn colour(index: usize) -> &'static str {
 
 /// The dash attribute of the series of an index, empty for a full line.
 pub(super) fn dash(index: usize) -> String {
-    // After a round of colours the dashes move on, so that 24 series differ.
+    // After a round of colours the dashes move on, so that 30 series differ.
     match DASHES[(index + index / COLOURS.len()) % DASHES.len()] {
         "" => String::new(),
         pattern => format!(" stroke-dasharray=\"{pattern}\""),
@@ -33,25 +35,43 @@ pub(super) fn dash(index: usize) -> String {
 
 /// Black or white, whichever is read better on a colour given as `#rrggbb`.
 pub(super) fn ink_on(background: &str) -> &'static str {
-    let [red, green, blue] = parts(background);
-    if 0.299 * red + 0.587 * green + 0.114 * blue > 140.0 { "#000000" } else { "#ffffff" }
+    // Where the contrast with both is the same.
+    const MIDDLE: f64 = 0.179;
+    if luminance(background) > MIDDLE { "#000000" } else { "#ffffff" }
+}
+
+/// Relative luminance, as contrast is defined by.
+fn luminance(colour: &str) -> f64 {
+    let linear = parts(colour).map(|part| {
+        let share = part / 255.0;
+        if share <= 0.040_45 { share / 12.92 } else { ((share + 0.055) / 1.055).powf(2.4) }
+    });
+    0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 }
 
 /// A colour between two, `share` from 0 to 1.
-pub(super) fn mix(from: [f64; 3], to: [f64; 3], share: f64) -> String {
+fn mix(from: [f64; 3], to: [f64; 3], share: f64) -> String {
     let share = share.clamp(0.0, 1.0);
     let part = |index: usize| (from[index] + (to[index] - from[index]) * share).round() as u8;
     format!("#{:02x}{:02x}{:02x}", part(0), part(1), part(2))
 }
 
-/// A colour made darker, for the edge of a box filled with its tint.
-pub(super) fn shade(colour: &str) -> String {
-    mix([0.0; 3], parts(colour), 0.7)
+/// The light end of a scale of values: not quite white, so that it is told from the ground.
+const LEAST: [f64; 3] = [247.0, 251.0, 255.0];
+/// The dark end.
+const MOST: [f64; 3] = [22.0, 84.0, 150.0];
+
+/// The colour of a value on a scale, `share` from 0 to 1: read in grey as well.
+pub(super) fn scale(share: f64) -> String {
+    mix(LEAST, MOST, share)
 }
 
-/// A colour made lighter, as a background for text.
+/// What is worse than the dark end of the scale: as dark, and of another hue.
+pub(super) const WORST: &str = "#8c0f2b";
+
+/// A filling with the colour of a series that lets the ground through, light or dark.
 pub(super) fn tint(colour: &str, share: f64) -> String {
-    mix([255.0; 3], parts(colour), share)
+    format!(" fill=\"{colour}\" fill-opacity=\"{share}\"")
 }
 
 /// Red, green and blue of `#rrggbb`, from 0 to 255.
@@ -60,4 +80,42 @@ fn parts(colour: &str) -> [f64; 3] {
         let digits = colour.get(start..start + 2).unwrap_or("ff");
         f64::from(u8::from_str_radix(digits, 16).unwrap_or(255))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn contrast(one: &str, other: &str) -> f64 {
+        let (one, other) = (luminance(one) + 0.05, luminance(other) + 0.05);
+        one.max(other) / one.min(other)
+    }
+
+    #[test]
+    fn series_differ_from_each_other_and_from_the_ground() {
+        for (place, colour) in COLOURS.iter().enumerate() {
+            assert!(contrast(colour, "#ffffff") >= 3.0, "{colour} fades on white");
+            for other in &COLOURS[place + 1..] {
+                let difference: f64 =
+                    parts(colour).iter().zip(parts(other)).map(|(a, b)| (a - b).powi(2)).sum();
+                assert!(difference.sqrt() > 60.0, "{colour} and {other} look alike");
+            }
+        }
+        let series: Vec<(&str, String)> = (0..30).map(|i| (colour(i), dash(i))).collect();
+        for (place, one) in series.iter().enumerate() {
+            assert!(!series[place + 1..].contains(one), "series {place} is drawn twice");
+        }
+    }
+
+    #[test]
+    fn the_worst_stands_out_most() {
+        let [worst, most, half] = [WORST, &scale(1.0), &scale(0.5)].map(|c| contrast(c, "#ffffff"));
+        assert!(worst > most && most > half, "{worst} {most} {half}");
+        // Text in it is read, in cells of any value too.
+        for share in 0..=20 {
+            let cell = scale(f64::from(share) / 20.0);
+            assert!(contrast(&cell, ink_on(&cell)) >= 4.5, "{cell}");
+        }
+        assert!(contrast(WORST, ink_on(WORST)) >= 7.0);
+    }
 }

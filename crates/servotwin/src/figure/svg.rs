@@ -157,6 +157,13 @@ impl Canvas {
         );
     }
 
+    /// What `draw` draws says `title` where a reader points at it.
+    pub fn titled(&mut self, title: &str, draw: impl FnOnce(&mut Canvas)) {
+        let _ = writeln!(self.body, "<g><title>{}</title>", escaped(title));
+        draw(self);
+        self.body.push_str("</g>\n");
+    }
+
     /// The finished document on a white ground, with a title for readers that do not see it.
     pub fn finish(self, width: f64, height: f64, title: &str) -> Figure {
         let (width, height) = (width.ceil(), height.ceil());
@@ -171,7 +178,7 @@ impl Canvas {
              {title}<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n{}</svg>\n",
             self.body
         );
-        Figure { svg, width, height }
+        Figure { svg, width, height, values: vec![] }
     }
 }
 

@@ -1,7 +1,8 @@
-//! Decision trees, drawn from the root at the top to the leaves.
+//! Decision trees, drawn from the root at the top, or at the left, to the leaves.
 //!
 //! The layout is tidy: a node stands above the middle of its children, subtrees are moved together
-//! until their outlines touch, and equal subtrees look equal wherever they stand.
+//! until their outlines touch, and equal subtrees look equal wherever they stand. Long texts are
+//! wrapped, so that a wide tree is no wider than it must be; it is meant to be scrolled, not shrunk.
 
 use super::Figure;
 use super::font;
@@ -18,6 +19,8 @@ pub struct Tree {
     pub classes: Vec<String>,
     /// The root.
     pub root: Node,
+    /// Whether the root stands at the left: a large tree is then read downwards, as a page is.
+    pub sideways: bool,
 }
 
 /// A node: lines of text, the shares of the classes in it, and what is below.
@@ -52,15 +55,24 @@ impl Node {
         Self { lines, shares, children: vec![branch("yes", yes), branch("no", no)] }
     }
 
+    /// The lines as they are set, and whether each is bold.
+    fn set_lines(&self) -> Vec<(String, bool)> {
+        let wrapped = self.lines.iter().enumerate().flat_map(|(place, line)| {
+            let bold = place == 0;
+            font::wrap(line, TEXT_WIDTH, SIZE, bold).into_iter().map(move |line| (line, bold))
+        });
+        wrapped.collect()
+    }
+
     fn width(&self) -> f64 {
-        let lines = self.lines.iter().enumerate();
-        let widths = lines.map(|(place, line)| font::width(line, SIZE, place == 0));
+        let lines = self.set_lines();
+        let widths = lines.iter().map(|(line, bold)| font::width(line, SIZE, *bold));
         widths.fold(MIN_WIDTH, f64::max) + 2.0 * PADDING
     }
 
     fn height(&self) -> f64 {
         let bar = if self.shares.is_empty() { 0.0 } else { BAR };
-        LINE * self.lines.len() as f64 + bar + 2.0 * PADDING
+        LINE * self.set_lines().len() as f64 + bar + 2.0 * PADDING
     }
 
     /// The class with the largest share.
@@ -76,34 +88,46 @@ impl Node {
 }
 
 const MARGIN: f64 = 12.0;
-const SIZE: f64 = 9.0;
-const LINE: f64 = 11.5;
+const SIZE: f64 = 10.5;
+const LINE: f64 = 13.0;
+/// Lines are wrapped at this width.
+const TEXT_WIDTH: f64 = 124.0;
 const PADDING: f64 = 4.0;
 const BAR: f64 = 8.0;
 const MIN_WIDTH: f64 = 44.0;
-const SIBLING_GAP: f64 = 8.0;
-const LEVEL_GAP: f64 = 30.0;
+const SIBLING_GAP: f64 = 7.0;
+const LEVEL_GAP: f64 = 32.0;
+const LEGEND_WIDTH: f64 = 900.0;
 
 impl Tree {
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
-        let placed = Placed::of(&self.root);
-        let mut heights = Vec::new();
-        level_heights(&self.root, 0, &mut heights);
-        let (left, right) = placed.extent();
+        let view = View { sideways: self.sideways };
+        let placed = Placed::of(&self.root, view);
+        let mut sizes = Vec::new();
+        level_sizes(&self.root, 0, view, &mut sizes);
+        let (first, last) = placed.extent();
+        let long = sizes.iter().map(|size| size + LEVEL_GAP).sum::<f64>() - LEVEL_GAP;
+        let wide = if self.sideways { long } else { last - first };
         let title_width = font::width(&self.title, 13.0, true);
-        let width = (right - left).max(title_width).max(320.0) + 2.0 * MARGIN;
+        let width = wide.max(title_width).max(320.0) + 2.0 * MARGIN;
         let top = self.draw_header(&mut canvas, width);
-        let mut levels = vec![top];
-        for height in &heights {
-            levels.push(levels[levels.len() - 1] + height + LEVEL_GAP);
+        // Where the levels begin, and where the root's middle stands across them.
+        let (begin, middle, height) = match self.sideways {
+            true => (MARGIN, top - first, top + (last - first) + MARGIN),
+            false => {
+                let spare = width - 2.0 * MARGIN - (last - first);
+                (top, MARGIN - first + spare / 2.0, top + long + MARGIN)
+            }
+        };
+        let mut levels = vec![begin];
+        for size in &sizes {
+            levels.push(levels[levels.len() - 1] + size + LEVEL_GAP);
         }
-        let root_x = MARGIN - left + (width - 2.0 * MARGIN - (right - left)) / 2.0;
-        draw_edges(&mut canvas, &placed, root_x, 0, &levels);
-        draw_nodes(&mut canvas, &placed, root_x, 0, &levels);
-        let bottom = levels[levels.len() - 1] - LEVEL_GAP + MARGIN;
-        canvas.finish(width, bottom, &self.title)
+        draw_edges(&mut canvas, &placed, view, middle, 0, &levels);
+        draw_nodes(&mut canvas, &placed, view, middle, 0, &levels);
+        canvas.finish(width, height, &self.title)
     }
 
     fn draw_header(&self, canvas: &mut Canvas, width: f64) -> f64 {
@@ -116,9 +140,28 @@ impl Tree {
         let entries: Vec<Entry> = named
             .map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Box(index) })
             .collect();
-        let rows = legend::rows(&entries, width - 2.0 * MARGIN);
+        // A wide tree is scrolled: its legend is to be seen without.
+        let rows = legend::rows(&entries, width.min(LEGEND_WIDTH) - 2.0 * MARGIN);
         legend::draw(canvas, (MARGIN, y), &rows);
         y + legend::ROW * rows.len() as f64 + 10.0
+    }
+}
+
+/// Which way levels follow each other: *along* is from level to level, *across* is within one.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    sideways: bool,
+}
+
+impl View {
+    fn point(self, along: f64, across: f64) -> (f64, f64) {
+        if self.sideways { (along, across) } else { (across, along) }
+    }
+
+    /// A node's size along and across.
+    fn size(self, node: &Node) -> (f64, f64) {
+        let (width, height) = (node.width(), node.height());
+        if self.sideways { (width, height) } else { (height, width) }
     }
 }
 
@@ -132,12 +175,12 @@ struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn of(node: &'a Node) -> Self {
-        let half = node.width() / 2.0;
+    fn of(node: &'a Node, view: View) -> Self {
+        let half = view.size(node).1 / 2.0;
         let mut children: Vec<(f64, Placed)> = Vec::new();
         let mut outline: Vec<(f64, f64)> = Vec::new();
         for branch in &node.children {
-            let child = Placed::of(&branch.node);
+            let child = Placed::of(&branch.node, view);
             let shift = distance(&outline, &child.outline);
             merge(&mut outline, &child.outline, shift);
             children.push((shift, child));
@@ -172,52 +215,77 @@ fn merge(outline: &mut Vec<(f64, f64)>, next: &[(f64, f64)], shift: f64) {
     }
 }
 
-fn level_heights(node: &Node, level: usize, heights: &mut Vec<f64>) {
-    if heights.len() == level {
-        heights.push(0.0);
+fn level_sizes(node: &Node, level: usize, view: View, sizes: &mut Vec<f64>) {
+    if sizes.len() == level {
+        sizes.push(0.0);
     }
-    heights[level] = heights[level].max(node.height());
+    sizes[level] = sizes[level].max(view.size(node).0);
     for branch in &node.children {
-        level_heights(&branch.node, level + 1, heights);
+        level_sizes(&branch.node, level + 1, view, sizes);
     }
 }
 
-fn draw_edges(canvas: &mut Canvas, placed: &Placed, x: f64, level: usize, levels: &[f64]) {
-    let from = (x, levels[level] + placed.node.height());
+fn draw_edges(
+    canvas: &mut Canvas,
+    placed: &Placed,
+    view: View,
+    across: f64,
+    level: usize,
+    levels: &[f64],
+) {
+    let from = levels[level] + view.size(placed.node).0;
     for ((shift, child), branch) in placed.children.iter().zip(&placed.node.children) {
-        let to = (x + shift, levels[level + 1]);
-        let bend = levels[level + 1] - LEVEL_GAP / 2.0;
-        let points = [from, (from.0, bend), (to.0, bend), to];
+        let (to, there) = (levels[level + 1], across + shift);
+        let bend = to - LEVEL_GAP / 2.0;
+        let points = [(from, across), (bend, across), (bend, there), (to, there)];
+        let points = points.map(|(along, across)| view.point(along, across));
         canvas.path(&points, &format!(" stroke=\"{FRAME}\""));
-        let leftwards = *shift <= 0.0;
-        let anchor = if leftwards { Anchor::End } else { Anchor::Start };
-        let side = if leftwards { -3.0 } else { 3.0 };
-        let kind = Type::new(8.5).colour(GREY).anchor(anchor).rim();
-        canvas.text((to.0 + side, bend + 11.0), &branch.label, kind);
-        draw_edges(canvas, child, to.0, level + 1, levels);
+        let first = *shift <= 0.0;
+        let (at, anchor) = match view.sideways {
+            true => ((bend + 2.0, there + if first { -3.0 } else { 10.0 }), Anchor::Start),
+            false if first => ((there - 3.0, bend + 11.0), Anchor::End),
+            false => ((there + 3.0, bend + 11.0), Anchor::Start),
+        };
+        let kind =
+            Type::new(if view.sideways { 8.5 } else { 10.0 }).colour(GREY).anchor(anchor).rim();
+        canvas.text(at, &branch.label, kind);
+        draw_edges(canvas, child, view, there, level + 1, levels);
     }
 }
 
-fn draw_nodes(canvas: &mut Canvas, placed: &Placed, x: f64, level: usize, levels: &[f64]) {
-    draw_node(canvas, placed.node, x, levels[level]);
+fn draw_nodes(
+    canvas: &mut Canvas,
+    placed: &Placed,
+    view: View,
+    across: f64,
+    level: usize,
+    levels: &[f64],
+) {
+    let (width, height) = (placed.node.width(), placed.node.height());
+    let corner = match view.sideways {
+        true => (levels[level], across - height / 2.0),
+        false => (across - width / 2.0, levels[level]),
+    };
+    canvas.titled(&placed.node.lines.join(", "), |canvas| {
+        draw_node(canvas, placed.node, Area { x: corner.0, y: corner.1, width, height });
+    });
     for (shift, child) in &placed.children {
-        draw_nodes(canvas, child, x + shift, level + 1, levels);
+        draw_nodes(canvas, child, view, across + shift, level + 1, levels);
     }
 }
 
-fn draw_node(canvas: &mut Canvas, node: &Node, x: f64, y: f64) {
-    let width = node.width();
-    let area = Area { x: x - width / 2.0, y, width, height: node.height() };
+fn draw_node(canvas: &mut Canvas, node: &Node, area: Area) {
     let leaf = node.children.is_empty();
     let class = node.main_class().filter(|_| leaf);
-    let fill = class.map_or("#ffffff".to_owned(), |class| tint(colour(class), 0.22));
+    let fill = class.map_or(" fill=\"#ffffff\"".to_owned(), |class| tint(colour(class), 0.22));
     let stroke = class.map_or(FRAME, colour);
     let corner = if leaf { 5 } else { 0 };
-    canvas.rect(area, &format!(" rx=\"{corner}\" fill=\"{fill}\" stroke=\"{stroke}\""));
-    for (place, line) in node.lines.iter().enumerate() {
+    canvas.rect(area, &format!(" rx=\"{corner}\"{fill} stroke=\"{stroke}\""));
+    for (place, (line, bold)) in node.set_lines().iter().enumerate() {
         let kind = Type::new(SIZE).anchor(Anchor::Middle);
-        let kind = if place == 0 { kind.bold() } else { kind };
-        canvas.text((x, y + PADDING + LINE * (place as f64 + 0.8)), line, kind);
+        let kind = if *bold { kind.bold() } else { kind };
+        let at = (area.x + area.width / 2.0, area.y + PADDING + LINE * (place as f64 + 0.8));
+        canvas.text(at, line, kind);
     }
     draw_shares(canvas, node, area);
 }

@@ -1,11 +1,13 @@
 //! A map of values: rows against columns, a shade and a number in each cell.
 //!
-//! The shade goes from white for the least to dark blue for the greatest value, so that it is read
-//! in grey too. A cell without a value is grey and shows a dash.
+//! The shade goes from nearly white for the least to dark blue for the greatest value, so that it is
+//! read in grey too; a bar of these shades stands beside it. A cell without a value shows a dash on
+//! grey, or, where nothing is worse, the strongest colour of all.
 
 use super::Figure;
 use super::font;
-use super::style::{FRAME, ink_on, mix};
+use super::heatmap::draw_scale;
+use super::style::{FRAME, WORST, ink_on, scale};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A map of values.
@@ -19,34 +21,57 @@ pub struct ValueMap {
     pub columns: Vec<String>,
     /// The values, `values[row][column]`; `None` where there is none.
     pub values: Vec<Vec<Option<f64>>>,
-    /// The values of the white and the dark end of the scale.
+    /// The values of the light and the dark end of the scale.
     pub range: (f64, f64),
     /// Digits after the point.
     pub digits: usize,
-    /// What a cell without a value means, for the line below.
-    pub empty: String,
+    /// What the values are, for the line below.
+    pub meaning: String,
+    /// What stands in a cell without a value, and what it means, where nothing is worse than that.
+    pub worst: Option<(String, String)>,
 }
 
 const MARGIN: f64 = 10.0;
 const SIZE: f64 = 10.0;
-const CELL: (f64, f64) = (62.0, 17.0);
-const SCALE: ([f64; 3], [f64; 3]) = ([255.0, 255.0, 255.0], [8.0, 48.0, 107.0]);
+const CELL: (f64, f64) = (62.0, 18.0);
 const EMPTY: &str = "#cccccc";
+
+/// The fewest digits after the point, up to three, with which no value is rounded.
+pub fn digits(values: impl IntoIterator<Item = f64> + Clone) -> usize {
+    let is_exact = |digits: &i32| {
+        let scale = 10_f64.powi(*digits);
+        values
+            .clone()
+            .into_iter()
+            .all(|value| (value * scale - (value * scale).round()).abs() < 1e-6)
+    };
+    (0..3).find(is_exact).unwrap_or(3) as usize
+}
 
 impl ValueMap {
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
-        let widths = self.rows.iter().map(|name| font::width(name, SIZE, false));
-        let left = MARGIN + widths.fold(0.0, f64::max).min(330.0) + 6.0;
-        let top = MARGIN + if self.title.is_empty() { 18.0 } else { 40.0 };
+        let longest = |names: &[String]| {
+            let widths = names.iter().map(|name| font::width(name, SIZE, false));
+            widths.fold(0.0, f64::max)
+        };
+        let left = MARGIN + longest(&self.rows).min(330.0) + 6.0;
+        // Heads that do not fit stand upright.
+        let heads = longest(&self.columns).min(200.0);
+        let level = heads <= CELL.0 - 4.0;
+        let titles = if self.title.is_empty() { 0.0 } else { 22.0 };
+        let top = MARGIN + titles + if level { 18.0 } else { heads + 8.0 };
         if !self.title.is_empty() {
             canvas.text((MARGIN, MARGIN + 12.0), &self.title, Type::new(13.0).bold());
         }
         for (place, name) in self.columns.iter().enumerate() {
             let x = left + CELL.0 * (place as f64 + 0.5);
-            let kind = Type::new(SIZE).anchor(Anchor::Middle);
-            canvas.text((x, top - 5.0), &font::fit(name, CELL.0 - 4.0, SIZE), kind);
+            let (name, kind) = (font::fit(name, 200.0, SIZE), Type::new(SIZE));
+            match level {
+                true => canvas.text((x, top - 5.0), &name, kind.anchor(Anchor::Middle)),
+                false => canvas.text((x + SIZE * 0.36, top - 5.0), &name, kind.turn(-90.0)),
+            }
         }
         for (row, name) in self.rows.iter().enumerate() {
             let y = top + CELL.1 * row as f64;
@@ -59,22 +84,90 @@ impl ValueMap {
         let (width, height) = (CELL.0 * self.columns.len() as f64, CELL.1 * self.rows.len() as f64);
         let area = Area { x: left, y: top, width, height };
         canvas.rect(area, &format!(" fill=\"none\" stroke=\"{FRAME}\""));
-        let below = area.bottom() + 16.0;
-        canvas.text((left, below), &self.empty, Type::new(9.5));
-        let text =
-            font::width(&self.title, 13.0, true).max(font::width(&self.empty, 9.5, false) + left);
-        canvas.finish(area.right().max(text) + MARGIN, below + MARGIN, &self.title)
+        let bar =
+            Area { x: area.right() + 14.0, y: top, width: 12.0, height: height.clamp(50.0, 220.0) };
+        let (low, high) = self.range;
+        let labels = [high, (low + high) / 2.0, low].map(|value| self.text(Some(value)));
+        draw_scale(&mut canvas, bar, [&labels[0], &labels[1], &labels[2]]);
+        let mut below = area.bottom().max(bar.bottom()) + 16.0;
+        canvas.text((MARGIN, below), &self.meaning, Type::new(9.5));
+        let mut text = font::width(&self.meaning, 9.5, false) + MARGIN;
+        if let Some((word, meaning)) = &self.worst {
+            below += 15.0;
+            let swatch = Area { x: MARGIN, y: below - 10.0, width: 44.0, height: 13.0 };
+            draw_box(&mut canvas, swatch, WORST, word);
+            canvas.text((swatch.right() + 6.0, below), meaning, Type::new(9.5));
+            text = text.max(font::width(meaning, 9.5, false) + swatch.right() + 6.0);
+        }
+        let text = text.max(font::width(&self.title, 13.0, true) + MARGIN);
+        let figure =
+            canvas.finish((bar.right() + 44.0).max(text) + MARGIN, below + MARGIN, &self.title);
+        let heads: Vec<&str> =
+            std::iter::once("").chain(self.columns.iter().map(|c| &**c)).collect();
+        figure.with_values(&heads, self.table())
+    }
+
+    fn value(&self, row: usize, column: usize) -> Option<f64> {
+        self.values.get(row).and_then(|row| row.get(column)).copied().flatten()
+    }
+
+    fn text(&self, value: Option<f64>) -> String {
+        let none = || self.worst.as_ref().map_or("–".into(), |(word, _)| word.clone());
+        value.map_or_else(none, |value| format!("{value:.*}", self.digits))
+    }
+
+    fn table(&self) -> Vec<Vec<String>> {
+        let of_row = |(row, name): (usize, &String)| {
+            let cells = (0..self.columns.len()).map(|column| self.text(self.value(row, column)));
+            std::iter::once(name.clone()).chain(cells).collect()
+        };
+        self.rows.iter().enumerate().map(of_row).collect()
     }
 
     fn draw_cell(&self, canvas: &mut Canvas, row: usize, column: usize, (left, y): (f64, f64)) {
-        let value = self.values.get(row).and_then(|row| row.get(column)).copied().flatten();
+        let value = self.value(row, column);
         let area = Area { x: left + CELL.0 * column as f64, y, width: CELL.0, height: CELL.1 };
         let span = self.range.1 - self.range.0;
         let share = |value: f64| if span > 0.0 { (value - self.range.0) / span } else { 0.0 };
-        let fill = value.map_or(EMPTY.into(), |value| mix(SCALE.0, SCALE.1, share(value)));
-        canvas.rect(area, &format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\""));
-        let text = value.map_or("–".into(), |value| format!("{value:.*}", self.digits));
-        let kind = Type::new(SIZE).anchor(Anchor::Middle).colour(ink_on(&fill));
-        canvas.text((area.x + CELL.0 / 2.0, y + CELL.1 / 2.0 + SIZE * 0.36), &text, kind);
+        let empty = if self.worst.is_some() { WORST } else { EMPTY };
+        let fill = value.map_or(empty.into(), |value| scale(share(value)));
+        let text = self.text(value);
+        let title = format!("{}, {}: {text}", self.rows[row], self.columns[column]);
+        canvas.titled(&title, |canvas| draw_box(canvas, area, &fill, &text));
+    }
+}
+
+/// A filled cell with a text in its middle.
+fn draw_box(canvas: &mut Canvas, area: Area, fill: &str, text: &str) {
+    canvas.rect(area, &format!(" fill=\"{fill}\" stroke=\"#d5d5d5\" stroke-width=\".5\""));
+    let kind = Type::new(SIZE).anchor(Anchor::Middle).colour(ink_on(fill));
+    let at = (area.x + area.width / 2.0, area.y + area.height / 2.0 + SIZE * 0.36);
+    canvas.text(at, text, kind);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_value_is_rounded_that_three_digits_can_show() {
+        let cases =
+            [(vec![0.25, 0.5], 2), (vec![0.1, 1.0], 1), (vec![1.0], 0), (vec![1.0 / 3.0], 3)];
+        for (values, expected) in cases {
+            assert_eq!(digits(values.clone()), expected, "{values:?}");
+        }
+        let map = ValueMap {
+            rows: vec!["seal".into()],
+            columns: vec!["a command with a long name/load".into(), "b".into()],
+            values: vec![vec![Some(0.25), None]],
+            range: (0.0, 1.0),
+            digits: digits([0.25]),
+            worst: Some(("never".into(), "not at any intensity".into())),
+            ..ValueMap::default()
+        };
+        let figure = map.draw();
+        assert!(figure.svg.contains(">0.25<") && figure.svg.contains(WORST));
+        assert!(figure.svg.contains(">a command with a long name/load<"), "heads are whole");
+        assert_eq!(figure.values[1], ["seal", "0.25", "never"]);
     }
 }

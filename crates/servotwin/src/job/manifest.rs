@@ -9,7 +9,7 @@ use crate::study::{Role, Setting, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
-use servotwin_model::solver;
+use servotwin_model::solver::{self, Control};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
@@ -97,12 +97,25 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         inputs: hashes(folder, &[folder.study(), folder.system()])?,
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Holding::default().seed,
-        solver: format!("{:?}", solver::Settings::campaign()),
+        solver: in_words(&solver::Settings::campaign()),
         data_sets: data_sets
             .map(|(s, role)| data_set(folder, s, role))
             .collect::<Result<_, _>>()?,
         outputs: hashes(folder, &folder.results_there()?)?,
     })
+}
+
+/// The solver's settings as people say them.
+fn in_words(settings: &solver::Settings) -> String {
+    let steps = match settings.control {
+        Control::Fixed { step_s } => format!("steps of {step_s} s"),
+        Control::Adaptive { tolerance, max_step_s } => format!(
+            "steps by error: at most {tolerance:e} of each state's scale a step, at most {max_step_s} s long"
+        ),
+    };
+    let end =
+        if settings.land_on_samples { "ending on every sample" } else { "samples interpolated" };
+    format!("{:?}, {steps}, {end}", settings.method)
 }
 
 /// Writes the manifest of what is in a folder now.

@@ -9,6 +9,9 @@ use crate::evaluation::protocol::{Protocol, ProtocolResult};
 use crate::evaluation::score::Rate;
 use crate::job::Results;
 use crate::job::results::SubjectResult;
+use crate::report::vocabulary::Vocabulary;
+use crate::report::words::spoken;
+use servotwin_diagnosis::hierarchy::Question;
 
 /// The study whose results the seed paper has.
 pub const PAPER: &str = "paper";
@@ -28,45 +31,76 @@ pub enum Who {
 /// One measure of a diagnosis.
 pub struct Measure {
     /// What it says.
-    pub title: &'static str,
+    pub title: String,
     /// Its rate under a protocol.
     pub rate: fn(&ProtocolResult) -> Option<Rate>,
 }
 
-/// What errors would do to the aircraft. Less is better.
-pub const SAFETY: [Measure; 4] = [
-    Measure {
-        title: "wrong actuator shut down",
-        rate: |result| Some(result.safety.as_ref()?.wrong_actuator_shutdown),
-    },
-    Measure {
-        title: "shutdown missed (of detected)",
-        rate: |result| Some(result.safety.as_ref()?.missed_shutdown),
-    },
-    Measure {
-        title: "shutdown missed (of all)",
-        rate: |result| result.safety.as_ref()?.missed_shutdown_of_all,
-    },
-    Measure {
-        title: "needless shutdown",
-        rate: |result| Some(result.safety.as_ref()?.needless_shutdown),
-    },
-];
+/// A rate that counts something; of nothing there is none.
+fn counted(rate: Rate) -> Option<Rate> {
+    Some(rate).filter(|rate| rate.of > 0)
+}
+
+/// What errors would do. Less is better. Nothing where no command switches its unit off.
+pub fn safety(words: &Vocabulary) -> Vec<Measure> {
+    let off = words.off();
+    let mut measures = vec![];
+    if !words.has_off() {
+        return measures;
+    }
+    if words.has_several() {
+        measures.push(Measure {
+            title: format!("wrong {} {}", words.unit(), words.switched_off()),
+            rate: |result| counted(result.safety.as_ref()?.wrong_actuator_shutdown),
+        });
+    }
+    measures.push(Measure {
+        title: format!("{off} missed (of detected)"),
+        rate: |result| counted(result.safety.as_ref()?.missed_shutdown),
+    });
+    measures.push(Measure {
+        title: format!("{off} missed (of all)"),
+        rate: |result| result.safety.as_ref()?.missed_shutdown_of_all.and_then(counted),
+    });
+    measures.push(Measure {
+        title: format!("needless {off}"),
+        rate: |result| counted(result.safety.as_ref()?.needless_shutdown),
+    });
+    measures
+}
 
 /// How often the answer is right. More is better.
-pub const RIGHT: [Measure; 2] = [
-    Measure { title: "actuator and command right", rate: |result| result.right_action },
-    Measure { title: "end to end right", rate: |result| result.end_to_end },
-];
+pub fn right(words: &Vocabulary) -> Vec<Measure> {
+    vec![
+        Measure {
+            title: format!("{} right", words.action()),
+            rate: |result| result.right_action.and_then(counted),
+        },
+        Measure {
+            title: "end to end right".into(),
+            rate: |result| result.end_to_end.and_then(counted),
+        },
+    ]
+}
 
-/// The stages of the hierarchy: the seed paper's letters and what they find.
-pub const STAGES: [(&str, &str); 5] = [
-    ("A", "actuator"),
-    ("B", "command"),
-    ("C", "first command's details"),
-    ("D", "second command's details"),
-    ("E", "third command's details"),
-];
+/// The stages of the hierarchy over all units that any of some results has: letters and what they find.
+pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, String)> {
+    let mut stages: Vec<(String, String)> = vec![];
+    let all = results.iter().flat_map(|result| &result.stages);
+    for stage in all.filter(|stage| stage.actuator.is_none()) {
+        let finds = match (stage.question, &stage.command) {
+            (Question::Actuator, _) => words.unit().to_owned(),
+            (Question::Command, _) => "command".into(),
+            (Question::Detail, Some(command)) => format!("details of “{}”", spoken(command)),
+            (Question::Detail, None) => "details".into(),
+        };
+        if stages.iter().all(|(id, _)| *id != stage.id) {
+            stages.push((stage.id.clone(), finds));
+        }
+    }
+    stages.sort();
+    stages
+}
 
 impl Who {
     /// The trees first: they explain their answer.
@@ -97,7 +131,7 @@ impl Who {
 /// One row of the headline.
 pub struct Row {
     /// What is measured.
-    pub title: &'static str,
+    pub title: String,
     /// Who answers.
     pub who: &'static str,
     /// Whether it is about safety.
@@ -117,32 +151,34 @@ pub fn learned(result: &SubjectResult) -> Option<&[Band]> {
 }
 
 /// The headline of some settings; rows without a rate in any of them are left out.
-pub fn headline(settings: &[&SubjectResult]) -> Vec<Row> {
+pub fn headline(settings: &[&SubjectResult], words: &Vocabulary) -> Vec<Row> {
     let mut rows = vec![];
-    let mut push = |title, who, is_safety, of: &dyn Fn(&Evaluation) -> Option<Rate>| {
+    let mut push = |title: &str, who, is_safety, of: &dyn Fn(&Evaluation) -> Option<Rate>| {
         let rates = settings.iter().map(|result| of(&result.evaluation));
         let rates: Vec<_> = rates.map(|rate| rate.filter(|rate| rate.of > 0)).collect();
         if rates.iter().any(Option::is_some) {
-            rows.push(Row { title, who, is_safety, rates });
+            rows.push(Row { title: title.to_owned(), who, is_safety, rates });
         }
     };
-    for measure in &SAFETY {
+    for measure in safety(words) {
         for who in Who::ALL {
             let of = |evaluation: &Evaluation| who.headline(evaluation).and_then(measure.rate);
-            push(measure.title, who.title(), true, &of);
+            push(&measure.title, who.title(), true, &of);
         }
     }
     let (trees, committee) = (Who::Trees.title(), Who::Committee.title());
-    let healthy = "healthy specimen shut down";
-    push(healthy, trees, true, &|e| Some(e.false_alarms.as_ref()?.tree_shutdowns));
-    push(healthy, committee, true, &|e| Some(e.false_alarms.as_ref()?.committee_shutdowns));
+    if words.has_off() {
+        let healthy = format!("healthy specimen {}", words.switched_off());
+        push(&healthy, trees, true, &|e| Some(e.false_alarms.as_ref()?.tree_shutdowns));
+        push(&healthy, committee, true, &|e| Some(e.false_alarms.as_ref()?.committee_shutdowns));
+    }
     let healthy = "healthy specimen alarms";
     push(healthy, "bands", true, &|e| Some(e.false_alarms.as_ref()?.alarms));
     push("fault detected", "bands", false, &|e| Some(e.detection.detected));
-    for measure in &RIGHT {
+    for measure in right(words) {
         for who in Who::ALL {
             let of = |evaluation: &Evaluation| who.headline(evaluation).and_then(measure.rate);
-            push(measure.title, who.title(), false, &of);
+            push(&measure.title, who.title(), false, &of);
         }
     }
     rows

@@ -2,8 +2,8 @@
 //!
 //! The file needs no network and no script, prints on paper, and is readable without colour. A
 //! section is one file in `sections/` and one line in [`ALL`]; a section that has nothing to say of
-//! a study (no third sensor, no realistic setting) is left out. The same material gives the same
-//! bytes.
+//! a study (no third sensor, no realistic setting) is left out. What is acted on comes first, what it
+//! rests on stands behind it as an appendix. The same material gives the same bytes.
 
 pub mod examples;
 pub mod lines;
@@ -13,6 +13,7 @@ mod sections;
 mod stages;
 pub mod table;
 pub mod table_model;
+pub mod vocabulary;
 pub mod words;
 
 use crate::figure::Figure;
@@ -24,8 +25,9 @@ use crate::job::{Results, Subject};
 use crate::study::Study;
 use crate::study::campaign::Comparison;
 use examples::Example;
-use page::Page;
+use page::{Entry, Page};
 use servotwin_diagnosis::hierarchy::Hierarchy;
+use vocabulary::Vocabulary;
 
 /// What a report is made of.
 pub struct Material<'a> {
@@ -53,41 +55,50 @@ pub trait Section: Sync {
     fn id(&self) -> &'static str;
     /// The heading.
     fn title(&self) -> &'static str;
+    /// Whether it is evidence behind what the others say: it then stands in the appendix.
+    fn is_appendix(&self) -> bool {
+        false
+    }
     /// Writes the section; nothing where there is nothing to say.
     fn write(&self, material: &Material, page: &mut Page);
 }
 
-/// Every section, in the order of the report.
+/// Every section, in the order of the report; those of the appendix follow the others.
 pub static ALL: &[&dyn Section] = &[
     &sections::summary::Summary,
     &sections::system::System,
     &sections::faults::Faults,
     &sections::commands::Commands,
-    &sections::commands_curve::CommandsCurve,
-    &sections::residuals::Residuals,
     &sections::detectability::Detectability,
+    &sections::safety::Safety,
+    &sections::ambiguity::Ambiguity,
+    &sections::flights::Flights,
+    &sections::foreign::Foreign,
+    &sections::settings::Settings,
     &sections::bands::Bands,
     &sections::twin::Twin,
     &sections::actuator_tree::ActuatorTree,
     &sections::macrostructure::Macrostructure,
+    &sections::residuals::Residuals,
+    &sections::commands_curve::CommandsCurve,
     &sections::protocols::Protocols,
-    &sections::safety::Safety,
     &sections::committee::Committee,
-    &sections::flights::Flights,
-    &sections::foreign::Foreign,
     &sections::robustness::Robustness,
     &sections::uncertainty::Uncertainty,
     &sections::confusion::Confusion,
     &sections::classifiers::Classifiers,
     &sections::ablation::Ablation,
-    &sections::ambiguity::Ambiguity,
     &sections::leaves::Leaves,
-    &sections::settings::Settings,
     &sections::exclusions::Exclusions,
     &sections::making::Making,
 ];
 
 impl Material<'_> {
+    /// What things are called.
+    pub fn words(&self) -> Vocabulary {
+        Vocabulary::of(self.study)
+    }
+
     /// The subject whose trees are drawn: those that learned with noise, because trees that never
     /// saw any ask for what no sensor shows. Without a setting of noise, the first.
     pub fn main(&self) -> Option<&SubjectResult> {
@@ -97,6 +108,19 @@ impl Material<'_> {
     /// The hierarchy of a subject.
     pub fn hierarchy(&self, subject: Subject) -> Option<&Hierarchy> {
         self.hierarchies.iter().find(|(own, _)| *own == subject).map(|(_, hierarchy)| hierarchy)
+    }
+}
+
+/// Shows the hardest of some settings, the last, and the others where somebody asks.
+fn hardest_first(
+    results: &[&SubjectResult],
+    page: &mut Page,
+    show: &dyn Fn(&SubjectResult, &mut Page),
+) {
+    let Some((hardest, others)) = results.split_last() else { return };
+    show(hardest, page);
+    for result in others {
+        page.folded(&format!("Setting: {}", result.title), |page| show(result, page));
     }
 }
 
@@ -110,12 +134,23 @@ pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
             sections.push((section, page));
         }
     }
+    // Stable: within both parts the order stays.
+    sections.sort_by_key(|(section, _)| section.is_appendix());
     let mut page = Page::default();
-    let entries = sections.iter().map(|(s, _)| (s.id().to_owned(), s.title().to_owned()));
-    let entries: Vec<(String, String)> = entries.collect();
+    let entry = |(section, _): &(&&dyn Section, Page)| Entry {
+        id: section.id().to_owned(),
+        title: section.title().to_owned(),
+        is_appendix: section.is_appendix(),
+    };
+    let entries: Vec<Entry> = sections.iter().map(entry).collect();
+    let mut in_appendix = false;
     // What was found stands before where to look.
-    for (place, (_, section)) in sections.into_iter().enumerate() {
-        page.append(section);
+    for (place, (section, written)) in sections.into_iter().enumerate() {
+        if section.is_appendix() && !in_appendix {
+            page.appendix();
+            in_appendix = true;
+        }
+        page.append(written);
         if place == 0 {
             page.contents(&entries);
         }

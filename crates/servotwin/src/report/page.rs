@@ -10,6 +10,17 @@ pub struct Page {
     figures: Vec<(String, Figure)>,
 }
 
+/// A section in the list of contents.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// The anchor.
+    pub id: String,
+    /// The heading.
+    pub title: String,
+    /// Whether it stands in the appendix.
+    pub is_appendix: bool,
+}
+
 /// Where the texts of a column stand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
@@ -99,30 +110,86 @@ impl Page {
         self.html += "</ul>\n";
     }
 
-    /// A list of links to sections: (id, title).
-    pub fn contents(&mut self, entries: &[(String, String)]) {
-        self.html += "<nav><ul>\n";
-        for (id, title) in entries {
-            let (id, title) = (escaped(id), escaped(title));
-            let _ = writeln!(self.html, "<li><a href=\"#{id}\">{title}</a></li>");
+    /// A list of links to sections.
+    pub fn contents(&mut self, entries: &[Entry]) {
+        self.html += "<nav aria-label=\"Contents\">";
+        for (is_appendix, head) in [(false, ""), (true, "<p>Appendix: what this rests on</p>\n")] {
+            let own = || entries.iter().filter(|entry| entry.is_appendix == is_appendix);
+            if own().next().is_none() {
+                continue;
+            }
+            let _ = writeln!(self.html, "{head}<ul>");
+            for Entry { id, title, .. } in own() {
+                let (id, title) = (escaped(id), escaped(title));
+                let _ = writeln!(self.html, "<li><a href=\"#{id}\">{title}</a></li>");
+            }
+            self.html += "</ul>\n";
         }
-        self.html += "</ul></nav>\n";
+        self.html += "</nav>\n";
+    }
+
+    /// Begins the appendix: in print, on a new page.
+    pub fn appendix(&mut self) {
+        self.html += "<p class=\"appendix\">Appendix: what this rests on</p>\n";
+    }
+
+    /// What is shown only when asked for.
+    pub fn folded(&mut self, summary: &str, write: impl FnOnce(&mut Page)) {
+        let mut inner = Page::default();
+        write(&mut inner);
+        if inner.is_empty() {
+            return;
+        }
+        let _ = writeln!(self.html, "<details><summary>{}</summary>", escaped(summary));
+        self.append(inner);
+        self.html += "</details>\n";
     }
 
     /// A figure with one sentence of what it shows, which readers that do not see it get, too.
     /// `name` is that of its own file.
     pub fn figure(&mut self, name: &str, figure: Figure, caption: &str) {
+        self.draw(name, figure, caption, "drawing");
+    }
+
+    /// A figure that keeps its size however wide it is, and is scrolled.
+    pub fn wide_figure(&mut self, name: &str, figure: Figure, caption: &str) {
+        self.draw(name, figure, caption, "drawing full");
+    }
+
+    fn draw(&mut self, name: &str, figure: Figure, caption: &str, class: &str) {
         let alt = escaped(caption);
         let head = format!("<svg role=\"img\" aria-label=\"{alt}\" ");
         let svg = figure.svg.replacen("<svg ", &head, 1);
         let name_text = escaped(name);
+        // The box takes the keyboard's focus, so that what is wide can be scrolled without a mouse.
         let _ = write!(
             self.html,
-            "<figure id=\"figure-{name_text}\">\n<div class=\"drawing\">{}</div>\n\
-             <figcaption>{alt}</figcaption>\n</figure>\n",
+            "<figure id=\"figure-{name_text}\">\n<div class=\"{class}\" tabindex=\"0\">{}</div>\n\
+             <figcaption>{FIGURE}{alt}</figcaption>\n",
             svg.trim_end()
         );
+        self.values(&figure.values);
+        self.html += "</figure>\n";
         self.figures.push((name.to_owned(), figure));
+    }
+
+    /// The values in a figure as a table, for readers who cannot point at them.
+    fn values(&mut self, values: &[Vec<String>]) {
+        let Some((heads, rows)) = values.split_first() else { return };
+        self.html += "<details class=\"values\"><summary>The values</summary><div class=\"sheet\">\
+            <table class=\"wide\"><thead><tr>";
+        for head in heads {
+            let _ = write!(self.html, "<th scope=\"col\">{}</th>", escaped(head));
+        }
+        self.html += "</tr></thead>\n<tbody>\n";
+        for row in rows {
+            self.html += "<tr>";
+            for cell in row {
+                let _ = write!(self.html, "<td>{}</td>", escaped(cell));
+            }
+            self.html += "</tr>\n";
+        }
+        self.html += "</tbody></table></div></details>\n";
     }
 
     /// Figures side by side, as many as fit.
@@ -139,8 +206,8 @@ impl Page {
     pub fn table(&mut self, grid: &Grid, caption: &str) {
         let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
         let wide = if grid.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
-        let _ = writeln!(self.html, "<div class=\"sheet\"><table{wide}>");
-        let _ = writeln!(self.html, "<caption>{}</caption>", escaped(caption));
+        let _ = writeln!(self.html, "<div class=\"sheet\" tabindex=\"0\"><table{wide}>");
+        let _ = writeln!(self.html, "<caption>{TABLE}{}</caption>", escaped(caption));
         self.html += "<thead><tr>";
         for (head, side) in &grid.heads {
             let _ = write!(self.html, "<th scope=\"col\"{}>{}</th>", class(*side), escaped(head));
@@ -168,13 +235,29 @@ impl Page {
         let html = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <meta name=\"color-scheme\" content=\"light dark\">\n\
              <title>{0}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
              <h1>{0}</h1>\n{1}</main>\n</body>\n</html>\n",
             escaped(title),
-            self.html
+            numbered(&numbered(&self.html, FIGURE, "Figure"), TABLE, "Table")
         );
         (html, self.figures)
     }
+}
+
+/// Where the number of a figure or a table will stand: sections are written alone, and counted together.
+/// No text has these characters, because control characters are left out.
+const FIGURE: char = '\u{1}';
+const TABLE: char = '\u{2}';
+
+/// The text with numbers at its marks, in their order.
+fn numbered(html: &str, mark: char, word: &str) -> String {
+    let mut parts = html.split(mark);
+    let mut all = parts.next().unwrap_or_default().to_owned();
+    for (place, part) in parts.enumerate() {
+        let _ = write!(all, "<b>{word} {}.</b> {part}", place + 1);
+    }
+    all
 }
 
 /// Text as HTML.
@@ -186,6 +269,7 @@ pub(crate) fn escaped(text: &str) -> String {
             '<' => html += "&lt;",
             '>' => html += "&gt;",
             '"' => html += "&quot;",
+            FIGURE | TABLE => {}
             other => html.push(other),
         }
     }
@@ -210,5 +294,32 @@ mod tests {
         assert!(html.contains("<h2>A &amp; B</h2>\n<p>p &lt; 3 &quot;bar&quot;</p>"));
         assert!(!html.contains("empty") && html.contains("<h1>&lt;title&gt;</h1>"));
         assert!(figures.is_empty());
+    }
+
+    #[test]
+    fn figures_and_tables_are_counted_over_all_sections() {
+        let mut page = Page::default();
+        for section in ["a", "b"] {
+            page.section(section, section, |page| {
+                let mut grid = Grid::new([("value", Side::Right)]);
+                grid.push(vec!["1".into()]);
+                page.table(&grid, "of\u{1} numbers");
+                page.folded("more", |page| {
+                    let bars = crate::figure::bars::Bars::new("", "x", &["one"]);
+                    let bar = crate::figure::bars::Bar::new(0.25);
+                    page.figure(section, bars.with("valve", vec![Some(bar)]).draw(), "bars");
+                });
+            });
+        }
+        let (html, figures) = page.finish("");
+        for text in ["<b>Table 1.</b> of numbers", "<b>Table 2.</b> of", "<b>Figure 2.</b> bars"] {
+            assert!(html.contains(text), "{text}");
+        }
+        assert_eq!((figures.len(), html.matches("<b>Figure").count()), (2, 2));
+        // Every value can be read without pointing at it, and is there where one points.
+        assert!(
+            html.contains("<td>0.25</td>") && html.contains("<title>valve, one: 0.25 </title>")
+        );
+        assert_eq!(html.matches("<details").count(), html.matches("</details>").count());
     }
 }

@@ -19,7 +19,7 @@ pub fn drawing(hierarchy: &Hierarchy, stage: &Stage, features: &[Feature]) -> Op
         stage.columns.iter().map(|&c| hierarchy.names.features[c as usize].clone()).collect();
     let drawer = Drawer { tree, names, classes: classes.collect(), features };
     let root = drawer.node(0);
-    Some(Drawing { title: String::new(), classes: drawer.classes, root })
+    Some(Drawing { title: String::new(), classes: drawer.classes, root, sideways: true })
 }
 
 /// The features that a stage asks for, each once, in the order of the nodes.
@@ -49,7 +49,8 @@ impl Drawer<'_> {
         let tree = self.tree;
         let rows: u32 = tree.counts(node).iter().sum();
         let purity = number(100.0 * tree.purity(node));
-        let size = format!("n = {rows}, purity {purity} %");
+        let size = [format!("n = {rows}"), format!("purity {purity} %")];
+        let with_size = |first: String| std::iter::once(first).chain(size).collect();
         let shares = tree.weights(node).to_vec();
         match tree.split(node).zip(tree.children(node)) {
             Some(((feature, threshold), (left, right))) => {
@@ -57,11 +58,11 @@ impl Drawer<'_> {
                 let known = self.features.iter().find(|known| known.name == *name);
                 let threshold = of_unit(threshold, known.map_or("", |known| known.unit));
                 let question = format!("{name} ≤ {threshold}");
-                Node::split(vec![question, size], shares, self.node(left), self.node(right))
+                Node::split(with_size(question), shares, self.node(left), self.node(right))
             }
             None => {
                 let class = self.classes[tree.decision(node) as usize].clone();
-                Node::leaf(vec![class, size], shares)
+                Node::leaf(with_size(class), shares)
             }
         }
     }

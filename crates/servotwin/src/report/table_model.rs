@@ -235,6 +235,7 @@ fn tree(material: &TableMaterial, page: &mut Page) {
             title: String::new(),
             classes: material.tree.classes.clone(),
             root: node(material.tree, tree, *root, &parts, place),
+            sideways: false,
         };
         let (name, caption) = match place {
             0 if parts.len() == 1 => ("tree".to_owned(), "The whole tree.".to_owned()),

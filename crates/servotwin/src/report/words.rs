@@ -62,6 +62,13 @@ pub fn spoken(name: &str) -> String {
     name.replace('.', ": ").replace('_', " ")
 }
 
+/// The text with a capital letter at its beginning.
+pub fn begun(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(letters.as_str().chars()).collect()
+}
+
 /// A number with three significant digits.
 pub fn number(value: f64) -> String {
     if value == 0.0 {

@@ -1,8 +1,14 @@
 //! Table 1, and what every section of the report promises.
 
+use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::ambiguity::Ambiguity;
+use servotwin::evaluation::detection::{Curve, Detection, Least};
+use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
+use servotwin::evaluation::score::Rate;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::manifest::Manifest;
-use servotwin::job::{Results, results};
+use servotwin::job::results::SubjectResult;
+use servotwin::job::{Results, Subject, results};
 use servotwin::report::page::Page;
 use servotwin::report::{ALL, Material, render, table};
 use servotwin::study::Study;
@@ -158,4 +164,132 @@ fn sections_have_names_and_stand_a_study_without_results() {
     assert!(html.contains("Table 1") || html.contains("table 1"));
     let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["schematic", "commands"]);
+}
+
+/// Two kinds of fault of the press: the leak is seen in most tests, the sensor's in one of four.
+fn evaluation() -> Evaluation {
+    let curve = |kind: &str, detail: &str, counts: [u64; 2]| Curve {
+        kind: kind.into(),
+        detail: detail.into(),
+        points: vec![(0.25, Rate::new(counts[0], 2)), (1.0, Rate::new(counts[1], 2))],
+    };
+    let least = |fault: &str, case: &str, intensity| Least {
+        fault: fault.into(),
+        case: case.into(),
+        intensity,
+    };
+    let judged = ProtocolResult {
+        protocol: Protocol::NewCommand,
+        title: Protocol::NewCommand.title().into(),
+        splits: 1,
+        stages: vec![],
+        end_to_end: Some(Rate::new(4, 5)),
+        right_action: Some(Rate::new(5, 5)),
+        isolated_of_all: Some(0.6),
+        safety: Some(Safety {
+            wrong_actuator: Rate::new(0, 5),
+            wrong_actuator_shutdown: Rate::new(0, 5),
+            missed_shutdown: Rate::new(1, 5),
+            missed_shutdown_of_all: None,
+            needless_shutdown: Rate::new(0, 0),
+        }),
+        components: vec![],
+    };
+    Evaluation {
+        detection: Detection {
+            detected: Rate::new(5, 8),
+            excluded: Rate::new(3, 8),
+            failed: 0,
+            curves: vec![
+                curve("leakage_a.leakage", "leakage", [2, 2]),
+                curve("sensor_ram.bias_positive", "position_sensor", [0, 1]),
+            ],
+            least: vec![
+                least("leakage_a.leakage", "rough/idle", Some(0.25)),
+                least("sensor_ram.bias_positive", "rough/idle", Some(1.0)),
+                least("sensor_ram.bias_positive", "stroke/idle", None),
+            ],
+        },
+        paper_detection: Rate::new(5, 8),
+        bands: None,
+        features: 1,
+        constant_features: vec![],
+        protocols: vec![judged],
+        committee: vec![],
+        paper_band: vec![],
+        commands: vec![],
+        baseline: vec![],
+        abstention: None,
+        reliability: None,
+        flips: None,
+        classifiers: vec![],
+        ablation: vec![],
+        ambiguity: Ambiguity { pairs: vec![], groups: vec![] },
+        worst_leaves: vec![],
+        stages: vec![],
+        false_alarms: None,
+    }
+}
+
+/// The report of a study of the press.
+fn press_report(text: &str) -> String {
+    let study = Study::parse(text, "studies/press_axis.toml").unwrap();
+    let settings = servotwin::evaluation::Settings::default();
+    let subject = SubjectResult::new(Subject::Noise, &study, settings, evaluation());
+    let results = Results::new(&study, vec![subject], vec![]);
+    let manifest = manifest();
+    let material = Material {
+        study: &study,
+        results: &results,
+        hierarchies: &[],
+        flights: None,
+        bands: &[],
+        calibrations: &[],
+        examples: &[],
+        manifest: &manifest,
+    };
+    render(&material).0
+}
+
+const PRESS: &str = include_str!("../../../../studies/press_axis.toml");
+
+#[test]
+fn the_report_of_one_unit_speaks_of_that_unit_alone() {
+    let html = press_report(PRESS).to_lowercase();
+    for foreign in [
+        "actuator",
+        "aircraft",
+        "flight",
+        "flown",
+        "seed paper",
+        "both units",
+        "shutdown",
+        "shut down",
+    ] {
+        let at = html.find(foreign).map(|at| &html[at.saturating_sub(80)..at + 20]);
+        assert_eq!(at, None, "'{foreign}' in the report of a press");
+    }
+    // The study calls what switches off a stop.
+    assert!(html.contains("“stop” missed (of detected)"));
+    // The worst fault is named with its command and where it is not seen.
+    let worst = "sensor ram: bias positive (stop): 25.00 % [4.56 … 69.94], never in stroke/idle, only \
+                 from intensity 1 on";
+    assert!(html.contains(worst), "{}", &html[..6000]);
+}
+
+#[test]
+fn of_what_was_not_counted_nothing_is_said() {
+    let html = press_report(PRESS);
+    // No unit but one, no fault that calls for less, no protocol that tests all: no such rows.
+    for absent in ["needless “stop”", "(of all)", "wrong unit", "</b> none"] {
+        assert!(!html.contains(absent), "{absent}");
+    }
+    let (before, rest) = PRESS.split_once("[reactions]").unwrap();
+    let (_, after) = rest.split_once("[realistic]").unwrap();
+    let html = press_report(&format!("{before}[realistic]{after}"));
+    assert!(html.contains("says of no command that it switches its unit off"));
+    for absent in ["missed (of", " 0.00 %", ">0.00 %", "</b> none", "healthy specimen switched off"]
+    {
+        assert!(!html.contains(absent), "{absent}");
+    }
 }

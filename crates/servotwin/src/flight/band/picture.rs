@@ -26,7 +26,8 @@ impl BandMerit {
             values,
             range,
             digits: 2,
-            empty: "darker: wider".into(),
+            meaning: "darker: wider".into(),
+            worst: None,
         }
     }
 

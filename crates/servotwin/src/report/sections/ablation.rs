@@ -1,7 +1,7 @@
 //! What carries the result: new commands with parts taken away.
 
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, rate, share, spoken};
+use crate::report::words::{NONE, share, spoken, stacked};
 use crate::report::{Material, Section};
 use servotwin_diagnosis::features;
 
@@ -17,35 +17,44 @@ impl Section for Ablation {
         "What carries the result"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let mut families = Grid::new([("family", Side::Left), ("what it computes", Side::Left)]);
         for family in features::ALL {
             families.push(vec![family.name().into(), family.summary().into()]);
         }
+        let words = material.words();
         let mut tables = vec![];
         for result in &material.results.subjects {
-            let mut grid = Grid::new([
-                ("variation", Side::Left),
-                ("features", Side::Right),
-                ("A", Side::Right),
-                ("B", Side::Right),
-                ("end to end", Side::Right),
-                ("most often given to the wrong actuator", Side::Left),
-            ]);
+            let mut heads =
+                vec![("variation".to_owned(), Side::Left), ("features".to_owned(), Side::Right)];
+            if words.has_several() {
+                heads.push(("A".to_owned(), Side::Right));
+            }
+            heads.push(("B".to_owned(), Side::Right));
+            heads.push(("end to end".to_owned(), Side::Right));
+            if words.has_several() {
+                let head = format!("most often given to the wrong {}", words.unit());
+                heads.push((head, Side::Left));
+            }
+            let mut grid = Grid::new(heads);
             for row in &result.evaluation.ablation {
-                // Without a feature of one actuator alone, only A can be asked.
+                // Without a feature of one unit alone, only A can be asked.
                 let asked = row.command.is_some_and(|rate| rate.count > 0);
                 let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
-                grid.push(vec![
-                    row.title.clone(),
-                    row.features.to_string(),
-                    share(row.actuator),
-                    share(row.command.filter(|_| asked)),
-                    rate(row.end_to_end.filter(|_| asked)),
+                let mut cells = vec![row.title.clone(), row.features.to_string()];
+                cells.extend(words.has_several().then(|| share(row.actuator)));
+                cells.push(share(row.command.filter(|_| asked)));
+                cells.push(stacked(row.end_to_end.filter(|_| asked)));
+                cells.extend(words.has_several().then(|| {
                     worst.map_or(NONE.into(), |(name, rate)| {
                         format!("{} {}", spoken(name), share(Some(*rate)))
-                    }),
-                ]);
+                    })
+                }));
+                grid.push(cells);
             }
             if !grid.is_empty() {
                 tables.push((result, grid));

@@ -1,11 +1,12 @@
-//! The tree that finds the failed actuator (figure 9 of the seed paper), and the others.
+//! The tree that finds the failed unit (figure 9 of the seed paper), and the others, of every setting.
 
 use crate::report::page::{Grid, Page, Side};
+use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{percent, unit};
 use crate::report::{Material, Section, stages};
 use crate::study::campaign::data_features;
 use servotwin_diagnosis::features::Feature;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Question};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 
 /// See the module.
 pub struct ActuatorTree;
@@ -19,6 +20,10 @@ impl Section for ActuatorTree {
         "The trees"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let Some(result) = material.main() else {
             return;
@@ -28,26 +33,29 @@ impl Section for ActuatorTree {
         };
         let features: Vec<Feature> =
             data_features(material.study).into_iter().map(|known| known.feature).collect();
+        let words = material.words();
         page.text(&format!(
             "Setting: {}, trained with everything there is to learn from. How often the answer to each \
              question hangs on less than a sensor shows stands under “Answers that hang on less than a \
-             sensor shows”.",
+             sensor shows”. A tree goes up where the answer is yes; n counts training variants (and their \
+             mirror images), purity is the share of the most frequent class. Large trees are scrolled.",
             result.title
         ));
-        for stage in &hierarchy.stages {
-            let Some(drawing) = stages::drawing(hierarchy, stage, &features) else {
-                continue;
-            };
-            let asks = match stage.place.question {
-                Question::Actuator => "which actuator has failed (figure 9 of the seed paper)",
-                Question::Command => "what the flight control computer must do",
-                Question::Detail => "which component is at fault, within one command",
-            };
-            page.figure(&format!("tree_{}", stage.id), drawing.draw(), &format!(
-                "Tree {}: {asks}. A variant goes left where the answer is yes; n counts training \
-                 variants (and their mirror images), purity is the share of the most frequent class.",
-                stage.id
-            ));
+        let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
+            for stage in &hierarchy.stages {
+                let Some(drawing) = stages::drawing(hierarchy, stage, &features) else {
+                    continue;
+                };
+                let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
+                page.wide_figure(&format!("tree_{name}{}", stage.id), drawing.draw(), &caption);
+            }
+        };
+        draw(hierarchy, "", &result.title, page);
+        for other in material.results.subjects.iter().filter(|r| r.subject != result.subject) {
+            let Some(hierarchy) = material.hierarchy(other.subject) else { continue };
+            page.folded(&format!("The trees of setting {}", other.title), |page| {
+                draw(hierarchy, &format!("{}_", other.subject.name()), &other.title, page);
+            });
         }
         page.table(
             &meanings(hierarchy, &features),
@@ -67,7 +75,22 @@ impl Section for ActuatorTree {
             let best = best.collect::<Vec<_>>().join(", ");
             grid.push(vec![stage.stage.clone(), count(stage.nodes), count(stage.depth), best]);
         }
-        page.table(&grid, "The trees' sizes: what would be flown.");
+        page.table(
+            &grid,
+            &format!("The trees' sizes, setting {}: what would be at work.", result.title),
+        );
+    }
+}
+
+fn asks(stage: &Stage, words: &Vocabulary) -> String {
+    match stage.place.question {
+        Question::Actuator => format!(
+            "which {} has failed{}",
+            words.unit(),
+            words.paper(" (figure 9 of the seed paper)")
+        ),
+        Question::Command => "what must be done".into(),
+        Question::Detail => "what is broken, within one command".into(),
     }
 }
 

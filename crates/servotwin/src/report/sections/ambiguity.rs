@@ -1,9 +1,10 @@
 //! Which faults are taken for which others.
 
+use crate::job::results::SubjectResult;
+use crate::report::lines;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{percent, spoken};
-use crate::report::{Material, Section};
-use servotwin_diagnosis::hierarchy::Question;
+use crate::report::{Material, Section, hardest_first};
 
 /// See the module.
 pub struct Ambiguity;
@@ -21,7 +22,8 @@ impl Section for Ambiguity {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        for result in &material.results.subjects {
+        let words = material.words();
+        let show = |result: &SubjectResult, page: &mut Page| {
             let ambiguity = &result.evaluation.ambiguity;
             let mut grid = Grid::new([
                 ("fault", Side::Left),
@@ -31,22 +33,17 @@ impl Section for Ambiguity {
                 ("of its tests", Side::Right),
             ]);
             for pair in ambiguity.pairs.iter().take(SHOWN) {
-                let question = match pair.question {
-                    Question::Actuator => "the actuator",
-                    Question::Command => "the command",
-                    Question::Detail => "the detail",
-                };
                 grid.push(vec![
                     spoken(&pair.kind),
                     spoken(&pair.taken_for),
-                    question.into(),
+                    words.question(pair.question),
                     pair.count.to_string(),
                     percent(Some(pair.share)),
                 ]);
             }
             if grid.is_empty() {
                 page.text(&format!("Setting: {}. No fault was taken for another.", result.title));
-                continue;
+                return;
             }
             page.table(&grid, &format!(
                 "Setting: {}, grouped. The {} most frequent of {} confusions: a fault, and the fault \
@@ -62,6 +59,7 @@ impl Section for Ambiguity {
                     names.join("; ")
                 ));
             }
-        }
+        };
+        hardest_first(&lines::settings(material.results), page, &show);
     }
 }

@@ -1,13 +1,14 @@
-//! The bands that healthy residuals stay in: learned sensor by sensor, beside the seed paper's 3 %.
+//! The bands that healthy residuals stay in: learned sensor by sensor, beside a fixed one of 3 %.
 
 use crate::evaluation::bands::{ALARMS, Band};
 use crate::evaluation::protocol::Protocol;
 use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::job::results::SubjectResult;
-use crate::report::lines::{self, Measure, RIGHT, SAFETY, Who};
+use crate::report::lines::{self, Measure, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{NONE, chosen, stacked};
+use crate::report::vocabulary::Vocabulary;
+use crate::report::words::{NONE, bracketed, chosen, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -24,6 +25,10 @@ impl Section for Bands {
         "Bands"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
             .into_iter()
@@ -32,24 +37,35 @@ impl Section for Bands {
         if results.is_empty() {
             return;
         }
+        let words = &material.words();
         page.text(&format!(
-            "The seed paper lets every scaled residual stay within ±3 %, whatever the sensor. Where \
+            "A fixed band lets every scaled residual stay within ±3 %{}, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
              wide for others. Here each kind of sensor has a band of its own, learned from healthy \
              specimens on the training commands: as many standard deviations above the mean logarithm \
              of their largest residuals as leave {} % of these records outside of any band, the same \
-             number for all sensors; like sensors of the actuators are pooled. What is promised is the \
-             rate of false alarms of all sensors together, on flights like those of training. A fault \
+             number for all sensors{}. What is promised is the \
+             rate of false alarms of all sensors together, on commands like those of training. A fault \
              counts as detected where any residual leaves its band.",
-            chosen(100.0 * ALARMS)
+            words.paper(", as the seed paper has it"),
+            chosen(100.0 * ALARMS),
+            match words.has_several() {
+                true => format!("; like sensors of the {} are pooled", words.units()),
+                false => String::new(),
+            }
         ));
+        for (result, _) in &results {
+            if let Some(broken) = broken_promise(result) {
+                page.text(&format!("Setting: {}. {broken}", result.title));
+            }
+        }
         let names: Vec<String> =
             results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
         page.figure(
             "bands",
             figure(&results, &names),
-            "Half width of the learned bands in percent of each \
-            sensor's scale; the seed paper's band is 3 % for all.",
+            "Half width of the learned bands in percent of each sensor's scale; the fixed band is 3 % \
+             for all.",
         );
         page.table(
             &widths(&results, &names),
@@ -58,8 +74,26 @@ impl Section for Bands {
         );
         page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
             healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
-        compared(&results, page);
+        compared(&results, words, page);
     }
+}
+
+/// That more healthy specimens leave the bands than was promised, where the interval shows it.
+pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
+    lines::learned(result)?;
+    let alarms = result.evaluation.false_alarms.as_ref()?.alarms;
+    let records = result.evaluation.bands.iter().flatten().map(|band| band.records).max()?;
+    (alarms.of > 0 && alarms.low > ALARMS).then(|| {
+        format!(
+            "The bands do not keep their promise on the judged commands: {} of {} healthy specimens \
+             leave them there, and {} % was promised. They were learned from few records (at most {records} \
+             of a kind of sensor), or from commands unlike those judged: more healthy specimens ([training] \
+             healthy) or training commands nearer to the judged ones are needed.",
+            bracketed(Some(alarms)),
+            alarms.of,
+            chosen(100.0 * ALARMS)
+        )
+    })
 }
 
 /// The label of a sensor in the system file.
@@ -83,7 +117,7 @@ fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
 }
 
 fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
-    let mut heads = vec![("sensor".to_owned(), Side::Left), ("seed paper".into(), Side::Right)];
+    let mut heads = vec![("sensor".to_owned(), Side::Left), ("fixed".into(), Side::Right)];
     heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
     let mut grid = Grid::new(heads);
     for (place, name) in names.iter().enumerate() {
@@ -116,7 +150,7 @@ fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
         let alarms = evaluation.false_alarms.as_ref();
         grid.push(vec![
             result.title.clone(),
-            "seed paper's ±3 %".into(),
+            "fixed, ±3 %".into(),
             stacked(Some(evaluation.paper_detection)),
             stacked(alarms.map(|alarms| alarms.paper_alarms)),
         ]);
@@ -131,10 +165,11 @@ fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
 }
 
 /// The diagnosis on new commands with either band.
-fn compared(results: &[(&SubjectResult, &[Band])], page: &mut Page) {
-    let measures: Vec<&Measure> = SAFETY.iter().chain(&RIGHT).collect();
-    let mut heads = vec![("setting", Side::Left), ("by", Side::Left), ("band", Side::Left)];
-    heads.extend(measures.iter().map(|measure| (measure.title, Side::Right)));
+fn compared(results: &[(&SubjectResult, &[Band])], words: &Vocabulary, page: &mut Page) {
+    let measures: Vec<Measure> =
+        lines::safety(words).into_iter().chain(lines::right(words)).collect();
+    let mut heads = ["setting", "by", "band"].map(|head| (head.to_owned(), Side::Left)).to_vec();
+    heads.extend(measures.iter().map(|measure| (measure.title.clone(), Side::Right)));
     let mut grid = Grid::new(heads);
     for (result, _) in results {
         // The trees come first, then the committee.

@@ -6,6 +6,7 @@ use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::report::page::Page;
 use crate::report::{Material, Section};
+use servotwin_diagnosis::hierarchy::Question;
 
 /// See the module.
 pub struct Classifiers;
@@ -19,18 +20,29 @@ impl Section for Classifiers {
         "Classifiers compared"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         for result in &material.results.subjects {
             if result.evaluation.classifiers.is_empty() {
                 continue;
             }
             let holding = result.settings.comparison_holding;
-            for (stage, asks) in [("A", "the actuator"), ("B", "the command")] {
+            let words = material.words();
+            for (stage, question) in [("A", Question::Actuator), ("B", Question::Command)] {
+                let asks = words.question(question);
+                // One unit alone is not asked for.
+                if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {
+                    continue;
+                }
                 let name = format!("classifiers_{}_{stage}", result.subject.name());
                 page.figure(&name, bars(&result.evaluation, stage), &format!(
                     "Setting: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
                      same features and default settings: random thirds: {}; folds: {}, in which the \
-                     same fault and intensity stays together. The axis does not begin at zero; whiskers: 95 %.",
+                     same fault and intensity stays together. Strokes across the foot of a bar: the axis does \
+                     not begin at zero. Whiskers: 95 %.",
                     result.title, holding.repeats, holding.folds
                 ));
             }

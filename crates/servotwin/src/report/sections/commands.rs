@@ -1,7 +1,8 @@
-//! The commands that are flown (figure 7 of the seed paper).
+//! The commands on which the diagnosis is judged (figure 7 of the seed paper).
 
+use super::commands_curve::in_words;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
-use crate::report::page::Page;
+use crate::report::page::{Grid, Page, Side};
 use crate::report::{Material, Section};
 
 /// See the module.
@@ -38,12 +39,26 @@ impl Section for Commands {
             let panel = Panel::new(name, unit.shown());
             figure = figure.with(panel.with(Series::new("", time.clone(), values)));
         }
-        page.figure("commands", figure.draw(), &format!(
-            "The commands of {} runs, the first {end} s of {} s: noise of different amplitude and \
-             spectrum (figure 7 of the seed paper). Operating cases: {}.",
-            known.len(),
-            study.duration_s,
-            study.cases.iter().map(|case| case.name.as_str()).collect::<Vec<_>>().join(", "),
-        ));
+        let shown = match end < study.duration_s {
+            true => format!("the first {end} s of {} s", study.duration_s),
+            false => format!("all {end} s"),
+        };
+        page.figure(
+            "commands",
+            figure.draw(),
+            &format!(
+                "The commands on which the diagnosis is judged, {shown}{}. Operating cases: {}.",
+                material.words().paper(" (figure 7 of the seed paper)"),
+                study.cases.iter().map(|case| case.name.as_str()).collect::<Vec<_>>().join(", "),
+            ),
+        );
+        let mut grid = Grid::new([("command", Side::Left), ("what it is", Side::Left)]);
+        let text: toml::Table = study.text.parse().unwrap_or_default();
+        let signals = text.get("command").and_then(|section| section.get("signals"));
+        for name in known {
+            let signal = signals.and_then(|signals| signals.get(name));
+            grid.push(vec![name.to_owned(), signal.map(in_words).unwrap_or_default()]);
+        }
+        page.table(&grid, "The same commands in words.");
     }
 }

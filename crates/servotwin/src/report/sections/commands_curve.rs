@@ -7,7 +7,8 @@ use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
 use crate::report::lines;
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{chosen, stacked};
+use crate::report::vocabulary::Vocabulary;
+use crate::report::words::{chosen, number, stacked};
 use crate::report::{Material, Section};
 use crate::signal::Signal;
 use crate::study::{OperatingCase, Study, Training};
@@ -24,6 +25,10 @@ impl Section for CommandsCurve {
         "Commands to learn from"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let study = material.study;
         let Some(training) = &study.training else {
@@ -31,8 +36,8 @@ impl Section for CommandsCurve {
         };
         page.text(&format!(
             "Trees and committee learn from {} commands that are not among those on which they are \
-             judged, flown for {} s each at a load of its own; of every command there are {} healthy \
-             specimens, which fly {} s.",
+             judged, run for {} s each at a load of its own; of every command there are {} healthy \
+             specimens, which run {} s.",
             commands(training).len(),
             chosen(training.duration_s),
             training.healthy,
@@ -59,9 +64,16 @@ impl Section for CommandsCurve {
             end, against the number of commands that they learned from (the first of the list); \
             whiskers: 95 %, from drawing kinds of fault at their intensities.",
         );
+        let words = material.words();
         page.table(
-            &table(&curves),
-            "The same in numbers, with the missed shutdowns of detected faults.",
+            &table(&curves, &words),
+            &match words.has_off() {
+                true => format!(
+                    "The same in numbers, with each missed {} of detected faults.",
+                    words.off()
+                ),
+                false => "The same in numbers.".into(),
+            },
         );
     }
 }
@@ -100,9 +112,13 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
     lines.draw()
 }
 
-fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Grid {
+fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)], words: &Vocabulary) -> Grid {
     let mut heads = vec![("training commands".to_owned(), Side::Right)];
-    for what in ["end to end right", "shutdown missed"] {
+    let mut measures = vec!["end to end right".to_owned()];
+    if words.has_off() {
+        measures.push(format!("{} missed", words.off()));
+    }
+    for what in &measures {
         let head =
             |(result, _): &(&SubjectResult, _)| (format!("{what}, {}", result.title), Side::Right);
         heads.extend(curves.iter().map(head));
@@ -120,7 +136,9 @@ fn table(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Grid {
         let mut row = vec![count.to_string()];
         row.extend(curves.iter().map(|(_, curve)| of(curve, |result| result.end_to_end)));
         let missed = |result: &ProtocolResult| Some(result.safety.as_ref()?.missed_shutdown);
-        row.extend(curves.iter().map(|(_, curve)| of(curve, missed)));
+        if words.has_off() {
+            row.extend(curves.iter().map(|(_, curve)| of(curve, missed)));
+        }
         grid.push(row);
     }
     grid
@@ -131,6 +149,9 @@ fn list(study: &Study, training: &Training) -> Grid {
     let mut grid =
         Grid::new([("command", Side::Left), ("what it is", Side::Left), ("load", Side::Right)]);
     let text: toml::Table = study.text.parse().unwrap_or_default();
+    let driven = text.get("load").and_then(|load| load.get("input")).and_then(toml::Value::as_str);
+    let inputs = &study.system.network().inputs;
+    let load = driven.and_then(|name| inputs.iter().position(|input| input.id == name));
     let section = text.get("training");
     let named = section.and_then(|section| section.get("signals")).and_then(toml::Value::as_table);
     let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
@@ -145,28 +166,38 @@ fn list(study: &Study, training: &Training) -> Grid {
             1 => first.command.clone(),
             _ => format!("{} … {}", first.command, last.command),
         };
-        grid.push(vec![names, draws.get("signal").map(in_words).unwrap_or_default(), loads(&own)]);
+        grid.push(vec![
+            names,
+            draws.get("signal").map(in_words).unwrap_or_default(),
+            loads(study, load, &own),
+        ]);
     }
     for case in cases {
         let words = signal(&case.command).unwrap_or_default();
-        grid.push(vec![case.command.clone(), words, loads(&[case])]);
+        grid.push(vec![case.command.clone(), words, loads(study, load, &[case])]);
     }
     grid
 }
 
-/// The loads of cases, as their names have them; nothing where a study has no load.
-fn loads(cases: &[&OperatingCase]) -> String {
-    let load = |case: &&OperatingCase| case.name.rsplit_once('/')?.1.parse::<u32>().ok();
-    let loads: Vec<u32> = cases.iter().filter_map(load).collect();
-    match loads.iter().min().zip(loads.iter().max()) {
-        Some((least, most)) if least == most => format!("{least} %"),
-        Some((least, most)) => format!("{least} … {most} %"),
-        None => String::new(),
+/// The loads of cases, in the unit of the input that loads; nothing where a study has no load.
+fn loads(study: &Study, load: Option<usize>, cases: &[&OperatingCase]) -> String {
+    let Some(input) = load else { return String::new() };
+    let unit = study.system.network().inputs[input].unit;
+    let value = |case: &&OperatingCase| unit.to_shown(case.inputs[input].value(0.0));
+    let least = cases.iter().map(value).fold(f64::INFINITY, f64::min);
+    let most = cases.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+    let size = match number(least) == number(most) {
+        true => number(least),
+        false => format!("{} … {}", number(least), number(most)),
+    };
+    match unit.shown() {
+        "" | "1" => size,
+        unit => format!("{size} {unit}"),
     }
 }
 
 /// A signal as people read it: `noise:rms={1.8..6}deg,seed=1{n}` → `noise: rms 1.8 … 6 deg`.
-fn in_words(signal: &toml::Value) -> String {
+pub(super) fn in_words(signal: &toml::Value) -> String {
     let text = match signal.as_str() {
         Some(text) => text.to_owned(),
         None => signal.clone().try_into().map_or_else(|_| String::new(), |s: Signal| s.to_string()),

@@ -7,8 +7,9 @@ use crate::evaluation::score::Rate;
 use crate::figure::Figure;
 use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
-use crate::report::lines::{self, RIGHT, STAGES, Who};
+use crate::report::lines::{self, Who};
 use crate::report::page::{Grid, Page, Side};
+use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{by_kind, chosen, number, percent, stacked};
 use crate::report::{Material, Section};
 
@@ -27,6 +28,10 @@ impl Section for Committee {
         "The committee"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let results: Vec<&SubjectResult> = lines::settings(material.results)
             .into_iter()
@@ -42,24 +47,28 @@ impl Section for Committee {
              The trees remain the first answer, the one that explains itself; where the committee says \
              something else, or is not sure enough, the outcome is “detected, not isolated”.",
         );
+        let words = &material.words();
         for result in &results {
-            page.table(&beside_trees(result), &format!(
+            page.table(&beside_trees(result, words), &format!(
                 "Setting: {}. Trees and committee under the same protocols, with 95 % intervals from \
                  drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
                 result.title
             ));
         }
-        believed(&results, page);
-        silence(&results, page);
+        believed(&results, words, page);
+        silence(&results, words, page);
     }
 }
 
-fn beside_trees(result: &SubjectResult) -> Grid {
-    let heads = [("held out", Side::Left), ("by", Side::Left)];
-    let letters = STAGES[..2].iter().map(|stage| (stage.0, Side::Right));
-    let measures = RIGHT.iter().map(|measure| (measure.title, Side::Right));
-    let last = [("end to end, by kind", Side::Right)];
-    let mut grid = Grid::new(heads.into_iter().chain(letters).chain(measures).chain(last));
+fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
+    let heads = [("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
+    let right = lines::right(words);
+    // One unit alone is not asked for.
+    let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
+    let stages = letters.iter().map(|letter| ((*letter).to_owned(), Side::Right));
+    let measures = right.iter().map(|measure| (measure.title.clone(), Side::Right));
+    let last = [("end to end, by kind".to_owned(), Side::Right)];
+    let mut grid = Grid::new(heads.into_iter().chain(stages).chain(measures).chain(last));
     for protocol in ALL {
         let Some(committee) = result.evaluation.committee(protocol) else { continue };
         for who in Who::ALL {
@@ -67,8 +76,8 @@ fn beside_trees(result: &SubjectResult) -> Grid {
             let title = if who == Who::Trees { committee.title.clone() } else { String::new() };
             let mut row = vec![title, who.title().to_owned()];
             let accuracy = |letter| stacked(judged.stage(letter).map(|score| score.accuracy));
-            row.extend(STAGES[..2].iter().map(|stage| accuracy(stage.0)));
-            row.extend(RIGHT.iter().map(|measure| stacked((measure.rate)(judged))));
+            row.extend(letters.iter().map(|letter| accuracy(letter)));
+            row.extend(right.iter().map(|measure| stacked((measure.rate)(judged))));
             row.push(by_kind(judged.end_to_end));
             match who {
                 Who::Trees => grid.push(row),
@@ -80,7 +89,7 @@ fn beside_trees(result: &SubjectResult) -> Grid {
 }
 
 /// How far the confidence can be believed.
-fn believed(results: &[&SubjectResult], page: &mut Page) {
+fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut lines = Lines::new("", "confidence", "share of right answers");
     lines.y_range = Some((0.0, 1.0));
     let mut grid = Grid::new([
@@ -112,9 +121,12 @@ fn believed(results: &[&SubjectResult], page: &mut Page) {
     page.figure(
         "reliability",
         lines.with(ideal).draw(),
-        "Reliability: answers about actuator and command on new commands, gathered by tenths of \
-         confidence. On the straight line what is said with 90 % is right nine times in ten; points \
-         below it are too sure. Points of low confidence stand for few answers.",
+        &format!(
+            "Reliability: answers about {} on new commands, gathered by tenths of confidence. On the \
+             straight line what is said with 90 % is right nine times in ten; points below it are too \
+             sure. Points of low confidence stand for few answers.",
+            words.action()
+        ),
     );
     page.table(
         &grid,
@@ -125,37 +137,36 @@ fn believed(results: &[&SubjectResult], page: &mut Page) {
 }
 
 /// What silence buys.
-fn silence(results: &[&SubjectResult], page: &mut Page) {
+fn silence(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut begun = false;
     for result in results {
         let Some(abstention) = &result.evaluation.abstention else { continue };
         if !begun {
             page.heading("What its silence buys");
             page.text(
-                "An answer that is withheld leaves the fault detected but not isolated: the flight \
-                 control computer knows that something is wrong, and not what. The least certain \
-                 answers go first; rates are of the answers that are left.",
+                "An answer that is withheld leaves the fault detected but not isolated: it is known \
+                 that something is wrong, and not what. The least certain answers go first; rates are of the answers that are left.",
             );
             begun = true;
         }
         if abstention.levels.iter().all(is_flawless) {
             page.text(&format!(
-                "Setting: {}. No answer about actuator or command is wrong, none withheld or many: there \
-                 is nothing to buy.",
-                result.title
+                "Setting: {}. No answer about {} is wrong, none withheld or many: there is nothing to buy.",
+                result.title,
+                words.action_wrong()
             ));
             continue;
         }
         page.figure(
             &format!("silence_{}", result.subject.name()),
-            trade(abstention),
+            trade(abstention, words),
             &format!(
                 "Setting: {}. Errors of the committee on new commands among the answers that are left, \
                  against the share withheld; whiskers of the first curve: 95 %.",
                 result.title
             ),
         );
-        page.table(&levels(abstention), &format!(
+        page.table(&levels(abstention, words), &format!(
             "Setting: {}. The same in numbers. The fixed confidence is the one that {} % of the answers \
              did not reach on training commands left out of training: chosen without looking at these.",
             result.title,
@@ -168,7 +179,7 @@ fn is_flawless(level: &Level) -> bool {
     level.right_action.count == level.right_action.of
 }
 
-fn trade(abstention: &Abstention) -> Figure {
+fn trade(abstention: &Abstention, words: &Vocabulary) -> Figure {
     let mut lines = Lines::new("", "answers withheld (%)", "of the answers that are left (%)");
     let curve = |name: &str, of: Reading| {
         let known = abstention.levels.iter().filter_map(|level| Some((level, of(level)?)));
@@ -188,30 +199,44 @@ fn trade(abstention: &Abstention) -> Figure {
         Some((1.0 - right.share?, 1.0 - right.high, 1.0 - right.low))
     };
     // Whiskers of three curves at the same places would hide each other.
-    let (worst, ends) = curve("fault that needs a shutdown answered wrongly", &missed);
-    lines = lines
-        .with(worst.with_intervals(ends))
-        .with(curve("actuator or command wrong", &wrong).0)
-        .with(curve("wrong actuator shut down", &wrong_shutdown).0);
+    let (worst, ends) = curve(&format!("{} wrong", words.action_wrong()), &wrong);
+    lines = lines.with(worst.with_intervals(ends));
+    if words.has_off() {
+        let title = format!("fault that calls for a {} answered wrongly", words.off());
+        lines = lines.with(curve(&title, &missed).0);
+    }
+    if words.has_off() && words.has_several() {
+        let title = format!("wrong {} {}", words.unit(), words.switched_off());
+        lines = lines.with(curve(&title, &wrong_shutdown).0);
+    }
     lines.draw()
 }
 
-fn levels(abstention: &Abstention) -> Grid {
-    let mut grid = Grid::new([
-        ("answers only", Side::Left),
-        ("withheld", Side::Right),
-        ("actuator and command right", Side::Right),
-        ("wrong actuator shut down", Side::Right),
-        ("shutdown fault answered wrongly", Side::Right),
-    ]);
+fn levels(abstention: &Abstention, words: &Vocabulary) -> Grid {
+    let mut heads = vec![
+        ("answers only".to_owned(), Side::Left),
+        ("withheld".to_owned(), Side::Right),
+        (format!("{} right", words.action()), Side::Right),
+    ];
+    let (off, wrong_unit) = (words.has_off(), words.has_off() && words.has_several());
+    if wrong_unit {
+        let head = format!("wrong {} {}", words.unit(), words.switched_off());
+        heads.push((head, Side::Right));
+    }
+    if off {
+        heads.push((format!("{} fault answered wrongly", words.off()), Side::Right));
+    }
+    let mut grid = Grid::new(heads);
     let mut push = |title: String, level: &Level| {
-        grid.push(vec![
-            title,
-            stacked(Some(level.abstained)),
-            stacked(Some(level.right_action)),
-            stacked(Some(level.wrong_actuator_shutdown)),
-            stacked(Some(level.shutdown_answered_wrongly)),
-        ]);
+        // What is not withheld at all is no estimate.
+        let withheld = match level.abstained.count {
+            0 => "none".into(),
+            _ => stacked(Some(level.abstained)),
+        };
+        let mut row = vec![title, withheld, stacked(Some(level.right_action))];
+        row.extend(wrong_unit.then(|| stacked(Some(level.wrong_actuator_shutdown))));
+        row.extend(off.then(|| stacked(Some(level.shutdown_answered_wrongly))));
+        grid.push(row);
     };
     for (share, level) in crate::evaluation::abstention::SHARES.iter().zip(&abstention.levels) {
         let title = match *share {

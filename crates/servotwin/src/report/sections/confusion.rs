@@ -18,6 +18,10 @@ impl Section for Confusion {
         "Confusion matrices"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {
             let Some(judged) = result.evaluation.headline() else {

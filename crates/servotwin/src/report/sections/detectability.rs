@@ -3,12 +3,16 @@
 use crate::evaluation::detection::Detection;
 use crate::figure::Figure;
 use crate::figure::lines::{Curve, Lines};
-use crate::figure::value_map::ValueMap;
+use crate::figure::value_map::{ValueMap, digits};
+use crate::job::results::SubjectResult;
 use crate::report::lines;
 use crate::report::page::Page;
 use crate::report::words::{rate, spoken};
-use crate::report::{Material, Section};
+use crate::report::{Material, Section, hardest_first};
 use std::collections::BTreeMap;
+
+/// Counts for a fault that is never detected, beside intensities of at most one.
+const NEVER: f64 = 10.0;
 
 /// See the module.
 pub struct Detectability;
@@ -23,7 +27,8 @@ impl Section for Detectability {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {
+        let words = material.words();
+        let show = |result: &SubjectResult, page: &mut Page| {
             let detection = &result.evaluation.detection;
             let name = result.subject.name();
             page.heading(&format!("Setting: {}", result.title));
@@ -33,7 +38,7 @@ impl Section for Detectability {
                 rate(Some(detection.detected)),
                 match lines::learned(result) {
                     Some(_) => "the bands learned from healthy specimens",
-                    None => "the seed paper's band of ±3 %",
+                    None => words.fixed_band(),
                 },
                 match result.subject.setting().has_tolerances() {
                     true => {
@@ -46,17 +51,31 @@ impl Section for Detectability {
             page.figure(
                 &format!("detection_{name}"),
                 curves,
-                "Share of faults detected against their intensity, for each failure of table 1, \
-                 over all operating cases and both actuators.",
+                &format!(
+                    "Setting: {}. Share of faults detected against their intensity, for each failure, \
+                     over all operating cases{}.",
+                    result.title,
+                    match words.has_several() {
+                        true => format!(" and {}", words.units()),
+                        false => String::new(),
+                    }
+                ),
             );
             page.figure(
                 &format!("least_intensity_{name}"),
                 least(detection),
-                "The smallest intensity from which on a fault is detected in each operating case \
-                 (of both actuators the worse). Dark rows are hard to see; a dash marks faults \
-                 that are not detected even at intensity 1.",
+                &format!(
+                    "Setting: {}. The smallest intensity from which on a fault is detected in each \
+                     operating case{}, the hardest to see first.",
+                    result.title,
+                    match words.has_several() {
+                        true => format!(" (of all {} the worst)", words.units()),
+                        false => String::new(),
+                    }
+                ),
             );
-        }
+        };
+        hardest_first(&lines::settings(material.results), page, &show);
     }
 }
 
@@ -103,14 +122,21 @@ fn least(detection: &Detection) -> Figure {
         own.map(|least| least.intensity).try_fold(0.0, |worst: f64, own| own.map(|i| worst.max(i)))
     };
     let of_kind = |kind: &&str| cases.iter().map(|case| worst(kind, case)).collect();
+    let mut rows: Vec<(&str, Vec<Option<f64>>)> =
+        kinds.iter().map(|kind| (*kind, of_kind(kind))).collect();
+    // Never is worse than the greatest intensity.
+    let hard = |row: &[Option<f64>]| row.iter().map(|cell| cell.unwrap_or(NEVER)).sum::<f64>();
+    rows.sort_by(|a, b| hard(&b.1).total_cmp(&hard(&a.1)));
+    let all: Vec<f64> = rows.iter().flat_map(|row| row.1.iter().flatten().copied()).collect();
     ValueMap {
         title: String::new(),
-        rows: kinds.iter().map(|kind| spoken(kind)).collect(),
+        rows: rows.iter().map(|(kind, _)| spoken(kind)).collect(),
         columns: cases.iter().map(|case| (*case).to_owned()).collect(),
-        values: kinds.iter().map(of_kind).collect(),
+        digits: digits(all.iter().copied()),
+        values: rows.into_iter().map(|row| row.1).collect(),
         range: (0.0, 1.0),
-        digits: 1,
-        empty: "–: not detected at any intensity".into(),
+        meaning: "the smallest intensity that is detected together with all greater ones".into(),
+        worst: Some(("never".into(), "not detected even at the greatest intensity".into())),
     }
     .draw()
 }

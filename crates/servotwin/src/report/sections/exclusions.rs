@@ -19,6 +19,10 @@ impl Section for Exclusions {
         "What was left out"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let mut grid = Grid::new([
             ("data set", Side::Left),
@@ -43,10 +47,21 @@ impl Section for Exclusions {
                 used.to_string(),
             ]);
         }
+        let words = material.words();
         page.table(
             &grid,
-            "Variants by what became of them; undetectable by the seed paper's band of ±3 %. Mirror images were not simulated: their signals are those \
-             of the same fault of the other actuator, which probes have confirmed.",
+            &format!(
+                "Variants by what became of them; undetectable by {}.{}",
+                words.fixed_band(),
+                match material.manifest.data_sets.iter().any(|set| set.reflected > 0) {
+                    true => format!(
+                        " Mirror images were not simulated: their signals are those of the same fault of \
+                         another {}, which probes have confirmed.",
+                        words.unit()
+                    ),
+                    false => String::new(),
+                }
+            ),
         );
         for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
             let mut grid = Grid::new([

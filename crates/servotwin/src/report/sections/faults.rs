@@ -35,12 +35,19 @@ impl Section for Faults {
             grid.push(vec![spoken(&row.command), spoken(&row.detail), components, faults]);
         }
         let sum = table::sum(study);
-        let head = format!("sum (× {})", study.units.len());
+        let words = material.words();
+        let head = match words.has_several() {
+            true => format!("sum (× {})", study.units.len()),
+            false => "sum".into(),
+        };
         grid.push_strong(vec![head, String::new(), sum.0.to_string(), sum.1.to_string()]);
         page.table(&grid, &format!(
-            "What can fail in one of the {} actuators, and what the flight control computer must \
-             do (table 1 of the seed paper). Each kind of fault has {} intensities.",
-            study.units.len(),
+            "What can fail{}, and what must be done then{}. Each kind of fault has {} intensities.",
+            match words.has_several() {
+                true => format!(" in one of the {} {}", study.units.len(), words.units()),
+                false => String::new(),
+            },
+            words.paper(" (table 1 of the seed paper)"),
             study.faults.len() / (study.units.len() * kinds(study).len()).max(1),
         ));
         page.table(

@@ -3,6 +3,7 @@
 use super::flights::at_most;
 use crate::flight::foreign::{ForeignMerit, ForeignOutcome, Sensible, Words};
 use crate::report::page::{Grid, Page, Side};
+use crate::report::vocabulary::Vocabulary;
 use crate::report::words::NONE;
 use crate::report::{Material, Section};
 
@@ -24,20 +25,33 @@ impl Section for Foreign {
         if merits.is_empty() {
             return;
         }
-        page.text(
+        let words = &material.words();
+        let (unit, run) = (words.unit(), words.run());
+        page.text(&format!(
             "Nothing in training was like these, so nobody expects the right name. What is expected is \
-             that the healthy actuator stays on, and that what is said makes sense: the right actuator, \
+             that what is healthy stays on, and that what is said makes sense: the right {}, \
              “unknown”, or that an input is not to be believed. Sensors that stick, drift or oscillate \
              do so in the control loop; a reading that is missing or noisy is so for the diagnosis only.",
-        );
+            words.unit()
+        ));
         for merit in merits {
             let (wrong, of) = merit.shutdowns_healthy();
-            page.table(&table(merit), &format!(
-                "Setting {}: flights by the most that was said in them (each counts once), in both \
-                 actuators and several environments. A healthy actuator was to be shut down in {wrong} \
-                 of {of} flights ({}).",
+            page.table(&table(merit, words), &format!(
+                "Setting {}: {run}s by the most that was said in them (each counts once), in several \
+                 environments{}.{}",
                 merit.setting,
-                at_most(wrong, of)
+                match words.has_several() {
+                    true => format!(" and every {unit}"),
+                    false => String::new(),
+                },
+                match words.has_off() {
+                    true => format!(
+                        " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).",
+                        words.switched_off(),
+                        at_most(wrong, of)
+                    ),
+                    false => String::new(),
+                }
             ));
             let told = merit.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
             let told: Vec<String> =
@@ -46,43 +60,45 @@ impl Section for Foreign {
                 page.note(&format!("Where that happened: {}.", told.join(", ")));
             }
         }
-        page.note(
-            "Sensible is a command that would be right for the fault as a whole: a shutdown where the \
-             actuator does not do what it should, anything but a shutdown where only a sensor is wrong, \
-             and none where no actuator is at fault. An actuator whose measured supply or return pressure is \
-             wrong counts as at fault. “Off” are shutdowns, of an actuator at fault and of a healthy one. \
+        let off = words.off();
+        page.note(&format!(
+            "Sensible is a command that would be right for the fault as a whole: a {off} where the \
+             {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
+             and none where no {unit} is at fault. One whose measured supply or return pressure is \
+             wrong counts as at fault. “Off” counts each {off}, of what is at fault and of what is healthy. \
              The first word is whatever the diagnosis said first after the onset other than “healthy”: \
              the median, and below it the last.",
-        );
+        ));
     }
 }
 
-fn table(merit: &ForeignMerit) -> Grid {
-    let left = [("fault", Side::Left), ("flights", Side::Right)];
-    let words = Words::default().named().map(|(word, _)| (word, Side::Right));
+fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
+    let left = [("fault".to_owned(), Side::Left), (format!("{}s", vocabulary.run()), Side::Right)];
+    let name = |word: &str| word.replace("actuator", vocabulary.unit());
+    let words = Words::default().named().map(|(word, _)| (name(word), Side::Right));
     let right = [
-        ("off: at fault", Side::Right),
-        ("off: healthy", Side::Right),
-        ("first word", Side::Right),
+        ("off: at fault".to_owned(), Side::Right),
+        ("off: healthy".to_owned(), Side::Right),
+        ("first word".to_owned(), Side::Right),
     ];
     let mut grid = Grid::new(left.into_iter().chain(words).chain(right));
     for outcome in &merit.outcomes {
-        let row = row(outcome);
+        let row = row(outcome, vocabulary);
         if outcome.shutdowns_healthy > 0 { grid.push_strong(row) } else { grid.push(row) }
     }
     grid
 }
 
-fn row(outcome: &ForeignOutcome) -> Vec<String> {
+fn row(outcome: &ForeignOutcome, words: &Vocabulary) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
     let sensible = match outcome.sensible {
-        Sensible::Shutdown => "sensible: a shutdown",
-        Sensible::NoShutdown => "sensible: anything but a shutdown",
-        Sensible::Any => "sensible: any command",
-        Sensible::Nothing => "sensible: no command",
+        Sensible::Shutdown => format!("sensible: a {}", words.off()),
+        Sensible::NoShutdown => format!("sensible: anything but a {}", words.off()),
+        Sensible::Any => "sensible: any command".into(),
+        Sensible::Nothing => "sensible: no command".into(),
     };
     let small = match outcome.strengths.as_str() {
-        "" => sensible.into(),
+        "" => sensible,
         strengths => format!("{strengths}; {sensible}"),
     };
     let mut row = vec![format!("{}\n{small}", outcome.title), outcome.flights.to_string()];

@@ -18,6 +18,10 @@ impl Section for Leaves {
         "The worst leaves"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let units = data_features(material.study);
         let condition = |condition: &Condition| {

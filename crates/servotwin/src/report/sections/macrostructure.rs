@@ -19,6 +19,10 @@ impl Section for Macrostructure {
         "How the trees hang together"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let Some(result) = material.main() else {
             return;
@@ -31,14 +35,18 @@ impl Section for Macrostructure {
             stage.place.question != Question::Actuator && stage.place.actuator.is_none()
         });
         let count = hierarchy.names.actuators.len();
+        let words = material.words();
         let remark = match shared && count > 1 {
-            true => " Both actuators share the trees below A: what one learns serves the other.",
-            false => "",
+            true => format!(
+                " All {} share the trees below A: what one learns serves the others.",
+                words.units()
+            ),
+            false => String::new(),
         };
         page.figure("macrostructure", diagram(hierarchy, judged).draw(), &format!(
-            "Setting: {}. From residuals to the failure (figure 10 of the seed paper), with the accuracy \
-             of each tree on variants it has not seen ({}).{remark}",
+            "Setting: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
             result.title,
+            words.paper(" (figure 10 of the seed paper)"),
             judged.map_or("–", |judged| judged.title.as_str()),
         ));
     }
@@ -52,7 +60,7 @@ fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>) -> Diagram {
     let first = match names.actuators.len() {
         0 | 1 => "residuals",
         _ => {
-            let text = format!("A  actuator\n{}", accuracy(judged, "A"));
+            let text = format!("A  which one\n{}", accuracy(judged, "A"));
             diagram.blocks.push(Block { layer: Some(1), ..Block::new("A", &text, "tree", "") });
             diagram.wires.push(arrow("residuals", "A"));
             "A"

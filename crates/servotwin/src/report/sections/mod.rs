@@ -12,6 +12,7 @@ pub mod confusion;
 pub mod detectability;
 pub mod exclusions;
 pub mod faults;
+mod findings;
 pub mod flights;
 pub mod foreign;
 pub mod leaves;

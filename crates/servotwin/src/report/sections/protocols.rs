@@ -1,7 +1,7 @@
 //! The protocols: how variants were held out, and what came out under each.
 
 use crate::evaluation::protocol::ProtocolResult;
-use crate::report::lines::STAGES;
+use crate::report::lines;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{by_kind, percent, stacked};
 use crate::report::{Material, Section};
@@ -18,32 +18,45 @@ impl Section for Protocols {
         "The trees under every protocol"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         page.text(
             "A tree is only as good as its test is honest. A random third is the kindest test: for \
              nearly every variant a neighbour (the same fault at the same intensity in another \
              operating case) was in training. Kept together, neighbours and mirror images never stand \
-             on both sides. Leaving out an intensity, an operating case, a command or a whole kind of \
+             on different sides. Leaving out an intensity, an operating case, a command or a whole kind of \
              fault asks how the trees behave where they have no experience; but one case leaves its \
-             command in training at another load. New commands are the hardest: nothing that is flown \
-             in the judged cases was learned from, and where the fault is unseen as well, neither was \
+             command in training at another load. New commands are the hardest: no command \
+             of the judged cases was learned from, and where the fault is unseen as well, neither was \
              the fault.",
         );
+        let words = material.words();
         for result in &material.results.subjects {
             let evaluation = &result.evaluation;
+            let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
+            let named = |(id, finds): &(String, String)| format!("{id} {finds}");
+            let named: Vec<String> = stages.iter().map(named).collect();
             page.table(&grid(&evaluation.protocols), &format!(
-                "Setting: {}. Accuracy of each stage where the stages above are right (A actuator, B \
-                 command, C to E details within a command), and of all together (end to end), with 95 % \
-                 intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
+                "Setting: {}. Accuracy of each stage where the stages above are right ({}), and of all \
+                 together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
                  whole kinds, and is that of a fault of a new kind. Mirror images count once. “Of all” is \
                  the share isolated of all faults, the undetectable ones included.",
-                result.title
+                result.title,
+                named.join(", ")
             ));
             if !evaluation.baseline.is_empty() {
                 page.table(&grid(&evaluation.baseline), &format!(
-                    "Setting: {}. The same for the seed paper's trees: mean, variance and indicator of \
-                     each residual, each actuator by itself, and its band of ±3 %.",
-                    result.title
+                    "Setting: {}. The same for trees with fewer features{}: mean, variance and indicator of \
+                     each residual{}, and the fixed band of ±3 %.",
+                    result.title,
+                    words.paper(", the seed paper's"),
+                    match words.has_several() {
+                        true => format!(", each {} by itself", words.unit()),
+                        false => String::new(),
+                    }
                 ));
             }
         }
@@ -52,9 +65,13 @@ impl Section for Protocols {
 
 /// Protocols in rows, measures in columns.
 fn grid(results: &[ProtocolResult]) -> Grid {
-    let asked = |letter: &str| results.iter().any(|result| result.stage(letter).is_some());
-    let letters: Vec<&str> =
-        STAGES.iter().map(|stage| stage.0).filter(|letter| asked(letter)).collect();
+    let mut letters: Vec<&str> = vec![];
+    for stage in results.iter().flat_map(|result| &result.stages) {
+        if stage.actuator.is_none() && !letters.contains(&stage.id.as_str()) {
+            letters.push(&stage.id);
+        }
+    }
+    letters.sort_unstable();
     let mut heads = vec![("held out", Side::Left), ("splits", Side::Right)];
     heads.extend(letters.iter().map(|letter| (*letter, Side::Right)));
     let whole = ["end to end", "by kind", "of all"];

@@ -21,29 +21,45 @@ impl Section for Residuals {
     }
 
     fn title(&self) -> &'static str {
-        "Residuals of two examples"
+        "Residuals of examples"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
+        let words = material.words();
         for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {
             page.heading(&spoken(&example.detail));
             page.figure(
                 &format!("residuals_{}", example.detail),
                 histogram(material.study, example),
                 &format!(
-                    "Residuals of all sensors over {} s, {} in case {}: a fault of one actuator \
-                     moves the residuals of both.",
+                    "Residuals of all sensors over {} s, {} in case {}{}.",
                     material.study.duration_s,
                     spoken(&example.fault),
-                    example.case
+                    example.case,
+                    match words.has_several() {
+                        true => format!(
+                            " (of every {}: a fault of one may move another's)",
+                            words.unit()
+                        ),
+                        false => String::new(),
+                    }
                 ),
             );
             page.figure(
                 &format!("time_{}", example.detail),
                 in_time(material.study, example),
                 &format!(
-                    "The first {SHOWN_S} s of it: measured signals against the twin's, and the \
-                     scaled residuals with the band of ±3 % in which a fault goes undetected."
+                    "{} of it: measured signals against the twin's, and the \
+                     scaled residuals with {} in which a fault goes undetected.",
+                    match material.study.duration_s > SHOWN_S {
+                        true => format!("The first {SHOWN_S} s"),
+                        false => "The course".into(),
+                    },
+                    words.fixed_band()
                 ),
             );
         }

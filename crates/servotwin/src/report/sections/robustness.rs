@@ -7,6 +7,7 @@ use crate::figure::Figure;
 use crate::figure::value_map::ValueMap;
 use crate::report::lines::Who;
 use crate::report::page::{Grid, Page, Side};
+use crate::report::vocabulary::Vocabulary;
 use crate::report::words::stacked;
 use crate::report::{Material, Section};
 
@@ -22,6 +23,10 @@ impl Section for Robustness {
         "Trained on one setting, tested on another"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         let crosses = &material.results.robustness;
         if crosses.is_empty() {
@@ -32,12 +37,13 @@ impl Section for Robustness {
              may ask for differences that no sensor shows. So the diagnosis of each setting is asked \
              about the variants of every other, on new commands.",
         );
+        let words = material.words();
         page.beside(|page| {
             for who in Who::ALL {
-                for (name, what, error) in ERRORS {
+                for (name, what, error) in errors(&words) {
                     page.figure(
                         &format!("robustness_{}_{name}", who.title()),
-                        map(crosses, who, *error),
+                        map(crosses, who, error),
                         &format!(
                             "{}, {what} (%): rows trained on, columns tested on.",
                             match who {
@@ -49,7 +55,7 @@ impl Section for Robustness {
                 }
             }
         });
-        page.table(&grid(crosses), "The same with 95 % intervals from drawing kinds of fault at their \
+        page.table(&grid(crosses, &words), "The same with 95 % intervals from drawing kinds of fault at their \
             intensities. Every setting detects with its own band, so that a row's tests are other faults \
             in each column.");
     }
@@ -59,10 +65,15 @@ impl Section for Robustness {
 type Error = fn(&ProtocolResult) -> Option<f64>;
 
 /// The errors shown: name of the figure's file, in words, and the share.
-const ERRORS: &[(&str, &str, Error)] = &[
-    ("wrong", "wrong end to end", |result| Some(1.0 - result.end_to_end?.share?)),
-    ("missed", "shutdown missed, of detected faults", |result| missed(result)?.share),
-];
+fn errors(words: &Vocabulary) -> Vec<(&'static str, String, Error)> {
+    let wrong: Error = |result| Some(1.0 - result.end_to_end?.share?);
+    let mut errors = vec![("wrong", "wrong end to end".to_owned(), wrong)];
+    if words.has_off() {
+        let title = format!("{} missed, of detected faults", words.off());
+        errors.push(("missed", title, |result| missed(result)?.share));
+    }
+    errors
+}
 
 fn missed(result: &ProtocolResult) -> Option<Rate> {
     Some(result.safety.as_ref()?.missed_shutdown)
@@ -97,27 +108,30 @@ fn map(crosses: &[Cross], who: Who, error: Error) -> Figure {
         values: names.iter().map(row).collect(),
         range: (0.0, 100.0 * largest),
         digits: 2,
-        empty: "darker: more errors".into(),
+        meaning: "% of answers; darker: more errors".into(),
+        worst: None,
     }
     .draw()
 }
 
-fn grid(crosses: &[Cross]) -> Grid {
-    let mut grid = Grid::new([
-        ("trained on", Side::Left),
-        ("tested on", Side::Left),
-        ("trees, end to end", Side::Right),
-        ("committee, end to end", Side::Right),
-        ("trees, shutdown missed", Side::Right),
-        ("committee, shutdown missed", Side::Right),
-    ]);
+fn grid(crosses: &[Cross], words: &Vocabulary) -> Grid {
+    let mut heads =
+        vec![("trained on".to_owned(), Side::Left), ("tested on".to_owned(), Side::Left)];
+    heads.extend(Who::ALL.map(|who| (format!("{}, end to end", who.title()), Side::Right)));
+    if words.has_off() {
+        let head = |who: Who| (format!("{}, {} missed", who.title(), words.off()), Side::Right);
+        heads.extend(Who::ALL.map(head));
+    }
+    let mut grid = Grid::new(heads);
     let mut last = "";
     for cross in crosses {
         let trained = if cross.trained == last { "" } else { &cross.trained };
         last = &cross.trained;
         let mut row = vec![trained.to_owned(), cross.tested.clone()];
         row.extend(Who::ALL.map(|who| stacked(of(cross, who).end_to_end)));
-        row.extend(Who::ALL.map(|who| stacked(missed(of(cross, who)))));
+        if words.has_off() {
+            row.extend(Who::ALL.map(|who| stacked(missed(of(cross, who)))));
+        }
         match cross.trained == cross.tested {
             true => grid.push_strong(row),
             false => grid.push(row),

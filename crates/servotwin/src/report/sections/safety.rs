@@ -1,12 +1,13 @@
-//! What errors would do to the aircraft, by name.
+//! What errors would do, by name.
 
 use crate::evaluation::protocol::{ALL, ProtocolResult};
 use crate::evaluation::score::Rate;
 use crate::job::results::SubjectResult;
-use crate::report::lines::{self, SAFETY, Who};
+use crate::report::lines::{self, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{rate, share, spoken, stacked};
-use crate::report::{Material, Section};
+use crate::report::vocabulary::Vocabulary;
+use crate::report::words::{share, spoken, stacked};
+use crate::report::{Material, Section, hardest_first};
 
 /// See the module.
 pub struct Safety;
@@ -21,45 +22,63 @@ impl Section for Safety {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        page.text(
-            "Not every error is equally bad. Worst is to shut down the healthy actuator because the \
-             other one has a fault: both are then lost. To miss a shutdown leaves a failed actuator \
-             in the loop. To shut down where a warning would do costs redundancy.",
-        );
-        page.text(
-            "A fault that is never detected is not shut down either: so missed shutdowns are given \
-             twice, of the detected faults that need one and of all that do. Protocols that test some \
-             faults several times or not at all have no second figure.",
-        );
-        if material.study.shutdowns().is_empty() {
-            page.note(
-                "The study says of no command that it switches its actuator off ([reactions], \
-                 switches_off): so there are no figures of safety.",
-            );
-            return;
+        let words = &material.words();
+        match words.has_off() {
+            true => about(words, page),
+            false => page.text(
+                "The study says of no command that it switches its unit off ([reactions], \
+                 switches_off): so nothing is counted about missed, needless or wrong switching.",
+            ),
         }
-        for result in &material.results.subjects {
-            page.table(
-                &grid(result),
-                &format!(
+        let settings = lines::settings(material.results);
+        hardest_first(&settings, page, &|result, page| {
+            let grid = grid(result, words);
+            if !grid.is_empty() {
+                page.table(&grid, &format!(
                     "Setting: {}. 95 % intervals from drawing kinds of fault at their intensities.",
                     result.title
-                ),
-            );
-        }
-        healthy(material, page);
-        for result in lines::settings(material.results) {
-            if let Some(headline) = result.evaluation.headline() {
-                components(headline, &result.title, page);
+                ));
             }
-        }
+        });
+        healthy(material, words, page);
+        hardest_first(&settings, page, &|result, page| {
+            if let Some(headline) = result.evaluation.headline() {
+                components(headline, &result.title, words, page);
+            }
+        });
     }
 }
 
+fn about(words: &Vocabulary, page: &mut Page) {
+    let (unit, off) = (words.unit(), words.off());
+    let mut text = String::from("Not every error is equally bad. ");
+    if words.has_several() {
+        text += &format!(
+            "Worst is that a healthy {unit} is {} because another one has a fault: both are then lost. ",
+            words.switched_off()
+        );
+    }
+    text += &format!(
+        "To miss a {off} leaves a failed {unit} in the loop; a needless one costs what the {unit} does."
+    );
+    page.text(&text);
+    page.text(&format!(
+        "A fault that is never detected is not {} either: so what is missed is given twice, of the \
+         detected faults that call for a {off} and of all that do. Protocols that test some faults \
+         several times or not at all have no second figure.",
+        words.switched_off()
+    ));
+}
+
 /// Protocols in rows, trees and committee below each other; measures in columns.
-fn grid(result: &SubjectResult) -> Grid {
-    let mut heads = vec![("held out", Side::Left), ("by", Side::Left)];
-    heads.extend(SAFETY.iter().map(|measure| (measure.title, Side::Right)));
+fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
+    let mut safety = lines::safety(words);
+    // What is counted under no protocol has no column.
+    let protocols = &result.evaluation.protocols;
+    let judged = || protocols.iter().chain(&result.evaluation.committee);
+    safety.retain(|measure| judged().any(|judged| (measure.rate)(judged).is_some()));
+    let mut heads = vec![("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
+    heads.extend(safety.iter().map(|measure| (measure.title.clone(), Side::Right)));
     let mut grid = Grid::new(heads);
     for protocol in ALL {
         for who in Who::ALL {
@@ -69,7 +88,7 @@ fn grid(result: &SubjectResult) -> Grid {
             }
             let title = if who == Who::Trees { judged.title.clone() } else { String::new() };
             let mut row = vec![title, who.title().to_owned()];
-            row.extend(SAFETY.iter().map(|measure| stacked((measure.rate)(judged))));
+            row.extend(safety.iter().map(|measure| stacked((measure.rate)(judged))));
             grid.push(row);
         }
     }
@@ -77,59 +96,63 @@ fn grid(result: &SubjectResult) -> Grid {
 }
 
 /// What is done with healthy specimens, settings in rows.
-fn healthy(material: &Material, page: &mut Page) {
-    let mut grid = Grid::new([
-        ("setting", Side::Left),
-        ("specimens", Side::Right),
-        ("alarm", Side::Right),
-        ("faulty by trees", Side::Right),
-        ("shut down by trees", Side::Right),
-        ("faulty by committee", Side::Right),
-        ("shut down by committee", Side::Right),
-    ]);
+fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
+    let mut heads = vec![
+        ("setting".to_owned(), Side::Left),
+        ("specimens".to_owned(), Side::Right),
+        ("alarm".to_owned(), Side::Right),
+    ];
+    for who in Who::ALL {
+        heads.push((format!("faulty by {}", who.title()), Side::Right));
+        if words.has_off() {
+            heads.push((format!("{} by {}", words.switched_off(), who.title()), Side::Right));
+        }
+    }
+    let mut grid = Grid::new(heads);
     for result in &material.results.subjects {
         let Some(alarms) = &result.evaluation.false_alarms else { continue };
         let mut row = vec![result.title.clone(), alarms.alarms.of.to_string()];
-        let rates = [
-            alarms.alarms,
-            alarms.trees,
-            alarms.tree_shutdowns,
-            alarms.committee,
-            alarms.committee_shutdowns,
-        ];
-        row.extend(rates.map(|rate| stacked(Some(rate))));
+        let mut rates = vec![alarms.alarms];
+        let both =
+            [(alarms.trees, alarms.tree_shutdowns), (alarms.committee, alarms.committee_shutdowns)];
+        for (faulty, off) in both {
+            rates.push(faulty);
+            rates.extend(words.has_off().then_some(off));
+        }
+        row.extend(rates.into_iter().map(|rate| stacked(Some(rate))));
         grid.push(row);
     }
     if !grid.is_empty() {
         page.table(
             &grid,
             "Specimens without a fault, of the judged operating cases: share that leaves the bands in \
-             use, and of these who are then taken for faulty or shut down, always of all specimens. \
-             Trees and committee may answer “healthy”.",
+             use, and those that are then taken for faulty, always of all specimens. Trees and committee may answer “healthy”.",
         );
     }
 }
 
 /// The components whose faults are given to the wrong actuator, or not isolated.
-fn components(result: &ProtocolResult, title: &str, page: &mut Page) {
-    let mut grid = Grid::new([
-        ("component", Side::Left),
-        ("tests", Side::Right),
-        ("wrong actuator", Side::Right),
-        ("wrong actuator shut down", Side::Right),
-        ("actuator, command and detail right", Side::Right),
-    ]);
+fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Page) {
+    let unit = words.unit();
+    let mut heads = vec![("component".to_owned(), Side::Left), ("tests".to_owned(), Side::Right)];
+    let (several, off) = (words.has_several(), words.has_several() && words.has_off());
+    if several {
+        heads.push((format!("wrong {unit}"), Side::Right));
+    }
+    if off {
+        heads.push((format!("wrong {unit} {}", words.switched_off()), Side::Right));
+    }
+    heads.push(("end to end right".to_owned(), Side::Right));
+    let mut grid = Grid::new(heads);
     let mut list: Vec<_> = result.components.iter().collect();
     let right = |rate: Rate| rate.share.unwrap_or(1.0);
     list.sort_by(|a, b| right(a.right).total_cmp(&right(b.right)));
     for component in list {
-        grid.push(vec![
-            spoken(&component.component),
-            component.right.of.to_string(),
-            share(Some(component.wrong_actuator)),
-            share(Some(component.wrong_actuator_shutdown)),
-            rate(Some(component.right)),
-        ]);
+        let mut row = vec![spoken(&component.component), component.right.of.to_string()];
+        row.extend(several.then(|| share(Some(component.wrong_actuator))));
+        row.extend(off.then(|| share(Some(component.wrong_actuator_shutdown))));
+        row.push(stacked(Some(component.right)));
+        grid.push(row);
     }
     if !grid.is_empty() {
         page.table(&grid, &format!(

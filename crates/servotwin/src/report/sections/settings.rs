@@ -1,12 +1,12 @@
-//! What the settings are, and what a third sensor changes.
+//! What the settings are, and what an additional sensor changes.
 
 use crate::evaluation::protocol::ProtocolResult;
 use crate::evaluation::score::Rate;
 use crate::job::Subject;
 use crate::job::results::SubjectResult;
-use crate::report::lines::{RIGHT, SAFETY, STAGES, Who};
+use crate::report::lines::{self, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{bracketed, change, percent, rate};
+use crate::report::words::{begun, bracketed, change, percent, stacked};
 use crate::report::{Material, Section};
 use crate::study::Role;
 use crate::study::campaign::data_features;
@@ -20,7 +20,7 @@ impl Section for Settings {
     }
 
     fn title(&self) -> &'static str {
-        "Settings, and a third sensor"
+        "Settings"
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
@@ -37,8 +37,8 @@ impl Section for Settings {
         let is_there = material.results.of(Subject::Fitted).is_some();
         if let Some(calibration) = material.study.calibration.as_ref().filter(|_| is_there) {
             page.text(&format!(
-                "Fitted: specimens with the same tolerances, each of which first flies a healthy calibration \
-                 flight of {} s with another command and other noise; its twin is fitted to what the sensors \
+                "Fitted: specimens with the same tolerances, each of which first has a healthy calibration \
+                 run of {} s with another command and other noise; its twin is fitted to what the sensors \
                  showed then, and the faults are judged beside the fitted twin. {} specimens take turns where \
                  faults are judged, {} others where it is learned.",
                 calibration.duration_s,
@@ -77,15 +77,18 @@ fn third_sensor(
         if both.iter().any(Option::is_some) {
             let [before, after] = both;
             let (who, change) = (who.title().to_owned(), change(before, after));
-            grid.push(vec![title.to_owned(), who, rate(before), rate(after), change]);
+            grid.push(vec![title.to_owned(), who, stacked(before), stacked(after), change]);
         }
     };
-    for measure in SAFETY.iter().chain(&RIGHT) {
-        push(measure.title, Who::Trees, &measure.rate);
+    let words = &material.words();
+    for measure in lines::safety(words).iter().chain(&lines::right(words)) {
+        push(&measure.title, Who::Trees, &measure.rate);
         push("", Who::Committee, &measure.rate);
     }
-    for (letter, title) in STAGES {
-        let of = |result: &ProtocolResult| result.stage(letter).map(|score| score.accuracy);
+    let trees: Vec<ProtocolResult> =
+        [without, with].iter().filter_map(|result| under(result, Who::Trees)).collect();
+    for (letter, title) in lines::stages(words, &trees.iter().collect::<Vec<_>>()) {
+        let of = |result: &ProtocolResult| result.stage(&letter).map(|score| score.accuracy);
         push(&format!("{letter}  {title}"), Who::Trees, &of);
     }
     page.table(&grid, "The same faults, specimens and protocol with and without the sensor. Intervals are \
@@ -112,30 +115,29 @@ fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
 }
 
 /// What the sensor brings, in words.
-fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> String {
+pub(super) fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
     let (first, second) = (before.end_to_end, after.end_to_end);
     let overlap = match first.zip(second) {
         Some((first, second)) => first.low <= second.high && second.low <= first.high,
         None => true,
     };
-    let mut text = format!(
-        "The trees are right end to end in {} without the sensor and in {} with it ({} points). ",
+    format!(
+        "the trees are right end to end in {} without it and in {} with it ({} points). {}",
         bracketed(first),
         bracketed(second),
-        change(first, second)
-    );
-    text += &match used {
-        [] => "They ask for none of its features. ".to_owned(),
-        used => format!("Of its features they ask for {}. ", used.join(", ")),
-    };
-    text += match overlap {
-        true => {
-            "The intervals overlap: no gain is shown. The reason is the twin: it already computes the \
-             stroke that a third sensor would measure, so that the residual of each stroke sensor is \
-             itself the comparison with an independent stroke; a vote of three adds only what the twin \
-             does not know, the specimen's own deviation from it."
+        change(first, second),
+        match overlap {
+            true => "The intervals overlap: no gain is shown.",
+            false => "The intervals do not overlap.",
         }
-        false => "The intervals do not overlap.",
+    )
+}
+
+/// The same, and what the trees make of the sensor.
+fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> String {
+    let asked = match used {
+        [] => "They ask for none of its features.".to_owned(),
+        used => format!("Of its features they ask for {}.", used.join(", ")),
     };
-    text
+    format!("{} {asked}", begun(&gain(before, after)))
 }

@@ -22,7 +22,8 @@ impl Section for System {
         page.figure(
             "schematic",
             schematic::of(system).draw(),
-            "Components of the simulated system and what connects them: oil, force and signals.",
+            "The simulated system: what supplies at the top, what is moved at the bottom. Lines run from \
+             the port that sets pressure, motion or signal, and branch to all that it is joined with.",
         );
         let mut grid = Grid::new([
             ("sensor", Side::Left),
@@ -43,7 +44,8 @@ impl Section for System {
         page.table(
             &grid,
             "Sensors. A residual is the measured value less the twin's, divided by the scale; a \
-             fault is detected if any residual ever leaves its band (±3 %, or one learned for the sensor).",
+             fault is detected if any residual ever leaves its band (±3 % of scale, or one learned for the \
+             sensor).",
         );
     }
 }

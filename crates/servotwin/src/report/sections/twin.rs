@@ -22,18 +22,22 @@ impl Section for Twin {
         "The twin and its confidence"
     }
 
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
     fn write(&self, material: &Material, page: &mut Page) {
         if !material.calibrations.is_empty() {
             page.heading("Fitted parameters");
             page.text(
-                "In the setting fitted every specimen flies a calibration flight, and its twin is fitted to what \
+                "In the setting fitted every specimen has a calibration run, and its twin is fitted to what \
                  the sensors showed. How far that is from the true parameters of the specimen, in standard \
                  deviations of their tolerances, and how often these lie within the 95 % interval of the fit:",
             );
             page.table(
                 &parameters(material.calibrations),
-                "True against fitted parameters, of both actuators and all specimens of the study's pools. An \
-                 error of 1 is what is known without a calibration flight.",
+                "True against fitted parameters, of all specimens of the study's pools. An error of 1 is \
+                 what is known without a calibration run.",
             );
         }
         for merit in material.bands {

@@ -4,6 +4,7 @@ use crate::evaluation::flips::{Flips, Share, SplitFlips};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Who};
 use crate::report::page::{Grid, Page, Side};
+use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{of_unit, percent, stacked};
 use crate::report::{Material, Section};
 use crate::study::campaign::{DataFeature, data_features};
@@ -21,6 +22,10 @@ impl Section for Uncertainty {
 
     fn title(&self) -> &'static str {
         "Answers that hang on less than a sensor shows"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
@@ -45,16 +50,20 @@ impl Section for Uncertainty {
         ));
         page.text(
             "Training windows are moved in the same way, and each is learned with its moves: what does not \
-             survive them teaches nothing. Of three moves one keeps the fault as it was flown, one makes it \
+             survive them teaches nothing. Of three moves one keeps the fault as it was simulated, one makes it \
              weaker (with the tolerances and the noise of another healthy specimen in place of what is \
-             taken away), and one stronger, because in flight an intensity is anything. The trees' later \
+             taken away), and one stronger, because at work an intensity is anything. The trees' later \
              moves go farther than windows are uncertain, so that a threshold keeps its distance from what \
              was learned.",
         );
+        let words = material.words();
         page.table(
-            &answers(&results),
-            "Share of moves after which the answer is another one: the actuator; \
-            actuator or command, which is what is acted on; any part of the answer.",
+            &answers(&results, &words),
+            &format!(
+                "Share of moves after which the answer is another one: {} (which is what is acted on); \
+                 any part of the answer.",
+                words.action_wrong()
+            ),
         );
         let features = data_features(material.study);
         for (result, (trees, _)) in &results {
@@ -63,20 +72,24 @@ impl Section for Uncertainty {
     }
 }
 
-fn answers(results: &[(&SubjectResult, &(Flips, Flips))]) -> Grid {
-    let mut grid = Grid::new([
-        ("setting", Side::Left),
-        ("by", Side::Left),
-        ("moves", Side::Right),
-        ("actuator", Side::Right),
-        ("actuator or command", Side::Right),
-        ("any part", Side::Right),
-    ]);
+fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> Grid {
+    let mut heads = vec![
+        ("setting".to_owned(), Side::Left),
+        ("by".to_owned(), Side::Left),
+        ("moves".to_owned(), Side::Right),
+    ];
+    if words.has_several() {
+        heads.push((words.unit().to_owned(), Side::Right));
+    }
+    heads.push((words.action_wrong(), Side::Right));
+    heads.push(("any part".to_owned(), Side::Right));
+    let mut grid = Grid::new(heads);
     for (result, (trees, committee)) in results {
         for (who, flips) in Who::ALL.into_iter().zip([trees, committee]) {
             let title = if who == Who::Trees { result.title.clone() } else { String::new() };
             let mut row = vec![title, who.title().to_owned(), flips.answer.of.to_string()];
-            let shares = [flips.actuator, flips.action, flips.answer];
+            let unit = words.has_several().then_some(flips.actuator);
+            let shares = unit.into_iter().chain([flips.action, flips.answer]);
             row.extend(shares.map(|share| stacked(Some(share))));
             grid.push(row);
         }

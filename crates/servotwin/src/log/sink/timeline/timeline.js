@@ -77,7 +77,8 @@ const ticks = (low, high, most) => {
   const step = [1, 2, 5, 10].map(m => m * power).find(s => s >= raw);
   const all = [];
   for (let k = Math.ceil(low / step); k * step <= high; k++) all.push(k * step);
-  return all;
+  // One value or two do not tell a scale.
+  return all.length < 3 && most < 20 ? ticks(low, high, 2 * most) : all;
 };
 
 const curves = (g, w, h, panel) => {
@@ -142,8 +143,10 @@ const axis = (g, w, h) => {
   g.fillStyle = colour("soft"); g.textAlign = "center";
   const from = time(view.from), to = from + view.to - view.from;
   const begin = data.stretches[0][1], shift = begin > 1e6 ? begin : 0;
-  for (const t of ticks(from - shift, to - shift, w / 90))
-    g.fillText(number(+t.toPrecision(12)) + " s", x(t + shift - from + view.from, w), h - 4);
+  for (const t of ticks(from - shift, to - shift, w / 90)) {
+    const text = number(+t.toPrecision(12)) + " s", half = g.measureText(text).width / 2;
+    g.fillText(text, Math.min(x(t + shift - from + view.from, w), w - half), h - 4);
+  }
   g.textAlign = "left";
 };
 
@@ -208,7 +211,7 @@ button("+", () => zoom(0.5), "closer"); button("−", () => zoom(2), "further");
 button("all", () => look(0, data.length), "the whole time");
 const hint = document.createElement("span");
 hint.textContent = "Drag: zoom. Shift and drag, or ← →: move. Ctrl and wheel, or + −: zoom. Double click: all."
-  + (still.length ? " Constant: " + still.map(s => s.label + " " + number(s.value(0, 0)) + " " + s.unit).join(", ") + "." : "");
+  + (still.length ? " Constant: " + still.map(s => (s.label + " " + number(s.value(0, 0)) + " " + s.unit).trim()).join(", ") + "." : "");
 tools.append(hint);
 
 // Pointer and keys.
