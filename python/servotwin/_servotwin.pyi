@@ -8,6 +8,7 @@ from .errors import Mistake
 from .types import Between, Method, Path, Progress, Signal, Variant
 
 __all__ = [
+    "Desk",
     "Diagnoser",
     "Model",
     "Outcome",
@@ -19,8 +20,16 @@ __all__ = [
     "__version__",
     "data_set",
     "evaluate_folder",
+    "evaluation_pieces",
     "fit",
+    "flight_pieces",
+    "fly_all",
+    "fly_foreign",
+    "fly_piece",
+    "join_evaluation",
+    "join_flights",
     "join_study",
+    "learn_from_flights",
     "make_features",
     "merge_shards",
     "read_trees",
@@ -301,6 +310,47 @@ def merge_shards(
 ) -> list[_Ran]: ...
 def join_study(study: Study, out: Path) -> None: ...
 def make_features(out: Path, progress: Optional[Progress] = None) -> list[Any]: ...
+def evaluation_pieces(out: Path) -> list[tuple[str, str]]: ...
+@final
+class Desk:
+    def __new__(cls, out: Path, name: str, threads: Optional[int] = None) -> Desk: ...
+    def evaluate(self, piece: str, threads: Optional[int] = None) -> str: ...
+
+def join_evaluation(
+    out: Path, found: Sequence[tuple[str, str]], threads: Optional[int] = None
+) -> str: ...
+def fly_all(
+    study: Study,
+    out: Path,
+    full: bool = False,
+    threads: Optional[int] = None,
+    progress: Optional[Progress] = None,
+) -> str: ...
+def flight_pieces(
+    study: Study, full: bool = False
+) -> tuple[list[str], list[int], list[int]]: ...
+def fly_piece(
+    study: Study,
+    full: bool,
+    setting: str,
+    environment: int,
+    diagnoser: Optional[str] = None,
+    threads: Optional[int] = None,
+) -> str: ...
+def fly_foreign(
+    study: Study, full: bool, setting: str, diagnoser: str, threads: Optional[int] = None
+) -> str: ...
+def learn_from_flights(
+    study: Study,
+    out: Path,
+    full: bool,
+    setting: str,
+    flown: Sequence[str],
+    threads: Optional[int] = None,
+) -> int: ...
+def join_flights(
+    study: Study, out: Path, full: bool, found: Sequence[tuple[str, int, Sequence[str], str]]
+) -> str: ...
 def train_folder(
     out: Path, threads: Optional[int] = None, progress: Optional[Progress] = None
 ) -> list[tuple[str, Any]]: ...

@@ -1,4 +1,4 @@
-"""Campaigns on Dask: pieces of shards are tasks, on any storage that fsspec knows.
+"""Campaigns, evaluations and flights on Dask, on any storage that fsspec knows.
 
 A piece's files depend on nothing but the study, so whoever computes them, and however often, the bytes are
 those of one machine. A worker that is lost loses the pieces that it was working on, and others do them; what
@@ -8,10 +8,12 @@ is in the storage already is taken over. Needs `distributed` and `fsspec`.
 from __future__ import annotations
 
 import hashlib
+import json
 import random
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path as _Path
 from typing import Any, Optional, TypeVar, Union
 
@@ -51,18 +53,115 @@ def campaign(
     store.keep("study.toml", study.text)
     store.keep("system.toml", study.system.text)
     calibrations, futures = _submitted(study, client, out, options, tasks, threads or 1)
-    variants = {future.key: task[4] for future, task in zip(futures, tasks)}
-    all_variants, done = sum(variants.values()), 0
     try:
         with told(progress) as show:
-            for future in as_completed(futures):  # type: ignore[no-untyped-call]
-                future.result()
-                done += variants[future.key]
-                if show is not None:
-                    show("simulating on Dask", done, all_variants)
+            _watched("simulating on Dask", futures, [task[4] for task in tasks], show)
         return _merge(store, tasks, settings)
     finally:
         client.cancel([*futures, *calibrations])  # type: ignore[no-untyped-call]
+
+
+def evaluate(
+    client: Client,
+    out: str,
+    *,
+    threads: Optional[int] = None,
+    storage_options: Optional[dict[str, Any]] = None,
+    progress: Union[bool, Progress] = True,
+) -> dict[str, Any]:
+    """Judge what was trained in the folder `out`, each protocol of each setting on a worker of `client`.
+
+    Gives what `evaluation.json` holds. Workers read the data sets, the shards and what was trained where
+    `servotwin.campaign` and `servotwin.train` have left it; from a storage each makes a copy.
+    """
+    options = storage_options or {}
+    store = _Store(out, options)
+    with _mirrored(store) as folder:
+        pieces = _native.evaluation_pieces(folder)
+        mark = _mark((folder / "manifest.json").read_bytes(), out)
+        futures = [
+            client.submit(
+                _judged,
+                (mark, out, options),
+                subject,
+                piece,
+                threads or 1,
+                key=_key(f"evaluation {subject} {piece}", mark),
+                pure=False,
+                retries=3,
+            )
+            for subject, piece in pieces
+        ]
+        try:
+            with told(progress) as show:
+                found = _watched("evaluating on Dask", futures, [1] * len(futures), show)
+        finally:
+            client.cancel(futures)  # type: ignore[no-untyped-call]
+        own = [(subject, text) for (subject, _), text in zip(pieces, found)]
+        results: dict[str, Any] = json.loads(_native.join_evaluation(folder, own, threads))
+        store.put_all(folder, ["evaluation.json", "manifest.json"])
+    return results
+
+
+def flights(
+    study: _native.Study,
+    client: Client,
+    out: str,
+    *,
+    full: bool = False,
+    threads: Optional[int] = None,
+    storage_options: Optional[dict[str, Any]] = None,
+    progress: Union[bool, Progress] = True,
+) -> dict[str, Any]:
+    """Learn and judge in flights, those of each environment on a worker of `client`.
+
+    Gives what `flights.json` holds. Trees are trained where the call is made, with `threads`.
+    """
+    options = storage_options or {}
+    store = _Store(out, options)
+    store.keep("study.toml", study.text)
+    store.keep("system.toml", study.system.text)
+    names, to_learn, to_judge = _native.flight_pieces(study, full)
+    where = (_mark(study.text, study.system.text), out, options)
+    measured, sent = [], []
+
+    def submit(function: Any, name: str, *arguments: Any) -> Any:
+        key = _key(f"{study.name} flights {name}", out, where[0], arguments)
+        sent.append(
+            client.submit(function, where, full, *arguments, threads or 1, key=key, pure=False, retries=3)
+        )
+        return sent[-1]
+
+    with told(progress) as show, _mirrored(store, shards=False) as folder:
+        try:
+            for name in names:
+                learned = [submit(_flown, f"to learn {name} {k}", name, k, None) for k in range(len(to_learn))]
+                texts = _watched(f"{name}: flights to learn from", learned, to_learn, show)
+                failed = _native.learn_from_flights(study, folder, full, name, texts, threads)
+                file = f"diagnoser-{name}.json"
+                store.put_all(folder, [file])
+                about = (file, _mark((folder / file).read_bytes()))
+                foreign = submit(_foreign, f"foreign {name}", name, about)
+                judged = [submit(_flown, f"to judge {name} {k}", name, k, about) for k in range(len(to_judge))]
+                texts = _watched(f"{name}: flights to be judged in", judged, to_judge, show)
+                measured.append((name, failed, texts, foreign.result()))
+        finally:
+            client.cancel(sent)  # type: ignore[no-untyped-call]
+        results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, measured))
+        store.put_all(folder, ["flights.json", "manifest.json"])
+    return results
+
+
+def _watched(what: str, futures: list[Any], weights: list[int], show: Optional[Progress]) -> list[Any]:
+    """The results of futures in their order, with progress by their weights."""
+    weight = {future.key: one for future, one in zip(futures, weights)}
+    done = 0
+    for future in as_completed(futures):  # type: ignore[no-untyped-call]
+        future.result()
+        done += weight[future.key]
+        if show is not None:
+            show(what, done, sum(weights))
+    return [future.result() for future in futures]
 
 
 def _submitted(
@@ -172,6 +271,74 @@ def _calibration(
             store.put(path, file)
 
 
+@contextmanager
+def _mirrored(store: _Store, shards: bool = True) -> Iterator[_Path]:
+    """The folder itself where it is local, else a copy that is thrown away."""
+    if store.local is not None:
+        yield store.local
+        return
+    with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
+        store.fetch_all(_Path(name), shards)
+        yield _Path(name)
+
+
+_DESKS: dict[tuple[str, str], _native.Desk] = {}
+"""The subject that this process evaluates, by the mark of its folder and its name."""
+
+
+def _judged(
+    where: tuple[str, str, dict[str, Any]], subject: str, piece: str, threads: int
+) -> str:
+    """Evaluate one piece in a worker."""
+    mark, out, options = where
+    desk = _DESKS.get((mark, subject))
+    if desk is None:
+        with _mirrored(_Store(out, options)) as folder:
+            desk = _native.Desk(folder, subject, threads)
+        _DESKS.clear()
+        _DESKS[(mark, subject)] = desk
+    return desk.evaluate(piece, threads)
+
+
+def _diagnoser(store: _Store, about: tuple[str, str]) -> str:
+    name, mark = about
+    text = store.text(name)
+    if _mark(text.encode()) != mark:
+        raise ValueError(f"{store.address}/{name} is not the diagnoser of these flights")
+    return text
+
+
+def _flown(
+    where: tuple[str, str, dict[str, Any]],
+    full: bool,
+    setting: str,
+    environment: int,
+    about: Optional[tuple[str, str]],
+    threads: int,
+) -> str:
+    """Fly the flights of one environment in a worker, watched by a diagnoser or to learn from."""
+    mark, out, options = where
+    store = _Store(out, options)
+    diagnoser = None if about is None else _diagnoser(store, about)
+    study = _study(store, mark)
+    return _native.fly_piece(study, full, setting, environment, diagnoser, threads)
+
+
+def _foreign(
+    where: tuple[str, str, dict[str, Any]],
+    full: bool,
+    setting: str,
+    about: tuple[str, str],
+    threads: int,
+) -> str:
+    """Fly faults that were never trained on in a worker."""
+    mark, out, options = where
+    store = _Store(out, options)
+    return _native.fly_foreign(
+        _study(store, mark), full, setting, _diagnoser(store, about), threads
+    )
+
+
 def _piece(
     mark: str,
     out: str,
@@ -252,6 +419,20 @@ class _Store:
         if content is not None:
             path.write_bytes(content)
         return content is not None
+
+    def fetch_all(self, folder: _Path, shards: bool) -> None:
+        """Copy what stages have left, with the shards or without."""
+        for path in self._again(lambda: self.fs.find(self.root)):
+            name = str(path).split(self.root.strip("/") + "/", 1)[1]
+            if name.startswith("shards/") <= shards and not name.endswith(".tmp"):
+                (folder / name).parent.mkdir(exist_ok=True)
+                self.fetch(name, folder / name)
+
+    def put_all(self, folder: _Path, names: list[str]) -> None:
+        """Copy files there, unless the folder is the storage itself."""
+        if self.local is None:
+            for name in names:
+                self.put(folder / name, name)
 
     def put(self, path: _Path, name: str) -> None:
         """Copy a file there, whole or not at all."""

@@ -1,4 +1,4 @@
-"""The stages of the main job over folders: campaign, features, train, evaluate, report.
+"""The stages of the main job over folders: campaign, features, train, evaluate, flights, report.
 
 Each reads what the one before has left in the folder, as the commands of the same names do, and writes
 the same bytes. `progress` is True for a bar of tqdm (where it is installed), False for none, or a function
@@ -90,6 +90,24 @@ def evaluate(
     """Judge what was trained under every protocol; gives what `evaluation.json` holds."""
     with told(progress) as show:
         text = _native.evaluate_folder(os.fspath(out), threads, show)
+    results: dict[str, Any] = json.loads(text)
+    return results
+
+
+def flights(
+    study: _native.Study,
+    out: Path,
+    *,
+    full: bool = False,
+    threads: Optional[int] = None,
+    progress: Union[bool, Progress] = True,
+) -> dict[str, Any]:
+    """Learn and judge in flights in which faults begin; gives what `flights.json` holds.
+
+    Writes a `diagnoser-….json` for every setting. `full` are the full sizes of the study.
+    """
+    with told(progress) as show:
+        text = _native.fly_all(study, os.fspath(out), full, threads, show)
     results: dict[str, Any] = json.loads(text)
     return results
 

@@ -9,6 +9,7 @@ mod diagnoser;
 mod errors;
 mod long;
 mod model;
+mod pieces;
 mod simulate;
 mod study;
 mod system;
@@ -29,6 +30,7 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<diagnoser::Outcome>()?;
     module.add_class::<model::Model>()?;
     module.add_class::<model::Tree>()?;
+    module.add_class::<pieces::Desk>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)?;
     module.add_function(wrap_pyfunction!(study::run_campaign, module)?)?;
@@ -43,6 +45,14 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(study::data_set, module)?)?;
     module.add_function(wrap_pyfunction!(study::study_of, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::evaluation_pieces, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::join_evaluation, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::fly_all, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::flight_pieces, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::fly_piece, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::fly_foreign, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::learn_from_flights, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::join_flights, module)?)?;
     module.add_function(wrap_pyfunction!(model::fit, module)?)?;
     module.add_function(wrap_pyfunction!(model::read_trees, module)?)
 }

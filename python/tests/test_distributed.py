@@ -1,5 +1,6 @@
 """Campaigns on Dask: separate processes, a worker killed, a storage that fails, an S3 server."""
 
+import json
 import os
 import signal
 import socket
@@ -7,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from tiny import contents, many_shards, with_fitted
+from tiny import STUDY, contents, many_shards, with_fitted
 
 import servotwin
 
@@ -193,7 +194,44 @@ def test_the_fitted_setting_has_the_bytes_of_one_machine(tmp_path):
     assert_same(parts, contents(alone))
 
 
-def test_an_s3_server_holds_the_same_bytes(study, whole):
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory):
+    """A study with every stage done on one machine, and what was there before it was evaluated."""
+    study = servotwin.Study.parse(STUDY)
+    out = tmp_path_factory.mktemp("judged")
+    servotwin.campaign(study, out, progress=False)
+    servotwin.train(out, progress=False)
+    before = contents(out)
+    servotwin.evaluate(out, progress=False)
+    evaluated = contents(out)
+    flown = tmp_path_factory.mktemp("flown")
+    servotwin.flights(study, flown, progress=False)
+    return study, before, evaluated, contents(flown)
+
+
+def write(folder, files):
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
+def test_an_evaluation_and_flights_have_the_bytes_of_one_machine(judged, tmp_path):
+    study, before, evaluated, flown = judged
+    write(tmp_path / "evaluated", before)
+    told = []
+    with Cluster(2) as cluster, cluster.client(2) as client:
+        results = distributed.evaluate(
+            client, str(tmp_path / "evaluated"), progress=lambda *now: told.append(now)
+        )
+        distributed.flights(study, client, str(tmp_path / "flown"), progress=False)
+    assert results == json.loads(evaluated["evaluation.json"])
+    assert told[-1][1] == told[-1][2] > 20
+    assert_same(tmp_path / "evaluated", evaluated)
+    assert_same(tmp_path / "flown", flown)
+
+
+def test_an_s3_server_holds_the_same_bytes(study, whole, judged):
     pytest.importorskip("s3fs")
     server = pytest.importorskip("moto.server")
     import fsspec
@@ -213,9 +251,17 @@ def test_an_s3_server_holds_the_same_bytes(study, whole):
             distributed.campaign(
                 study, client, "s3://studies/one", storage_options=options, progress=False
             )
+            for name, content in judged[1].items():
+                fs.pipe_file(f"studies/judged/{name}", content)
+            address = "s3://studies/judged"
+            distributed.evaluate(client, address, storage_options=options, progress=False)
+            address = "s3://studies/flown"
+            distributed.flights(judged[0], client, address, storage_options=options, progress=False)
         fs.invalidate_cache()
-        found = {path.split("one/", 1)[1]: fs.cat(path) for path in fs.find("studies/one")}
-        assert sorted(found) == sorted(whole)
-        assert {name for name in whole if found[name] != whole[name]} == set()
+        for folder, expected in (("one", whole), ("judged", judged[2]), ("flown", judged[3])):
+            paths = fs.find(f"studies/{folder}")
+            found = {path.split(f"{folder}/", 1)[1]: fs.cat(path) for path in paths}
+            assert sorted(found) == sorted(expected)
+            assert {name for name in expected if found[name] != expected[name]} == set()
     finally:
         running.stop()

@@ -26,8 +26,9 @@ fn main() {
     let setting = Setting::Realistic;
     let flown =
         Flown::new(&study, flights, Purpose::Learn, setting, Workers::all()).expect("a twin");
-    let lessons = lessons::tables(&study, flights, setting, &flown, Workers::all());
-    let (tables, _) = lessons.expect("windows");
+    let lessons = lessons::cut(&study, flights, &flown);
+    let tables = lessons::tables(&study, flights, setting, lessons, Workers::all());
+    let tables = tables.expect("windows");
     let pools = job::pools(&study);
     let diagnoser = train::diagnoser(&study, flights, tables, &pools, Workers::all());
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));

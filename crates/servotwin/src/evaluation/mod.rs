@@ -20,6 +20,7 @@ pub mod flips;
 pub mod leaves;
 pub mod model_file;
 pub mod parallel;
+pub mod piece;
 pub mod protocol;
 pub mod robustness;
 pub mod run;
@@ -35,8 +36,9 @@ use bands::Band;
 use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
 use parallel::Workers;
+use piece::Bench;
 use protocol::{Holding, Protocol, ProtocolResult};
-use run::{Outcome, Scope, first_error};
+use run::{Outcome, first_error};
 use score::Rate;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
@@ -285,7 +287,7 @@ pub struct Context<'c> {
     pub progress: &'c dyn Fn(&str, f64),
 }
 
-/// Evaluates the data sets of a setting.
+/// Evaluates the data sets of a setting, piece by piece.
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`] and what training says.
@@ -294,92 +296,9 @@ pub fn evaluate(
     settings: &Settings,
     context: &Context,
 ) -> Result<Evaluation, EvaluationError> {
-    let Context { trained, workers, progress, .. } = *context;
-    let unbanded = &match data.sensors.is_empty() {
-        true => data.clone(),
-        false => data.with_bands(&vec![BAND; data.sensors.len()]),
-    };
-    let (data, bands) = &banded(data, settings, context.pools);
-    let training = run::settled(data, &settings.training);
-    let judged = |protocol, data, training: &Training, lessons| {
-        let holding = Holding { lessons, ..settings.holding };
-        protocol::evaluate(protocol, data, training, holding, &settings.shutdowns, workers)
-    };
-    let (of_trees, of_boosted) = (settings.holding.lessons, settings.committee_lessons);
-    let mut protocols = vec![];
-    let mut ambiguity = ambiguity::evaluate(data, &[]);
-    for (place, &protocol) in settings.protocols.iter().enumerate() {
-        progress(protocol.title(), 0.025 * place as f64);
-        let Some((result, outcomes)) = judged(protocol, data, &training, of_trees)? else {
-            continue;
-        };
-        protocols.push(result);
-        if protocol.scope() == Scope::AllTracing {
-            ambiguity = ambiguity::evaluate(data, &outcomes);
-        }
-    }
-    progress("committee", 0.3);
-    let mut of_committee = vec![];
-    for &protocol in &settings.committee_protocols {
-        let found = judged(protocol, data, &settings.committee, of_boosted)?;
-        of_committee.extend(found.map(|(result, _)| result));
-    }
-    progress("fewer commands", 0.4);
-    let commands = match settings.protocols.len() > 1 {
-        true => commands(data, settings, workers)?,
-        false => vec![],
-    };
-    let paper_band = match settings.learned_bands && bands.is_some() {
-        true => {
-            let both = [(&settings.training, of_trees), (&settings.committee, of_boosted)];
-            let of =
-                |(training, lessons)| judged(Protocol::NewCommand, unbanded, training, lessons);
-            let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
-            found?.into_iter().flatten().map(|(result, _)| result).collect()
-        }
-        false => vec![],
-    };
-    progress("the paper's trees", 0.5);
-    let baseline = match settings.protocols.len() > 1 {
-        true => baseline(context.all_features, settings, workers)?,
-        false => vec![],
-    };
-    progress("comparing classifiers", 0.55);
-    let (list, compared) = (&settings.classifiers, settings.comparison_holding);
-    let classifiers = comparison::evaluate(data, &training, list, compared, workers)?;
-    progress("taking parts away", 0.8);
-    let ablation = match settings.ablation {
-        // A family less is a family less, with moved windows or without.
-        true => {
-            let still = data.without(|row| row.moved > 0);
-            ablation::evaluate(&still, &training, settings.holding, workers)?
-        }
-        false => vec![],
-    };
-    progress("moving windows", 0.9);
-    let silence = silence(data, settings, trained)?;
-    let (abstention, reliability) = silence.map_or((None, None), |(a, r)| (Some(a), Some(r)));
-    Ok(Evaluation {
-        detection: detection::evaluate(data),
-        paper_detection: detection::share(unbanded, true),
-        features: data.features.len(),
-        constant_features: data.constant.clone(),
-        worst_leaves: leaves::worst(data, &training, &trained.trees, of_trees, WORST_LEAVES)?,
-        stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
-        false_alarms: false_alarms(unbanded, data, trained, &settings.shutdowns)?,
-        flips: flips(data, trained, context)?,
-        bands: bands.clone(),
-        committee: of_committee,
-        protocols,
-        paper_band,
-        commands,
-        baseline,
-        abstention,
-        reliability,
-        classifiers,
-        ablation,
-        ambiguity,
-    })
+    let bench = Bench::new(data, settings, context);
+    let found = piece::all(settings).into_iter().map(|piece| bench.evaluate(piece));
+    Ok(piece::joined(found.collect::<Result<_, _>>()?))
 }
 
 /// The judged faults that trees and committee are asked about once more: detected, and where mirror

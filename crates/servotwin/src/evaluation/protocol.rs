@@ -392,7 +392,7 @@ impl ProtocolResult {
 }
 
 /// A protocol's result, and the outcome of every held-out row, split by split.
-type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
+pub type Judged = (ProtocolResult, Vec<Vec<Outcome>>);
 
 /// Runs a protocol; with the outcomes from which the result was counted. `None` where the data set
 /// has too few groups for it.

@@ -14,6 +14,7 @@ use crate::study::{Flights, Imperfections, Lot, Plants, Setting, Study};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 /// What watches a flight.
 pub trait Observer: Send {
@@ -37,6 +38,8 @@ pub struct Flown<'s> {
     ensemble: Ensemble<'s>,
     /// The flights.
     pub plan: Vec<Flight>,
+    /// Those of them whose twins are there, by their places.
+    pub which: Vec<usize>,
     /// For each environment the sensors and inputs of its twin, sample after sample.
     twins: Vec<Vec<f64>>,
     sensors: usize,
@@ -63,6 +66,26 @@ impl<'s> Flown<'s> {
         Flown::planned(study, environments, plan, lot, setting, workers)
     }
 
+    /// The flights of one environment only, numbered as among all.
+    ///
+    /// # Errors
+    /// Its twin cannot be simulated.
+    pub fn in_environment(
+        study: &'s Study,
+        flights: &'s Flights,
+        purpose: Purpose,
+        setting: Setting,
+        environment: usize,
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
+        let environments = Cow::Borrowed(purpose.environments(flights));
+        let plan = plan::flights(study, flights, purpose);
+        let own = |&place: &usize| plan[place].environment == environment;
+        let which = (0..plan.len()).filter(own).collect();
+        let lot = (purpose, flights.seed);
+        Flown::of(study, environments, (plan, which), lot, setting, workers)
+    }
+
     /// The same for flights and environments of one's own, of a purpose with a seed.
     ///
     /// # Errors
@@ -71,6 +94,18 @@ impl<'s> Flown<'s> {
         study: &'s Study,
         environments: Cow<'s, [Environment]>,
         plan: Vec<Flight>,
+        lot: (Purpose, u64),
+        setting: Setting,
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
+        let all = (0..plan.len()).collect();
+        Flown::of(study, environments, (plan, all), lot, setting, workers)
+    }
+
+    fn of(
+        study: &'s Study,
+        environments: Cow<'s, [Environment]>,
+        (plan, which): (Vec<Flight>, Vec<usize>),
         (purpose, seed): (Purpose, u64),
         setting: Setting,
         workers: Workers<'s>,
@@ -87,6 +122,7 @@ impl<'s> Flown<'s> {
             setting,
             ensemble,
             plan,
+            which,
             twins: vec![],
             sensors,
             imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
@@ -130,8 +166,11 @@ impl<'s> Flown<'s> {
         let longest = self.plan.iter().map(|flight| flight.duration_s).fold(0.0, f64::max);
         let ensemble = Ensemble { record, duration_s: longest, ..self.ensemble };
         let mut twins = vec![vec![]; self.environments.len()];
+        let flown: BTreeSet<usize> = self.which.iter().map(|&k| self.plan[k].environment).collect();
+        let flown: Vec<usize> = flown.into_iter().collect();
         let mut error = None;
-        let variant = |place: usize| {
+        let variant = |job: usize| {
+            let place = flown[job];
             let environment = &self.environments[place];
             let fitted = self.calibrated.get(place).map_or(&[][..], |actuator| &actuator.twin);
             Variant {
@@ -142,12 +181,12 @@ impl<'s> Flown<'s> {
             }
         };
         ensemble.run(
-            self.environments.len(),
+            flown.len(),
             variant,
             |_| Rows::default(),
-            |place, rows, outcome| match outcome {
-                Ok(_) => twins[place] = rows.0,
-                Err(failure) => error = Some((place, failure)),
+            |job, rows, outcome| match outcome {
+                Ok(_) => twins[flown[job]] = rows.0,
+                Err(failure) => error = Some((flown[job], failure)),
             },
         );
         match error {
@@ -161,7 +200,7 @@ impl<'s> Flown<'s> {
 
     fn longest_s(&self, environment: usize) -> Option<f64> {
         let here = self.plan.iter().filter(|flight| flight.environment == environment);
-        here.map(|flight| flight.duration_s).reduce(f64::max).or(Some(0.0))
+        here.map(|flight| flight.duration_s).reduce(f64::max)
     }
 
     /// Time between samples, s.

@@ -5,9 +5,9 @@
 //! against latency.
 
 use super::flown::{Flown, Observer};
-use super::plan::{Flight, Onset};
+use super::plan::{self, Flight, Onset, Purpose};
 use crate::evaluation::score::{Rate, Trial};
-use crate::study::{FaultCase, Study};
+use crate::study::{FaultCase, Flights, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_diagnosis::error::Error;
@@ -129,10 +129,34 @@ pub struct Merit {
 }
 
 /// What one session said in one flight.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Story {
     /// Every command when it was raised.
     raised: Vec<Raised>,
+}
+
+/// What is remembered of flights that were watched.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Watched {
+    ended: Vec<Remembered>,
+    /// Flights that could not be finished.
+    failed: u64,
+}
+
+impl Watched {
+    /// Adds what is remembered of other flights.
+    pub fn add(&mut self, other: Watched) {
+        self.ended.extend(other.ended);
+        self.failed += other.failed;
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Remembered {
+    /// The flight's number.
+    number: usize,
+    seen: Option<u64>,
+    stories: Vec<Story>,
 }
 
 /// What is remembered of a flight: the diagnoser's own session first, then those of other rates.
@@ -200,18 +224,15 @@ impl Observer for Watching {
     }
 }
 
-/// Flies every planned flight of a setting and judges what was said, against the latency that is
-/// asked for.
+/// Flies the planned flights of a setting, watched by a diagnoser.
 ///
 /// # Errors
 /// What [`Diagnoser::check`] says.
-pub fn judge(
-    study: &Study,
-    (setting, limit_s): (&str, f64),
+pub fn watch(
     flown: &Flown,
     diagnoser: &Diagnoser,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Merit, Error> {
+) -> Result<Watched, Error> {
     let diagnosers: Vec<Arc<Diagnoser>> = asked(diagnoser)
         .into_iter()
         .map(|false_alarms_per_h| {
@@ -223,10 +244,9 @@ pub fn judge(
     let sessions: Vec<Session> =
         diagnosers.into_iter().map(Session::new).collect::<Result<_, _>>()?;
     let period_s = flown.period_s();
-    let all: Vec<usize> = (0..flown.plan.len()).collect();
-    let (mut ended, mut failed) = (vec![], 0);
+    let mut watched = Watched::default();
     flown.fly(
-        &all,
+        &flown.which,
         |flight| Watching {
             sessions: sessions.iter().map(|s| (s.clone(), Story::default())).collect(),
             onset: (flight.onset_s / period_s).ceil() as u64,
@@ -236,17 +256,34 @@ pub fn judge(
         |flight, watching, outcome| {
             match outcome {
                 Ok(_) => {
+                    let (number, seen) = (flight.number, watching.seen);
                     let stories = watching.sessions.into_iter().map(|(_, story)| story).collect();
-                    ended.push(Ended { flight: *flight, seen: watching.seen, stories });
+                    watched.ended.push(Remembered { number, seen, stories });
                 }
-                Err(_) => failed += 1,
+                Err(_) => watched.failed += 1,
             }
-            progress(ended.len() + failed as usize, all.len());
+            progress(watched.ended.len() + watched.failed as usize, flown.which.len());
         },
     );
-    ended.sort_by_key(|ended| ended.flight.number);
-    let judged = Judged { study, diagnoser, ended: &ended, period_s };
-    Ok(judged.merit((setting, limit_s), failed))
+    Ok(watched)
+}
+
+/// Judges what was said in all flights that there are to be judged in, against the latency that is asked
+/// for.
+pub fn merit(
+    study: &Study,
+    flights: &Flights,
+    (setting, limit_s): (&str, f64),
+    diagnoser: &Diagnoser,
+    watched: Watched,
+) -> Merit {
+    let plan = plan::flights(study, flights, Purpose::Judge);
+    let Watched { mut ended, failed } = watched;
+    ended.sort_by_key(|remembered| remembered.number);
+    let of = |Remembered { number, seen, stories }| Ended { flight: plan[number], seen, stories };
+    let ended: Vec<Ended> = ended.into_iter().map(of).collect();
+    let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
+    judged.merit((setting, limit_s), failed)
 }
 
 /// The diagnoser's own rate first.

@@ -6,7 +6,7 @@
 //! of its own.
 
 use super::flown::{Flown, Observer};
-use super::plan::Flight;
+use super::plan::{self, Flight, Purpose};
 use crate::evaluation::parallel::{self, Workers};
 use crate::signal::random::Random;
 use crate::study::campaign::CampaignError;
@@ -15,6 +15,7 @@ use crate::study::campaign::columns::{
 };
 use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
 use servotwin_diagnosis::residual::{BAND, Window};
 
@@ -29,7 +30,7 @@ const BEFORE: usize = 4;
 const LEAST_SHARE: f64 = 0.5;
 
 /// A window to be cut out of a flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Cut {
     /// Which of the lengths.
     length: usize,
@@ -40,10 +41,35 @@ struct Cut {
 }
 
 /// A window that was cut.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Lesson {
     cut: Cut,
     flight: usize,
-    window: Window,
+    /// The bits of the window's values, which may be infinite.
+    bits: Vec<u64>,
+}
+
+impl Lesson {
+    fn window(&self, sensors: usize) -> Window {
+        let values: Vec<f64> = self.bits.iter().map(|&bits| f64::from_bits(bits)).collect();
+        Window::from_values(sensors, sensors, &values).expect("the values of a window")
+    }
+}
+
+/// What was cut out of flights.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Lessons {
+    list: Vec<Lesson>,
+    /// Flights that could not be finished, which teach nothing.
+    pub failed: usize,
+}
+
+impl Lessons {
+    /// Adds what was cut out of other flights.
+    pub fn add(&mut self, other: Lessons) {
+        self.list.extend(other.list);
+        self.failed += other.failed;
+    }
 }
 
 struct Cutter {
@@ -62,47 +88,51 @@ impl Observer for Cutter {
     }
 }
 
-/// Flies what there is to learn from, and gives a table for each of the flights' window lengths.
-///
-/// # Errors
-/// A twin cannot be simulated, or the work was cancelled. Flights that cannot be finished are left
-/// out; their number is given beside the tables.
-pub fn tables(
-    study: &Study,
-    flights: &Flights,
-    setting: Setting,
-    flown: &Flown,
-    workers: Workers,
-) -> Result<(Vec<Table>, usize), CampaignError> {
-    let plan = &flown.plan;
+/// Flies what there is to learn from, and cuts windows out of it. Flights that cannot be finished are left
+/// out.
+pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
     let scales = study.scales()[..study.base_sensors()].to_vec();
-    let all: Vec<usize> = (0..plan.len()).collect();
-    let mut lessons: Vec<Lesson> = vec![];
-    let mut failed = 0;
+    let mut lessons = Lessons::default();
     flown.fly(
-        &all,
+        &flown.which,
         |flight| {
             let cuts = cuts(flights, flight, study.sample_period_s);
             let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
             Cutter { cuts, windows, scales: scales.clone() }
         },
         |flight, cutter, outcome| match outcome {
-            Ok(_) => {
-                let pairs = cutter.cuts.into_iter().zip(cutter.windows);
-                let number = flight.number;
-                lessons.extend(pairs.map(|(cut, window)| Lesson { cut, flight: number, window }));
-            }
-            Err(_) => failed += 1,
+            Ok(_) => lessons.list.extend(cutter.cuts.iter().zip(&cutter.windows).map(
+                |(&cut, window)| {
+                    let bits = window.to_values().into_iter().map(f64::to_bits).collect();
+                    Lesson { cut, flight: flight.number, bits }
+                },
+            )),
+            Err(_) => lessons.failed += 1,
         },
     );
+    lessons
+}
+
+/// A table for each of the flights' window lengths, of everything that was cut.
+///
+/// # Errors
+/// The work was cancelled.
+pub fn tables(
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    Lessons { list: mut lessons, .. }: Lessons,
+    workers: Workers,
+) -> Result<Vec<Table>, CampaignError> {
     lessons.sort_by_key(|lesson| (lesson.cut.length, lesson.flight, lesson.cut.to));
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
+    let plan = &plan::flights(study, flights, Purpose::Learn);
     let mut tables = vec![];
     for length in 0..flights.windows_s.len() {
         let of: Vec<&Lesson> = lessons.iter().filter(|l| l.cut.length == length).collect();
         tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
     }
-    Ok((tables, failed))
+    Ok(tables)
 }
 
 /// The windows that a flight gives.
@@ -148,10 +178,12 @@ struct Maker<'m> {
 
 impl Maker<'_> {
     fn table(&self, lessons: &[&Lesson], workers: Workers) -> Result<Table, CampaignError> {
-        let view = |lesson: &&Lesson| seen(self.sensors, &lesson.window);
-        let rows = parallel::map(lessons, workers, view).map_err(|_| CampaignError::Cancelled)?;
-        let mut columns = self.labels(lessons);
-        let windows: Vec<&Window> = lessons.iter().map(|lesson| &lesson.window).collect();
+        let windows: Vec<Window> =
+            lessons.iter().map(|lesson| lesson.window(self.sensors.0.len())).collect();
+        let view = |window: &Window| seen(self.sensors, window);
+        let rows = parallel::map(&windows, workers, view).map_err(|_| CampaignError::Cancelled)?;
+        let mut columns = self.labels(lessons, &windows);
+        let windows: Vec<&Window> = windows.iter().collect();
         columns.extend(largest_columns(&self.sensors.0, &windows));
         let features: Vec<_> =
             features::ALL.iter().flat_map(|family| family.features(self.sensors)).collect();
@@ -160,7 +192,7 @@ impl Maker<'_> {
         Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
     }
 
-    fn labels(&self, lessons: &[&Lesson]) -> Vec<Column> {
+    fn labels(&self, lessons: &[&Lesson], windows: &[Window]) -> Vec<Column> {
         let flight = |lesson: &Lesson| self.plan[lesson.flight];
         let shown = |lesson: &&Lesson| match flight(lesson) {
             Flight { fault, intensity, .. } if lesson.cut.is_faulty => Shown { fault, intensity },
@@ -173,7 +205,7 @@ impl Maker<'_> {
             Column::new(name, unit, Values::Float(numbers))
         };
         let period_s = self.study.sample_period_s;
-        let detectable = lessons.iter().map(|l| l.window.largest_of_all() > BAND).collect();
+        let detectable = windows.iter().map(|w| w.largest_of_all() > BAND).collect();
         let number_of = lessons.iter().map(|l| l.flight as u32).collect();
         let mut columns = vec![
             Column::new("variant", "", Values::Unsigned(number_of)),

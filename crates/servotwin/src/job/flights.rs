@@ -5,9 +5,10 @@ use crate::evaluation::model_file;
 use crate::evaluation::parallel::Workers;
 use crate::flight::flown::Flown;
 use crate::flight::foreign::{self, ForeignMerit};
-use crate::flight::judge::{self, Merit};
+use crate::flight::judge::{self, Merit, Watched};
 use crate::flight::plan::Purpose;
-use crate::flight::{lessons, train};
+use crate::flight::lessons::{self, Lessons};
+use crate::flight::train;
 use crate::study::campaign::CampaignError;
 use crate::study::flights::{Limits, Size};
 use crate::study::{Flights, Setting, Study};
@@ -55,6 +56,12 @@ impl Crew<'_> {
     }
 }
 
+/// The settings in which a study's flights can be flown.
+pub fn settings(study: &Study) -> Vec<Setting> {
+    let possible = |setting: &Setting| !setting.has_noise() || study.realism.is_some();
+    SETTINGS.into_iter().filter(possible).collect()
+}
+
 /// Learns in flights and writes the diagnoser of a setting; also how many of these flights could not be
 /// simulated to the end, which teach nothing.
 ///
@@ -68,12 +75,44 @@ pub fn learn(
     crew: &Crew,
 ) -> Result<(Diagnoser, u64), JobError> {
     let flown = Flown::new(study, flights, Purpose::Learn, setting, crew.workers)?;
-    let lessons = lessons::tables(study, flights, setting, &flown, crew.workers);
+    let lessons = lessons::cut(study, flights, &flown);
     crew.check()?;
-    let (tables, failed) = lessons?;
+    learn_from(folder, study, flights, setting, lessons, crew)
+}
+
+/// Learns from what was cut out of flights, be they flown elsewhere, and writes the diagnoser of a setting.
+///
+/// # Errors
+/// What training says; the file cannot be written.
+pub fn learn_from(
+    folder: &Folder,
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    lessons: Lessons,
+    crew: &Crew,
+) -> Result<(Diagnoser, u64), JobError> {
+    let failed = lessons.failed as u64;
+    let tables = lessons::tables(study, flights, setting, lessons, crew.workers)?;
     let diagnoser = train::diagnoser(study, flights, tables, &pools(study), crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
-    Ok((diagnoser, failed as u64))
+    Ok((diagnoser, failed))
+}
+
+/// What a diagnoser is worth in a setting, from what is remembered of all flights to be judged in.
+pub fn merit(
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    (diagnoser, failed_to_learn): (&Diagnoser, u64),
+    watched: Watched,
+) -> Merit {
+    let limit_s = match setting.has_tolerances() {
+        true => flights.limits.latency_unfitted_s,
+        false => flights.limits.latency_s,
+    };
+    let merit = judge::merit(study, flights, (setting.name(), limit_s), diagnoser, watched);
+    Merit { failed_to_learn, ..merit }
 }
 
 /// Learns and judges in flights of every setting, and writes what was measured.
@@ -87,9 +126,8 @@ pub fn fly_all(
     is_full: bool,
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
-    let possible = |setting: &Setting| !setting.has_noise() || study.realism.is_some();
-    let settings: Vec<Setting> = SETTINGS.into_iter().filter(possible).collect();
-    let (mut merits, mut foreign) = (vec![], vec![]);
+    let settings = settings(study);
+    let mut measured = vec![];
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
@@ -99,20 +137,30 @@ pub fn fly_all(
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
             (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
         };
-        let limit_s = match setting.has_tolerances() {
-            true => flights.limits.latency_unfitted_s,
-            false => flights.limits.latency_s,
-        };
-        let merit = judge::judge(study, (setting.name(), limit_s), &flown, &diagnoser, &told);
+        let watched = judge::watch(&flown, &diagnoser, &told);
         crew.check()?;
-        let merit = merit.map_err(|error| JobError::Evaluation(error.into()))?;
-        merits.push(Merit { failed_to_learn, ..merit });
+        let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
+        let merit = merit(study, flights, setting, (&diagnoser, failed_to_learn), watched);
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
-        let diagnoser = Arc::new(diagnoser);
-        let said = foreign::judge(study, flights, setting, &diagnoser, crew.workers);
+        let said =
+            foreign::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
         crew.check()?;
-        foreign.push(said?);
+        measured.push((merit, said?));
     }
+    write(folder, flights, is_full, measured)
+}
+
+/// Writes what was measured in every setting.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(
+    folder: &Folder,
+    flights: &Flights,
+    is_full: bool,
+    measured: Vec<(Merit, ForeignMerit)>,
+) -> Result<FlightResults, JobError> {
+    let (merits, foreign) = measured.into_iter().unzip();
     let results = FlightResults {
         is_full,
         learn: flights.learn,

@@ -23,6 +23,7 @@ pub use subject::Subject;
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::parallel::{self, Workers};
+use crate::evaluation::piece::{self, Bench, Found, Piece};
 use crate::evaluation::{self, Context, DataSet, FeatureInfo, Settings, Trained, model_file};
 use crate::study::campaign::{Campaign, data_features};
 use crate::study::{Role, Study};
@@ -149,33 +150,64 @@ impl Prepared {
         model_file::write(folder.panel(self.subject), &panel)?;
         Ok(trained)
     }
+}
 
-    /// Evaluates what was trained; also gives what others are tested on, where it is a setting and not a
-    /// sensor more.
-    fn evaluate(
-        self,
+fn settings(study: &Study, subject: Subject) -> Settings {
+    Settings { shutdowns: study.shutdowns(), ..subject.settings() }
+}
+
+/// The pieces of a subject's evaluation.
+pub fn pieces(study: &Study, subject: Subject) -> Vec<Piece> {
+    piece::all(&settings(study, subject))
+}
+
+/// A subject with everything that its evaluation needs.
+pub struct Desk {
+    prepared: Prepared,
+    trained: Trained,
+}
+
+impl Desk {
+    /// Reads the data sets of a subject, and what was trained for it.
+    ///
+    /// # Errors
+    /// A file is missing or cannot be read.
+    pub fn new(
+        folder: &Folder,
         study: &Study,
-        trained: Trained,
+        subject: Subject,
+        workers: Workers,
+    ) -> Result<Self, JobError> {
+        let prepared = Prepared::read(folder, study, subject, workers)?;
+        let trained = trained(folder, subject)?;
+        Ok(Desk { prepared, trained })
+    }
+
+    /// Evaluates some pieces.
+    ///
+    /// # Errors
+    /// What evaluation says.
+    pub fn evaluate(
+        &self,
+        study: &Study,
+        pieces: &[Piece],
         workers: Workers,
         progress: &dyn Fn(&str, f64),
-    ) -> Result<(SubjectResult, Option<Tested>), JobError> {
-        let Self { subject, all_features, windows, data } = self;
-        let (pools, moving) = (pools(study), moving(study, subject, &windows, JUDGED));
+    ) -> Result<Vec<Found>, JobError> {
+        let Prepared { subject, all_features, windows, data } = &self.prepared;
+        let moving = moving(study, *subject, windows, JUDGED);
+        let (pools, settings) = (pools(study), settings(study, *subject));
         let context = Context {
-            trained: &trained,
+            trained: &self.trained,
             pools: &pools,
-            all_features: &all_features,
+            all_features,
             moving: moving.as_ref(),
             workers,
             progress,
         };
-        let settings = Settings { shutdowns: study.shutdowns(), ..subject.settings() };
-        let evaluation = evaluation::evaluate(&data, &settings, &context)?;
-        let tested = (!subject.extra_sensor()).then(|| {
-            let (data, _) = evaluation::banded(&data, &settings, &pools);
-            (subject.name().to_owned(), data, trained)
-        });
-        Ok((SubjectResult::new(subject, study, settings, evaluation), tested))
+        let bench = Bench::new(data, &settings, &context);
+        let found = pieces.iter().map(|&piece| bench.evaluate(piece));
+        Ok(found.collect::<Result<_, _>>()?)
     }
 }
 
@@ -244,25 +276,40 @@ fn evaluate_with(
         };
         let prepared = Prepared::read(folder, study, subject, workers)?;
         let trained = trained(&prepared)?;
-        let evaluated = prepared.evaluate(study, trained, workers, &told);
+        let desk = Desk { prepared, trained };
+        let found = desk.evaluate(study, &pieces(study, subject), workers, &told)?;
         told("done", 1.0);
-        evaluated
+        Ok::<_, JobError>((desk, found))
     });
-    let (mut list, mut read) = (vec![], vec![]);
-    for evaluated in evaluated? {
-        let (result, tested) = evaluated?;
-        list.push(result);
-        read.extend(tested);
-    }
+    let evaluated = evaluated?.into_iter().collect::<Result<Vec<_>, _>>()?;
     progress("trained on one setting, tested on another", 0.95);
-    let robustness = evaluation::robustness::evaluate(&read, &study.shutdowns())?;
+    write_results(folder, study, evaluated)
+}
+
+/// Joins what was found on the desks of all subjects in a folder, and writes it.
+///
+/// # Errors
+/// A file cannot be written; what evaluation says.
+pub fn write_results(
+    folder: &Folder,
+    study: &Study,
+    evaluated: Vec<(Desk, Vec<Found>)>,
+) -> Result<Results, JobError> {
+    let (mut list, mut tested) = (vec![], vec![]);
+    for (Desk { prepared: Prepared { subject, data, .. }, trained }, found) in evaluated {
+        let settings = settings(study, subject);
+        list.push(SubjectResult::new(subject, study, settings.clone(), piece::joined(found)));
+        if !subject.extra_sensor() {
+            // What others are tested on: a setting, and not a sensor more.
+            let (data, _) = evaluation::banded(&data, &settings, &pools(study));
+            tested.push((subject.name().to_owned(), data, trained));
+        }
+    }
+    let robustness = evaluation::robustness::evaluate(&tested, &study.shutdowns())?;
     let results = Results::new(study, list, robustness);
     model_file::write(folder.results(), &results)?;
     Ok(results)
 }
-
-/// A setting's name, the data on which others are tested, and what was trained on it.
-type Tested = (String, DataSet, Trained);
 
 /// The windows of all rows of a data set, in their order; none where the study has no training
 /// commands, because then nothing is moved.

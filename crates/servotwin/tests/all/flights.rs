@@ -5,10 +5,11 @@ use servotwin::evaluation::parallel::Workers;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::flight::flown::Flown;
 use servotwin::flight::foreign;
-use servotwin::flight::judge::{self, Merit};
+use servotwin::flight::judge::{self, Merit, Watched};
+use servotwin::flight::lessons::{self, Lessons};
 use servotwin::flight::plan::Purpose;
 use servotwin::job::Folder;
-use servotwin::job::flights::{Crew, learn};
+use servotwin::job::flights::{Crew, learn, learn_from};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::{Setting, Study};
@@ -72,7 +73,8 @@ fn merit(threads: usize) -> Merit {
     let flights = &study().flights().unwrap().unwrap();
     let flown = Flown::new(study(), flights, Purpose::Judge, Setting::Noise, Workers::new(threads))
         .unwrap();
-    judge::judge(study(), ("noise", 1.0), &flown, diagnoser(), &|_, _| ()).unwrap()
+    let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
+    judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched)
 }
 
 fn text(value: &impl serde::Serialize) -> String {
@@ -90,6 +92,38 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
             .unwrap()
     };
     assert_eq!(text(&foreign(1)), text(&foreign(2)));
+}
+
+#[test]
+fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
+    let flights = &study().flights().unwrap().unwrap();
+    let apart = |purpose: Purpose, environments: usize| {
+        (0..environments).rev().map(move |environment| {
+            let (setting, workers) = (Setting::Noise, Workers::new(1));
+            Flown::in_environment(study(), flights, purpose, setting, environment, workers).unwrap()
+        })
+    };
+    // Through a text, as it comes from another machine.
+    let mut lessons = Lessons::default();
+    for flown in apart(Purpose::Learn, 3) {
+        let sent = text(&lessons::cut(study(), flights, &flown));
+        lessons.add(serde_json::from_str(&sent).unwrap());
+    }
+    let folder = Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
+    std::fs::create_dir_all(folder.path()).unwrap();
+    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
+    let (found, failed) =
+        learn_from(&folder, study(), flights, Setting::Noise, lessons, &crew).unwrap();
+    assert!(text(&found) == text(&**diagnoser()) && failed == 0);
+    std::fs::remove_dir_all(folder.path()).unwrap();
+
+    let mut watched = Watched::default();
+    for flown in apart(Purpose::Judge, 2) {
+        let sent = text(&judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap());
+        watched.add(serde_json::from_str(&sent).unwrap());
+    }
+    let found = judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched);
+    assert_eq!(text(&found), text(&merit(2)));
 }
 
 #[test]

@@ -1,0 +1,231 @@
+//! An evaluation in pieces, of which each is computed by itself, be it on another machine, and what joins
+//! them. Numbers that go through a piece's text are the same bits.
+
+use super::ablation::{self, Ablation};
+use super::ambiguity::{self, Ambiguity};
+use super::bands::Band;
+use super::comparison::{self, Compared};
+use super::protocol::{self, Holding, Protocol, ProtocolResult};
+use super::run::{self, Scope};
+use super::{Context, DataSet, Evaluation, EvaluationError, Lessons, Settings, Training};
+use super::{WORST_LEAVES, banded, baseline, commands, detection, false_alarms, flips, leaves};
+use super::{silence, size};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::residual::BAND;
+
+/// A piece of an evaluation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Piece {
+    /// The nine trees under a protocol.
+    Trees(Protocol),
+    /// The committee under a protocol.
+    Committee(Protocol),
+    /// The trees that learned from fewer commands.
+    Commands,
+    /// Trees and committee where the paper's band detects.
+    PaperBand,
+    /// The seed paper's trees.
+    Baseline,
+    /// All classifiers.
+    Classifiers,
+    /// What each part carries.
+    Ablation,
+    /// What was trained with all rows, and what it was trained with.
+    Trained,
+}
+
+/// What came of a piece.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Found {
+    /// Of the trees: the result, if the protocol was possible, and what was taken for what.
+    Trees(Option<(ProtocolResult, Option<Ambiguity>)>),
+    /// Of the committee.
+    Committee(Option<ProtocolResult>),
+    /// By the number of commands.
+    Commands(Vec<(usize, ProtocolResult)>),
+    /// Where the paper's band detects.
+    PaperBand(Vec<ProtocolResult>),
+    /// Of the seed paper's trees.
+    Baseline(Vec<ProtocolResult>),
+    /// Of all classifiers.
+    Classifiers(Vec<Compared>),
+    /// What each part carries.
+    Ablation(Vec<Ablation>),
+    /// Everything else, with nothing of the pieces above.
+    Trained(Box<Evaluation>),
+}
+
+/// The pieces of an evaluation.
+pub fn all(settings: &Settings) -> Vec<Piece> {
+    let has_several = settings.protocols.len() > 1;
+    let trees = settings.protocols.iter().map(|&protocol| Piece::Trees(protocol));
+    let committee = settings.committee_protocols.iter().map(|&p| Piece::Committee(p));
+    let mut pieces: Vec<Piece> = trees.chain(committee).collect();
+    pieces.extend(has_several.then_some(Piece::Commands));
+    pieces.extend(settings.learned_bands.then_some(Piece::PaperBand));
+    pieces.extend(has_several.then_some(Piece::Baseline));
+    pieces.push(Piece::Classifiers);
+    pieces.extend(settings.ablation.then_some(Piece::Ablation));
+    pieces.push(Piece::Trained);
+    pieces
+}
+
+/// The evaluation whose pieces these are, in their order.
+///
+/// # Panics
+/// If [`Found::Trained`] is not among them.
+pub fn joined(found: Vec<Found>) -> Evaluation {
+    let is_rest = |found: &Found| matches!(found, Found::Trained(_));
+    let (rest, pieces): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_rest);
+    let Some(Found::Trained(all)) = rest.into_iter().next() else {
+        panic!("an evaluation looks at what was trained")
+    };
+    let mut all = *all;
+    for piece in pieces {
+        match piece {
+            Found::Trees(of) => {
+                let Some((result, ambiguity)) = of else { continue };
+                all.protocols.push(result);
+                all.ambiguity = ambiguity.unwrap_or(all.ambiguity);
+            }
+            Found::Committee(result) => all.committee.extend(result),
+            Found::Commands(curve) => all.commands = curve,
+            Found::PaperBand(results) => all.paper_band = results,
+            Found::Baseline(results) => all.baseline = results,
+            Found::Classifiers(list) => all.classifiers = list,
+            Found::Ablation(list) => all.ablation = list,
+            Found::Trained(_) => (),
+        }
+    }
+    all
+}
+
+/// Data with its band and settings: what every piece begins with.
+pub struct Bench<'b> {
+    settings: &'b Settings,
+    context: &'b Context<'b>,
+    unbanded: DataSet,
+    data: DataSet,
+    bands: Option<Vec<Band>>,
+    training: Training,
+}
+
+impl<'b> Bench<'b> {
+    /// The bench of an evaluation.
+    pub fn new(data: &DataSet, settings: &'b Settings, context: &'b Context<'b>) -> Self {
+        let unbanded = match data.sensors.is_empty() {
+            true => data.clone(),
+            false => data.with_bands(&vec![BAND; data.sensors.len()]),
+        };
+        let (data, bands) = banded(data, settings, context.pools);
+        let training = run::settled(&data, &settings.training);
+        Bench { settings, context, unbanded, data, bands, training }
+    }
+
+    /// Evaluates a piece.
+    ///
+    /// # Errors
+    /// [`EvaluationError::NothingDetectable`] and what training says.
+    pub fn evaluate(&self, piece: Piece) -> Result<Found, EvaluationError> {
+        let Self { settings, data, training, .. } = self;
+        let workers = self.context.workers;
+        let (of_trees, of_boosted) = (settings.holding.lessons, settings.committee_lessons);
+        self.tell(piece);
+        Ok(match piece {
+            Piece::Trees(protocol) => {
+                let found = self.judged(protocol, data, training, of_trees)?;
+                Found::Trees(found.map(|(result, outcomes)| {
+                    let is_traced = protocol.scope() == Scope::AllTracing;
+                    (result, is_traced.then(|| ambiguity::evaluate(data, &outcomes)))
+                }))
+            }
+            Piece::Committee(protocol) => {
+                let found = self.judged(protocol, data, &settings.committee, of_boosted)?;
+                Found::Committee(found.map(|(result, _)| result))
+            }
+            Piece::Commands => Found::Commands(commands(data, settings, workers)?),
+            Piece::PaperBand if self.bands.is_none() => Found::PaperBand(vec![]),
+            Piece::PaperBand => {
+                let both = [(&settings.training, of_trees), (&settings.committee, of_boosted)];
+                let of = |(training, lessons)| {
+                    self.judged(Protocol::NewCommand, &self.unbanded, training, lessons)
+                };
+                let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
+                Found::PaperBand(found?.into_iter().flatten().map(|(result, _)| result).collect())
+            }
+            Piece::Baseline => {
+                Found::Baseline(baseline(self.context.all_features, settings, workers)?)
+            }
+            Piece::Classifiers => {
+                let (list, holding) = (&settings.classifiers, settings.comparison_holding);
+                let compared = comparison::evaluate(data, training, list, holding, workers)?;
+                Found::Classifiers(compared)
+            }
+            Piece::Ablation => {
+                // A family less is a family less, with moved windows or without.
+                let still = data.without(|row| row.moved > 0);
+                Found::Ablation(ablation::evaluate(&still, training, settings.holding, workers)?)
+            }
+            Piece::Trained => Found::Trained(Box::new(self.trained()?)),
+        })
+    }
+
+    fn judged(
+        &self,
+        protocol: Protocol,
+        data: &DataSet,
+        training: &Training,
+        lessons: Lessons,
+    ) -> Result<Option<protocol::Judged>, EvaluationError> {
+        let Self { settings, context, .. } = self;
+        let holding = Holding { lessons, ..settings.holding };
+        let shutdowns = &settings.shutdowns;
+        protocol::evaluate(protocol, data, training, holding, shutdowns, context.workers)
+    }
+
+    fn trained(&self) -> Result<Evaluation, EvaluationError> {
+        let Self { settings, context, unbanded, data, training, .. } = self;
+        let (trained, lessons) = (context.trained, settings.holding.lessons);
+        let silence = silence(data, settings, trained)?;
+        let (abstention, reliability) = silence.map_or((None, None), |(a, r)| (Some(a), Some(r)));
+        Ok(Evaluation {
+            detection: detection::evaluate(data),
+            paper_detection: detection::share(unbanded, true),
+            bands: self.bands.clone(),
+            features: data.features.len(),
+            constant_features: data.constant.clone(),
+            abstention,
+            reliability,
+            flips: flips(data, trained, context)?,
+            ambiguity: ambiguity::evaluate(data, &[]),
+            worst_leaves: leaves::worst(data, training, &trained.trees, lessons, WORST_LEAVES)?,
+            stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
+            false_alarms: false_alarms(unbanded, data, trained, &settings.shutdowns)?,
+            protocols: vec![],
+            committee: vec![],
+            paper_band: vec![],
+            commands: vec![],
+            baseline: vec![],
+            classifiers: vec![],
+            ablation: vec![],
+        })
+    }
+
+    /// Tells what is being done, and roughly how much of all is done.
+    fn tell(&self, piece: Piece) {
+        let place = |protocol| self.settings.protocols.iter().position(|p| *p == protocol);
+        let (what, share) = match piece {
+            Piece::Trees(protocol) => {
+                (protocol.title(), 0.025 * place(protocol).unwrap_or(0) as f64)
+            }
+            Piece::Committee(_) => ("committee", 0.3),
+            Piece::Commands => ("fewer commands", 0.4),
+            Piece::PaperBand => ("the paper's band", 0.45),
+            Piece::Baseline => ("the paper's trees", 0.5),
+            Piece::Classifiers => ("comparing classifiers", 0.55),
+            Piece::Ablation => ("taking parts away", 0.8),
+            Piece::Trained => ("moving windows", 0.9),
+        };
+        (self.context.progress)(what, share);
+    }
+}

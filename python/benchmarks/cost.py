@@ -1,0 +1,81 @@
+"""What variants of the paper's study cost, and from that the plan for ten million of them.
+
+    python python/benchmarks/cost.py
+
+Simulates two parts of the setting `realistic`, one three times as large as the other, whose difference is the cost
+of variants without that of a start. The merge is measured with all variants of the study and runs of 0.1 s, whose
+windows are as large. Plans are measured with ten million variants, of which one part in ten thousand is run.
+"""
+
+import math
+import re
+import tempfile
+from pathlib import Path
+
+from studies import ROOT, binary, many, run
+
+SHARD = 205
+MANY = 10_000_000
+SETTING = ("--setting", "realistic")
+
+
+def paper():
+    """The paper's study without training commands."""
+    text = (ROOT / "studies/paper.toml").read_text(encoding="utf-8")
+    begin = text.index("[training]")
+    end = re.search(r"^\[flights\]", text, re.MULTILINE).start()
+    return text[:begin] + text[end:]
+
+
+def size(folder, pattern):
+    return sum(path.stat().st_size for path in folder.glob(pattern))
+
+
+def part(folder, study, shards, *settings):
+    """Cost of a part, its variants, and the bytes of its shards."""
+    out = folder / f"out-{shards.replace('/', '-')}"
+    cost = run(binary(), "campaign", study, "--out", out, "--shards", shards, "--quiet", *settings)
+    files = len(list(out.glob("shards/*.parquet")))
+    return cost, files * SHARD, size(out, "shards/*.parquet")
+
+
+def main():
+    with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
+        folder = Path(name)
+        study = folder / "paper.toml"
+        study.write_text(paper(), encoding="utf-8")
+        small, large = part(folder, study, "1/13", *SETTING), part(folder, study, "2/4", *SETTING)
+        variants = large[1] - small[1]
+        seconds = (large[0].processor_s - small[0].processor_s) / variants
+        start = small[0].processor_s - seconds * small[1]
+        shard_bytes = large[2] / large[1]
+        print(f"variants in the two parts: {small[1]} and {large[1]}")
+        print(f"a variant: {1e3 * seconds:.1f} ms of processor, {shard_bytes:.0f} bytes in its shard")
+        print(f"a shard of {SHARD}: {SHARD * seconds:.1f} s, {SHARD * shard_bytes / 1e3:.0f} kB")
+        print(f"a start: {start:.1f} s; memory of the parts: {small[0].memory_mb:.0f} and {large[0].memory_mb:.0f} MB")
+
+        short = folder / "short.toml"
+        short.write_text(re.sub(r"(?m)^duration_s = .*", "duration_s = 0.1", paper()), encoding="utf-8")
+        out = folder / "short"
+        run(binary(), "campaign", short, "--out", out, "--shards", "1/1", "--quiet", *SETTING)
+        merge = run(binary(), "merge", out, "--quiet", *SETTING)
+        rows = len(list(out.glob("shards/*.parquet"))) * SHARD
+        table = size(out, "dataset-*.parquet") / rows
+        merged = merge.processor_s / rows
+        print(f"merge of {rows}: {1e3 * merged:.2f} ms a variant, {merge.memory_mb:.0f} MB; {table:.0f} bytes a row")
+
+        long = folder / "long.toml"
+        long.write_text(many(MANY), encoding="utf-8")
+        tiny, _, _ = part(folder, long, "1/10000", *SETTING)
+        print(f"a part of ten million variants: {tiny.processor_s:.0f} s, {tiny.memory_mb:.0f} MB")
+
+    shards = math.ceil(MANY / SHARD)
+    parts = 1000
+    print(f"ten million variants: {MANY * seconds / 3600:.0f} hours of a core in {shards} shards;")
+    print(f"  in {parts} parts {MANY / parts * seconds / 3600:.2f} h each, {parts * tiny.processor_s / 3600:.1f} h of all for plans;")
+    print(f"  {MANY * shard_bytes / 1e9:.0f} GB of shards, {MANY * table / 1e9:.0f} GB of data set;")
+    print(f"  merge {MANY * merged / 3600:.1f} h of a core")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,305 @@
+//! Evaluation and flights in pieces, of which each is computed by itself, be it on another machine. What
+//! comes of a piece travels as JSON.
+
+use crate::errors::Failure;
+use crate::long::{Watch, long};
+use crate::study::Study;
+use pyo3::prelude::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use servotwin::evaluation::model_file;
+use servotwin::flight::flown::Flown;
+use servotwin::flight::judge::{self, Watched};
+use servotwin::flight::lessons::{self, Lessons};
+use servotwin::flight::plan::Purpose;
+use servotwin::flight::{foreign, plan};
+use servotwin::job::flights::{self, Crew};
+use servotwin::job::{self, Folder, Subject, manifest};
+use servotwin::study::campaign::CampaignError;
+use servotwin::study::{Flights, Setting, Study as Inner};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+fn to_text(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("pieces are JSON")
+}
+
+fn from_text<T: DeserializeOwned>(text: &str) -> Result<T, Failure> {
+    serde_json::from_str(text).map_err(|error| Failure::value(format!("no piece: {error}")))
+}
+
+fn subject(name: &str) -> Result<Subject, Failure> {
+    let found = Subject::ALL.into_iter().find(|subject| subject.name() == name);
+    found.ok_or_else(|| Failure::value(format!("there is no subject '{name}'")))
+}
+
+/// The pieces of a folder's evaluation: subject and piece.
+#[pyfunction]
+pub fn evaluation_pieces(py: Python<'_>, out: PathBuf) -> PyResult<Vec<(String, String)>> {
+    let folder = Folder::new(out);
+    let list = py.detach(|| -> Result<Vec<_>, Failure> {
+        let study = folder.read_study()?;
+        let of = |subject: Subject| {
+            let pieces = job::pieces(&study, subject).into_iter();
+            pieces.map(move |piece| (subject.name().to_owned(), to_text(&piece)))
+        };
+        Ok(job::subjects(&folder, &study)?.into_iter().flat_map(of).collect())
+    })?;
+    Ok(list)
+}
+
+/// A subject of a folder with everything that its evaluation needs.
+#[pyclass(frozen, module = "servotwin._servotwin")]
+pub struct Desk {
+    study: Inner,
+    inner: job::Desk,
+}
+
+#[pymethods]
+impl Desk {
+    #[new]
+    #[pyo3(signature = (out, name, threads = None))]
+    fn new(py: Python<'_>, out: PathBuf, name: &str, threads: Option<usize>) -> PyResult<Self> {
+        let (folder, subject) = (Folder::new(out), subject(name)?);
+        let result = long(py, None, |watch| -> Result<Desk, Failure> {
+            let study = folder.read_study()?;
+            let inner = job::Desk::new(&folder, &study, subject, watch.workers(threads))?;
+            Ok(Desk { study, inner })
+        })?;
+        Ok(result?)
+    }
+
+    /// Evaluates a piece; what came of it.
+    #[pyo3(signature = (piece, threads = None))]
+    fn evaluate(&self, py: Python<'_>, piece: &str, threads: Option<usize>) -> PyResult<String> {
+        let piece = from_text(piece)?;
+        let result = long(py, None, |watch| -> Result<String, Failure> {
+            let workers = watch.workers(threads);
+            let found = self.inner.evaluate(&self.study, &[piece], workers, &|_, _| ())?;
+            Ok(to_text(&found[0]))
+        })?;
+        Ok(result?)
+    }
+}
+
+/// Joins the pieces of a folder's evaluation, in their order, and writes it; the results as JSON.
+#[pyfunction]
+#[pyo3(signature = (out, found, threads = None))]
+pub fn join_evaluation(
+    py: Python<'_>,
+    out: PathBuf,
+    found: Vec<(String, String)>,
+    threads: Option<usize>,
+) -> PyResult<String> {
+    let folder = Folder::new(out);
+    let result = long(py, None, |watch| -> Result<String, Failure> {
+        let study = folder.read_study()?;
+        let mut evaluated = vec![];
+        for subject in job::subjects(&folder, &study)? {
+            let own = found.iter().filter(|(name, _)| name == subject.name());
+            let own = own.map(|(_, text)| from_text(text)).collect::<Result<Vec<_>, _>>()?;
+            if own.len() != job::pieces(&study, subject).len() {
+                let name = subject.name();
+                return Err(Failure::value(format!("pieces of subject '{name}' are missing")));
+            }
+            let desk = job::Desk::new(&folder, &study, subject, watch.workers(threads))?;
+            evaluated.push((desk, own));
+        }
+        let results = job::write_results(&folder, &study, evaluated)?;
+        manifest::write(&folder, &study)?;
+        Ok(to_text(&results))
+    })?;
+    Ok(result?)
+}
+
+fn sizes(study: &Inner, full: bool) -> Result<Flights, Failure> {
+    let flights = if full { study.full_flights()? } else { study.flights()? };
+    flights.ok_or_else(|| {
+        Failure::value("the study has no [flights], or no full sizes of them")
+    })
+}
+
+fn setting(study: &Inner, name: &str) -> Result<Setting, Failure> {
+    let found = flights::settings(study).into_iter().find(|setting| setting.name() == name);
+    found.ok_or_else(|| Failure::value(format!("no flights are flown in setting '{name}'")))
+}
+
+fn purpose(learn: bool) -> Purpose {
+    if learn { Purpose::Learn } else { Purpose::Judge }
+}
+
+/// Learns and judges in flights, into a folder; what was measured, as JSON.
+#[pyfunction]
+#[pyo3(signature = (study, out, full = false, threads = None, progress = None))]
+pub fn fly_all(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    full: bool,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let (study, folder) = (&*study.inner, Folder::new(out));
+    let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
+        let flights = sizes(study, full)?;
+        folder.keep_study(study)?;
+        let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
+        let crew = Crew { workers: watch.workers(threads), progress: &told };
+        let results = flights::fly_all(&folder, study, &flights, full, &crew)?;
+        manifest::write(&folder, study)?;
+        Ok(to_text(&results))
+    })?;
+    Ok(result?)
+}
+
+/// The settings of a study's flights, and how many flights there are in each environment to learn from and
+/// in each to be judged in.
+#[pyfunction]
+#[pyo3(signature = (study, full = false))]
+pub fn flight_pieces(
+    py: Python<'_>,
+    study: &Study,
+    full: bool,
+) -> PyResult<(Vec<&'static str>, Vec<usize>, Vec<usize>)> {
+    let study = &*study.inner;
+    let pieces = py.detach(|| -> Result<_, Failure> {
+        let sizes = sizes(study, full)?;
+        let of = |purpose: Purpose| {
+            let mut counts = vec![0; purpose.environments(&sizes).len()];
+            let plan = plan::flights(study, &sizes, purpose);
+            plan.iter().for_each(|flight| counts[flight.environment] += 1);
+            counts
+        };
+        let names = flights::settings(study).into_iter().map(Setting::name).collect();
+        Ok((names, of(Purpose::Learn), of(Purpose::Judge)))
+    })?;
+    Ok(pieces)
+}
+
+/// Flies the flights of an environment, to learn from or watched by a diagnoser (its JSON); what came of it.
+#[pyfunction]
+#[pyo3(signature = (study, full, setting, environment, diagnoser = None, threads = None))]
+pub fn fly_piece(
+    py: Python<'_>,
+    study: &Study,
+    full: bool,
+    setting: &str,
+    environment: usize,
+    diagnoser: Option<&str>,
+    threads: Option<usize>,
+) -> PyResult<String> {
+    let study = &*study.inner;
+    let setting = self::setting(study, setting)?;
+    let diagnoser: Option<Diagnoser> = diagnoser.map(from_text).transpose()?;
+    let result = long(py, None, |watch| -> Result<String, Failure> {
+        let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
+        let purpose = purpose(diagnoser.is_none());
+        let flown =
+            Flown::in_environment(study, &flights, purpose, setting, environment, workers)?;
+        let text = match diagnoser {
+            None => to_text(&lessons::cut(study, &flights, &flown)),
+            Some(diagnoser) => {
+                to_text(&judge::watch(&flown, &diagnoser, &|_, _| ()).map_err(Failure::value)?)
+            }
+        };
+        check(watch)?;
+        Ok(text)
+    })?;
+    Ok(result?)
+}
+
+/// Flies faults that were never trained on, watched by a diagnoser; what was said of them.
+#[pyfunction]
+#[pyo3(signature = (study, full, setting, diagnoser, threads = None))]
+pub fn fly_foreign(
+    py: Python<'_>,
+    study: &Study,
+    full: bool,
+    setting: &str,
+    diagnoser: &str,
+    threads: Option<usize>,
+) -> PyResult<String> {
+    let study = &*study.inner;
+    let setting = self::setting(study, setting)?;
+    let diagnoser: Arc<Diagnoser> = Arc::new(from_text(diagnoser)?);
+    let result = long(py, None, |watch| -> Result<String, Failure> {
+        let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
+        diagnoser.check().map_err(Failure::value)?;
+        let said = foreign::judge(study, &flights, setting, &diagnoser, workers)?;
+        check(watch)?;
+        Ok(to_text(&said))
+    })?;
+    Ok(result?)
+}
+
+/// Learns from what was flown in all environments and writes the diagnoser of a setting; how many flights
+/// could not be finished.
+#[pyfunction]
+#[pyo3(signature = (study, out, full, setting, flown, threads = None))]
+pub fn learn_from_flights(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    full: bool,
+    setting: &str,
+    flown: Vec<String>,
+    threads: Option<usize>,
+) -> PyResult<u64> {
+    let (study, folder) = (&*study.inner, Folder::new(out));
+    let setting = self::setting(study, setting)?;
+    let result = long(py, None, |watch| -> Result<u64, Failure> {
+        let flights = sizes(study, full)?;
+        let mut lessons = Lessons::default();
+        for text in &flown {
+            lessons.add(from_text(text)?);
+        }
+        let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
+        let (_, failed) =
+            flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
+        Ok(failed)
+    })?;
+    Ok(result?)
+}
+
+/// What was found in a setting: its name, how many flights to learn from failed, what was watched in each
+/// environment, and what was said of foreign faults.
+type Measured = (String, u64, Vec<String>, String);
+
+/// Judges what was watched in all flights, and writes what was measured; the same as JSON.
+#[pyfunction]
+pub fn join_flights(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    full: bool,
+    found: Vec<Measured>,
+) -> PyResult<String> {
+    let (study, folder) = (&*study.inner, Folder::new(out));
+    let text = py.detach(|| -> Result<String, Failure> {
+        let flights = sizes(study, full)?;
+        let mut measured = vec![];
+        for (name, failed, texts, said) in &found {
+            let setting = setting(study, name)?;
+            let diagnoser = model_file::read_diagnoser(folder.diagnoser(setting))?;
+            let mut watched = Watched::default();
+            for text in texts {
+                watched.add(from_text(text)?);
+            }
+            let learned = (&diagnoser, *failed);
+            let merit = flights::merit(study, &flights, setting, learned, watched);
+            measured.push((merit, from_text(said)?));
+        }
+        let results = flights::write(&folder, &flights, full, measured)?;
+        manifest::write(&folder, study)?;
+        Ok(to_text(&results))
+    })?;
+    Ok(text)
+}
+
+fn check(watch: &Watch) -> Result<(), Failure> {
+    match watch.workers(None).is_cancelled() {
+        true => Err(CampaignError::Cancelled.into()),
+        false => Ok(()),
+    }
+}
