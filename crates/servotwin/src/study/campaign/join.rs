@@ -80,7 +80,7 @@ impl Campaign<'_> {
     }
 
     fn joined(&self, prepared: &Prepared) -> Result<Outcome, CampaignError> {
-        let variants = self.settings.iter().map(|setting| setting.planned(&prepared.plan)).sum();
+        let variants = prepared.counts.iter().sum();
         let mut outcome = Outcome { variants, resumed: variants, ..Outcome::default() };
         self.write_data_sets(prepared, &mut outcome)?;
         Ok(outcome)

@@ -336,12 +336,12 @@ impl Campaign<'_> {
     }
 
     fn shards(&self, prepared: &Prepared) -> Vec<Shards> {
-        let of = |(&setting, fingerprint): (&Setting, &String)| {
-            let variants = setting.planned(&prepared.plan);
-            let fingerprint = fingerprint.clone();
-            Shards::new(&self.shard_folder(), setting, self.role, fingerprint, variants)
+        let Prepared { fingerprints, counts, .. } = prepared;
+        let of = |(place, &setting): (usize, &Setting)| {
+            let fingerprint = fingerprints[place].clone();
+            Shards::new(&self.shard_folder(), setting, self.role, fingerprint, counts[place])
         };
-        self.settings.iter().zip(&prepared.fingerprints).map(of).collect()
+        self.settings.iter().enumerate().map(of).collect()
     }
 
     /// Simulates the variants of some bundles whose rows no shard holds, unless cancelled, round by
@@ -518,9 +518,8 @@ impl Campaign<'_> {
         let stop = AtomicBool::new(false);
         let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
         let Run { prepared, jobs, twins } = *run;
-        let Prepared { plan, images, .. } = prepared;
+        let Prepared { plan, images, counts, .. } = prepared;
         let observer = Observer::new(self, images);
-        let planned: Vec<usize> = self.settings.iter().map(|s| s.planned(plan)).collect();
         let all = outcome.variants;
         let mut error = None;
         progress(*done, all);
@@ -530,7 +529,7 @@ impl Campaign<'_> {
             |job| self.variant(jobs[job], plan[jobs[job]]),
             |job| {
                 let twin = &twins[&self.beside(jobs[job], plan[jobs[job]])];
-                observer.watch(jobs[job], twin, &planned)
+                observer.watch(jobs[job], twin, counts)
             },
             |_, watch, result| {
                 if let Ok(work) = &result {

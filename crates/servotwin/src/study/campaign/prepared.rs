@@ -20,6 +20,8 @@ pub struct Prepared {
     pub(super) images: Images,
     /// By setting what a shard must have been made from.
     pub(super) fingerprints: Vec<String>,
+    /// By setting the number of variants.
+    pub(super) counts: Vec<usize>,
 }
 
 impl Campaign<'_> {
@@ -49,7 +51,8 @@ impl Campaign<'_> {
         let model = self.model_text();
         let of = |&setting: &Setting| self.fingerprint(setting, &plan, &images, &model);
         let fingerprints = self.settings.iter().map(of).collect();
-        Prepared { plan, images, fingerprints }
+        let counts = self.settings.iter().map(|setting| setting.planned(&plan)).collect();
+        Prepared { plan, images, fingerprints, counts }
     }
 
     /// The equations with their parameters, and the sensors.
