@@ -123,10 +123,11 @@ def flights(
     store.keep("system.toml", study.system.text)
     names, to_learn, to_judge = _native.flight_pieces(study, full)
     where = (_mark(study.text, study.system.text), out, options)
-    measured, sent = [], []
+    measured: list[tuple[str, int, list[str], str]] = []
+    sent: list[Any] = []
 
     def submit(function: Any, name: str, *arguments: Any) -> Any:
-        key = _key(f"{study.name} flights {name}", out, where[0], arguments)
+        key = _key(f"{study.name} flights {name}", where[:2], full, arguments)
         sent.append(
             client.submit(function, where, full, *arguments, threads or 1, key=key, pure=False, retries=3)
         )
@@ -424,7 +425,8 @@ class _Store:
         """Copy what stages have left, with the shards or without."""
         for path in self._again(lambda: self.fs.find(self.root)):
             name = str(path).split(self.root.strip("/") + "/", 1)[1]
-            if name.startswith("shards/") <= shards and not name.endswith(".tmp"):
+            wanted = shards or not name.startswith("shards/")
+            if wanted and not name.endswith(".tmp"):
                 (folder / name).parent.mkdir(exist_ok=True)
                 self.fetch(name, folder / name)
 
