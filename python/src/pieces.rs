@@ -115,9 +115,7 @@ pub fn join_evaluation(
 
 fn sizes(study: &Inner, full: bool) -> Result<Flights, Failure> {
     let flights = if full { study.full_flights()? } else { study.flights()? };
-    flights.ok_or_else(|| {
-        Failure::value("the study has no [flights], or no full sizes of them")
-    })
+    flights.ok_or_else(|| Failure::value("the study has no [flights], or no full sizes of them"))
 }
 
 fn setting(study: &Inner, name: &str) -> Result<Setting, Failure> {
@@ -195,8 +193,7 @@ pub fn fly_piece(
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
         let purpose = purpose(diagnoser.is_none());
-        let flown =
-            Flown::in_environment(study, &flights, purpose, setting, environment, workers)?;
+        let flown = Flown::in_environment(study, &flights, purpose, setting, environment, workers)?;
         let text = match diagnoser {
             None => to_text(&lessons::cut(study, &flights, &flown)),
             Some(diagnoser) => {
@@ -255,8 +252,7 @@ pub fn learn_from_flights(
             lessons.add(from_text(text)?);
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        let (_, failed) =
-            flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
+        let (_, failed) = flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
         Ok(failed)
     })?;
     Ok(result?)

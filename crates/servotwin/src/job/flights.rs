@@ -6,8 +6,8 @@ use crate::evaluation::parallel::Workers;
 use crate::flight::flown::Flown;
 use crate::flight::foreign::{self, ForeignMerit};
 use crate::flight::judge::{self, Merit, Watched};
-use crate::flight::plan::Purpose;
 use crate::flight::lessons::{self, Lessons};
+use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::study::campaign::CampaignError;
 use crate::study::flights::{Limits, Size};
@@ -142,8 +142,7 @@ pub fn fly_all(
         let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
         let merit = merit(study, flights, setting, (&diagnoser, failed_to_learn), watched);
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
-        let said =
-            foreign::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
+        let said = foreign::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
         crew.check()?;
         measured.push((merit, said?));
     }

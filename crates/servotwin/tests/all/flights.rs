@@ -109,7 +109,8 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
         let sent = text(&lessons::cut(study(), flights, &flown));
         lessons.add(serde_json::from_str(&sent).unwrap());
     }
-    let folder = Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
+    let folder =
+        Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
     let (found, failed) =
