@@ -89,14 +89,14 @@ static SPEC: Spec = Spec {
             (500.0, 2000.0),
             "of the oil with which the flow was rated",
         ),
-        share("share_pa", "share of the rated flow that edge P-A passes"),
-        share("share_pb", "share of the rated flow that edge P-B passes"),
-        share("share_at", "share of the rated flow that edge A-T passes"),
-        share("share_bt", "share of the rated flow that edge B-T passes"),
-        overlap("overlap_pa", "overlap of edge P-A per unit of stroke; negative: underlap"),
-        overlap("overlap_pb", "overlap of edge P-B per unit of stroke"),
-        overlap("overlap_at", "overlap of edge A-T per unit of stroke"),
-        overlap("overlap_bt", "overlap of edge B-T per unit of stroke"),
+        share("pa_share", "share of the rated flow that edge P-A passes"),
+        share("pb_share", "share of the rated flow that edge P-B passes"),
+        share("at_share", "share of the rated flow that edge A-T passes"),
+        share("bt_share", "share of the rated flow that edge B-T passes"),
+        overlap("pa_overlap", "overlap of edge P-A per unit of stroke; negative: underlap"),
+        overlap("pb_overlap", "overlap of edge P-B per unit of stroke"),
+        overlap("at_overlap", "overlap of edge A-T per unit of stroke"),
+        overlap("bt_overlap", "overlap of edge B-T per unit of stroke"),
         parameter("smoothing", Unit::None, 2e-3, (1e-5, 0.1), "smoothing of the edges, ε"),
         parameter("transition_pa", Unit::Pascal, 2e4, (1.0, 1e6), "laminar below this drop, p_t"),
         parameter(
@@ -122,10 +122,10 @@ static SPEC: Spec = Spec {
         parameter("transmission", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
     ],
     faults: &[
-        clogging("clogging_pa", "share_pa", "dirt narrows edge P-A"),
-        clogging("clogging_pb", "share_pb", "dirt narrows edge P-B"),
-        clogging("clogging_at", "share_at", "dirt narrows edge A-T"),
-        clogging("clogging_bt", "share_bt", "dirt narrows edge B-T"),
+        clogging("clogging_pa", "pa_share", "dirt narrows edge P-A"),
+        clogging("clogging_pb", "pb_share", "dirt narrows edge P-B"),
+        clogging("clogging_at", "at_share", "dirt narrows edge A-T"),
+        clogging("clogging_bt", "bt_share", "dirt narrows edge B-T"),
         shrinks(
             "natural_frequency_loss",
             "natural_frequency_hz",
@@ -190,10 +190,10 @@ static SPEC: Spec = Spec {
             Category::InternalLeakage,
             "worn lands: 3 L/min more at 100 bar past each",
         ),
-        edge_wear("wear_pa", "overlap_pa", "edge P-A is eroded"),
-        edge_wear("wear_pb", "overlap_pb", "edge P-B is eroded"),
-        edge_wear("wear_at", "overlap_at", "edge A-T is eroded"),
-        edge_wear("wear_bt", "overlap_bt", "edge B-T is eroded"),
+        edge_wear("wear_pa", "pa_overlap", "edge P-A is eroded"),
+        edge_wear("wear_pb", "pb_overlap", "edge P-B is eroded"),
+        edge_wear("wear_at", "at_overlap", "edge A-T is eroded"),
+        edge_wear("wear_bt", "bt_overlap", "edge B-T is eroded"),
         shrinks(
             "jam",
             "mobility",
@@ -327,7 +327,7 @@ mod tests {
         let expected = 60.0 * (865.0 / density).sqrt();
         for overlap in [0.0, 0.2, -0.1] {
             for (which, sign) in [(0, 1.0), (1, -1.0), (2, -1.0), (3, 1.0)] {
-                let names = ["overlap_pa", "overlap_pb", "overlap_at", "overlap_bt"];
+                let names = ["pa_overlap", "pb_overlap", "at_overlap", "bt_overlap"];
                 let changes = [(names[which], overlap), ("leakage_m3_s_pa", 0.0)];
                 assert_close(flow(&changes, which, sign, 5.0), expected, 1e-3);
                 assert_close(flow(&changes, which, sign, 20.0), 2.0 * expected, 1e-3);
@@ -344,7 +344,7 @@ mod tests {
 
     #[test]
     fn inside_the_overlap_only_the_land_leaks() {
-        let changes = [("overlap_pa", 0.2), ("leakage_m3_s_pa", 1e-12)];
+        let changes = [("pa_overlap", 0.2), ("leakage_m3_s_pa", 1e-12)];
         // 10⁻¹² m³/(s Pa) at 100 bar are 0.6 L/min.
         assert_close(flow(&changes, 0, 0.1, 100.0), 0.6, 0.02);
         assert!(flow(&changes, 0, 0.21, 100.0) > 2.0 * flow(&changes, 0, 0.19, 100.0));
