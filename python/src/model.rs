@@ -245,8 +245,12 @@ impl Tree {
     }
 
     fn _repr_svg_(&self) -> String {
-        let drawing =
-            Drawing { title: String::new(), classes: self.classes.clone(), root: self.node(0) };
+        let drawing = Drawing {
+            title: String::new(),
+            classes: self.classes.clone(),
+            root: self.node(0),
+            sideways: false,
+        };
         drawing.draw().svg
     }
 
