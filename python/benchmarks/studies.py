@@ -47,27 +47,6 @@ def many(variants, duration_s=0.1):
     text = text.replace("duration_s = 2\nsample_hz = 50", f"duration_s = {duration_s}\nsample_hz = 20")
     signal = 'signals.S{0} = "noise:rms=5deg,bandwidth=1Hz,seed={0}"'
     signals = "\n".join(signal.format(k) for k in range(1, variants // 320 + 1))
-    return text.replace(signal.format(1), signals) + FAULTS
-
-
-FAULTS = """
-[[classes]]
-detail = "external_leakage"
-command = "shut_down"
-faults = ["leakage_a.leakage", "leakage_b.leakage"]
-[[classes]]
-detail = "control_valve"
-command = "shut_down"
-faults = ["servo_valve.clogging_pa", "servo_valve.bias_positive"]
-[[classes]]
-detail = "cylinder_pressure_sensor"
-command = "change_mode"
-faults = ["sensor_pressure_a.bias_positive", "sensor_pressure_b.gain_low"]
-[[classes]]
-detail = "valve_displacement_sensor"
-command = "warning"
-faults = ["sensor_spool.bias_positive", "sensor_spool.bias_negative"]
-[realistic]
-seed = 3
-healthy = 1
-"""
+    text = text.replace(signal.format(1), signals)
+    classes = (TESTS / "tiny_classes.toml").read_text(encoding="utf-8")
+    return f"{text}{classes}[realistic]\nseed = 3\nhealthy = 1\n"

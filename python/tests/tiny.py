@@ -4,23 +4,8 @@ from pathlib import Path
 
 _TESTS = Path(__file__).resolve().parents[2] / "crates/servotwin/tests"
 
-STUDY = (_TESTS / "tiny.toml").read_text(encoding="utf-8") + """
-[[classes]]
-detail = "external_leakage"
-command = "shut_down"
-faults = ["leakage_a.leakage", "leakage_b.leakage"]
-[[classes]]
-detail = "control_valve"
-command = "shut_down"
-faults = ["servo_valve.clogging_pa", "servo_valve.bias_positive"]
-[[classes]]
-detail = "cylinder_pressure_sensor"
-command = "change_mode"
-faults = ["sensor_pressure_a.bias_positive", "sensor_pressure_b.gain_low"]
-[[classes]]
-detail = "valve_displacement_sensor"
-command = "warning"
-faults = ["sensor_spool.bias_positive", "sensor_spool.bias_negative"]
+CLASSES = (_TESTS / "tiny_classes.toml").read_text(encoding="utf-8")
+STUDY = (_TESTS / "tiny.toml").read_text(encoding="utf-8") + CLASSES + """
 [realistic]
 seed = 3
 healthy = 4

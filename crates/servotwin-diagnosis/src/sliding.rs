@@ -185,20 +185,12 @@ impl Sliding {
         Sliding { base_samples, base: empty, rings, ended: vec![false; spans.len()] }
     }
 
-    /// Adds one sample as [`Window::add`] does; says whether it ended a pane of any span. Does not
-    /// allocate.
+    /// Adds one sample as [`Window::add_within`] does, with no half widths where no band varies; says
+    /// whether it ended a pane of any span. Does not allocate.
     ///
     /// # Panics
     /// As [`Window::add`].
-    pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> bool {
-        self.add_within(measured, twin, scales, &[])
-    }
-
-    /// The same as [`Window::add_within`] does.
-    ///
-    /// # Panics
-    /// As [`Window::add`].
-    pub fn add_within(
+    pub fn add(
         &mut self,
         measured: &[f64],
         twin: &[f64],
@@ -318,7 +310,7 @@ mod tests {
         let (mut sums, mut checks) = ([0.0_f64; 2], 0);
         for k in 0..DAY {
             let (measured, twin) = sample(&mut random, k);
-            sliding.add(&measured, &twin, &[2.0]);
+            sliding.add(&measured, &twin, &[2.0], &[]);
             recent.push_back((measured, twin));
             if recent.len() > 1000 {
                 recent.pop_front();
@@ -352,7 +344,7 @@ mod tests {
         let mut random = Random::new(1);
         let samples: Vec<_> = (0..30).map(|k| sample(&mut random, k)).collect();
         for (k, (measured, twin)) in samples.iter().enumerate() {
-            let ended = sliding.add(measured, twin, &[2.0]);
+            let ended = sliding.add(measured, twin, &[2.0], &[]);
             assert_eq!(ended, (k + 1) % 10 == 0);
             assert!(!sliding.has_ended(1));
         }
@@ -369,7 +361,7 @@ mod tests {
         let run = |sliding: &mut Sliding, random: &mut Random, from: u64| {
             for k in from..from + 777 {
                 let (measured, twin) = sample(random, k);
-                sliding.add(&measured, &twin, &[2.0]);
+                sliding.add(&measured, &twin, &[2.0], &[]);
             }
         };
         run(&mut one, &mut random, 0);

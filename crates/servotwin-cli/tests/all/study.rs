@@ -49,24 +49,7 @@ shut_down = {{ switches_off = true, unit_inputs = {{ mode = 0 }} }}
     )
 }
 
-const CLASSES: &str = r#"
-[[classes]]
-detail = "external_leakage"
-command = "shut_down"
-faults = ["leakage_a.leakage", "leakage_b.leakage"]
-[[classes]]
-detail = "control_valve"
-command = "shut_down"
-faults = ["servo_valve.clogging_pa", "servo_valve.bias_positive"]
-[[classes]]
-detail = "cylinder_pressure_sensor"
-command = "change_mode"
-faults = ["sensor_pressure_a.bias_positive", "sensor_pressure_b.gain_low"]
-[[classes]]
-detail = "valve_displacement_sensor"
-command = "warning"
-faults = ["sensor_spool.bias_positive", "sensor_spool.bias_negative"]
-"#;
+const CLASSES: &str = include_str!("../../../servotwin/tests/tiny_classes.toml");
 
 fn write_study(folder: &Folder, classes: &str) -> String {
     let path = folder.file("tiny.toml");

@@ -437,7 +437,7 @@ impl Session {
             return;
         }
         let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
-        let has_new = self.sliding.add_within(&self.measured, twin, &self.scales, half_widths);
+        let has_new = self.sliding.add(&self.measured, twin, &self.scales, half_widths);
         if has_new && self.judge(diagnoser).is_err() {
             self.memory.outcome.counts.errors += 1;
             self.say(Finding::Unjudged, Alarm::Error);

@@ -190,7 +190,7 @@ fn lessons(empty: &Diagnoser) -> Vec<Lessons> {
         for k in 0..600 {
             let fault = fault_of(group).filter(|_| k >= ONSET);
             let (_, measured, twin) = flight.next(fault);
-            sliding.add(&measured, &twin, &[1.0; SENSORS]);
+            sliding.add(&measured, &twin, &[1.0; SENSORS], &[]);
             for (length, lessons) in lessons.iter_mut().enumerate() {
                 let is_thin = length == 1 || k / 10 % 3 == 0;
                 let window = sliding.window(length);

@@ -48,6 +48,7 @@ pub mod sampled_position_controller;
 pub mod selector;
 pub mod servo_valve;
 pub mod shut_off_valve;
+pub(crate) mod spool;
 pub mod spring;
 pub mod tank;
 pub mod temperature_sensor;

@@ -16,13 +16,15 @@
 //! Flow forces are left to the valve's own position loop.
 
 use super::Component;
-use super::servo_valve::{
-    EDGES, ORIENTATIONS, SPOOL_CONSTANTS, Spool, spool_constants, spool_motion,
+use super::spool::{
+    ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
+    damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
+    spool_motion, states,
 };
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
+use crate::wiring::Wiring;
 
 /// See the module.
 pub struct ProportionalValve;
@@ -55,10 +57,6 @@ const fn share(name: &'static str, summary: &'static str) -> Parameter {
 
 const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
     parameter(name, Unit::None, 0.0, (-0.5, 0.5), summary)
-}
-
-const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
@@ -126,22 +124,8 @@ static SPEC: Spec = Spec {
         clogging("clogging_pb", "pb_share", "dirt narrows edge P-B"),
         clogging("clogging_at", "at_share", "dirt narrows edge A-T"),
         clogging("clogging_bt", "bt_share", "dirt narrows edge B-T"),
-        shrinks(
-            "natural_frequency_loss",
-            "natural_frequency_hz",
-            0.03,
-            (1e-3, 1.0),
-            Category::Dynamics,
-            "the position loop of the spool became slow",
-        ),
-        shrinks(
-            "damping_loss",
-            "damping_ratio",
-            0.03,
-            (1e-3, 1.0),
-            Category::Dynamics,
-            "the position loop of the spool rings",
-        ),
+        natural_frequency_loss("the position loop of the spool became slow"),
+        damping_loss("the position loop of the spool rings"),
         scales(
             "slow_spool",
             "opening_time_s",
@@ -150,38 +134,10 @@ static SPEC: Spec = Spec {
             Category::Dynamics,
             "the pilot stage or the solenoid has lost force",
         ),
-        adds(
-            "bias_positive",
-            "null_bias",
-            0.40,
-            (0.0, 2.0),
-            Category::Bias,
-            "null shift towards p → a",
-        ),
-        adds(
-            "bias_negative",
-            "null_bias",
-            -0.40,
-            (-2.0, 0.0),
-            Category::Bias,
-            "null shift towards p → b",
-        ),
-        adds(
-            "gain_high",
-            "current_gain",
-            1.0,
-            (0.0, 10.0),
-            Category::Calibration,
-            "too much stroke per signal",
-        ),
-        adds(
-            "gain_low",
-            "current_gain",
-            -0.8,
-            (-2.0, 0.0),
-            Category::Calibration,
-            "too little stroke per signal",
-        ),
+        bias_positive(),
+        bias_negative(),
+        gain_high("too much stroke per signal"),
+        gain_low("too little stroke per signal"),
         adds(
             "wear",
             "leakage_m3_s_pa",
@@ -194,34 +150,10 @@ static SPEC: Spec = Spec {
         edge_wear("wear_pb", "pb_overlap", "edge P-B is eroded"),
         edge_wear("wear_at", "at_overlap", "edge A-T is eroded"),
         edge_wear("wear_bt", "bt_overlap", "edge B-T is eroded"),
-        shrinks(
-            "jam",
-            "mobility",
-            1e-5,
-            (1e-12, 1.0),
-            Category::Jamming,
-            "the spool sticks where it began",
-        ),
+        jam(),
     ],
-    ports: &[
-        hydraulic("p", "pressure"),
-        hydraulic("t", "return"),
-        hydraulic("a", "control port A"),
-        hydraulic("b", "control port B"),
-        input("current", Unit::None, "per unit of full signal"),
-        input_or("transmission", Unit::None, "transmission", "factor on the flow of all edges"),
-        output("spool_position", Unit::Metre, "spool position, positive opens p → a"),
-    ],
-    states: &[
-        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
-        state(
-            "spool_velocity_m_s",
-            Unit::MetrePerSecond,
-            0.1,
-            Start::Value(0.0),
-            "spool velocity before its limit",
-        ),
-    ],
+    ports: &ports("per unit of full signal"),
+    states: &states(),
     reference: false,
 };
 
@@ -231,21 +163,7 @@ impl Component for ProportionalValve {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let position = wiring.state("spool_position_m");
-        let velocity = wiring.state("spool_velocity_m_s");
-        wiring.set("spool_position", position);
-        let inputs = [wiring.signal("current"), position, velocity];
-        let rates = [
-            Output::add(wiring.derivative("spool_position_m")),
-            Output::add(wiring.derivative("spool_velocity_m_s")),
-        ];
-        wiring.equation::<ControlledSpool, 3, 2, SPOOL_CONSTANTS>(0, inputs, rates);
-        let transmission = wiring.signal("transmission");
-        for (which, (up, down)) in EDGES.into_iter().enumerate() {
-            let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
-            let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-            wiring.equation::<RatedEdge, 4, 1, 6>(which, inputs, [flow]);
-        }
+        connect::<ControlledSpool, RatedEdge, 6>(wiring);
     }
 }
 

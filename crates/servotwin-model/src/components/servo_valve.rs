@@ -30,11 +30,15 @@
 //! libraries; valid for |x| up to some strokes and Δp of either sign.
 
 use super::Component;
-use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use super::orifice::{hole, scaled_velocity_at_pa_s_m, turbulent};
+use super::spool::{
+    ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
+    damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
+    spool_motion, states,
+};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Category, Fault, Parameter, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -68,10 +72,6 @@ const fn width(name: &'static str, summary: &'static str) -> Parameter {
 
 const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
     parameter(name, Unit::Metre, -2e-6, (-1e-3, 1e-3), summary)
-}
-
-const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
@@ -138,54 +138,12 @@ static SPEC: Spec = Spec {
         clogging("clogging_pb", "width_pb_m", "dirt narrows edge P-B"),
         clogging("clogging_at", "width_at_m", "dirt narrows edge A-T"),
         clogging("clogging_bt", "width_bt_m", "dirt narrows edge B-T"),
-        shrinks(
-            "natural_frequency_loss",
-            "natural_frequency_hz",
-            0.03,
-            (1e-3, 1.0),
-            Category::Dynamics,
-            "the pilot stage became slow",
-        ),
-        shrinks(
-            "damping_loss",
-            "damping_ratio",
-            0.03,
-            (1e-3, 1.0),
-            Category::Dynamics,
-            "the pilot stage rings",
-        ),
-        adds(
-            "bias_positive",
-            "null_bias",
-            0.40,
-            (0.0, 2.0),
-            Category::Bias,
-            "null shift towards p → a",
-        ),
-        adds(
-            "bias_negative",
-            "null_bias",
-            -0.40,
-            (-2.0, 0.0),
-            Category::Bias,
-            "null shift towards p → b",
-        ),
-        adds(
-            "gain_high",
-            "current_gain",
-            1.0,
-            (0.0, 10.0),
-            Category::Calibration,
-            "too much stroke per current",
-        ),
-        adds(
-            "gain_low",
-            "current_gain",
-            -0.8,
-            (-2.0, 0.0),
-            Category::Calibration,
-            "too little stroke per current: a demagnetised torque motor",
-        ),
+        natural_frequency_loss("the pilot stage became slow"),
+        damping_loss("the pilot stage rings"),
+        bias_positive(),
+        bias_negative(),
+        gain_high("too much stroke per current"),
+        gain_low("too little stroke per current: a demagnetised torque motor"),
         adds(
             "wear_clearance",
             "clearance_m",
@@ -214,42 +172,12 @@ static SPEC: Spec = Spec {
             Category::Clogging,
             "the pilot stage's filter lets less flow through",
         ),
-        shrinks(
-            "jam",
-            "mobility",
-            1e-5,
-            (1e-12, 1.0),
-            Category::Jamming,
-            "the spool sticks where it began",
-        ),
+        jam(),
     ],
-    ports: &[
-        hydraulic("p", "pressure"),
-        hydraulic("t", "return"),
-        hydraulic("a", "control port A"),
-        hydraulic("b", "control port B"),
-        input("current", Unit::None, "per unit of rated current"),
-        input_or("transmission", Unit::None, "transmission", "factor on the flow of all edges"),
-        output("spool_position", Unit::Metre, "spool position, positive opens p → a"),
-    ],
-    states: &[
-        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
-        state(
-            "spool_velocity_m_s",
-            Unit::MetrePerSecond,
-            0.1,
-            Start::Value(0.0),
-            "spool velocity before its limit",
-        ),
-    ],
+    ports: &ports("per unit of rated current"),
+    states: &states(),
     reference: false,
 };
-
-/// Whether each edge opens with the spool or against it, in the order of `which`.
-pub(crate) const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
-
-/// Upstream and downstream port of each edge, in the order of `which`.
-pub(crate) const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")];
 
 impl Component for ServoValve {
     fn spec(&self) -> &'static Spec {
@@ -257,79 +185,11 @@ impl Component for ServoValve {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let position = wiring.state("spool_position_m");
-        let velocity = wiring.state("spool_velocity_m_s");
-        wiring.set("spool_position", position);
-        let current = wiring.signal("current");
-        let rates = [
-            Output::add(wiring.derivative("spool_position_m")),
-            Output::add(wiring.derivative("spool_velocity_m_s")),
-        ];
-        wiring.equation::<SpoolMotion, 3, 2, SPOOL_CONSTANTS>(
-            0,
-            [current, position, velocity],
-            rates,
-        );
-        let transmission = wiring.signal("transmission");
-        for (which, (up, down)) in EDGES.into_iter().enumerate() {
-            let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
-            let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-            wiring.equation::<EdgeFlow, 4, 1, 9>(which, inputs, [flow]);
-        }
+        connect::<SpoolMotion, EdgeFlow, 9>(wiring);
         let pressures = [wiring.pressure("p"), wiring.pressure("t")];
         let flow = Output::transfer(wiring.flow("p"), wiring.flow("t"));
         wiring.equation::<PilotFlow, 2, 1, 3>(0, pressures, [flow]);
     }
-}
-
-/// What the motion of a spool depends on.
-pub(crate) struct Spool<S> {
-    pub stroke_m: S,
-    pub natural_frequency_hz: S,
-    pub damping_ratio: S,
-    pub slew_rate_m_s: S,
-    pub null_bias: S,
-    pub current_gain: S,
-    pub mobility: S,
-    /// Place per unit of stroke, stiffness and damping of the end stops.
-    pub stop: [S; 3],
-}
-
-/// Number of constants of [`spool_motion`].
-pub(crate) const SPOOL_CONSTANTS: usize = 7 + END_STOP_CONSTANTS;
-
-/// The constants of [`spool_motion`].
-pub(crate) fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
-    let omega = spool.natural_frequency_hz * S::constant(2.0 * core::f64::consts::PI);
-    let square = omega * omega;
-    let [fraction, stiffness, damping] = spool.stop;
-    let [a, b, c, d] = end_stop_constants(spool.stroke_m * fraction, stiffness, damping);
-    [
-        spool.current_gain,
-        spool.null_bias,
-        square * spool.stroke_m,
-        square,
-        omega * spool.damping_ratio * S::constant(2.0),
-        spool.slew_rate_m_s * spool.mobility,
-        S::constant(1.0) / spool.slew_rate_m_s,
-        a,
-        b,
-        c,
-        d,
-    ]
-}
-
-/// Equations (W1)–(W3): (current, x, v) → (x', v').
-#[inline(always)]
-pub(crate) fn spool_motion<S: Scalar>(
-    c: &[S::Base; SPOOL_CONSTANTS],
-    [current, x, v]: [S; 3],
-) -> [S; 2] {
-    let one = S::constant(1.0);
-    let command = (current * c[0] + c[1]).clamp(-one, one);
-    let spring = command * c[2] - x * c[3];
-    let rate = (v * c[6]).tanh() * c[5];
-    [rate, spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]])]
 }
 
 /// Equations (W1)–(W3): (current, x, v) → (x', v').

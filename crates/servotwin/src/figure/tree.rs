@@ -125,8 +125,9 @@ impl Tree {
         for size in &sizes {
             levels.push(levels[levels.len() - 1] + size + LEVEL_GAP);
         }
-        draw_edges(&mut canvas, &placed, view, middle, 0, &levels);
-        draw_nodes(&mut canvas, &placed, view, middle, 0, &levels);
+        let levels = Levels { view, begins: &levels };
+        levels.draw_edges(&mut canvas, &placed, middle, 0);
+        levels.draw_nodes(&mut canvas, &placed, middle, 0);
         canvas.finish(width, height, &self.title)
     }
 
@@ -225,52 +226,47 @@ fn level_sizes(node: &Node, level: usize, view: View, sizes: &mut Vec<f64>) {
     }
 }
 
-fn draw_edges(
-    canvas: &mut Canvas,
-    placed: &Placed,
+/// A tree's levels on a canvas.
+struct Levels<'a> {
     view: View,
-    across: f64,
-    level: usize,
-    levels: &[f64],
-) {
-    let from = levels[level] + view.size(placed.node).0;
-    for ((shift, child), branch) in placed.children.iter().zip(&placed.node.children) {
-        let (to, there) = (levels[level + 1], across + shift);
-        let bend = to - LEVEL_GAP / 2.0;
-        let points = [(from, across), (bend, across), (bend, there), (to, there)];
-        let points = points.map(|(along, across)| view.point(along, across));
-        canvas.path(&points, &format!(" stroke=\"{FRAME}\""));
-        let first = *shift <= 0.0;
-        let (at, anchor) = match view.sideways {
-            true => ((bend + 2.0, there + if first { -3.0 } else { 10.0 }), Anchor::Start),
-            false if first => ((there - 3.0, bend + 11.0), Anchor::End),
-            false => ((there + 3.0, bend + 11.0), Anchor::Start),
-        };
-        let kind =
-            Type::new(if view.sideways { 8.5 } else { 10.0 }).colour(GREY).anchor(anchor).rim();
-        canvas.text(at, &branch.label, kind);
-        draw_edges(canvas, child, view, there, level + 1, levels);
-    }
+    /// Where each begins, along.
+    begins: &'a [f64],
 }
 
-fn draw_nodes(
-    canvas: &mut Canvas,
-    placed: &Placed,
-    view: View,
-    across: f64,
-    level: usize,
-    levels: &[f64],
-) {
-    let (width, height) = (placed.node.width(), placed.node.height());
-    let corner = match view.sideways {
-        true => (levels[level], across - height / 2.0),
-        false => (across - width / 2.0, levels[level]),
-    };
-    canvas.titled(&placed.node.lines.join(", "), |canvas| {
-        draw_node(canvas, placed.node, Area { x: corner.0, y: corner.1, width, height });
-    });
-    for (shift, child) in &placed.children {
-        draw_nodes(canvas, child, view, across + shift, level + 1, levels);
+impl Levels<'_> {
+    fn draw_edges(&self, canvas: &mut Canvas, placed: &Placed, across: f64, level: usize) {
+        let view = self.view;
+        let from = self.begins[level] + view.size(placed.node).0;
+        for ((shift, child), branch) in placed.children.iter().zip(&placed.node.children) {
+            let (to, there) = (self.begins[level + 1], across + shift);
+            let bend = to - LEVEL_GAP / 2.0;
+            let points = [(from, across), (bend, across), (bend, there), (to, there)];
+            let points = points.map(|(along, across)| view.point(along, across));
+            canvas.path(&points, &format!(" stroke=\"{FRAME}\""));
+            let first = *shift <= 0.0;
+            let (at, anchor) = match view.sideways {
+                true => ((bend + 2.0, there + if first { -3.0 } else { 10.0 }), Anchor::Start),
+                false if first => ((there - 3.0, bend + 11.0), Anchor::End),
+                false => ((there + 3.0, bend + 11.0), Anchor::Start),
+            };
+            let size = if view.sideways { 8.5 } else { 10.0 };
+            canvas.text(at, &branch.label, Type::new(size).colour(GREY).anchor(anchor).rim());
+            self.draw_edges(canvas, child, there, level + 1);
+        }
+    }
+
+    fn draw_nodes(&self, canvas: &mut Canvas, placed: &Placed, across: f64, level: usize) {
+        let (width, height) = (placed.node.width(), placed.node.height());
+        let (x, y) = match self.view.sideways {
+            true => (self.begins[level], across - height / 2.0),
+            false => (across - width / 2.0, self.begins[level]),
+        };
+        canvas.titled(&placed.node.lines.join(", "), |canvas| {
+            draw_node(canvas, placed.node, Area { x, y, width, height });
+        });
+        for (shift, child) in &placed.children {
+            self.draw_nodes(canvas, child, across + shift, level + 1);
+        }
     }
 }
 

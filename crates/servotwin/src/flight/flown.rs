@@ -60,10 +60,7 @@ impl<'s> Flown<'s> {
         setting: Setting,
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
-        let environments = Cow::Borrowed(purpose.environments(flights));
-        let plan = plan::flights(study, flights, purpose);
-        let lot = (purpose, flights.seed);
-        Flown::planned(study, environments, plan, lot, setting, workers)
+        Flown::where_it_is(study, flights, purpose, setting, |_| true, workers)
     }
 
     /// The flights of one environment only, numbered as among all.
@@ -78,10 +75,23 @@ impl<'s> Flown<'s> {
         environment: usize,
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
+        let own = |flown: usize| flown == environment;
+        Flown::where_it_is(study, flights, purpose, setting, own, workers)
+    }
+
+    /// The flights of those environments that are chosen.
+    fn where_it_is(
+        study: &'s Study,
+        flights: &'s Flights,
+        purpose: Purpose,
+        setting: Setting,
+        is_chosen: impl Fn(usize) -> bool,
+        workers: Workers<'s>,
+    ) -> Result<Self, CampaignError> {
         let environments = Cow::Borrowed(purpose.environments(flights));
         let plan = plan::flights(study, flights, purpose);
-        let own = |&place: &usize| plan[place].environment == environment;
-        let which = (0..plan.len()).filter(own).collect();
+        let flown = |&place: &usize| is_chosen(plan[place].environment);
+        let which = (0..plan.len()).filter(flown).collect();
         let lot = (purpose, flights.seed);
         Flown::of(study, environments, (plan, which), lot, setting, workers)
     }

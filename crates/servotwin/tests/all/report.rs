@@ -40,6 +40,24 @@ fn table_1_is_the_papers() {
     assert_eq!(study.cases.len() * study.faults.len(), 4920);
 }
 
+/// What a study without hierarchies, flights and examples gives to a report.
+fn results_alone<'a>(
+    study: &'a Study,
+    results: &'a Results,
+    manifest: &'a Manifest,
+) -> Material<'a> {
+    Material {
+        study,
+        results,
+        hierarchies: &[],
+        flights: None,
+        bands: &[],
+        calibrations: &[],
+        examples: &[],
+        manifest,
+    }
+}
+
 fn manifest() -> Manifest {
     Manifest {
         format: servotwin::job::manifest::FORMAT.into(),
@@ -141,16 +159,7 @@ fn sections_have_names_and_stand_a_study_without_results() {
         robustness: vec![],
     };
     let manifest = manifest();
-    let material = Material {
-        study: &study,
-        results: &results,
-        hierarchies: &[],
-        flights: None,
-        bands: &[],
-        calibrations: &[],
-        examples: &[],
-        manifest: &manifest,
-    };
+    let material = results_alone(&study, &results, &manifest);
     for section in ALL {
         // Twice: a section may not depend on anything but its material.
         let write = || {
@@ -238,16 +247,7 @@ fn press_report(text: &str) -> String {
     let subject = SubjectResult::new(Subject::Noise, &study, settings, evaluation());
     let results = Results::new(&study, vec![subject], vec![]);
     let manifest = manifest();
-    let material = Material {
-        study: &study,
-        results: &results,
-        hierarchies: &[],
-        flights: None,
-        bands: &[],
-        calibrations: &[],
-        examples: &[],
-        manifest: &manifest,
-    };
+    let material = results_alone(&study, &results, &manifest);
     render(&material).0
 }
 

@@ -1,0 +1,157 @@
+//! What the valves with one spool and four edges have in common: the spool's motion, its edges' places, ports,
+//! states and faults. The equations (W1) to (W3) stand at [`super::servo_valve`].
+
+use super::Listed;
+use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
+use crate::equation::Equation;
+use crate::scalar::Scalar;
+use crate::spec::{Category, Fault, Port, Start, State, Unit, declare::*};
+use crate::wiring::{Output, Wiring};
+
+/// Whether each edge opens with the spool or against it, in the order of `which`.
+pub const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
+
+/// Upstream and downstream port of each edge, in the order of `which`.
+const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")];
+
+/// The ports of a valve whose spool follows a current or signal.
+pub const fn ports(current: &'static str) -> [Port; 7] {
+    [
+        hydraulic("p", "pressure"),
+        hydraulic("t", "return"),
+        hydraulic("a", "control port A"),
+        hydraulic("b", "control port B"),
+        input("current", Unit::None, current),
+        input_or("transmission", Unit::None, "transmission", "factor on the flow of all edges"),
+        output("spool_position", Unit::Metre, "spool position, positive opens p → a"),
+    ]
+}
+
+/// The states of its spool.
+pub const fn states() -> [State; 2] {
+    [
+        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
+        state(
+            "spool_velocity_m_s",
+            Unit::MetrePerSecond,
+            0.1,
+            Start::Value(0.0),
+            "spool velocity before its limit",
+        ),
+    ]
+}
+
+/// Dirt narrows an edge, whose width or share a parameter gives.
+pub const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+    scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
+}
+
+/// The spool became slow.
+pub const fn natural_frequency_loss(summary: &'static str) -> Fault {
+    let name = "natural_frequency_loss";
+    shrinks(name, "natural_frequency_hz", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
+}
+
+/// The spool rings.
+pub const fn damping_loss(summary: &'static str) -> Fault {
+    shrinks("damping_loss", "damping_ratio", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
+}
+
+/// The null moved towards p → a.
+pub const fn bias_positive() -> Fault {
+    let summary = "null shift towards p → a";
+    adds("bias_positive", "null_bias", 0.40, (0.0, 2.0), Category::Bias, summary)
+}
+
+/// The null moved towards p → b.
+pub const fn bias_negative() -> Fault {
+    let summary = "null shift towards p → b";
+    adds("bias_negative", "null_bias", -0.40, (-2.0, 0.0), Category::Bias, summary)
+}
+
+/// More stroke than asked for.
+pub const fn gain_high(summary: &'static str) -> Fault {
+    adds("gain_high", "current_gain", 1.0, (0.0, 10.0), Category::Calibration, summary)
+}
+
+/// Less stroke than asked for.
+pub const fn gain_low(summary: &'static str) -> Fault {
+    adds("gain_low", "current_gain", -0.8, (-2.0, 0.0), Category::Calibration, summary)
+}
+
+/// The spool sticks.
+pub const fn jam() -> Fault {
+    let summary = "the spool sticks where it began";
+    shrinks("jam", "mobility", 1e-5, (1e-12, 1.0), Category::Jamming, summary)
+}
+
+/// Connects the motion of the spool, `Motion`: (current, x, v) → (x', v'), and the flow past each edge, `Edge`:
+/// (x, transmission, p_up, p_down) → flow.
+pub fn connect<Motion, Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
+where
+    Motion: Equation<3, 2, SPOOL_CONSTANTS> + Listed,
+    Edge: Equation<4, 1, EDGE_CONSTANTS> + Listed,
+{
+    let position = wiring.state("spool_position_m");
+    let velocity = wiring.state("spool_velocity_m_s");
+    wiring.set("spool_position", position);
+    let inputs = [wiring.signal("current"), position, velocity];
+    let rates = [
+        Output::add(wiring.derivative("spool_position_m")),
+        Output::add(wiring.derivative("spool_velocity_m_s")),
+    ];
+    wiring.equation::<Motion, 3, 2, SPOOL_CONSTANTS>(0, inputs, rates);
+    let transmission = wiring.signal("transmission");
+    for (which, (up, down)) in EDGES.into_iter().enumerate() {
+        let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
+        let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
+        wiring.equation::<Edge, 4, 1, EDGE_CONSTANTS>(which, inputs, [flow]);
+    }
+}
+
+/// What the motion of a spool depends on.
+pub struct Spool<S> {
+    pub stroke_m: S,
+    pub natural_frequency_hz: S,
+    pub damping_ratio: S,
+    pub slew_rate_m_s: S,
+    pub null_bias: S,
+    pub current_gain: S,
+    pub mobility: S,
+    /// Place per unit of stroke, stiffness and damping of the end stops.
+    pub stop: [S; 3],
+}
+
+/// Number of constants of [`spool_motion`].
+pub const SPOOL_CONSTANTS: usize = 7 + END_STOP_CONSTANTS;
+
+/// The constants of [`spool_motion`].
+pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
+    let omega = spool.natural_frequency_hz * S::constant(2.0 * core::f64::consts::PI);
+    let square = omega * omega;
+    let [fraction, stiffness, damping] = spool.stop;
+    let [a, b, c, d] = end_stop_constants(spool.stroke_m * fraction, stiffness, damping);
+    [
+        spool.current_gain,
+        spool.null_bias,
+        square * spool.stroke_m,
+        square,
+        omega * spool.damping_ratio * S::constant(2.0),
+        spool.slew_rate_m_s * spool.mobility,
+        S::constant(1.0) / spool.slew_rate_m_s,
+        a,
+        b,
+        c,
+        d,
+    ]
+}
+
+/// Equations (W1)–(W3): (current, x, v) → (x', v').
+#[inline(always)]
+pub fn spool_motion<S: Scalar>(c: &[S::Base; SPOOL_CONSTANTS], [current, x, v]: [S; 3]) -> [S; 2] {
+    let one = S::constant(1.0);
+    let command = (current * c[0] + c[1]).clamp(-one, one);
+    let spring = command * c[2] - x * c[3];
+    let rate = (v * c[6]).tanh() * c[5];
+    [rate, spring - v * c[4] - end_stop(x, v, &[c[7], c[8], c[9], c[10]])]
+}
