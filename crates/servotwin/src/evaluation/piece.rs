@@ -11,6 +11,7 @@ use super::{Context, DataSet, Evaluation, EvaluationError, Lessons, Settings, Tr
 use super::{WORST_LEAVES, banded, baseline, commands, detection, false_alarms, flips, leaves};
 use super::{silence, size};
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::residual::BAND;
 
 /// A piece of an evaluation.
@@ -132,12 +133,22 @@ impl<'b> Bench<'b> {
         let (of_trees, of_boosted) = (settings.holding.lessons, settings.committee_lessons);
         self.tell(piece);
         Ok(match piece {
+            Piece::Trees(Protocol::NewCommand) => {
+                let trees = &self.context.trained.trees;
+                let found = self.judged_trained((training, trees), of_trees)?;
+                Found::Trees(found.map(|result| (result, None)))
+            }
             Piece::Trees(protocol) => {
                 let found = self.judged(protocol, data, training, of_trees)?;
                 Found::Trees(found.map(|(result, outcomes)| {
                     let is_traced = protocol.scope() == Scope::AllTracing;
                     (result, is_traced.then(|| ambiguity::evaluate(data, &outcomes)))
                 }))
+            }
+            Piece::Committee(Protocol::NewCommand) => {
+                let committee = &self.context.trained.committee.hierarchy;
+                let of = (&settings.committee, committee);
+                Found::Committee(self.judged_trained(of, of_boosted)?)
             }
             Piece::Committee(protocol) => {
                 let found = self.judged(protocol, data, &settings.committee, of_boosted)?;
@@ -181,6 +192,16 @@ impl<'b> Bench<'b> {
         let holding = Holding { lessons, ..settings.holding };
         let shutdowns = &settings.shutdowns;
         protocol::evaluate(protocol, data, training, holding, shutdowns, context.workers)
+    }
+
+    /// On new commands, with what was trained with all training rows.
+    fn judged_trained(
+        &self,
+        trained: (&Training, &Hierarchy),
+        lessons: Lessons,
+    ) -> Result<Option<ProtocolResult>, EvaluationError> {
+        let holding = Holding { lessons, ..self.settings.holding };
+        protocol::evaluate_trained(&self.data, trained, holding, &self.settings.shutdowns)
     }
 
     fn trained(&self) -> Result<Evaluation, EvaluationError> {

@@ -19,14 +19,14 @@
 use super::data_set::{DataSet, Lessons, Row};
 use super::error::EvaluationError;
 use super::parallel::Workers;
-use super::run::{Outcome, Scope, first_error, run};
+use super::run::{Outcome, Scope, ask, first_error, run};
 use super::score::{Prediction, Rate, Score, Trial};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::evaluation::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
 };
-use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question, Settings};
 
 /// A way to hold rows out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -407,9 +407,43 @@ pub fn evaluate(
     shutdowns: &[String],
     workers: Workers,
 ) -> Result<Option<Judged>, EvaluationError> {
+    let splits = judged_splits(protocol, data, settings, holding)?;
+    if splits.is_empty() {
+        return Ok(None);
+    }
+    let outcomes = run(data, settings, &splits, protocol.scope(), workers)?;
+    let result = summary(protocol, data, &outcomes, shutdowns);
+    Ok(Some((result, outcomes)))
+}
+
+/// The same for [`Protocol::NewCommand`] with a hierarchy that was trained with those settings and all
+/// training rows: nothing is trained again.
+///
+/// # Errors
+/// What making splits and asking say.
+pub fn evaluate_trained(
+    data: &DataSet,
+    (settings, hierarchy): (&Settings, &Hierarchy),
+    holding: Holding,
+    shutdowns: &[String],
+) -> Result<Option<ProtocolResult>, EvaluationError> {
+    let protocol = Protocol::NewCommand;
+    let splits = judged_splits(protocol, data, settings, holding)?;
+    let Some(split) = splits.first() else { return Ok(None) };
+    let outcomes = [ask(data, hierarchy, &split.test)?];
+    Ok(Some(summary(protocol, data, &outcomes, shutdowns)))
+}
+
+/// The splits with what is judged in each, none where nothing is.
+fn judged_splits(
+    protocol: Protocol,
+    data: &DataSet,
+    settings: &Settings,
+    holding: Holding,
+) -> Result<Vec<Split>, EvaluationError> {
     let single = data.examples.names().actuators.len() == 1;
     if single && protocol.scope() == Scope::Actuator {
-        return Ok(None);
+        return Ok(vec![]);
     }
     let mut splits = protocol.splits(data, holding)?;
     if settings.mirror && settings.pool && data.examples.views() > 1 {
@@ -419,12 +453,7 @@ pub fn evaluate(
         }
     }
     splits.retain(|split| !split.test.is_empty());
-    if splits.is_empty() {
-        return Ok(None);
-    }
-    let outcomes = run(data, settings, &splits, protocol.scope(), workers)?;
-    let result = summary(protocol, data, &outcomes, shutdowns);
-    Ok(Some((result, outcomes)))
+    Ok(splits)
 }
 
 /// Counts a protocol's result from its outcomes.
