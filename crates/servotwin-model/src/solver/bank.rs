@@ -18,7 +18,7 @@ use alloc::vec::Vec;
 /// Rejections in a row before a variant is given up.
 const MOST_REJECTIONS: u32 = 60;
 /// Steps of the steady-state search.
-const MOST_SETTLING_STEPS: u32 = 2000;
+const MOST_SETTLING_STEPS: u64 = 2000;
 /// Change over scale in one step that is accepted on the way to rest.
 const LARGEST_SETTLING_CHANGE: f64 = 0.5;
 /// The system is at rest when no state moves faster than this part of its
@@ -192,8 +192,8 @@ impl<'p, V: Lanes> Bank<'p, V> {
             if course.phase == Phase::Settling {
                 let rate = self.batch.largest_rate_per_s(index);
                 let is_at_rest = rate < AT_REST_PER_S;
-                let is_over =
-                    course.settling >= MOST_SETTLING_STEPS || course.time_s > LONGEST_SETTLING_S;
+                let is_over = course.statistics.settling >= MOST_SETTLING_STEPS
+                    || course.time_s > LONGEST_SETTLING_S;
                 if is_at_rest || is_over {
                     course.phase = Phase::Settled;
                     course.statistics.unsettled += u64::from(!is_at_rest);

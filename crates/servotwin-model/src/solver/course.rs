@@ -85,8 +85,6 @@ pub(super) struct Course {
     /// For each clock, the number of its next tick.
     pub next_tick: Vec<u64>,
     pub rejections: u32,
-    /// Steps of the search for the steady state.
-    pub settling: u32,
     pub statistics: Statistics,
     /// Why it could not go on.
     pub failure: Option<Failure>,
@@ -106,7 +104,6 @@ impl Course {
             halt_s: f64::INFINITY,
             next_tick: vec![0; clocks],
             rejections: 0,
-            settling: 0,
             statistics: Statistics::default(),
             failure: None,
         }
@@ -220,7 +217,7 @@ impl Course {
         self.time_s = self.end_s;
         self.rejections = 0;
         if self.phase == Phase::Settling {
-            self.settling += 1;
+            self.statistics.settling += 1;
         }
     }
 

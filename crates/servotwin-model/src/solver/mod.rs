@@ -133,6 +133,8 @@ impl Settings {
 pub struct Statistics {
     /// Accepted steps.
     pub steps: u64,
+    /// Those of them that searched for rest.
+    pub settling: u64,
     /// Steps whose error was too large.
     pub rejected: u64,
     /// Evaluations of all equations without the Jacobian.
@@ -146,6 +148,7 @@ pub struct Statistics {
 impl core::ops::AddAssign for Statistics {
     fn add_assign(&mut self, other: Self) {
         self.steps += other.steps;
+        self.settling += other.settling;
         self.rejected += other.rejected;
         self.evaluations += other.evaluations;
         self.jacobians += other.jacobians;

@@ -63,8 +63,27 @@ pub struct DataSetEntry {
     pub healthy: usize,
     /// Faulty variants that never leave the band of healthy residuals.
     pub undetectable: usize,
+    /// What simulations took, by kind of fault.
+    pub efforts: Vec<KindEffort>,
     /// Variants that were not simulated to the end.
     pub failed: Vec<FailedVariant>,
+}
+
+/// What the simulations of a kind of fault took, those that did not end left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KindEffort {
+    /// The kind; `healthy` without a fault.
+    pub kind: String,
+    /// Number of variants.
+    pub variants: usize,
+    /// The solver's steps for each simulated second, on average.
+    pub mean_steps_per_s: f64,
+    /// The most that a variant took.
+    pub most_steps_per_s: f64,
+    /// Variants that ring ([`Effort::rings`](crate::study::campaign::Effort::rings)).
+    pub rings: usize,
+    /// Variants that began on the move: no rest was found.
+    pub began_on_the_move: usize,
 }
 
 /// A variant that was not simulated to the end.
@@ -161,6 +180,7 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
         reflected: 0,
         healthy: 0,
         undetectable: 0,
+        efforts: vec![],
         failed: vec![],
     };
     // Part by part: there may be millions of rows.
@@ -171,21 +191,36 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
 }
 
 /// The columns of a data set that a manifest looks at.
-const COLUMNS: [&str; 7] =
-    ["variant", "intensity", "fault", "case", "failure", "detectable", "reflected"];
+const COLUMNS: [&str; 11] = [
+    "variant",
+    "intensity",
+    "fault",
+    "kind",
+    "case",
+    "failure",
+    "detectable",
+    "reflected",
+    "steps_per_s",
+    "began_on_the_move",
+    "rings",
+];
 
 impl DataSetEntry {
     fn add(&mut self, table: &Table) -> Result<(), TableError> {
         let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
         let (faults, cases) = (table.text("fault")?, table.text("case")?);
         let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
+        let (kinds, steps) = (table.text("kind")?, table.f64("steps_per_s")?);
+        let (moving, rings) = (table.bool("began_on_the_move")?, table.bool("rings")?);
         self.variants += table.row_count();
         self.reflected += table.bool("reflected")?.iter().filter(|&&is_image| is_image).count();
         for row in 0..table.row_count() {
             let (is_healthy, ran) = (intensities[row] == 0.0, reasons[row].is_empty());
             self.healthy += usize::from(is_healthy);
             self.undetectable += usize::from(!is_healthy && ran && !detectable[row]);
-            if !ran {
+            if ran {
+                self.effort(&kinds[row]).add(steps[row], rings[row], moving[row]);
+            } else {
                 self.failed.push(FailedVariant {
                     variant: variants[row],
                     fault: faults[row].clone(),
@@ -196,5 +231,36 @@ impl DataSetEntry {
             }
         }
         Ok(())
+    }
+
+    /// That of a kind; kinds stand in the order of their names.
+    fn effort(&mut self, kind: &str) -> &mut KindEffort {
+        let place = self.efforts.binary_search_by(|effort| effort.kind.as_str().cmp(kind));
+        let place = place.unwrap_or_else(|place| {
+            self.efforts.insert(place, KindEffort::new(kind));
+            place
+        });
+        &mut self.efforts[place]
+    }
+}
+
+impl KindEffort {
+    fn new(kind: &str) -> Self {
+        KindEffort {
+            kind: kind.into(),
+            variants: 0,
+            mean_steps_per_s: 0.0,
+            most_steps_per_s: 0.0,
+            rings: 0,
+            began_on_the_move: 0,
+        }
+    }
+
+    fn add(&mut self, steps_per_s: f64, rings: bool, began_on_the_move: bool) {
+        self.variants += 1;
+        self.mean_steps_per_s += (steps_per_s - self.mean_steps_per_s) / self.variants as f64;
+        self.most_steps_per_s = self.most_steps_per_s.max(steps_per_s);
+        self.rings += usize::from(rings);
+        self.began_on_the_move += usize::from(began_on_the_move);
     }
 }

@@ -90,6 +90,7 @@ pub static ALL: &[&dyn Section] = &[
     &sections::ablation::Ablation,
     &sections::leaves::Leaves,
     &sections::exclusions::Exclusions,
+    &sections::effort::Effort,
     &sections::making::Making,
 ];
 

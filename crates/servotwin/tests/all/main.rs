@@ -1,6 +1,7 @@
 //! The one integration test binary of this crate: one module per room.
 
 mod aileron;
+mod effort;
 mod evaluation;
 mod figure;
 mod files;

@@ -10,6 +10,7 @@ pub mod commands_curve;
 pub mod committee;
 pub mod confusion;
 pub mod detectability;
+pub mod effort;
 pub mod exclusions;
 pub mod faults;
 mod findings;

@@ -1,6 +1,7 @@
 //! The data set of a campaign: labels, detection and features, one row for each variant.
 
 use super::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
+use super::effort::effort_columns;
 use super::{Images, Planned, Row, Setting, Study};
 use crate::study::OperatingCase;
 use crate::table::{Column, Table, Values};
@@ -65,6 +66,7 @@ impl Maker<'_> {
         let sensors = &self.study.sensors.0[..self.study.base_sensors()];
         let windows: Vec<&Window> = rows.iter().map(|row| &row.window).collect();
         columns.extend(largest_columns(sensors, &windows));
+        columns.extend(effort_columns(&rows.iter().map(|row| row.effort).collect::<Vec<_>>()));
         let failures = rows.iter().map(|row| row.failure.clone()).collect();
         columns.push(Column::new("failure", "", Values::Text(failures)));
         columns.extend(self.feature_columns(rows));

@@ -17,6 +17,7 @@
 mod calibration;
 pub mod columns;
 mod data_set;
+mod effort;
 mod images;
 mod join;
 mod part;
@@ -27,6 +28,7 @@ mod watch;
 pub use calibration::{Calibrated, Calibrating, Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, data_features};
+pub use effort::Effort;
 pub use part::{Part, runs};
 pub use prepared::Prepared;
 pub use shard::Row;
@@ -46,7 +48,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use watch::{Observer, Twin, Watch};
 
 /// What is in a shard; shards of another format are made anew.
-const SHARD_FORMAT: &str = "windows 2";
+const SHARD_FORMAT: &str = "windows 3";
 
 /// Shards in one round of a campaign: lanes seldom wait for the last ones, and memory stays small.
 pub const ROUND_SHARDS: usize = 200;
@@ -466,9 +468,12 @@ impl Campaign<'_> {
                     ..Variant::default()
                 }
             },
-            |_| Rows(Twin::with_capacity(ensemble.samples() * ensemble.record.len())),
+            |_| Rows(Vec::with_capacity(ensemble.samples() * ensemble.record.len())),
             |twin, rows, result| match result {
-                Ok(_) => drop(twins.insert(wanted[twin], rows.0)),
+                Ok(work) => {
+                    let steps_per_s = effort::steps_per_s(&work, ensemble.duration_s);
+                    twins.insert(wanted[twin], Twin { samples: rows.0, steps_per_s });
+                }
                 Err(error) => failure = Some((wanted[twin].0, self.describe(&error))),
             },
         );
@@ -501,10 +506,15 @@ impl Campaign<'_> {
             faults: fault.into_iter().collect(),
             overrides,
             inputs: self.cases()[planned.case].inputs.iter().collect(),
-            // Bands are learned from healthy specimens: they fly as long as those judged.
-            duration_s: planned.fault.map(|_| self.duration_s()),
+            duration_s: Some(self.lasting_s(planned)),
             ..Variant::default()
         }
+    }
+
+    /// How long a variant flies, s. Bands are learned from healthy specimens: they fly as long as those
+    /// judged.
+    fn lasting_s(&self, planned: Planned) -> f64 {
+        planned.fault.map_or(self.study.duration_s, |_| self.duration_s())
     }
 
     fn run_pending(
@@ -531,12 +541,14 @@ impl Campaign<'_> {
                 let twin = &twins[&self.beside(jobs[job], plan[jobs[job]])];
                 observer.watch(jobs[job], twin, counts)
             },
-            |_, watch, result| {
+            |job, watch, result| {
                 if let Ok(work) = &result {
                     *statistics += *work;
                 }
+                let duration_s = self.lasting_s(plan[jobs[job]]);
+                let effort = Effort::of(result.as_ref().ok(), duration_s, watch.twin);
                 let failure = result.err().map(|f| self.describe(&f)).unwrap_or_default();
-                match self.keep(watch, &failure, &mut collectors) {
+                match self.keep(watch, &failure, effort, &mut collectors) {
                     Ok(rows) => *done += rows,
                     Err(failed) => drop(error.get_or_insert(failed)),
                 }
@@ -557,6 +569,7 @@ impl Campaign<'_> {
         &self,
         watch: Watch,
         failure: &str,
+        effort: Effort,
         collectors: &mut [Collector],
     ) -> Result<usize, CampaignError> {
         let mut wanted = 0;
@@ -564,7 +577,7 @@ impl Campaign<'_> {
             if let Some(trace) = view.trace {
                 self.write_trace(self.settings[view.setting], view.variant, trace)?;
             }
-            let row = Row { failure: failure.into(), window: view.window };
+            let row = Row { failure: failure.into(), effort, window: view.window };
             wanted += usize::from(collectors[view.setting].add(view.variant, row)?);
         }
         Ok(wanted)

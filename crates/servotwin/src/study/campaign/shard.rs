@@ -1,6 +1,6 @@
 //! Shards: the windows of a few hundred variants in a file that appears when all have ended.
 
-use super::{CampaignError, Role, Setting, Study};
+use super::{CampaignError, Effort, Role, Setting, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::residual::Window;
@@ -17,6 +17,8 @@ pub(super) const SHARD: usize = 205;
 pub struct Row {
     /// Why the variant was not simulated to the end; empty where it was.
     pub failure: String,
+    /// What its simulation took.
+    pub effort: Effort,
     /// What its sensors showed.
     pub window: Window,
 }
@@ -29,10 +31,12 @@ impl Row {
         let columns = (0..count).map(|place| table.f64(&window_column(place)));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
         let failures = table.text("failure")?;
+        let efforts = Effort::from_table(table)?;
         let row = |(row, failure): (usize, &String)| {
             let values: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             let window = Window::from_values(sensors, watched, &values);
-            Row { failure: failure.clone(), window: window.expect("as many values as counted") }
+            let window = window.expect("as many values as counted");
+            Row { failure: failure.clone(), effort: efforts[row], window }
         };
         Ok(failures.iter().enumerate().map(row).collect())
     }
@@ -44,6 +48,8 @@ impl Row {
             Column::new("variant", "", Values::Unsigned(rows.keys().map(|&v| v as u32).collect())),
             Column::new("failure", "", Values::Text(failures)),
         ];
+        let efforts: Vec<Effort> = rows.values().map(|row| row.effort).collect();
+        columns.extend(Effort::to_columns(&efforts));
         let values: Vec<Vec<f64>> = rows.values().map(|row| row.window.to_values()).collect();
         for place in 0..values.first().map_or(0, Vec::len) {
             let column = values.iter().map(|row| row[place]).collect();
@@ -62,6 +68,7 @@ fn checksum(table: &Table) -> String {
             Values::Float(values) => values.iter().for_each(|v| digest.update(v.to_le_bytes())),
             Values::Unsigned(values) => values.iter().for_each(|v| digest.update(v.to_le_bytes())),
             Values::Text(values) => values.iter().for_each(|v| digest.update(v.as_bytes())),
+            Values::Flag(values) => values.iter().for_each(|&v| digest.update([u8::from(v)])),
             _ => {}
         }
     }

@@ -7,8 +7,13 @@ use crate::ensemble::Sink;
 use crate::signal::random::Random;
 use servotwin_diagnosis::residual::Window;
 
-/// The virtual twin's signals in an operating case, sample after sample.
-pub(super) type Twin = Vec<f64>;
+/// The virtual twin in an operating case.
+pub(super) struct Twin {
+    /// Its signals, sample after sample.
+    pub samples: Vec<f64>,
+    /// The solver's steps for each simulated second.
+    pub steps_per_s: f64,
+}
 
 /// Makes the sinks of variants.
 pub(super) struct Observer<'c> {
@@ -75,14 +80,14 @@ pub(super) struct View<'w> {
 pub(super) struct Watch<'w> {
     observer: &'w Observer<'w>,
     pub views: Vec<View<'w>>,
-    twin: &'w Twin,
+    pub twin: &'w Twin,
     measured: Vec<f64>,
     expected: Vec<f64>,
 }
 
 impl Sink for Watch<'_> {
     fn sample(&mut self, index: usize, values: &[f64]) {
-        let twin = &self.twin[index * values.len()..][..values.len()];
+        let twin = &self.twin.samples[index * values.len()..][..values.len()];
         for view in &mut self.views {
             match view.order {
                 None => {

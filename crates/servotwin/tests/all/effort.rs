@@ -1,0 +1,96 @@
+//! What campaigns say of the simulations themselves: which ring, and which began on the move.
+
+use crate::files::Folder;
+use servotwin::job::Folder as Results;
+use servotwin::job::manifest;
+use servotwin::study::campaign::Campaign;
+use servotwin::study::{Role, Setting, Study};
+use servotwin::table::{self, Table};
+
+const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
+    [\"servo_valve.damping_loss\", \"sensor_ram.lag\", \"servo_valve.gain_low\"]\n\
+    [realistic]\nseed = 3\nhealthy = 2\ntolerances = []\n";
+
+fn study() -> Study {
+    let text = include_str!("../tiny.toml").replace("0.4, 0.6, 0.8, 1.0", "0.4, 1.0");
+    let text = text.replace("[load]", "signals.held = \"5deg\"\n[load]");
+    Study::parse(&(text + FAULTS), "tiny.toml").unwrap()
+}
+
+/// The data sets that one simulation gives, with perfect sensors and with noise.
+fn data_sets(study: &Study, folder: &Folder, simulate_images: bool) -> [Table; 2] {
+    let settings = [Setting::Ideal, Setting::Noise];
+    let stored = Campaign::stored(&folder.0, study, Setting::Ideal, Role::Judged);
+    let campaign = Campaign { settings: settings.into(), threads: 2, simulate_images, ..stored };
+    let outcome = campaign.run(|_, _| ()).unwrap();
+    assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
+    settings.map(|setting| {
+        table::read(folder.file(&format!("dataset-{}.parquet", setting.name()))).unwrap()
+    })
+}
+
+/// The kinds and intensities that a column flags under a command.
+fn flagged(table: &Table, column: &str, command: &str) -> Vec<(String, f64)> {
+    let (kinds, intensities) = (table.text("kind").unwrap(), table.f64("intensity").unwrap());
+    let (flags, flown) = (table.bool(column).unwrap(), table.text("flown").unwrap());
+    let rows = (0..table.row_count()).filter(|&row| flags[row] && flown[row] == command);
+    rows.map(|row| (kinds[row].clone(), intensities[row])).collect()
+}
+
+#[test]
+fn a_limit_cycle_and_a_run_without_rest_are_flagged_in_both_units_and_all_settings() {
+    let (study, folder) = (study(), Folder::new("effort"));
+    for table in data_sets(&study, &folder, false) {
+        // The valve without damping rings for ever; away from the centre the loop whose sensor answers late
+        // has no rest that is found.
+        let both = |kind: &str| vec![(kind.to_owned(), 1.0); 2];
+        assert_eq!(flagged(&table, "rings", "S1"), both("servo_valve.damping_loss"));
+        assert_eq!(flagged(&table, "began_on_the_move", "S1"), []);
+        assert_eq!(flagged(&table, "began_on_the_move", "held"), both("sensor_ram.lag"));
+        // Steps end on every sample.
+        let steps = table.f64("steps_per_s").unwrap();
+        let least = study.sample_period_s.recip() - 1e-9;
+        assert!(steps.iter().all(|&steps| steps >= least), "{steps:?}");
+    }
+}
+
+#[test]
+fn who_is_shown_by_another_has_its_figures() {
+    let study = study();
+    let (shown, own) = (Folder::new("effort-shown"), Folder::new("effort-own"));
+    let shown = data_sets(&study, &shown, false);
+    let own = data_sets(&study, &own, true);
+    for (shown, own) in shown.iter().zip(&own) {
+        let (reflected, simulated) =
+            (shown.bool("reflected").unwrap(), own.bool("reflected").unwrap());
+        assert!(reflected.contains(&true) && !simulated.contains(&true));
+        let (a, b) = (shown.f64("steps_per_s").unwrap(), own.f64("steps_per_s").unwrap());
+        // The other actuator's sums have another order, so rounding differs.
+        assert!(a.iter().zip(b.iter()).all(|(a, b)| (a / b - 1.0).abs() < 0.02), "{a:?} {b:?}");
+        for (column, flown) in [("rings", "S1"), ("began_on_the_move", "held")] {
+            assert_eq!(flagged(shown, column, flown), flagged(own, column, flown));
+        }
+    }
+}
+
+#[test]
+fn the_manifest_counts_them_by_kind() {
+    let (study, folder) = (study(), Folder::new("effort-manifest"));
+    let [ideal, _] = data_sets(&study, &folder, false);
+    for name in ["study.toml", "system.toml"] {
+        std::fs::write(folder.file(name), "").unwrap();
+    }
+    let manifest = manifest::of(&Results::new(&folder.0), &study).unwrap();
+    let efforts = &manifest.data_sets[0].efforts;
+    let kinds: Vec<&str> = efforts.iter().map(|effort| effort.kind.as_str()).collect();
+    assert_eq!(kinds, ["sensor_ram.lag", "servo_valve.damping_loss", "servo_valve.gain_low"]);
+    let counted: Vec<_> =
+        efforts.iter().map(|e| (e.variants, e.rings, e.began_on_the_move)).collect();
+    assert_eq!(counted, [(8, 0, 2), (8, 2, 0), (8, 0, 0)]);
+    let steps = ideal.f64("steps_per_s").unwrap();
+    let all: f64 = efforts.iter().map(|effort| effort.mean_steps_per_s * 8.0).sum();
+    assert!((all / steps.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    let most = efforts.iter().map(|effort| effort.most_steps_per_s).fold(0.0, f64::max);
+    assert_eq!(most, steps.iter().copied().fold(0.0, f64::max));
+    assert!(manifest.data_sets[1].efforts.iter().any(|effort| effort.kind == "healthy"));
+}
