@@ -13,7 +13,7 @@ use servotwin::log::checkpoint::CheckpointError;
 use servotwin::log::map::MapError;
 use servotwin::log::sink::SinkError;
 use servotwin::log::source::SourceError;
-use servotwin::nearest::UnknownName;
+use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
@@ -41,6 +41,13 @@ pub enum Failure {
         word: String,
         /// The nearest kind.
         nearest: Option<String>,
+    },
+    /// A word that no command has.
+    NoCommand {
+        /// The word.
+        word: String,
+        /// All commands.
+        known: Vec<String>,
     },
     /// A file that would be overwritten.
     Exists(PathBuf),
@@ -111,8 +118,38 @@ pub enum Failure {
         /// What is wrong.
         error: TraceError,
     },
+    /// A table is not as a study file for traces says.
+    OfTraces {
+        /// The table.
+        path: PathBuf,
+        /// The study file.
+        study: PathBuf,
+        /// What is wrong.
+        error: Box<EvaluationError>,
+    },
     /// The twin or the diagnosis could not run.
     Runtime(RuntimeError),
+    /// The diagnoser of a file is for something else.
+    Diagnoser {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        error: RuntimeError,
+    },
+    /// A folder has no log that can be used.
+    NoLogs {
+        /// The folder.
+        folder: PathBuf,
+        /// What is there instead.
+        reason: String,
+    },
+    /// A log has nothing that can be watched.
+    NoSample {
+        /// The log.
+        log: String,
+        /// What it has instead.
+        reason: String,
+    },
     /// The map of a log has mistakes.
     Map(MapError),
     /// A log or a stream cannot be read, or what comes of it not be written.
@@ -147,11 +184,19 @@ impl Failure {
     /// The exit code of the program, as the head of `main.rs` lists them.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Failure::System(_) | Failure::Study(_) | Failure::Trace { .. } => 3,
+            Failure::System(_)
+            | Failure::Study(_)
+            | Failure::Trace { .. }
+            | Failure::OfTraces { .. }
+            | Failure::NoLogs { .. }
+            | Failure::NoSample { .. } => 3,
+            Failure::Diagnoser { error: RuntimeError::Twin { .. }, .. } => 1,
+            Failure::Diagnoser { .. } => 3,
             Failure::Evaluation(error) => of_evaluation(error),
             Failure::Signal { error: SignalError::Table(_) | SignalError::Rows { .. }, .. } => 3,
             Failure::UnknownName(_)
             | Failure::NoComponent { .. }
+            | Failure::NoCommand { .. }
             | Failure::Exists(_)
             | Failure::Parameters { .. }
             | Failure::NoEqualSign { .. }
@@ -236,6 +281,13 @@ impl fmt::Display for Failure {
                     None => write!(out, "; 'servotwin components' lists all"),
                 }
             }
+            Failure::NoCommand { word, known } => {
+                write!(out, "error: there is no command '{word}'; ")?;
+                match nearest(word, known.iter().map(String::as_str)) {
+                    Some(name) => write!(out, "did you mean '{name}'?"),
+                    None => write!(out, "there are: {}", known.join(", ")),
+                }
+            }
             Failure::Exists(path) => {
                 write!(out, "error: {} is there already and stays as it is", path.display())
             }
@@ -262,7 +314,16 @@ impl fmt::Display for Failure {
             Failure::Evaluation(error) => write!(out, "error: {error}"),
             Failure::Job(error) => write!(out, "error: {error}"),
             Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
+            Failure::OfTraces { path, study, error } => {
+                let (path, study) = (path.display(), study.display());
+                write!(out, "error: {path} is not as {study} says: {error}")
+            }
             Failure::Runtime(error) => write!(out, "error: {error}"),
+            Failure::Diagnoser { path, error } => write!(out, "error: {}: {error}", path.display()),
+            Failure::NoLogs { folder, reason } => {
+                write!(out, "error: {}: {reason}", folder.display())
+            }
+            Failure::NoSample { log, reason } => write!(out, "error: {log}: {reason}"),
             Failure::Map(error) => write!(out, "{error}"),
             Failure::Watch(error) => write!(out, "error: {error}"),
             Failure::Fit(error) => write!(out, "error: {error}"),

@@ -1,5 +1,6 @@
 //! Tables and numbers for people.
 
+use servotwin::shown::Shown;
 use servotwin_model::spec::Unit;
 
 /// A table of texts; columns of numbers stand at the right.
@@ -83,12 +84,10 @@ pub fn shown(si: f64, unit: Unit) -> String {
     if unit.is_empty() { text } else { format!("{text} {unit}") }
 }
 
-/// A value in the unit that reports show, and the unit. What an actuator moves
-/// by is shown in millimetres, what an aircraft moves by is not.
+/// A value in the unit that people read, and the unit.
 pub fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
-    let far = matches!(unit, Unit::Metre | Unit::MetrePerSecond) && si.abs() >= 1.0;
-    let (value, unit) = if far { (si, unit.symbol()) } else { (unit.to_shown(si), unit.shown()) };
-    (number(value, 5), unit)
+    let shown = Shown::of(unit, si);
+    (number(shown.value(si), 5), shown.symbol())
 }
 
 /// JSON as lines for people and programs.

@@ -43,6 +43,15 @@ pub enum Mistake {
         /// What is read.
         supported: u32,
     },
+    /// The file is something else.
+    OtherKind {
+        /// What it is.
+        is: &'static str,
+        /// What is wanted.
+        wanted: &'static str,
+        /// What to do.
+        help: String,
+    },
     /// A value of another type is needed.
     WrongType {
         /// The key.
@@ -140,6 +149,7 @@ impl fmt::Display for Mistake {
             Mistake::Format { found, supported } => {
                 write!(out, "format {found} is not known: this version reads format {supported}")
             }
+            Mistake::OtherKind { is, wanted, .. } => write!(out, "this is {is}, not {wanted}"),
             Mistake::WrongType { key, wanted, found } => {
                 write!(out, "'{key}' must be {wanted}, not {found}")
             }
@@ -168,6 +178,7 @@ impl Explained for Mistake {
     fn help(&self) -> Option<String> {
         match self {
             Mistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
+            Mistake::OtherKind { help, .. } => Some(help.clone()),
             Mistake::Missing { write, .. } => Some(format!("write: {write}")),
             Mistake::UnknownKey { nearest, known, .. }
             | Mistake::UnknownWord { nearest, known, .. } => Some(suggest(nearest, known)),

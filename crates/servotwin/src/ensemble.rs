@@ -87,6 +87,11 @@ impl Sink for Rows {
     }
 }
 
+/// A thread for each: as many as the machine has processors.
+pub fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, |processors| processors.get())
+}
+
 impl<'p> Ensemble<'p> {
     /// All processors, the widest lanes, campaign settings.
     pub fn new(program: &'p Program) -> Self {
@@ -94,7 +99,7 @@ impl<'p> Ensemble<'p> {
             program,
             settings: Settings::campaign(),
             level: Level::best(),
-            threads: std::thread::available_parallelism().map_or(1, |n| n.get()),
+            threads: processors(),
             record: Vec::new(),
             duration_s: 1.0,
             sample_period_s: 0.01,

@@ -4,6 +4,7 @@
 use crate::ensemble::Ensemble;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::nearest::UnknownName;
+use crate::shown::Shown;
 use crate::system::System;
 use crate::table::{Column, Table, TableError};
 use servotwin_model::program::Slot;
@@ -129,16 +130,19 @@ pub fn figure(
 ) -> TimeSeries<'static> {
     let mut panels: Vec<(Unit, f64, Panel)> = Vec::new();
     for (one, values) in recorded.iter().zip(values) {
-        let shown: Vec<f64> = values.iter().map(|&si| one.unit.to_shown(si)).collect();
+        let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        let read = Shown::of(one.unit, largest);
+        let shown: Vec<f64> = values.iter().map(|&si| read.value(si)).collect();
         let size = shown.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
         let is_alike =
             |other: f64| size.max(other) <= SIZES * size.min(other) || size * other == 0.0;
         let series = Series::new(one.label.clone(), times_s.to_vec(), shown);
-        match panels.iter_mut().find(|(unit, other, _)| *unit == one.unit && is_alike(*other)) {
+        let own = panels.iter_mut().find(|(unit, other, panel)| {
+            *unit == one.unit && panel.y_label == read.symbol() && is_alike(*other)
+        });
+        match own {
             Some((_, _, panel)) => panel.series.push(series),
-            None => {
-                panels.push((one.unit, size, Panel::new("", one.unit.shown()).with(series)));
-            }
+            None => panels.push((one.unit, size, Panel::new("", read.symbol()).with(series))),
         }
     }
     let mut figure = TimeSeries::new(title.to_owned(), "time in s");

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
 use servotwin::document::{Explained, Located};
 use servotwin::files;
+use servotwin::kind::Kind;
 use servotwin::study::{Setting, Study, StudyError};
 use servotwin::system::{System, SystemError};
 use std::path::PathBuf;
@@ -46,13 +47,7 @@ fn what(options: &Options) -> Result<(bool, bool), SystemError> {
         return Ok(built_in);
     }
     let text = files::read_text(&options.file).map_err(SystemError::File)?;
-    let begins = |words: &[&str]| {
-        text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
-    };
-    let of_system =
-        ["[components", "[assemblies", "[fluids", "[system]", "components", "assemblies"];
-    let of_study = ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
-    let is_study = begins(&of_study) && !begins(&of_system);
+    let is_study = Kind::of(&text) == Some(Kind::Study);
     Ok((!is_study, is_study))
 }
 

@@ -6,7 +6,7 @@ use crate::Global;
 use crate::failure::Failure;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::traces::TraceStudy;
+use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::job::{Folder, manifest};
 use servotwin::study::campaign::Campaign;
 use servotwin::study::{Setting, Study};
@@ -134,13 +134,22 @@ fn of_traces(
     global: Global,
 ) -> Result<String, Failure> {
     let parsed = read_traces_study(study)?;
-    let in_study = |error| Failure::Trace { path: study.clone(), error };
+    let of = |path: &Path, error| Failure::OfTraces {
+        path: path.into(),
+        study: study.clone(),
+        error: Box::new(error),
+    };
+    let told = |error| match (error, &options.healthy) {
+        (TraceError::Healthy(error), Some(path)) => of(path, error),
+        (TraceError::Evaluation(error) | TraceError::Healthy(error), _) => of(traces, error),
+        (error, _) => Failure::Trace { path: study.clone(), error },
+    };
     let healthy = match &options.healthy {
         Some(path) => Some(read_table(path, &[], global)?),
         None => None,
     };
-    let traces = read_table(traces, &[], global)?;
-    let features = parsed.features(&traces, healthy.as_ref()).map_err(in_study)?;
+    let table = read_table(traces, &[], global)?;
+    let features = parsed.features(&table, healthy.as_ref()).map_err(told)?;
     table::write(out, &features)?;
     let (windows, columns) = (features.row_count(), features.columns().len());
     Ok(match (global.json, global.quiet) {

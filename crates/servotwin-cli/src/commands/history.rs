@@ -12,11 +12,11 @@ use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
 use servotwin::files::FileError;
 use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::trend::Trend;
-use servotwin::fit::{Knowledge, Problem, Record};
+use servotwin::fit::{Knowledge, Problem, Record, RecordError};
 use servotwin::flight::told::{Told, told};
 use servotwin::log::{Phase, State};
 use servotwin::study::Study;
-use servotwin::table::{self, Column, Table, Values};
+use servotwin::table::{self, Column, Table, TableError, Values};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -79,8 +79,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let mut all: Vec<Log> = Vec::new();
     for path in &paths {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        let table = read_table(path, &[], global)?;
-        all.push((name.clone(), Record::from_table(&name, &table, &study.system)));
+        all.push((name.clone(), record(path, &name, &study, global)?));
+    }
+    if let [(name, Err(error)), ..] = &all[..]
+        && all.iter().all(|(_, record)| record.is_err())
+    {
+        let reason = format!("none of its logs can be used; {name}: {error}");
+        return Err(Failure::NoLogs { folder: options.folder.clone(), reason });
     }
     let told = told_of(options, &study, &all)?;
     let runs = AtomicUsize::new(0);
@@ -128,13 +133,34 @@ fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Fa
     for (_, record) in logs {
         stop::check()?;
         let own = record.as_ref().ok().map(|record| told(study, &diagnoser, record));
-        all.push(own.transpose().map_err(Failure::Runtime)?);
+        let unfit = |error| Failure::Diagnoser { path: path.clone(), error };
+        all.push(own.transpose().map_err(unfit)?);
     }
     Ok(all)
 }
 
+/// A log as a record. A table that cannot be understood is none, as a table that shows nothing is none.
+fn record(
+    path: &Path,
+    name: &str,
+    study: &Study,
+    global: Global,
+) -> Result<Result<Record, RecordError>, Failure> {
+    match read_table(path, &[], global) {
+        Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
+        Err(Failure::Table(TableError::Content { problem, .. })) => {
+            Ok(Err(RecordError::Column(problem.to_string())))
+        }
+        Err(failure) => Err(failure),
+    }
+}
+
 /// The logs of a folder by their names.
 fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let none = |reason: &str| Failure::NoLogs { folder: folder.into(), reason: reason.into() };
+    if !folder.is_dir() {
+        return Err(none("no such folder"));
+    }
     let wrong = |cause| FileError::from_io(folder, cause);
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(wrong)? {
@@ -146,7 +172,7 @@ fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     }
     paths.sort();
     match paths.is_empty() {
-        true => Err(Failure::Options("the folder has no logs (.csv or .parquet)")),
+        true => Err(none("the folder has no logs (.csv or .parquet)")),
         false => Ok(paths),
     }
 }

@@ -4,7 +4,6 @@ use crate::Cli;
 use crate::failure::Failure;
 use clap::CommandFactory;
 use clap_mangen::Man;
-use servotwin::nearest::UnknownName;
 
 /// Write a manual page to standard output: of the program, or of one of its commands.
 #[derive(clap::Args)]
@@ -21,7 +20,7 @@ pub fn run(options: &Options) -> Result<String, Failure> {
         None => cli,
         Some(name) => {
             let known = cli.get_subcommands().map(|c| c.get_name().to_owned()).collect();
-            let unknown = || UnknownName { what: "command", given: name.clone(), known };
+            let unknown = || Failure::NoCommand { word: name.clone(), known };
             cli.find_subcommand(name).cloned().ok_or_else(unknown)?
         }
     };

@@ -169,6 +169,20 @@ impl TableOptions {
         }
     }
 
+    /// Whether anything can be held out as it is asked for.
+    fn check(&self) -> Result<(), Failure> {
+        let wrong = |option, given, range| Failure::OutOfRange { option, given, range };
+        match self.hold_out() {
+            HoldOut::Folds { folds, .. } if folds < 2 => {
+                Err(wrong("--folds", folds.to_string(), "at least 2"))
+            }
+            HoldOut::Last { share } if !(share > 0.0 && share < 1.0) => {
+                Err(wrong("--last", share.to_string(), "above 0, below 1"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// How the rows of the classes weigh, in words.
     fn weights_in_words(&self) -> String {
         match &self.class_weights {
@@ -207,6 +221,7 @@ impl TableOptions {
 
     /// Reads the table and that to test with, and makes them ready; notes go to standard error.
     fn prepare(&self, input: &Path, label: &str, global: Global) -> Result<Prepared, Failure> {
+        self.check()?;
         let selection = self.selection(label);
         let others = [&self.group, &self.split_column];
         let mixed = others.into_iter().flatten().chain(&self.categorical);

@@ -14,6 +14,7 @@ use servotwin::figure::time_series::TimeSeries;
 use servotwin::nearest::UnknownName;
 use servotwin::recording::{self, Recorded, with_suffix};
 use servotwin::rest::Stopped;
+use servotwin::shown::Shown;
 use servotwin::signal::{Quantity, Signal, help};
 use servotwin::system::System;
 use servotwin::table::{self, Column, Table};
@@ -428,11 +429,9 @@ impl<'s> Plan<'s> {
 
     /// Runs: the recorded values of each run, one list per quantity.
     fn run(&self, global: Global) -> Result<Vec<Given>, Failure> {
-        let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
         let ensemble = Ensemble {
             settings: self.settings,
             level: self.level,
-            threads: processors,
             record: self.recorded.iter().map(|one| one.slot).collect(),
             duration_s: self.duration_s,
             sample_period_s: self.period_s,
@@ -600,10 +599,11 @@ impl<'s> Plan<'s> {
         for (place, one) in self.recorded.iter().enumerate() {
             for (run, (values, _)) in runs.iter().enumerate() {
                 let Summary { start, least, most, end } = Summary::of(&values[place]);
-                let cells = [start, least, most, end].map(|si| number(one.unit.to_shown(si), 5));
+                let read = Shown::of(one.unit, least.abs().max(most.abs()));
+                let cells = [start, least, most, end].map(|si| number(read.value(si), 5));
                 let at = self.sweep.as_ref().map(|sweep| sweep.shown(run));
                 let row = [one.label.clone()].into_iter().chain(at).chain(cells);
-                grid.push(row.chain([one.unit.shown().to_string()]).collect());
+                grid.push(row.chain([read.symbol().to_string()]).collect());
             }
         }
         text += &grid.text();

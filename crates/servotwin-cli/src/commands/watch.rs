@@ -13,7 +13,7 @@ use servotwin::flight::band::BandMerit;
 use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
 use servotwin::log::checkpoint::Checkpoint;
-use servotwin::log::counts::Counts;
+use servotwin::log::counts::{Counts, Kind};
 use servotwin::log::map::{Guess, Map, guess};
 use servotwin::log::sink::events::Events;
 use servotwin::log::sink::mcap::Mcap;
@@ -96,7 +96,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Err(Ok(mistakes)) => return Err(mistakes.into()),
         Err(Err(error)) => return Err(error.into()),
     };
-    let (mut observer, period_s) = observer(options, &study)?;
+    let (mut observer, period_s) = observer(options, &study, &map, global)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
     let resumed = match options.resume {
@@ -120,6 +120,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let end = end?;
     let counts = watch.counts().clone();
     drop(watch);
+    if end == End::Complete && counts.samples == 0 {
+        return Err(nothing(&address, &counts));
+    }
     if let (Some(path), Some(timeline)) = (&options.html, &outputs.timeline) {
         timeline.write(path, &counts)?;
     }
@@ -138,12 +141,56 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
+/// Why nothing came of a log that was read to its end.
+fn nothing(address: &Address, counts: &Counts) -> Failure {
+    let timeless = counts.of(Kind::NoTime);
+    let reason = match counts.frames {
+        0 => "nothing stands below the names of its columns".to_owned(),
+        frames if timeless.count == frames => format!(
+            "no row has a time ({}); a date needs unit = \"date\" below [time] in a map file, which --make-map writes",
+            counts.place(timeless)
+        ),
+        _ => {
+            let met = counts.met().map(|(kind, tally)| {
+                format!("{} in {}, first {}", kind.words().1, tally.count, counts.place(tally))
+            });
+            format!("no row is a sample: {}", met.collect::<Vec<_>>().join("; "))
+        }
+    };
+    Failure::NoSample { log: address.to_string(), reason }
+}
+
 /// Twin and diagnosis, with the period of their samples, s.
-fn observer<'s>(options: &Options, study: &'s Study) -> Result<(Watcher<'s>, f64), Failure> {
+fn observer<'s>(
+    options: &Options,
+    study: &'s Study,
+    map: &Map,
+    global: Global,
+) -> Result<(Watcher<'s>, f64), Failure> {
     let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
+    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
+    let sensors = study.system.sensors.iter().filter(|sensor| read(&sensor.label));
+    let ids: Vec<&str> = sensors.map(|sensor| sensor.id.as_str()).collect();
+    let lacking: Vec<&str> = map.unmeasured().filter(|id| ids.contains(id)).collect();
+    if !lacking.is_empty() {
+        warn(
+            global,
+            &[format!(
+                "nothing can be judged without {}, which the diagnoser reads; a map file says which columns they are, --make-map writes one",
+                lacking.join(", ")
+            )],
+        );
+    }
     let period_s = diagnoser.period_s;
-    let watcher = Watcher::new(study, Arc::new(diagnoser)).map_err(Failure::Runtime)?;
+    let path = options.model.clone().unwrap_or_else(usual_diagnoser);
+    let unfit = |error| Failure::Diagnoser { path, error };
+    let watcher = Watcher::new(study, Arc::new(diagnoser)).map_err(unfit)?;
     Ok((watcher, period_s))
+}
+
+/// The diagnoser where none is named.
+fn usual_diagnoser() -> PathBuf {
+    Folder::new("out").diagnoser(Setting::Realistic)
 }
 
 /// The diagnoser of a file, or the one of the output folder, with a band of its own where one is named.
@@ -195,6 +242,12 @@ fn told(guess: &Guess, global: Global) {
     warn(global, &warnings);
     if !guess.sensors.is_empty() {
         note(global, &format!("no column for the sensors {}", list(&guess.sensors)));
+        if !guess.unused.is_empty() {
+            note(
+                global,
+                &format!("columns that are no input and no sensor: {}", list(&guess.unused)),
+            );
+        }
     }
     if !guess.inputs.is_empty() {
         note(global, &format!("no column for the inputs {}", list(&guess.inputs)));

@@ -193,7 +193,14 @@ fn schemas_and_manual_pages_are_written() {
     assert!(page.contains(".TH servotwin 1") && page.contains("components"), "{page}");
     let page = stdout(&servotwin(&["man", "simulate"]));
     assert!(page.contains("\\-\\-sweep"), "{page}");
-    assert_eq!(servotwin(&["man", "simulat"]).status.code(), Some(2));
+    for (word, told) in
+        [("simulat", "did you mean 'simulate'?"), ("nosuchcommand", "there are: study, simulate")]
+    {
+        let output = servotwin(&["man", word]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains(told), "{}", stderr(&output));
+        assert!(!stderr(&output).contains("system"), "{}", stderr(&output));
+    }
 }
 
 #[test]
@@ -203,12 +210,44 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
     std::fs::write(&ragged, "a,b\n1,2\n3\n").unwrap();
     std::fs::write(&nan, "a,mode\n1,x\n2,y\n3,x\n4,y\n5,x\n6,y\n7,x\n8,y\n9,x\n1,y\n").unwrap();
     let model = folder.file("model.json");
+    let other = folder.file("other.csv");
+    std::fs::write(&other, "b,mode\n1,x\n2,y\n").unwrap();
+    let (traces, healthy) = (folder.file("traces.toml"), folder.file("healthy.toml"));
+    let study = "format = 1\nwindow_rows = 2\n[[sensors]]\nname = \"p\"\nmeasured = ";
+    std::fs::write(&traces, format!("{study}\"pressure\"\nnominal = \"a\"\nscale = 1.0\n"))
+        .unwrap();
+    std::fs::write(&healthy, format!("{study}\"a\"\nnominal_from = []\n")).unwrap();
+    let (empty, unusable) = (folder.file("empty"), folder.file("unusable"));
+    for path in [&empty, &unusable] {
+        std::fs::create_dir_all(path).unwrap();
+    }
+    std::fs::write(format!("{unusable}/a.csv"), "").unwrap();
     let pdf = folder.file("report.pdf");
     let cases: &[(&[&str], i32, &str)] = &[
         (&["train", &ragged, "--label", "b", "--out", &model], 3, "line 3"),
         (&["report", &ragged, "--label", "b", "--out", "r.html"], 3, "line 3"),
         (&["report", &nan, "--label", "mode", "--out", &pdf], 2, "must end in .html"),
         (&["train", &nan, "--label", "mode", "--out", "/nowhere/m.json"], 1, "/nowhere"),
+        (&["train", &nan, "--label", "mode", "--folds", "1"], 2, "--folds 1 is out of range"),
+        (&["train", &nan, "--label", "mode", "--last", "1.5"], 2, "--last 1.5 is out of range"),
+        (
+            &["train", &nan, "--label", "mode", "--test", &other],
+            3,
+            "to test with: there is no column",
+        ),
+        (
+            &["features", &nan, "--study", &traces, "--out", &model],
+            3,
+            &format!("error: {nan} is not as {traces} says: there is no column 'pressure'"),
+        ),
+        (
+            &["features", &nan, "--study", &healthy, "--healthy", &other, "--out", &model],
+            3,
+            &format!("error: {other} is not as {healthy} says: there is no column 'a'"),
+        ),
+        (&["history", "/nowhere"], 3, "error: /nowhere: no such folder"),
+        (&["history", &empty], 3, "the folder has no logs"),
+        (&["history", &unusable], 3, "none of its logs can be used; a.csv: the file is empty"),
         (&["simulate", SPRING, "--duration", "-1"], 2, "--duration -1 is out of range"),
         (
             &["simulate", SPRING, "--command", "noise:rms=1deg,bandwidth=1Hz,window=1e15s"],
@@ -350,4 +389,73 @@ fn no_run_begins_below_vacuum() {
             assert!(pressure["min"].as_f64().unwrap() > 0.0, "{how:?}: {pressure}");
         }
     }
+}
+
+/// Whoever gives one file where the other is wanted is told that, and nothing else.
+#[test]
+fn a_system_is_told_from_a_study() {
+    let folder = Folder::new("kinds");
+    let (system, study) = (folder.file("system.toml"), folder.file("study.toml"));
+    std::fs::write(&system, include_str!("../../../../systems/spring_actuator.toml")).unwrap();
+    std::fs::write(&study, include_str!("../../../../studies/spring_actuator.toml")).unwrap();
+    let cases: &[(&[&str], &str, &str)] = &[
+        (&["study", &system], "this is a system, not a study", "'servotwin init' writes one"),
+        (&["study", "aileron_dual"], "this is a system, not a study", "aileron_dual.toml:1:1"),
+        (&["simulate", &study], "this is a study, not a system", "of the system 'spring_actuator'"),
+        (&["describe", "paper"], "this is a study, not a system", "of the system 'aileron_dual'"),
+        (
+            &["fit", "/nowhere.csv", "--study", &system],
+            "this is a system, not a study",
+            "1 mistake",
+        ),
+    ];
+    for (arguments, what, help) in cases {
+        let output = servotwin(arguments);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {told}");
+        assert!(told.contains(what) && told.contains(help), "{arguments:?}: {told}");
+        assert!(
+            told.ends_with(
+                ": 1 mistake
+"
+            ),
+            "{arguments:?}: {told}"
+        );
+    }
+}
+
+#[test]
+fn what_an_aircraft_flies_is_shown_in_metres() {
+    let run = servotwin(&[
+        "simulate",
+        "--input",
+        "altitude=3000m",
+        "--input",
+        "air_speed=150m/s",
+        "--duration",
+        "50ms",
+        "--record",
+        "altitude,air_speed,x_p_1",
+        "-q",
+    ]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    let text = stdout(&servotwin(&[
+        "simulate",
+        "--input",
+        "altitude=3000m",
+        "--duration",
+        "50ms",
+        "--record",
+        "altitude,air_speed,x_p_1",
+    ]));
+    let unit = |name: &str| {
+        let line = text.lines().find(|line| line.starts_with(name)).unwrap();
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        (cells[1].to_owned(), cells[5].to_owned())
+    };
+    assert_eq!(unit("altitude "), ("3000".into(), "m".into()));
+    assert_eq!(unit("air_speed "), ("150".into(), "m/s".into()));
+    assert_eq!(unit("x_p1").1, "mm");
+    let told = stderr(&servotwin(&["simulate", "--duration", "50ms", "--input", "altitude=50km"]));
+    assert!(told.contains("becomes 50000 m, but allowed are -2000 … 20000 m"), "{told}");
 }

@@ -74,7 +74,30 @@ fn mistakes_in_watching_are_said_with_their_place() {
     let text = std::fs::read_to_string(&map).unwrap();
     let wrong = folder.file("wrong.toml");
     std::fs::write(&wrong, text.replace("p_a_1_pa", "p_a_1_bar")).unwrap();
+    let [study, model] = learned(&folder);
+    let with = ["--study", &study, "--model", &model];
+    let rows = std::fs::read_to_string(&log).unwrap();
+    let (header, dates) = (folder.file("header.csv"), folder.file("dates.csv"));
+    std::fs::write(&header, rows.lines().next().unwrap()).unwrap();
+    let dated = rows.lines().enumerate().map(|(row, line)| match row {
+        0 => format!("{line}\n"),
+        _ => format!(
+            "2026-11-22T10:00:{:06.3}Z,{}\n",
+            0.02 * row as f64,
+            line.split_once(',').unwrap().1
+        ),
+    });
+    std::fs::write(&dates, dated.collect::<String>()).unwrap();
+    let spring = folder.file("spring.csv");
+    let run =
+        ["simulate", "spring_actuator", "--command", "1deg", "--duration", "1s", "-q", "--out"];
+    assert!(servotwin(&[&run[..], &[&spring]].concat()).status.success());
+    let other =
+        format!("{model}: the diagnoser reads sensor 'p_A1', which the study 'spring_actuator'");
     let cases: &[(&[&str], i32, &str)] = &[
+        (&[&["watch", &header], &with[..]].concat(), 3, "nothing stands below the names"),
+        (&[&["watch", &dates], &with[..]].concat(), 3, "unit = \"date\" below [time]"),
+        (&["watch", &spring, "--study", "spring_actuator", "--model", &model], 3, &other),
         (&["watch", &log, "--make-map", &map], 2, "exists already"),
         (&["watch", &log, "--map", &wrong], 3, "has no column 'p_a_1_bar'"),
         (&["watch", "/nowhere/a.csv"], 3, "no such file"),
@@ -82,6 +105,13 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
     ];
+    // Sensors that the log lacks are named, with the columns that may be them.
+    let renamed = folder.file("renamed.csv");
+    std::fs::write(&renamed, rows.replacen("x_v_2_m", "spool_of_the_second", 1)).unwrap();
+    let told = stderr(&servotwin(&[&["watch", &renamed], &with[..]].concat()));
+    for part in ["nothing can be judged without x_v_2,", "no sensor: spool_of_the_second"] {
+        assert!(told.contains(part), "{told}");
+    }
     for (arguments, code, message) in cases {
         let output = servotwin(arguments);
         let text = stderr(&output);

@@ -59,6 +59,8 @@ pub enum EvaluationError {
         /// What does not fit.
         source: servotwin_diagnosis::Error,
     },
+    /// The table to test with is not as the other one.
+    InTest(Box<EvaluationError>),
     /// A class in a table that the model does not know.
     UnknownClass {
         /// The column.
@@ -90,6 +92,7 @@ impl fmt::Display for EvaluationError {
                 out,
                 "column '{column}' holds only '{class}': at least two classes are needed"
             ),
+            EvaluationError::InTest(error) => write!(out, "the table to test with: {error}"),
             EvaluationError::NoFeatures => {
                 write!(out, "no column is left to learn from")
             }
@@ -108,6 +111,16 @@ impl fmt::Display for EvaluationError {
                  it knows {}",
                 known.join(", ")
             ),
+        }
+    }
+}
+
+impl EvaluationError {
+    /// The same of the table that stands at a place: behind the first they are to test with.
+    pub(crate) fn of_table(place: usize) -> impl Fn(EvaluationError) -> EvaluationError {
+        move |error| match place {
+            0 => error,
+            _ => EvaluationError::InTest(error.into()),
         }
     }
 }

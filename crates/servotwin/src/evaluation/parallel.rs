@@ -1,5 +1,6 @@
 //! The same work on many items, on several threads, with the results in the order of the items.
 
+use crate::ensemble::processors;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -22,7 +23,7 @@ impl<'c> Workers<'c> {
 
     /// A thread for each processor.
     pub fn all() -> Self {
-        Workers::new(std::thread::available_parallelism().map_or(1, |threads| threads.get()))
+        Workers::new(processors())
     }
 
     /// The same threads, which stop before the next item once a flag is set.

@@ -39,6 +39,7 @@ pub use record::{Record, RecordError};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
 
+use crate::ensemble::processors;
 use crate::study::{Imperfection, Study};
 use crate::system::System;
 use servotwin_model::solver::{self, Settings};
@@ -181,7 +182,7 @@ impl<'s> Problem<'s> {
             records,
             suspects: Vec::new(),
             solver: Settings::campaign(),
-            threads: std::thread::available_parallelism().map_or(1, |n| n.get()),
+            threads: processors(),
             cancel: None,
             progress: &silent,
         }

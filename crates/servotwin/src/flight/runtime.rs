@@ -18,6 +18,8 @@ pub enum RuntimeError {
     Sensor {
         /// The sensor.
         name: String,
+        /// The study.
+        study: String,
     },
     /// The diagnoser is for samples that are farther apart, or nearer.
     Period {
@@ -39,9 +41,10 @@ impl fmt::Display for RuntimeError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             RuntimeError::Diagnoser(error) => write!(out, "the diagnoser: {error}"),
-            RuntimeError::Sensor { name } => {
-                write!(out, "the diagnoser reads sensor '{name}', which the study does not have")
-            }
+            RuntimeError::Sensor { name, study } => write!(
+                out,
+                "the diagnoser reads sensor '{name}', which the study '{study}' does not have"
+            ),
             RuntimeError::Period { period_s, needed_s } => write!(
                 out,
                 "the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s"
@@ -114,7 +117,7 @@ pub fn slots<'n>(
     let slot = |name: &str| {
         let sensors = &study.system.sensors;
         let sensor = sensors.iter().find(|sensor| sensor.label == name);
-        let missing = || RuntimeError::Sensor { name: name.into() };
+        let missing = || RuntimeError::Sensor { name: name.into(), study: study.name.clone() };
         let signal = &sensor.ok_or_else(missing)?.signal;
         Ok(study.system.program.observable(signal).ok_or_else(missing)?.slot)
     };

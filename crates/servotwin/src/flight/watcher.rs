@@ -17,6 +17,8 @@ pub struct Watcher<'s> {
     places: Vec<usize>,
     slots: Vec<Slot>,
     scales: Vec<f64>,
+    /// The names of the units.
+    units: Vec<String>,
     /// What the log says is done where a unit is off: by unit.
     off: Vec<Reaction>,
     is_off: Vec<bool>,
@@ -64,8 +66,11 @@ impl<'s> Watcher<'s> {
         let sensors = &study.system.sensors;
         let place = |name: &str| sensors.iter().position(|sensor| sensor.label == name);
         let named = diagnoser.sensors.iter();
-        let places =
-            named.map(|s| place(&s.name).ok_or(RuntimeError::Sensor { name: s.name.clone() }));
+        let unknown = |name: &String| {
+            let (name, study) = (name.clone(), study.name.clone());
+            RuntimeError::Sensor { name, study }
+        };
+        let places = named.map(|s| place(&s.name).ok_or_else(|| unknown(&s.name)));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
         let mut bands = vec![f64::NAN; sensors.len()];
         for (&place, band) in places.iter().zip(&diagnoser.lengths[0].panel.bands) {
@@ -83,6 +88,7 @@ impl<'s> Watcher<'s> {
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
             slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.label.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
+            units: study.units.clone(),
             off: off.collect(),
             is_off: vec![false; names.actuators.len()],
             measured: vec![f64::NAN; places.len()],
@@ -195,6 +201,7 @@ impl<'s> Watcher<'s> {
                 Alarm::Recovering => Phase::Recovering,
             },
             actuator: unit.map(|unit| unit + 1),
+            unit: unit.map(|unit| self.units[unit as usize].clone()),
             command: command.map_or(String::new(), |c| name(&names.commands, c)),
             detail: detail.map_or(String::new(), |d| name(&names.details, d)),
             confidence: outcome.confidence,

@@ -133,6 +133,9 @@ pub struct Finding {
     pub phase: Phase,
     /// The unit concerned, from 1.
     pub actuator: Option<u32>,
+    /// What the study calls it; empty for the only one of a study that gives it no name.
+    #[serde(default)]
+    pub unit: Option<String>,
     /// What to do; empty for nothing.
     pub command: String,
     /// What is wrong in particular; empty where that is not known.
@@ -154,6 +157,15 @@ impl Finding {
         said(self) == said(other) && self.command == other.command && self.detail == other.detail
     }
 
+    /// The unit concerned as people call it; empty for none, and where there is only one.
+    pub fn unit_in_words(&self) -> String {
+        match (&self.unit, self.actuator) {
+            (Some(name), _) => name.replace('_', " "),
+            (None, Some(number)) => format!("actuator {number}"),
+            (None, None) => String::new(),
+        }
+    }
+
     /// In words: `isolated, raised: actuator 1, shutdown, supply valve`.
     pub fn words(&self) -> String {
         let outside =
@@ -169,8 +181,7 @@ impl Finding {
             Phase::None => state.to_owned(),
             phase => format!("{state}, {}", phase.words()),
         };
-        let actuator = self.actuator.map(|number| format!("actuator {number}"));
-        let parts = [actuator.unwrap_or_default(), self.command.clone(), self.detail.clone()];
+        let parts = [self.unit_in_words(), self.command.clone(), self.detail.clone()];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         if parts.is_empty() { state } else { format!("{state}: {}", parts.join(", ")) }
     }

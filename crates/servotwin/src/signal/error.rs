@@ -3,6 +3,7 @@
 use super::ALL;
 use super::spec::Range;
 use crate::document::{Quantities, Quantity};
+use crate::shown::Shown;
 use crate::table::TableError;
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
@@ -198,9 +199,12 @@ impl fmt::Display for SignalError {
                 write!(out, "{}", if wanted.is_empty() { "no unit" } else { wanted })
             }
             SignalError::Leaves { input, value, min, max, unit } => {
-                let [value, min, max] = [*value, *min, *max].map(|si| in_six_digits(*unit, si));
+                let bounds = [min.abs(), max.abs()].into_iter().filter(|bound| bound.is_finite());
+                let read = Shown::of(*unit, bounds.fold(0.0, f64::max));
+                let [value, min, max] =
+                    [*value, *min, *max].map(|si| in_six_digits(read.value(si)));
                 let (value, range) =
-                    (Quantity(value, unit.shown()), Quantities(min, max, unit.shown()));
+                    (Quantity(value, read.symbol()), Quantities(min, max, read.symbol()));
                 write!(out, "'{input}' becomes {value}, but allowed are {range}")
             }
             SignalError::Rows { file, error } => write!(out, "{file}: {error}"),
@@ -208,9 +212,7 @@ impl fmt::Display for SignalError {
     }
 }
 
-/// An SI value in the unit that reports show.
-fn in_six_digits(unit: Unit, si: f64) -> f64 {
-    let shown = unit.to_shown(si);
+fn in_six_digits(shown: f64) -> f64 {
     format!("{shown:.5e}").parse().unwrap_or(shown)
 }
 

@@ -30,6 +30,7 @@ use crate::built_in;
 use crate::document::{self, Collector, Entry, Located, Span, entries, write_mistakes};
 use crate::files::{self, FileError};
 use crate::format;
+use crate::kind::Kind;
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::{System, SystemError};
@@ -324,6 +325,11 @@ impl Study {
         {
             return Self::parse(text, &format!("studies/{name}.toml"));
         }
+        // The name of a system is told as what it is.
+        if let Some(text) = path.to_str().and_then(|name| built_in::find(&built_in::SYSTEMS, name))
+        {
+            return Self::parse(text, &format!("systems/{}.toml", path.display()));
+        }
         let text = files::read_text(path).map_err(StudyError::File)?;
         Self::parse(&text, &path.display().to_string())
     }
@@ -395,6 +401,9 @@ pub fn keys() -> &'static [format::Key] {
 /// What a file says, with what is wrong with its form. Where no more can be said, all of that is the
 /// error.
 fn read_text(text: &str, path: &str) -> Result<(Text, Collector<Mistake>), StudyError> {
+    if let Some(mistakes) = Kind::Study.wanted(text) {
+        return Err(StudyError::Mistakes { path: path.into(), mistakes });
+    }
     let mut mistakes = Collector::new();
     let (root, errors) = DeTable::parse_recoverable(text);
     for error in &errors {

@@ -44,6 +44,7 @@ pub use rewrite::{NewValue, RewriteError};
 use crate::built_in;
 use crate::document::{Located, Quantities, Quantity, write_mistakes};
 use crate::files::{self, FileError};
+use crate::kind::Kind;
 use crate::signal::{Signal, SignalError};
 use servotwin_model::network::{self, Network};
 use servotwin_model::program::Program;
@@ -127,6 +128,9 @@ impl System {
     /// # Errors
     /// Every mistake that was found.
     pub fn parse(text: &str, path: &str) -> Result<Self, SystemError> {
+        if let Some(mistakes) = Kind::System.wanted(text) {
+            return Err(SystemError::Mistakes { path: path.into(), mistakes });
+        }
         let mut reader = read::Reader::new();
         reader.read(text);
         // Of a file that could not be read at all, nothing more is said.
@@ -157,6 +161,11 @@ impl System {
             && let Some(text) = built_in::find(&built_in::SYSTEMS, name)
         {
             return Self::parse(text, &format!("systems/{name}.toml"));
+        }
+        // The name of a study is told as what it is.
+        if let Some(text) = path.to_str().and_then(|name| built_in::find(&built_in::STUDIES, name))
+        {
+            return Self::parse(text, &format!("studies/{}.toml", path.display()));
         }
         let text = files::read_text(path).map_err(SystemError::File)?;
         Self::parse(&text, &path.display().to_string())

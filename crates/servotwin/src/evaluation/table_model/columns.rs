@@ -315,14 +315,18 @@ pub(super) fn encode(tables: &mut [Table], inputs: &[Input]) -> Result<Vec<f64>,
     let mut values = Vec::with_capacity(inputs.len() * rows);
     for (place, input) in inputs.iter().enumerate() {
         let again = inputs.get(place + 1).is_some_and(|next| next.column() == input.column());
-        for table in tables.iter_mut() {
-            match again {
-                true => encode_column(table, table.column(input.column())?, input, &mut values)?,
-                false => {
-                    let column = table.take(input.column())?;
-                    encode_column(table, &column, input, &mut values)?;
-                }
-            }
+        for (place, table) in tables.iter_mut().enumerate() {
+            let encoded = match again {
+                true => table
+                    .column(input.column())
+                    .map_err(EvaluationError::from)
+                    .and_then(|column| encode_column(table, column, input, &mut values)),
+                false => table
+                    .take(input.column())
+                    .map_err(EvaluationError::from)
+                    .and_then(|column| encode_column(table, &column, input, &mut values)),
+            };
+            encoded.map_err(EvaluationError::of_table(place))?;
         }
     }
     Ok(values)

@@ -52,7 +52,10 @@ pub(super) fn classes(tables: &[Table], selection: &Selection) -> Result<Coded, 
     if !selection.label_limits.is_empty() {
         return limited(tables, name, &selection.label_limits);
     }
-    tables.iter().try_for_each(|table| refuse_measured(table.column(name)?))?;
+    for (place, table) in tables.iter().enumerate() {
+        let column = table.column(name).map_err(EvaluationError::from);
+        column.and_then(refuse_measured).map_err(EvaluationError::of_table(place))?;
+    }
     let learnt = Coded::of(&filled(&tables[0], name, "class")?);
     let (different, rows) = (learnt.names.len(), learnt.codes.len());
     if different < 2 {
@@ -65,7 +68,9 @@ pub(super) fn classes(tables: &[Table], selection: &Selection) -> Result<Coded, 
     }
     let mut all = learnt;
     for table in &tables[1..] {
-        all.codes.extend(known(&filled(table, name, "class")?, name, &all.names)?);
+        let classes = filled(table, name, "class");
+        let codes = classes.and_then(|classes| known(&classes, name, &all.names));
+        all.codes.extend(codes.map_err(EvaluationError::of_table(1))?);
     }
     Ok(all)
 }

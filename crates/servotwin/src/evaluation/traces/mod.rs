@@ -129,6 +129,8 @@ pub enum TraceError {
     },
     /// The table is not as the file says.
     Evaluation(EvaluationError),
+    /// Neither are the healthy traces that nominal values are to be learnt from.
+    Healthy(EvaluationError),
 }
 
 impl fmt::Display for TraceError {
@@ -156,7 +158,7 @@ impl fmt::Display for TraceError {
                  name them in [healthy], or give healthy traces with --healthy"
             ),
             TraceError::Nominal { sensor, problem } => write!(out, "sensor '{sensor}': {problem}"),
-            TraceError::Evaluation(error) => write!(out, "{error}"),
+            TraceError::Evaluation(error) | TraceError::Healthy(error) => write!(out, "{error}"),
         }
     }
 }
@@ -328,7 +330,11 @@ impl TraceStudy {
                     if rows.is_empty() {
                         return Err(TraceError::NoHealthyRows { sensor: sensor.name.clone() });
                     }
-                    let learnt = learn(sensor, inputs, learnt_from, &rows)?;
+                    let learnt = learn(sensor, inputs, learnt_from, &rows);
+                    let learnt = learnt.map_err(|error| match (error, healthy) {
+                        (TraceError::Evaluation(error), Some(_)) => TraceError::Healthy(error),
+                        (error, _) => error,
+                    })?;
                     let inputs = inputs.iter().map(|name| traces.finite_f64(name));
                     let inputs = inputs.collect::<Result<Vec<_>, TableError>>()?;
                     let at = |row: usize| {

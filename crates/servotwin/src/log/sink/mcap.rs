@@ -159,6 +159,7 @@ impl Channel {
             "state": text,
             "phase": text,
             "actuator": { "type": ["integer", "null"] },
+            "unit": { "type": ["string", "null"] },
             "command": text,
             "detail": text,
             "confidence": { "type": "number" },

@@ -7,7 +7,9 @@ pub mod timeline;
 
 use super::observer::Observation;
 use crate::files::FileError;
-use crate::system::System;
+use crate::shown::Shown;
+use crate::system::{Sensor, System};
+use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
 use std::fmt;
 
@@ -95,36 +97,31 @@ pub struct Trace {
     pub label: String,
     /// The unit.
     pub unit: Unit,
-    /// Whether it is a way or a speed of an aircraft, which nobody reads in millimetres.
-    pub far: bool,
+    /// How people read it.
+    pub shown: Shown,
 }
 
 impl Trace {
-    fn new(id: &str, label: &str, unit: Unit, is_input: bool) -> Self {
-        let far = is_input && matches!(unit, Unit::Metre | Unit::MetrePerSecond);
-        Trace { id: id.into(), label: label.into(), unit, far }
-    }
-
-    /// The unit that people see.
-    pub fn shown(&self) -> &'static str {
-        if self.far { self.unit.symbol() } else { self.unit.shown() }
-    }
-
-    /// A value in that unit.
-    pub fn to_shown(&self, si: f64) -> f64 {
-        if self.far { si } else { self.unit.to_shown(si) }
+    fn new(id: &str, label: &str, unit: Unit, shown: Shown) -> Self {
+        Trace { id: id.into(), label: label.into(), unit, shown }
     }
 }
 
 impl Scene {
     /// The signals of a system.
     pub fn new(title: &str, system: &System, features: Vec<String>, period_s: f64) -> Self {
-        let inputs = system.network().inputs.iter();
-        let sensors = system.sensors.iter();
+        let network = system.network();
+        let input = |(place, input): (usize, &ExternalInput)| {
+            Trace::new(&input.id, &input.id, input.unit, Shown::of_input(network, place))
+        };
+        let sensor = |sensor: &Sensor| {
+            let Sensor { id, label, unit, scale, .. } = sensor;
+            Trace::new(id, label, *unit, Shown::of(*unit, *scale))
+        };
         Scene {
             title: title.into(),
-            inputs: inputs.map(|i| Trace::new(&i.id, &i.id, i.unit, true)).collect(),
-            sensors: sensors.map(|s| Trace::new(&s.id, &s.label, s.unit, false)).collect(),
+            inputs: network.inputs.iter().enumerate().map(input).collect(),
+            sensors: system.sensors.iter().map(sensor).collect(),
             features,
             period_s,
         }

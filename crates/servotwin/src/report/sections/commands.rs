@@ -4,6 +4,7 @@ use super::commands_curve::in_words;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::{Material, Section};
+use crate::shown::Shown;
 
 /// See the module.
 pub struct Commands;
@@ -22,7 +23,7 @@ impl Section for Commands {
 
     fn write(&self, material: &Material, page: &mut Page) {
         let study = material.study;
-        let unit = study.system.network().inputs[study.command_input].unit;
+        let read = Shown::of_input(study.system.network(), study.command_input);
         let end = study.duration_s.min(SHOWN_S);
         let count = (end / study.sample_period_s) as usize;
         let time: Vec<f64> = (0..=count).map(|k| k as f64 * study.sample_period_s).collect();
@@ -35,8 +36,8 @@ impl Section for Commands {
             }
             known.push(name);
             let signal = &case.inputs[study.command_input];
-            let values: Vec<f64> = time.iter().map(|&t| unit.to_shown(signal.value(t))).collect();
-            let panel = Panel::new(name, unit.shown());
+            let values: Vec<f64> = time.iter().map(|&t| read.value(signal.value(t))).collect();
+            let panel = Panel::new(name, read.symbol());
             figure = figure.with(panel.with(Series::new("", time.clone(), values)));
         }
         let shown = match end < study.duration_s {

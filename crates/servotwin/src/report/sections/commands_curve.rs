@@ -10,6 +10,7 @@ use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{chosen, number, stacked};
 use crate::report::{Material, Section};
+use crate::shown::Shown;
 use crate::signal::Signal;
 use crate::study::{OperatingCase, Study, Training};
 
@@ -182,15 +183,15 @@ fn list(study: &Study, training: &Training) -> Grid {
 /// The loads of cases, in the unit of the input that loads; nothing where a study has no load.
 fn loads(study: &Study, load: Option<usize>, cases: &[&OperatingCase]) -> String {
     let Some(input) = load else { return String::new() };
-    let unit = study.system.network().inputs[input].unit;
-    let value = |case: &&OperatingCase| unit.to_shown(case.inputs[input].value(0.0));
+    let read = Shown::of_input(study.system.network(), input);
+    let value = |case: &&OperatingCase| read.value(case.inputs[input].value(0.0));
     let least = cases.iter().map(value).fold(f64::INFINITY, f64::min);
     let most = cases.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
     let size = match number(least) == number(most) {
         true => number(least),
         false => format!("{} … {}", number(least), number(most)),
     };
-    match unit.shown() {
+    match read.symbol() {
         "" | "1" => size,
         unit => format!("{size} {unit}"),
     }

@@ -121,7 +121,7 @@ impl Timeline {
 
     fn decisions(&self, html: &mut String) {
         *html += "<h2>Decisions</h2>\n<div class=\"sheet\"><table id=\"changes\">\n<thead><tr>\
-            <th>Time, s</th><th>State</th><th>Actuator</th><th>Command</th><th>Detail</th>\
+            <th>Time, s</th><th>State</th><th>Unit</th><th>Command</th><th>Detail</th>\
             <th>Confidence</th><th>Evidence</th></tr></thead>\n<tbody>\n";
         for (sample, time_s, finding) in &self.changes {
             let state = match finding.phase.words() {
@@ -132,13 +132,13 @@ impl Timeline {
                 sure if sure > 0.0 => format!("{:.1} %", 100.0 * sure),
                 _ => String::new(),
             };
-            let actuator = finding.actuator.map_or(String::new(), |number| number.to_string());
+            let unit = escaped(&finding.unit_in_words());
             let evidence: Vec<String> = finding.evidence.iter().map(|e| escaped(e)).collect();
             let at = *sample as f64 * self.scene.period_s;
             let _ = writeln!(
                 html,
                 "<tr data-at=\"{at}\"><td class=\"number\">{time_s:.2}</td>\
-                 <td><i class=\"{}\"></i>{}</td><td>{actuator}</td><td>{}</td><td>{}</td>\
+                 <td><i class=\"{}\"></i>{}</td><td>{unit}</td><td>{}</td><td>{}</td>\
                  <td class=\"number\">{sure}</td><td>{}</td></tr>",
                 class_of(finding),
                 escaped(&state),
@@ -187,7 +187,7 @@ impl Timeline {
     fn data(&self) -> Value {
         let all = |traces: &[Trace], series: &[Series]| -> Vec<Value> {
             let pairs = traces.iter().zip(series);
-            pairs.map(|(trace, series)| series.json(&trace.label, trace.shown())).collect()
+            pairs.map(|(trace, series)| series.json(&trace.label, trace.shown.symbol())).collect()
         };
         let plain = |labels: Vec<&str>, series: &[Series], unit: &str| -> Vec<Value> {
             labels.iter().zip(series).map(|(label, series)| series.json(label, unit)).collect()
@@ -249,7 +249,7 @@ impl Sink for Timeline {
         let observation = &sample.observation;
         let shown = |series: &mut [Series], traces: &[Trace], values: &[f64]| {
             for ((series, trace), &value) in series.iter_mut().zip(traces).zip(values) {
-                series.push(trace.to_shown(value), begins);
+                series.push(trace.shown.value(value), begins);
             }
         };
         let (inputs, sensors) = (&self.scene.inputs, &self.scene.sensors);

@@ -1,0 +1,79 @@
+//! Whether a text is a system or a study, also where it is no valid TOML: as what stands in it shows.
+
+use crate::document::{Collector, Located, Mistake};
+
+/// What a file for the toolkit is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Components and their connections.
+    System,
+    /// Faults, cases and sensors of a system.
+    Study,
+}
+
+/// What lines of a system begin with, and none of a study.
+const OF_SYSTEM: [&str; 6] =
+    ["[components", "[assemblies", "[fluids", "[system]", "components", "assemblies"];
+/// The reverse.
+const OF_STUDY: [&str; 6] =
+    ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
+
+impl Kind {
+    /// What a text is; `None` where it looks like neither, or like both.
+    pub fn of(text: &str) -> Option<Self> {
+        let begins = |words: &[&str]| {
+            text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
+        };
+        match (begins(&OF_SYSTEM), begins(&OF_STUDY)) {
+            (true, false) => Some(Kind::System),
+            (false, true) => Some(Kind::Study),
+            _ => None,
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Kind::System => "a system",
+            Kind::Study => "a study",
+        }
+    }
+
+    /// The one mistake of a text that is something else.
+    pub(crate) fn wanted<M: From<Mistake> + PartialEq>(
+        self,
+        text: &str,
+    ) -> Option<Vec<Located<M>>> {
+        let is = Kind::of(text).filter(|is| *is != self)?;
+        let help = match (is, named_system(text)) {
+            (Kind::Study, Some(name)) => format!("it is a study of the system '{name}'"),
+            (Kind::Study, None) => "a study names its system".into(),
+            (Kind::System, _) => {
+                "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()
+            }
+        };
+        let mistake = Mistake::OtherKind { is: is.words(), wanted: self.words(), help };
+        let mut mistakes = Collector::new();
+        mistakes.note(&(0..0), mistake);
+        Some(mistakes.locate(text))
+    }
+}
+
+/// The system that a study names.
+fn named_system(text: &str) -> Option<&str> {
+    let line = text.lines().find_map(|line| line.trim_start().strip_prefix("system"))?;
+    line.trim_start().strip_prefix('=')?.trim().trim_matches('"').split('"').next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in::{STUDIES, SYSTEMS};
+
+    #[test]
+    fn what_is_built_in_is_what_it_is() {
+        assert!(SYSTEMS.iter().all(|(_, text)| Kind::of(text) == Some(Kind::System)));
+        assert!(STUDIES.iter().all(|(_, text)| Kind::of(text) == Some(Kind::Study)));
+        assert_eq!(Kind::of("format = 1\n"), None);
+        assert_eq!(named_system("name = 1\nsystem = \"a.toml\"  # beside\n"), Some("a.toml"));
+    }
+}
