@@ -148,25 +148,29 @@ impl<'a> Forecasts<'a> {
     ///
     /// The loss is convex in 1/T, so its slope has one root, found by halving.
     pub fn temperature(&self) -> f64 {
+        let logarithms: Vec<f64> = self.shares.iter().map(|p| libm::log(p.max(LEAST))).collect();
+        let of_logarithms = Forecasts { shares: &logarithms, ..*self };
         let (mut low, mut high) = (1.0 / HOTTEST, HOTTEST);
         // Halving in proportion: the last interval is as narrow as rounding.
         for _ in 0..60 {
             let middle = libm::sqrt(low * high);
-            if self.slope(middle) < 0.0 { low = middle } else { high = middle }
+            if of_logarithms.slope(middle) < 0.0 { low = middle } else { high = middle }
         }
         1.0 / libm::sqrt(low * high)
     }
 
     /// The derivative of the log loss by the inverse temperature β: the mean over rows of what the
-    /// forecast expects of `ln p(class)`, minus `ln p(label)`.
+    /// forecast expects of `ln p(class)`, minus `ln p(label)`. For forecasts that hold these logarithms.
     fn slope(&self, inverse: f64) -> f64 {
-        let mut scaled = vec![0.0; self.classes];
-        self.mean(|shares, label| {
-            scaled.copy_from_slice(shares);
-            sharpen(&mut scaled, inverse);
-            let logarithms = shares.iter().map(|share| libm::log(share.max(LEAST)));
-            let expected: f64 = scaled.iter().zip(logarithms).map(|(p, log)| p * log).sum();
-            expected - libm::log(shares[label].max(LEAST))
+        self.mean(|logarithms, label| {
+            let largest = logarithms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let (mut sum, mut expected) = (0.0, 0.0);
+            for logarithm in logarithms {
+                let share = libm::exp(inverse * (logarithm - largest));
+                sum += share;
+                expected += share * logarithm;
+            }
+            expected / sum - logarithms[label]
         })
     }
 }

@@ -358,22 +358,42 @@ impl<'a> Grower<'a> {
     }
 
     /// `Σ G² / (H + λ)` over outputs.
+    #[inline(always)]
     fn score(&self, parts: &[f64]) -> f64 {
-        let (gradients, curvatures) = parts.split_at(self.outputs);
+        let (gradients, curvatures) = parts.split_at(parts.len() / 2);
         let both = gradients.iter().zip(curvatures);
         both.map(|(g, h)| g * g / (h + self.settings.lambda)).sum()
     }
 
+    #[inline(always)]
     fn has_curvature(&self, parts: &[f64]) -> bool {
-        parts[self.outputs..].iter().sum::<f64>() >= self.settings.min_curvature_leaf
+        parts[parts.len() / 2..].iter().sum::<f64>() >= self.settings.min_curvature_leaf
     }
 
     /// The split of most worth, of equally good ones the first; `None` if none is worth anything.
     fn best_split(&self, totals: &[f64], sums: &[f64]) -> Option<Candidate> {
-        let width = self.width();
+        match self.width() {
+            // As in [`Bins::sum_into`].
+            2 => self.best_split_in([[0.0; 2]; 2], totals, sums),
+            6 => self.best_split_in([[0.0; 6]; 2], totals, sums),
+            8 => self.best_split_in([[0.0; 8]; 2], totals, sums),
+            width => self.best_split_in([vec![0.0; width], vec![0.0; width]], totals, sums),
+        }
+    }
+
+    /// The same with room for the parts on both sides, whose length the compiler may know.
+    #[inline(always)]
+    fn best_split_in(
+        &self,
+        [mut left, mut right]: [impl AsMut<[f64]>; 2],
+        totals: &[f64],
+        sums: &[f64],
+    ) -> Option<Candidate> {
+        let (left, right) = (left.as_mut(), right.as_mut());
+        let width = left.len();
+        let totals = &totals[..width];
         let mut best = None;
         let mut to_beat = self.score(totals) * BETTER;
-        let (mut left, mut right) = (vec![0.0; width], vec![0.0; width]);
         let of_columns = sums.chunks_exact(self.settings.max_bins * width);
         for (&column, sums) in self.columns.iter().zip(of_columns) {
             left.fill(0.0);
@@ -383,8 +403,8 @@ impl<'a> Grower<'a> {
                     left[place] += parts[place];
                     right[place] = totals[place] - left[place];
                 }
-                let score = self.score(&left) + self.score(&right);
-                if score > to_beat && self.has_curvature(&left) && self.has_curvature(&right) {
+                let score = self.score(left) + self.score(right);
+                if score > to_beat && self.has_curvature(left) && self.has_curvature(right) {
                     to_beat = score * BETTER;
                     best = Some(Candidate { column, bin });
                 }

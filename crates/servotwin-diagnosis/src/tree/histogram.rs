@@ -56,8 +56,8 @@ impl Bins {
     /// Adds a column whose bins but the last end with `ends`.
     fn add_column(&mut self, feature: usize, column: &[f64], ends: &[f64], rows: &[u32]) {
         let first = self.table.len();
-        let bin = |value: &f64| ends.partition_point(|end| end < value) as u8;
-        self.table.extend(column.iter().map(bin));
+        self.table.resize(first + column.len(), 0);
+        Search::new(ends).places_into(column, &mut self.table[first..]);
         self.features.push(feature);
         self.counts.push(ends.len() + 1);
         let own = self.bounds.len();
@@ -177,6 +177,46 @@ fn ends_of(values: &[f64], max_bins: usize) -> Vec<f64> {
     (1..bins).map(|bin| values[bin * values.len() / bins - 1]).collect()
 }
 
+/// So many values are looked up at once: their searches do not wait for each other.
+const AT_ONCE: usize = 8;
+
+/// Where values lie among the ends of bins. Every search takes the same steps.
+struct Search {
+    /// Ascending, infinite behind the last: a power of two less one of them count.
+    ends: [f64; 256],
+    steps: u32,
+}
+
+impl Search {
+    /// For at most 255 ascending ends.
+    fn new(ends: &[f64]) -> Self {
+        let mut all = [f64::INFINITY; 256];
+        all[..ends.len()].copy_from_slice(ends);
+        Search { ends: all, steps: usize::BITS - ends.len().leading_zeros() }
+    }
+
+    /// For each value the number of ends below it.
+    fn places_into(&self, values: &[f64], places: &mut [u8]) {
+        for (values, places) in values.chunks(AT_ONCE).zip(places.chunks_mut(AT_ONCE)) {
+            let mut own = [0.0; AT_ONCE];
+            own[..values.len()].copy_from_slice(values);
+            places.copy_from_slice(&self.places(own)[..values.len()]);
+        }
+    }
+
+    fn places(&self, values: [f64; AT_ONCE]) -> [u8; AT_ONCE] {
+        let mut places = [0_u8; AT_ONCE];
+        for step in (0..self.steps).rev() {
+            let half = 1_u8 << step;
+            for (place, value) in places.iter_mut().zip(values) {
+                let is_below = self.ends[usize::from(*place + (half - 1))] < value;
+                *place += u8::from(is_below) * half;
+            }
+        }
+        places
+    }
+}
+
 /// Adds the parts of rows to the bins of columns whose sums lie `stride` places apart.
 fn add_together<const WIDTH: usize, const COLUMNS: usize>(
     columns: [&[u8]; COLUMNS],
@@ -228,6 +268,21 @@ mod tests {
         assert_eq!(bins.bounds(0), [(-1.0, -1.0), (3.0, 3.0), (9.0, 9.0)]);
         // A row that is not learnt from makes no bin, but falls into one.
         assert_eq!(Bins::new(&samples, &[0, 1, 2], 8).column(0), [1, 0, 1, 1]);
+    }
+
+    #[test]
+    fn every_search_finds_how_many_ends_are_below() {
+        for count in [0, 1, 2, 3, 7, 8, 63, 200, 255] {
+            let ends: Vec<f64> = (0..count).map(|k| f64::from(k) * 0.5).collect();
+            let extreme = [f64::NEG_INFINITY, -0.0, f64::INFINITY, f64::NAN];
+            let values: Vec<f64> = (-3..530).map(|k| f64::from(k) * 0.25).chain(extreme).collect();
+            let mut places = vec![0; values.len()];
+            Search::new(&ends).places_into(&values, &mut places);
+            for (value, place) in values.iter().zip(places) {
+                let below = ends.iter().filter(|end| *end < value).count();
+                assert_eq!(usize::from(place), below, "{value} among {count}");
+            }
+        }
     }
 
     #[test]
