@@ -1,8 +1,7 @@
 //! Where results come from: `manifest.json`, with versions, seeds, and hashes of what went in and
 //! what came out. It holds no time of day: the same study gives the same bytes.
 
-use super::{Folder, JobError};
-use crate::evaluation::protocol::Holding;
+use super::{Folder, JobError, Subject};
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files;
 use crate::study::{Role, Setting, Study};
@@ -115,7 +114,7 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         study: study.name.clone(),
         inputs: hashes(folder, &[folder.study(), folder.system()])?,
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
-        split_seed: Holding::default().seed,
+        split_seed: Subject::Ideal.settings(study).holding.seed,
         solver: in_words(&solver::Settings::campaign()),
         data_sets: data_sets
             .map(|(s, role)| data_set(folder, s, role))

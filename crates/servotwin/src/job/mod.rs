@@ -24,7 +24,7 @@ use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::parallel::{self, Workers};
 use crate::evaluation::piece::{self, Bench, Found, Piece};
-use crate::evaluation::{self, Context, DataSet, FeatureInfo, Settings, Trained, model_file};
+use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
 use crate::study::campaign::{Campaign, data_features};
 use crate::study::{Role, Study};
 use crate::table;
@@ -119,7 +119,7 @@ impl Prepared {
         let all_features = data_set(folder, study, subject)?;
         let windows = windows(folder, study, subject, &all_features)?;
         let taught = all_features.taught()?;
-        let (mut data, _) = evaluation::banded(&taught, &subject.settings(), &pools(study));
+        let (mut data, _) = evaluation::banded(&taught, &subject.settings(study), &pools(study));
         if let Some(moving) = moving(study, subject, &windows, learned(subject)) {
             data = data.with_moved(&moving, workers)?;
         }
@@ -129,7 +129,7 @@ impl Prepared {
     /// Trains trees and committee with everything there is to learn from, and writes them.
     fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Trained, JobError> {
         let trained =
-            evaluation::train(&self.data, &self.subject.settings(), &pools(study), workers)?;
+            evaluation::train(&self.data, &self.subject.settings(study), &pools(study), workers)?;
         let sensors = &study.sensors.0[..study.base_sensors()];
         let half_width = |sensor: usize| {
             let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
@@ -152,13 +152,9 @@ impl Prepared {
     }
 }
 
-fn settings(study: &Study, subject: Subject) -> Settings {
-    Settings { shutdowns: study.shutdowns(), ..subject.settings() }
-}
-
 /// The pieces of a subject's evaluation.
 pub fn pieces(study: &Study, subject: Subject) -> Vec<Piece> {
-    piece::all(&settings(study, subject))
+    piece::all(&subject.settings(study))
 }
 
 /// A subject with everything that its evaluation needs.
@@ -196,7 +192,7 @@ impl Desk {
     ) -> Result<Vec<Found>, JobError> {
         let Prepared { subject, all_features, windows, data } = &self.prepared;
         let moving = moving(study, *subject, windows, JUDGED);
-        let (pools, settings) = (pools(study), settings(study, *subject));
+        let (pools, settings) = (pools(study), subject.settings(study));
         let context = Context {
             trained: &self.trained,
             pools: &pools,
@@ -297,7 +293,7 @@ pub fn write_results(
 ) -> Result<Results, JobError> {
     let (mut list, mut tested) = (vec![], vec![]);
     for (Desk { prepared: Prepared { subject, data, .. }, trained }, found) in evaluated {
-        let settings = settings(study, subject);
+        let settings = subject.settings(study);
         list.push(SubjectResult::new(subject, study, settings.clone(), piece::joined(found)));
         if !subject.extra_sensor() {
             // What others are tested on: a setting, and not a sensor more.

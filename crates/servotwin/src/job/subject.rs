@@ -1,10 +1,14 @@
 //! What is diagnosed: a data set, with or without the extra sensor.
 
+use crate::evaluation::comparison::quick_classifiers;
 use crate::evaluation::data_set::Lessons;
 use crate::evaluation::protocol::{Holding, Protocol};
 use crate::evaluation::{self, Settings};
+use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
 use crate::study::{Plants, Setting, Study};
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::classifiers;
+use servotwin_diagnosis::hierarchy::Settings as Training;
 use servotwin_diagnosis::tree::Criterion;
 
 /// A data set, and whether the extra sensor is used.
@@ -60,14 +64,51 @@ impl Subject {
         self == Subject::ExtraSensor
     }
 
-    /// How it is evaluated. Classifiers are compared where the paper compared them, parts are taken
+    /// How it is trained and judged: as the study's section `[evaluation]` says, and else as is usual.
+    pub fn settings(self, study: &Study) -> Settings {
+        let settings = self.as_asked(self.usual(), &study.evaluating);
+        Settings { shutdowns: study.shutdowns(), ..settings }
+    }
+
+    /// What a study says goes before what is usual.
+    fn as_asked(self, mut settings: Settings, asked: &Evaluating) -> Settings {
+        let is_asked = |list: &Option<Vec<Setting>>| {
+            list.as_ref().map(|settings| settings.contains(&self.setting()))
+        };
+        for (holding, Rounds { random_thirds, folds }) in [
+            (&mut settings.holding, asked.rounds),
+            (&mut settings.comparison_holding, asked.comparison),
+        ] {
+            set(&mut holding.seed, asked.seed);
+            set(&mut holding.repeats, random_thirds);
+            set(&mut holding.folds, folds);
+        }
+        set(&mut settings.learned_bands, is_asked(&asked.learned_bands));
+        // With one sensor more as little is measured as is needed to compare it.
+        if !self.extra_sensor() {
+            set(&mut settings.ablation, is_asked(&asked.ablation));
+            let compared = |is_asked| if is_asked { quick_classifiers() } else { vec![] };
+            let classifiers = is_asked(&asked.classifiers).map(compared);
+            settings.classifiers = classifiers.unwrap_or(settings.classifiers);
+        }
+        let growing = asked.trees.get(&self.setting()).copied().unwrap_or_default();
+        for stage in stages(&mut settings.training) {
+            grown(stage, growing);
+        }
+        for stage in stages(&mut settings.committee) {
+            boosted(stage, asked.committee);
+        }
+        settings
+    }
+
+    /// How it is usually evaluated. Classifiers are compared where the paper compared them, parts are taken
     /// away where it is hardest to do without. The paper's band of 3 % judges perfect specimens, with
     /// and without noise; where specimens differ it would alarm one healthy one in eight, and learned
     /// bands do. Trees are as deep as the paper's; where specimens differ from their twins they need two
     /// questions more, and three where bands are as narrow as noise allows, so that weaker faults are
     /// diagnosed. There every healthy specimen nearly leaves them, and only those that do teach. Depth,
     /// criterion and lessons were chosen on training commands left out of training (`job::tests`).
-    pub fn settings(self) -> Settings {
+    fn usual(self) -> Settings {
         let defaults = Settings::default();
         let settings = Settings {
             training: match self.setting().plants() {
@@ -96,5 +137,33 @@ impl Subject {
             },
             _ => Settings { classifiers: vec![], ..settings },
         }
+    }
+}
+
+fn set<T>(value: &mut T, asked: Option<T>) {
+    if let Some(asked) = asked {
+        *value = asked;
+    }
+}
+
+/// The classifiers of all stages.
+fn stages(training: &mut Training) -> [&mut classifiers::Settings; 3] {
+    [&mut training.actuator, &mut training.command, &mut training.detail]
+}
+
+fn grown(stage: &mut classifiers::Settings, Growing { criterion, depth, leaf_rows }: Growing) {
+    if let classifiers::Settings::Cart(tree) = stage {
+        set(&mut tree.criterion, criterion);
+        set(&mut tree.max_depth, depth.map(Some));
+        set(&mut tree.min_samples_leaf, leaf_rows);
+    }
+}
+
+fn boosted(stage: &mut classifiers::Settings, asked: Boosting) {
+    if let classifiers::Settings::BoostedTrees(boosted) = stage {
+        set(&mut boosted.trees, asked.trees);
+        set(&mut boosted.max_depth, asked.depth);
+        set(&mut boosted.learning_rate, asked.learning_rate);
+        set(&mut boosted.feature_share, asked.feature_share);
     }
 }

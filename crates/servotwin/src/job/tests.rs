@@ -21,7 +21,7 @@ fn measure_trees() {
         data.rows_where(Role::Training, |r| !r.is_healthy && r.is_detected() && r.moved == 0);
     let in_fold = |row: usize, fold: u32| data.rows[row].flown % 4 == fold;
     for healthy in [0.8, 1.0] {
-        let lessons = Lessons { healthy, ..subject.settings().holding.lessons };
+        let lessons = Lessons { healthy, ..subject.settings(&study).holding.lessons };
         let lesson = data.learnt_from(lessons).unwrap();
         let split = |fold| Split {
             train: lesson.iter().copied().filter(|&row| !in_fold(row, fold)).collect(),

@@ -1,7 +1,8 @@
 //! What a study file may say.
 
-use super::FORMAT;
+use super::{FORMAT, evaluating};
 use crate::format::{Key, Value, may, must};
+use servotwin_diagnosis::classifiers::boosted_trees::{DEEPEST, MOST_TREES};
 use servotwin_diagnosis::features::Quantity;
 
 const ANY: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
@@ -17,7 +18,7 @@ fn quantities() -> Vec<&'static str> {
 }
 
 /// The keys of a study file.
-pub(crate) static STUDY: [Key; 18] = [
+pub(crate) static STUDY: [Key; 19] = [
     must("format", Value::Whole(FORMAT as f64, FORMAT as f64), "of this file"),
     must("name", Value::Text, "the name in files"),
     must("title", Value::Text, "one line for people"),
@@ -34,6 +35,7 @@ pub(crate) static STUDY: [Key; 18] = [
     may("realistic", Value::Table(&REALISTIC), "how reality differs from the twin"),
     may("fitted", Value::Table(&FITTED), "specimens beside twins that are fitted to them"),
     may("training", Value::Table(&TRAINING), "commands to learn from"),
+    may("evaluation", Value::Table(&EVALUATION), "how it is trained and judged, if not as usual"),
     may("flights", Value::Table(&FLIGHTS), "flights in which a fault begins"),
     may("reactions", Value::Names(0, &Value::Table(&REACTION)), "what a command does"),
 ];
@@ -98,6 +100,41 @@ static TRAINING: [Key; 6] = [
 static DRAWS: [Key; 2] = [
     must("count", Value::Whole(0.0, MOST), "how many"),
     must("signal", Value::Text, "a signal with {a..b} for a number between, {n} for the draw's"),
+];
+
+static EVALUATION: [Key; 9] = [
+    may("seed", SEED, "of splits into training and test"),
+    may("random_thirds", ROUNDS, "how often a random third is held out"),
+    may("folds", FOLDS, "in how many parts kinds and intensities are held out"),
+    may("learned_bands", SETTINGS, "settings whose bands healthy specimens teach; elsewhere 3 %"),
+    may("classifiers", SETTINGS, "settings in which classifiers are compared"),
+    may("comparison", Value::Table(&COMPARISON), "how rows are held out there"),
+    may("ablation", SETTINGS, "settings in which parts are taken away"),
+    may("committee", Value::Table(&COMMITTEE), "the boosted trees beside the nine"),
+    may("trees", Value::Names(0, &Value::Table(&TREES)), "the nine trees of a setting"),
+];
+
+const ROUNDS: Value = Value::Whole(1.0, 1000.0);
+const FOLDS: Value = Value::Whole(2.0, 1000.0);
+const SETTINGS: Value = Value::List(0, &SETTING);
+static SETTING: Value = Value::Word(evaluating::settings);
+
+static COMPARISON: [Key; 2] = [
+    may("random_thirds", ROUNDS, "how often a random third is held out"),
+    may("folds", FOLDS, "in how many parts kinds and intensities are held out"),
+];
+
+static COMMITTEE: [Key; 4] = [
+    may("trees", Value::Whole(1.0, MOST_TREES as f64), "at each place of the hierarchy"),
+    may("depth", Value::Whole(1.0, DEEPEST as f64), "questions on the longest way"),
+    may("learning_rate", Value::Number(1e-3, 1.0, ""), "factor on what each tree adds"),
+    may("feature_share", Value::Number(1e-3, 1.0, ""), "of features from which each may choose"),
+];
+
+static TREES: [Key; 3] = [
+    may("criterion", Value::Word(evaluating::criteria), "the measure of impurity"),
+    may("depth", Value::Whole(1.0, 100.0), "questions on the longest way"),
+    may("leaf_rows", Value::Whole(1.0, MOST), "rows on both sides of every question, at least"),
 ];
 
 static FLIGHTS: [Key; 12] = [

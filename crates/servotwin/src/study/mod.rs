@@ -7,6 +7,7 @@
 
 mod calibration;
 pub mod campaign;
+pub mod evaluating;
 pub mod faults;
 pub mod flights;
 mod imperfection;
@@ -18,6 +19,7 @@ mod realism;
 mod training;
 
 pub use calibration::Calibration;
+pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
 pub(crate) use imperfection::{Imperfection, Imperfections};
@@ -70,6 +72,7 @@ struct Text {
     realistic: Option<realism::Text>,
     fitted: Option<calibration::Text>,
     training: Option<training::Text>,
+    evaluation: Option<evaluating::Text>,
     flights: Option<flights::Text>,
     #[serde(default)]
     reactions: BTreeMap<String, reactions::Text>,
@@ -162,6 +165,8 @@ pub struct Study {
     /// The flights from which the diagnosis learns, where they are others than those it is judged
     /// on.
     pub training: Option<Training>,
+    /// How the diagnosis is trained and judged, as far as the file says so.
+    pub evaluating: Evaluating,
     /// What the flight control computer does when a command is raised.
     pub reactions: Reactions,
     /// Where it was read.
@@ -254,6 +259,7 @@ impl Study {
             realism,
             calibration,
             training,
+            evaluating,
             reactions,
         } = reader.finish(parts)?;
         Ok(Self {
@@ -274,6 +280,7 @@ impl Study {
             realism,
             calibration,
             training,
+            evaluating,
             reactions,
             path: path.into(),
             parsed: Box::new(parsed),
@@ -534,6 +541,7 @@ struct Parts {
     realism: Option<Realism>,
     calibration: Option<Calibration>,
     training: Option<Training>,
+    evaluating: Evaluating,
     reactions: Reactions,
 }
 
@@ -549,6 +557,7 @@ impl Parts {
         let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader)).transpose();
         let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
         let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
+        let evaluating = text.evaluation.as_ref().map(|text| Evaluating::new(text, reader));
         let flights = text.flights.as_ref().map(|text| text.check_all(reader)).transpose();
         let reactions = Reactions::new(&text.reactions, reader);
         flights?;
@@ -563,6 +572,7 @@ impl Parts {
             realism: realism?,
             calibration: calibration.transpose()?,
             training: training?,
+            evaluating: evaluating.transpose()?.unwrap_or_default(),
             reactions: reactions?,
         })
     }

@@ -42,6 +42,12 @@ pub(super) struct Text {
     signals: BTreeMap<String, Signal>,
 }
 
+impl Text {
+    pub(super) fn has_healthy(&self) -> bool {
+        self.healthy > 0
+    }
+}
+
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct DrawsText {

@@ -2,6 +2,7 @@
 
 mod aileron;
 mod effort;
+mod evaluating;
 mod evaluation;
 mod figure;
 mod files;
