@@ -1,6 +1,6 @@
 //! Trees, committee and bands for each length of a window, learned from flights.
 
-use crate::evaluation::parallel::Workers;
+use crate::evaluation::parallel::{self, Workers};
 use crate::evaluation::{self, DataSet, EvaluationError, FeatureInfo, Settings};
 use crate::study::{Flights, Role, Study};
 use crate::table::Table;
@@ -37,8 +37,13 @@ pub fn diagnoser(
     pools: &[usize],
     workers: Workers,
 ) -> Result<Diagnoser, EvaluationError> {
-    let of = |(&window_s, table)| length(study, window_s, table, pools, workers);
-    let lengths = flights.windows_s.iter().zip(tables).map(of).collect::<Result<Vec<_>, _>>()?;
+    let tables = tables.into_iter().map(|table| [(Role::Training, table)]);
+    let lessons: Vec<_> = flights.windows_s.iter().zip(tables).collect();
+    // All at the same time: the most of a length is the training of its largest stage, on one thread.
+    let lengths = parallel::map(&lessons, workers, |(window_s, tables)| {
+        length(study, **window_s, tables, pools, workers)
+    });
+    let lengths = lengths?.into_iter().collect::<Result<Vec<_>, _>>()?;
     let names = &lengths[0].panel.trees.names;
     let commands = names.commands.iter().map(String::as_str);
     let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
@@ -58,13 +63,12 @@ pub fn diagnoser(
 fn length(
     study: &Study,
     window_s: f64,
-    table: Table,
+    tables: &[(Role, Table)],
     pools: &[usize],
     workers: Workers,
 ) -> Result<Length, EvaluationError> {
     let features = FeatureInfo::of_study(study, false);
-    let tables = [(Role::Training, table)];
-    let data = DataSet::new(&tables, features, &study.units, &study.commands())?.taught()?;
+    let data = DataSet::new(tables, features, &study.units, &study.commands())?.taught()?;
     let settings = settings();
     let trained = evaluation::train(&data, &settings, pools, workers)?;
     let (data, bands) = evaluation::banded(&data, &settings, pools);
