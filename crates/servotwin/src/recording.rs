@@ -5,7 +5,9 @@ use crate::ensemble::Ensemble;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::nearest::UnknownName;
 use crate::shown::Shown;
-use crate::system::System;
+use crate::signal::random::Random;
+use crate::study::Imperfections;
+use crate::system::{Sensor, System};
 use crate::table::{Column, Table, TableError};
 use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
@@ -115,6 +117,27 @@ pub fn table(
         table.push(Column::new(&one.name, one.unit.symbol(), values))?;
     }
     Ok(table)
+}
+
+/// Makes of the recorded values of a run what sensors show of them: with the noise that they declare, and in the steps of
+/// their converters. What is no sensor stays. The same for the same seed and run, whatever else is recorded.
+pub fn as_shown(
+    system: &System,
+    recorded: &[Recorded],
+    values: &mut [Vec<f64>],
+    seed: u64,
+    run: usize,
+) {
+    let all: Vec<usize> = (0..system.sensors.len()).collect();
+    let imperfections = Imperfections::of(system, &all);
+    for (one, values) in recorded.iter().zip(values) {
+        let is_it = |sensor: &Sensor| with_suffix(&sensor.id, sensor.unit) == one.name;
+        if let Some(sensor) = system.sensors.iter().position(is_it) {
+            let number = run * system.sensors.len() + sensor;
+            let mut noise = Random::stream(seed, number as u64);
+            imperfections.apply_to_one(sensor, values, &mut noise);
+        }
+    }
 }
 
 /// Quantities of one unit whose sizes differ by more than this have panels of their own: on a common

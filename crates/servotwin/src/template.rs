@@ -1,19 +1,63 @@
-//! A system and a study to begin with: a servo actuator that runs as it is.
+//! A system and a study to begin with, which run as they are: a servo actuator, or an axis of a press.
+
+use crate::built_in;
 
 const SYSTEM: &str = include_str!("template/system.toml");
 const STUDY: &str = include_str!("template/study.toml");
 
+/// The built-in system and study that a press begins with.
+const PRESS: &str = "press_axis";
+
+/// What the files describe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Like {
+    /// An actuator with a servo valve against a spring, whose command is an angle.
+    ServoActuator,
+    /// A vertical ram with a proportional valve, a pump and an accumulator, whose command is a position.
+    PressAxis,
+}
+
+impl Like {
+    /// All there are.
+    pub const ALL: [Like; 2] = [Like::ServoActuator, Like::PressAxis];
+
+    /// The name in commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Like::ServoActuator => "servo_actuator",
+            Like::PressAxis => PRESS,
+        }
+    }
+
+    /// What a name lets expect: a press where it has that word.
+    pub fn of_name(name: &str) -> Self {
+        match name.split('_').any(|word| word == "press") {
+            true => Like::PressAxis,
+            false => Like::ServoActuator,
+        }
+    }
+
+    /// A command that it can follow, as a signal.
+    pub fn command(self) -> &'static str {
+        match self {
+            Like::ServoActuator => "step:size=5deg",
+            Like::PressAxis => "step:size=50mm",
+        }
+    }
+}
+
 /// Both files under a name of the user's.
 pub struct Template {
     name: String,
+    like: Like,
 }
 
 impl Template {
     /// `None` where a system cannot have this name.
-    pub fn new(name: &str) -> Option<Self> {
+    pub fn new(name: &str, like: Like) -> Option<Self> {
         let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         let fits = !name.is_empty() && name.chars().all(good);
-        fits.then(|| Self { name: name.into() })
+        fits.then(|| Self { name: name.into(), like })
     }
 
     /// The system's file name.
@@ -28,11 +72,28 @@ impl Template {
 
     /// The system file.
     pub fn system(&self) -> String {
-        SYSTEM.replace("NAME", &self.name)
+        match self.like {
+            Like::ServoActuator => SYSTEM.replace("NAME", &self.name),
+            Like::PressAxis => built_in(&built_in::SYSTEMS).replace(PRESS, &self.name),
+        }
     }
 
     /// The study file, which looks for the system beside itself.
     pub fn study(&self) -> String {
-        STUDY.replace("NAME", &self.name)
+        match self.like {
+            Like::ServoActuator => STUDY.replace("NAME", &self.name),
+            Like::PressAxis => built_in(&built_in::STUDIES)
+                .replace(&format!("studies/{PRESS}.toml"), &self.study_name())
+                .replace(
+                    &format!("system = \"{PRESS}\""),
+                    &format!("system = \"{}\"", self.system_name()),
+                )
+                .replace("out_press", &format!("out_{}", self.name))
+                .replace(PRESS, &self.name),
+        }
     }
+}
+
+fn built_in(list: &[(&'static str, &'static str)]) -> &'static str {
+    built_in::find(list, PRESS).expect("it is built in")
 }

@@ -1,7 +1,7 @@
 //! `servotwin fit`: the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{design, read_table};
+use super::{design, note, read_table};
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity};
 use servotwin::fit::unknown::Moved;
-use servotwin::fit::{FitError, Fitted, Problem, Record, Unknown};
+use servotwin::fit::{FitError, Fitted, LeftOut, Problem, Record, Unknown};
 use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
 use servotwin::study::{Study, Tolerance};
@@ -139,8 +139,21 @@ pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, 
 fn read_record(path: &Path, study: &Study, global: Global) -> Result<Record, Failure> {
     let table = read_table(path, &[], global)?;
     let name = path.display().to_string();
-    Record::from_table(&name, &table, &study.system)
-        .map_err(|error| Failure::Fit(FitError::Record { name, error }))
+    let record = Record::from_table(&name, &table, &study.system)
+        .map_err(|error| Failure::Fit(FitError::Record { name: name.clone(), error }))?;
+    tell(&name, &record, study, global);
+    Ok(record)
+}
+
+/// Notes what a record lacks, and what was left out of it.
+pub fn tell(name: &str, record: &Record, study: &Study, global: Global) {
+    let lacking = record.lacking(&study.system);
+    if !lacking.is_empty() {
+        note(global, &format!("{name} has no column for the sensors {}", lacking.join(", ")));
+    }
+    for left_out in &record.left_out {
+        note(global, &format!("{name}: {left_out}: left out"));
+    }
 }
 
 /// The unknowns that names stand for.
@@ -275,6 +288,7 @@ fn as_json(fitted: &Fitted, problem: &Problem) -> Value {
     json!({
         "system": problem.system.name,
         "records": problem.records.iter().map(|r| &r.name).collect::<Vec<_>>(),
+        "left_out": problem.records.iter().flat_map(|r| &r.left_out).map(left_out).collect::<Vec<_>>(),
         "is_update": fitted.is_update(),
         "findings": fitted.findings.iter().map(|f| f.sentence(problem)).collect::<Vec<_>>(),
         "parameters": parameters.collect::<Vec<_>>(),
@@ -284,6 +298,11 @@ fn as_json(fitted: &Fitted, problem: &Problem) -> Value {
         "suspects": suspects.collect::<Vec<_>>(),
         "steps": fitted.steps,
     })
+}
+
+fn left_out(one: &LeftOut) -> Value {
+    let LeftOut { column, count, place, value, .. } = one;
+    json!({ "column": column, "count": count, "first": place, "value": value })
 }
 
 fn people(fitted: &Fitted, problem: &Problem) -> String {

@@ -1,6 +1,6 @@
 //! `servotwin history`: the flights of one tail number, and how wear goes on.
 
-use super::fit::{chosen_faults, read_study};
+use super::fit::{chosen_faults, read_study, tell};
 use super::progress::Stages;
 use super::read_table;
 use super::watch::read_diagnoser;
@@ -79,7 +79,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let mut all: Vec<Log> = Vec::new();
     for path in &paths {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        all.push((name.clone(), record(path, &name, &study, global)?));
+        let record = record(path, &name, &study, global)?;
+        if let Ok(record) = &record {
+            tell(&name, record, &study, global);
+        }
+        all.push((name, record));
     }
     if let [(name, Err(error)), ..] = &all[..]
         && all.iter().all(|(_, record)| record.is_err())

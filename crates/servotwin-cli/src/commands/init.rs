@@ -3,24 +3,36 @@
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use servotwin::files;
-use servotwin::template::Template;
+use servotwin::template::{Like, Template};
 use std::path::PathBuf;
 
-/// Write a system and a study of your own to begin with: a servo actuator that runs as it is.
+/// Write a system and a study of your own to begin with: a servo actuator, or an axis of a press, that runs as it is.
 #[derive(clap::Args)]
 pub struct Options {
     /// The name of the system: small letters, digits and '_'.
     name: String,
+    /// What it is like [default: press_axis where the name has the word 'press', else servo_actuator].
+    #[arg(long, value_parser = likes())]
+    like: Option<Like>,
     /// The folder for both files.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     folder: PathBuf,
 }
 
+fn likes() -> impl TypedValueParser<Value = Like> {
+    PossibleValuesParser::new(Like::ALL.map(Like::name)).map(|name| {
+        let found = Like::ALL.into_iter().find(|like| like.name() == name);
+        found.expect("clap admits known names only")
+    })
+}
+
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let template = Template::new(&options.name)
+    let like = options.like.unwrap_or_else(|| Like::of_name(&options.name));
+    let template = Template::new(&options.name, like)
         .ok_or(Failure::Options("a system's name has small letters, digits and '_'"))?;
     let system = options.folder.join(template.system_name());
     let study = options.folder.join(template.study_name());
@@ -37,8 +49,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { json: true, .. } => json(&json!({ "system": system, "study": study })),
         Global { quiet: true, .. } => String::new(),
         _ => format!(
-            "{system}: the system    servotwin simulate {system} --command step:size=5deg\n\
+            "{system}: the system    servotwin simulate {system} --command {}\n\
              {study}: the study    servotwin study {study} --out out_{}\n",
+            like.command(),
             options.name
         ),
     })

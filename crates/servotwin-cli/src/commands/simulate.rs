@@ -63,6 +63,10 @@ pub struct Options {
     /// quantities, or 'all' [default: the driven inputs and the sensors].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     record: Vec<String>,
+    /// Record of sensors what they show: with the noise that they declare, drawn from this seed, and in the steps of their
+    /// converters. Nothing that is simulated changes.
+    #[arg(long, value_name = "SEED")]
+    noise: Option<u64>,
     /// The solver's method.
     #[arg(long, default_value = "rodas4p2", value_parser = methods())]
     method: Method,
@@ -143,8 +147,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let plan = Plan::new(options, &system)?;
     stop::heed();
     let begin = Instant::now();
-    let runs = plan.run(global)?;
+    let mut runs = plan.run(global)?;
     let wall_s = begin.elapsed().as_secs_f64();
+    if let Some(seed) = options.noise {
+        for (run, (values, _)) in runs.iter_mut().enumerate() {
+            recording::as_shown(&system, &plan.recorded, values, seed, run);
+        }
+    }
     if runs.iter().any(|(_, statistics)| statistics.unsettled > 0) {
         note(global, "no rest was found at the inputs of time zero: the run begins on the move");
     }

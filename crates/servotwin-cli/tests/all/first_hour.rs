@@ -33,18 +33,18 @@ fn components_are_listed_described_and_found() {
 fn a_template_is_checked_simulated_and_studied() {
     let folder = Folder::new("init");
     let place = folder.0.display().to_string();
-    let made = json(&["init", "press", "--folder", &place, "--json"]);
+    let made = json(&["init", "axis", "--folder", &place, "--json"]);
     let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
     for file in [system, study] {
         let checked = servotwin(&["check", file]);
         assert!(checked.status.success(), "{}", stderr(&checked));
     }
     let run = json(&[&["simulate", system], &STEP[..]].concat());
-    assert_eq!(run["system"], "press");
+    assert_eq!(run["system"], "axis");
     // Nothing of the user's is overwritten.
-    let again = servotwin(&["init", "press", "--folder", &place]);
+    let again = servotwin(&["init", "axis", "--folder", &place]);
     assert_eq!(again.status.code(), Some(2));
-    assert!(stderr(&again).contains("press.toml is there already"), "{}", stderr(&again));
+    assert!(stderr(&again).contains("axis.toml is there already"), "{}", stderr(&again));
     assert_eq!(servotwin(&["init", "My Press"]).status.code(), Some(2));
     // A short version of the study, to its report.
     let text = std::fs::read_to_string(study).unwrap();
@@ -458,4 +458,84 @@ fn what_an_aircraft_flies_is_shown_in_metres() {
     assert_eq!(unit("x_p1").1, "mm");
     let told = stderr(&servotwin(&["simulate", "--duration", "50ms", "--input", "altitude=50km"]));
     assert!(told.contains("becomes 50000 m, but allowed are -2000 … 20000 m"), "{told}");
+}
+
+#[test]
+fn a_press_begins_as_a_press() {
+    let folder = Folder::new("init-press");
+    let place = folder.0.display().to_string();
+    for (name, more) in [("press", &[][..]), ("mine", &["--like", "press_axis"])] {
+        let made = json(&[&["init", name, "--folder", &place, "--json"], more].concat());
+        let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
+        let checked = json(&["check", study, "--json"]);
+        assert_eq!((&checked["system"], &checked["name"]), (&name.into(), &name.into()));
+        let described = json(&["describe", system, "--json"]);
+        assert_eq!(described["name"], name);
+        let text = std::fs::read_to_string(study).unwrap();
+        assert!(
+            !text.contains("press_axis") && text.contains(&format!("{name}_study.toml")),
+            "{text}"
+        );
+    }
+    let told = stdout(&servotwin(&["init", "my_press", "--folder", &place]));
+    assert!(told.contains("my_press.toml --command step:size=50mm"), "{told}");
+    let run = json(&[
+        "simulate",
+        &folder.file("press.toml"),
+        "--command",
+        "step:size=50mm",
+        "--duration",
+        "1s",
+        "-q",
+        "--json",
+    ]);
+    let ram =
+        run["recorded"].as_array().unwrap().iter().find(|one| one["name"] == "x_p_m").unwrap();
+    assert!((ram["end"].as_f64().unwrap() - 0.05).abs() < 2e-3, "{ram}");
+}
+
+/// What sensors show is what they declare: noise, the steps of their converters, and the same for the same seed.
+#[test]
+fn sensors_show_their_noise() {
+    let run = |more: &[&str]| {
+        let folder = Folder::new(&format!("noise{}", more.join("")));
+        let csv = folder.file("a.csv");
+        let first =
+            ["simulate", SPRING, "--command", "2deg", "--duration", "10s", "-q", "--out", &csv];
+        let output = servotwin(&[&first, more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        servotwin::table::read(&csv).unwrap()
+    };
+    let values =
+        |table: &servotwin::table::Table, name: &str| table.f64(name).unwrap().into_owned();
+    let [clean, noisy, again, other] =
+        [run(&[]), run(&["--noise", "1"]), run(&["--noise", "1"]), run(&["--noise", "2"])];
+    let system = servotwin::system::System::read(SPRING).unwrap();
+    for sensor in &system.sensors {
+        let name = servotwin::recording::with_suffix(&sensor.id, sensor.unit);
+        let (a, b) = (values(&clean, &name), values(&noisy, &name));
+        let square = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / a.len() as f64;
+        let instance = &system.network().components[sensor.component];
+        let at =
+            |name: &str| instance.parameters[instance.component.spec().parameter(name).unwrap()];
+        let span = instance.component.span(&instance.parameters).unwrap();
+        let step = span.range / 2_f64.powf(at("bits"));
+        let declared = ((at("noise_sigma") * span.full_scale).powi(2) + step * step / 12.0).sqrt();
+        // A thousand samples know it to three percent.
+        assert!(
+            (square.sqrt() / declared - 1.0).abs() < 0.12,
+            "{name}: {} {declared}",
+            square.sqrt()
+        );
+        assert!(
+            b.iter().all(|value| ((value / step).round() * step - value).abs() < 1e-9 * step),
+            "{name}"
+        );
+        assert_eq!(b, values(&again, &name));
+        assert_ne!(b, values(&other, &name));
+    }
+    assert_eq!(values(&clean, "command_rad"), values(&noisy, "command_rad"), "no sensor");
+    // A sensor's noise does not depend on what else is recorded.
+    let alone = run(&["--noise", "1", "--record", "x_p"]);
+    assert_eq!(values(&alone, "x_p_m"), values(&noisy, "x_p_m"));
 }

@@ -52,6 +52,25 @@ fn a_log_gives_a_system_file_with_its_parameters() {
 }
 
 #[test]
+fn what_a_log_lacks_and_what_no_sensor_shows_is_told() {
+    let folder = Folder::new("fit-spike");
+    let log = log(&folder, &["--record", "command,p_a,x_p"]);
+    let mut lines: Vec<String> =
+        std::fs::read_to_string(&log).unwrap().lines().map(str::to_owned).collect();
+    let mut cells: Vec<&str> = lines[700].split(',').collect();
+    cells[3] = "-1";
+    lines[700] = cells.join(",");
+    std::fs::write(&log, lines.join("\n")).unwrap();
+    let output = servotwin(&["fit", &log, "--study", STUDY]);
+    let told = stderr(&output);
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("has no column for the sensors p_b_pa, x_v_m, p_s_pa"), "{told}");
+    assert!(told.contains("x_p_m has -1 m (line 701), which its sensor cannot show"), "{told}");
+    let result = json(&["fit", &log, "--study", STUDY, "--json", "-q"]);
+    assert_eq!((&result["left_out"][0]["count"], &result["is_update"]), (&1.into(), &true.into()));
+}
+
+#[test]
 fn a_fault_is_no_update_and_its_intensity_is_found() {
     let folder = Folder::new("fit-fault");
     let log = log(&folder, &["--fault", "leakage_a.leakage=0.4"]);
@@ -149,7 +168,7 @@ fn a_history_needs_logs_and_a_design_keeps_limits() {
     let none = folder.file("none");
     std::fs::create_dir_all(&none).unwrap();
     let output = servotwin(&["history", &none, "--study", STUDY]);
-    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     let output = servotwin(&["history", &none, "--study", STUDY, "--threshold", "2"]);
     assert!(stderr(&output).contains("--threshold 2 is out of range"), "{}", stderr(&output));
     let design = ["fit", "--design", "--study", STUDY, "--duration", "10s", "--amplitude", "5deg"];

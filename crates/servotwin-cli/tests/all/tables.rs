@@ -47,6 +47,9 @@ fn every_command_of_the_document_works() {
                     says(&notes, "column 'run' is not used: it counts the rows");
                     says(&out, "always saying");
                 }
+                "train" if line.contains("windows.csv") => {
+                    says(&out, "(52.91 % … 97.76 % at 95 %), 7 of 8 rows")
+                }
                 "predict" => says(&out, "(no answer)"),
                 "explain" => says(&out, "(line 9): class is leak (right)"),
                 _ => {}
@@ -56,8 +59,10 @@ fn every_command_of_the_document_works() {
     assert_eq!(run, 8);
     let windows = servotwin::table::read(folder.file("windows.csv")).unwrap();
     let mean = windows.f64("mean_p").unwrap();
-    let leak = windows.text("state").unwrap().iter().position(|state| state == "leak").unwrap();
-    assert!((mean[leak] + 0.04).abs() < 5e-4, "{mean:?}");
+    let states = windows.text("state").unwrap().iter().zip(&*mean);
+    let leaks: Vec<f64> = states.filter(|(state, _)| *state == "leak").map(|(_, m)| *m).collect();
+    assert_eq!(leaks.len(), 2);
+    assert!(leaks.iter().all(|mean| (mean + 0.04).abs() < 2e-3), "{mean:?}");
     let said = servotwin::table::read(folder.file("said.csv")).unwrap();
     assert_eq!(said.row_count(), 12);
     let page = std::fs::read_to_string(folder.file("runs.html")).unwrap();

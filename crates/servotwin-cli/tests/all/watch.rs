@@ -60,6 +60,27 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert!(streamed.status.success());
     assert_eq!(stdout(&streamed), text, "a stream says what its file says");
 
+    // What no sensor shows is missing, and counted.
+    let spiked = folder.file("spiked.csv");
+    let rows = std::fs::read_to_string(&log).unwrap();
+    let spike = |(row, line): (usize, &str)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        match row {
+            150 => cells[4] = "-1",
+            250 => cells[2] = "1e300",
+            _ => {}
+        }
+        cells.join(",") + "\n"
+    };
+    std::fs::write(&spiked, rows.lines().enumerate().map(spike).collect::<String>()).unwrap();
+    let told = run(&["watch", &spiked, "--map", &map, "--json"]);
+    let summary: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
+    let (met, missing) = (&summary["summary"]["met"], &summary["summary"]["missing"]);
+    assert_eq!(met["impossible"]["count"], 2, "{met}");
+    assert_eq!(met["impossible"]["first"], "line 151: x_p_1 = -1e0 in SI");
+    assert_eq!((&missing["x_p_1"], &missing["p_a_1"]), (&1.into(), &1.into()));
+    assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
+
     // What was written is a log itself.
     let again = run(&["watch", &mcap, "--json"]);
     assert_eq!(again.lines().count(), text.lines().count());

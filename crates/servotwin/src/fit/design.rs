@@ -137,6 +137,7 @@ impl Problem<'_> {
             sensors: rig.sensors.clone(),
             // What it would measure does not matter.
             measured: vec![0.0; samples * rig.sensors.len()],
+            left_out: Vec::new(),
         };
         let own = Problem {
             unknowns: self.unknowns.clone(),

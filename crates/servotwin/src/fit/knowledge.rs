@@ -31,7 +31,7 @@ pub enum Knowledge {
         /// The correlation of their errors.
         correlation: f64,
     },
-    /// The record does not show it: its value is the prior's.
+    /// The record does not show it: it is known as well as before.
     NotSeen,
     /// It stands at the bound of its range.
     AtBound,
@@ -107,7 +107,7 @@ impl Known {
                 "partly known: the record narrows its tolerance, by less than half".into()
             }
             Knowledge::NotSeen => {
-                "not seen in this record: its value is that of the system file".into()
+                "not seen in this record: only its tolerance says where it lies".into()
             }
             Knowledge::AtBound => "stands at the bound of its tolerance".into(),
             Knowledge::TradesOff { with, correlation } => {

@@ -35,7 +35,7 @@ mod write;
 
 pub use finding::{Finding, SensorFit};
 pub use knowledge::{Knowledge, Known};
-pub use record::{Record, RecordError};
+pub use record::{LeftOut, Record, RecordError};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
 

@@ -2,7 +2,7 @@
 //! that do not agree. The nominal twin is the measure; what is left to a fit are differences of
 //! percents.
 
-use super::record::{Record, RecordError, named, other_unit};
+use super::record::{LeftOut, Record, RecordError, named, other_unit};
 use crate::system::System;
 
 /// A sensor moves where it leaves its mean by so many of its deviations.
@@ -15,6 +15,10 @@ const LEAST_LAG: f64 = 3.0;
 const LONGEST_LAG_S: f64 = 3.0;
 /// Length of the beginning and of the end in which it is looked for, s.
 const LAG_WINDOW_S: f64 = 5.0;
+/// How far two factors may lie apart, as a logarithm, that are of one unit.
+const ALIKE: f64 = 0.7;
+/// What is left of the squared difference where a sign is wrong.
+const TURNED: f64 = 0.05;
 /// What a shift must take away of the squared difference to be the reason for it.
 const EXPLAINED: f64 = 0.8;
 
@@ -49,11 +53,13 @@ pub(super) fn check(
             let of = |all: &[f64]| -> Vec<f64> {
                 all.iter().skip(place).step_by(width).copied().collect()
             };
-            let measured = of(&record.measured[first * width..]);
+            let mut measured = of(&record.measured[first * width..]);
             let residuals = of(residuals);
             let deviation = deviations[place];
-            let twin: Vec<f64> =
+            let mut twin: Vec<f64> =
                 measured.iter().zip(&residuals).map(|(m, r)| m - r * deviation).collect();
+            hold(&mut measured);
+            hold(&mut twin);
             let sensor = record.sensors[place];
             let known = &system.sensors[sensor];
             Pair {
@@ -72,6 +78,7 @@ pub(super) fn check(
         .collect();
     for pair in &pairs {
         pair.unit(system)?;
+        pair.possible(system, first)?;
     }
     for pair in &pairs {
         pair.stuck(system, first)?;
@@ -89,10 +96,11 @@ pub(super) fn check(
 
 /// What moves against the twin.
 fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
-    let against: Vec<&&Pair> = moving.iter().filter(|pair| pair.correlation() < -0.5).collect();
-    if against.is_empty() {
+    // A fault turns a sensor around less cleanly than a sign.
+    if !moving.iter().any(|pair| pair.is_turned()) {
         return Ok(());
     }
+    let against: Vec<&&Pair> = moving.iter().filter(|pair| pair.correlation() < -0.5).collect();
     let columns = against.iter().map(|pair| pair.column.clone()).collect();
     Err(RecordError::OtherSign { columns, all: against.len() == moving.len() && moving.len() > 1 })
 }
@@ -130,7 +138,30 @@ impl Pair<'_> {
         sum / (self.measured.len() as f64 * self.sd_measured * self.sd_twin).max(f64::MIN_POSITIVE)
     }
 
-    /// Another unit than the sensor's.
+    /// Whether a wrong sign explains the difference: without it there is next to none.
+    fn is_turned(&self) -> bool {
+        let pairs = || self.measured.iter().zip(&self.twin);
+        let sum = sd(&pairs().map(|(m, t)| m + t).collect::<Vec<_>>());
+        let difference = sd(&pairs().map(|(m, t)| m - t).collect::<Vec<_>>());
+        sum * sum < TURNED * difference * difference
+    }
+
+    /// Values that its sensor cannot show, and no other unit explains.
+    fn possible(&self, system: &System, first: usize) -> Result<(), RecordError> {
+        let range = system.readable(self.sensor);
+        let cannot = |value: &f64| !(range.0..=range.1).contains(value);
+        let Some(sample) = self.measured.iter().position(cannot) else { return Ok(()) };
+        Err(RecordError::Impossible(LeftOut {
+            column: self.column.clone(),
+            count: self.measured.iter().filter(|value| cannot(value)).count(),
+            place: format!("sample {}", first + sample + 1),
+            value: self.measured[sample],
+            range,
+            unit: system.sensors[self.sensor].unit,
+        }))
+    }
+
+    /// Another unit than the sensor's: all of it is so many times as large, what moves and what does not.
     fn unit(&self, system: &System) -> Result<(), RecordError> {
         let rms = |values: &[f64]| mean(&values.iter().map(|v| v * v).collect::<Vec<_>>()).sqrt();
         let (measured, twin) = (rms(&self.measured), rms(&self.twin));
@@ -139,7 +170,11 @@ impl Pair<'_> {
             return Ok(());
         }
         let unit = system.sensors[self.sensor].unit;
-        match other_unit(unit, measured / twin) {
+        let is_moving = self.sd_twin > MOVES * self.deviation;
+        let moves_alike = |factor: f64| {
+            !is_moving || (self.sd_measured / self.sd_twin / factor).ln().abs() < ALIKE
+        };
+        match other_unit(unit, measured / twin).filter(|(factor, _)| moves_alike(*factor)) {
             Some((factor, looks_like)) => Err(RecordError::OtherUnit {
                 column: self.column.clone(),
                 unit,
@@ -198,6 +233,17 @@ impl Pair<'_> {
             true => Some(0),
             false => (least - noise < (1.0 - EXPLAINED) * (at_zero - noise)).then_some(lag),
         }
+    }
+}
+
+/// What is missing becomes what was there last, or comes first.
+fn hold(values: &mut [f64]) {
+    let mut last = values.iter().copied().find(|value| !value.is_nan()).unwrap_or(0.0);
+    for value in values {
+        if value.is_nan() {
+            *value = last;
+        }
+        last = *value;
     }
 }
 

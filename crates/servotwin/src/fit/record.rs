@@ -11,6 +11,7 @@
 //! d the differences to the neighbours over h; the limit only where m is not their mean to a twentieth of
 //! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
 
+use crate::document::{Quantities, Quantity};
 use crate::system::System;
 use crate::table::{Table, TableError};
 use servotwin_model::signal::Piecewise;
@@ -25,6 +26,8 @@ const LEAST_DURATION_S: f64 = 5.0;
 const LEAST_SAMPLES: usize = 200;
 /// How far a sample may be beside its place, in periods.
 const JITTER: f64 = 0.1;
+/// The largest part of a column that may be missing.
+const MOST_LEFT_OUT: f64 = 0.01;
 /// The slowest and the fastest sampling.
 const PERIODS_S: (f64, f64) = (1e-4, 0.1);
 
@@ -39,8 +42,45 @@ pub struct Record {
     pub inputs: Vec<Piecewise>,
     /// The sensors, by position in the system's list.
     pub sensors: Vec<usize>,
-    /// What they showed: one after the other, sample after sample; SI.
+    /// What they showed: one after the other, sample after sample; SI, NaN where it is missing.
     pub measured: Vec<f64>,
+    /// What was left out of it.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Values of a column that its sensor cannot show: they are missing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// The column.
+    pub column: String,
+    /// How many.
+    pub count: usize,
+    /// Where the first one stands.
+    pub place: String,
+    /// What stands there, SI.
+    pub value: f64,
+    /// What the sensor may show, SI.
+    pub range: (f64, f64),
+    /// The unit.
+    pub unit: Unit,
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { column, count, place, value, range: (low, high), unit } = self;
+        let value = Quantity(*value, unit.symbol());
+        let range = Quantities(in_digits(*low), in_digits(*high), unit.symbol());
+        let more = match count {
+            1 => String::new(),
+            count => format!(" and {} more", count - 1),
+        };
+        write!(out, "{column} has {value} ({place}{more}), which its sensor cannot show ({range})")
+    }
+}
+
+/// Without the last digits, which are rounding.
+fn in_digits(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// Why a table is no record from which anything can be learned.
@@ -55,6 +95,8 @@ pub enum RecordError {
     NoSensor { known: Vec<String> },
     /// A value is missing or infinite.
     NotFinite { column: String, place: String },
+    /// Too many values are none that the sensor can show.
+    Impossible(LeftOut),
     /// Samples are not even.
     Uneven { place: String, time_s: f64, expected_s: f64 },
     /// Time between samples is out of range.
@@ -90,6 +132,9 @@ impl fmt::Display for RecordError {
                     out,
                     "{column} has no finite value at {place}: cut the record there, or leave the column out"
                 )
+            }
+            Self::Impossible(left_out) => {
+                write!(out, "{left_out}: these are too many to leave out")
             }
             Self::Uneven { place, time_s, expected_s } => {
                 let (jitter, _) = (JITTER, ());
@@ -174,7 +219,8 @@ impl Record {
             (0..samples).map(|k| signal.value(k as f64 * period_s)).collect()
         };
         let inputs = inputs.iter().map(|signal| smooth(period_s, &sampled(signal))).collect();
-        Record { name: name.into(), period_s, inputs, sensors, measured }
+        let left_out = Vec::new();
+        Record { name: name.into(), period_s, inputs, sensors, measured, left_out }
     }
 
     /// Reads a record from a table.
@@ -190,12 +236,15 @@ impl Record {
             let known = system.sensors.iter().map(|s| named(&s.id, s.unit)).collect();
             return Err(RecordError::NoSensor { known });
         }
+        let mut left_out = Vec::new();
         let shown = |&s: &usize| {
             let sensor = &system.sensors[s];
             let name = column(table, &sensor.id, sensor.unit).expect("it was found before");
-            finite(table, name)
+            let mut values = finite(table, name)?;
+            left_out.extend(leave_out(table, name, &mut values, system.readable(s), sensor.unit)?);
+            Ok(values)
         };
-        let columns = sensors.iter().map(shown).collect::<Result<Vec<_>, _>>()?;
+        let columns = sensors.iter().map(shown).collect::<Result<Vec<_>, RecordError>>()?;
         let rows = 0..times_s.len();
         let measured = rows.flat_map(|row| columns.iter().map(move |column| column[row])).collect();
         let record = Self {
@@ -204,12 +253,20 @@ impl Record {
             inputs: inputs(table, system, period_s)?,
             sensors,
             measured,
+            left_out,
         };
         let duration_s = record.duration_s();
         if duration_s < LEAST_DURATION_S || record.samples() < LEAST_SAMPLES {
             return Err(RecordError::TooShort { duration_s, samples: record.samples() });
         }
         Ok(record)
+    }
+
+    /// The columns of sensors of the system that it does not have.
+    pub fn lacking(&self, system: &System) -> Vec<String> {
+        let all = system.sensors.iter().enumerate();
+        let lacking = all.filter(|(sensor, _)| !self.sensors.contains(sensor));
+        lacking.map(|(_, sensor)| named(&sensor.id, sensor.unit)).collect()
     }
 
     /// Number of samples.
@@ -243,6 +300,30 @@ fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
         }
         None => Ok(values.into_owned()),
     }
+}
+
+/// Makes values missing that a sensor cannot show, where they are few: a bit that flipped, a plug that came loose. Where
+/// most are beyond it, the column is in another unit, and told as that.
+fn leave_out(
+    table: &Table,
+    column: &str,
+    values: &mut [f64],
+    range: (f64, f64),
+    unit: Unit,
+) -> Result<Option<LeftOut>, RecordError> {
+    let cannot = |value: &f64| !(range.0..=range.1).contains(value);
+    let rows: Vec<usize> = (0..values.len()).filter(|&row| cannot(&values[row])).collect();
+    let Some(&first) = rows.first() else { return Ok(None) };
+    if 2 * rows.len() > values.len() {
+        return Ok(None);
+    }
+    let (column, place, value) = (column.into(), table.origin().place(first), values[first]);
+    let left_out = LeftOut { column, count: rows.len(), place, value, range, unit };
+    if rows.len() as f64 > MOST_LEFT_OUT * values.len() as f64 {
+        return Err(RecordError::Impossible(left_out));
+    }
+    rows.into_iter().for_each(|row| values[row] = f64::NAN);
+    Ok(Some(left_out))
 }
 
 /// The times, and what is between two of them.

@@ -54,6 +54,11 @@ impl Linear {
     }
 }
 
+/// (FR1); nothing of what is missing.
+pub(super) fn residual(measured: f64, twin: f64, deviation: f64) -> f64 {
+    if measured.is_nan() { 0.0 } else { (measured - twin) / deviation }
+}
+
 /// Collects residuals.
 struct Compare<'r> {
     measured: &'r [f64],
@@ -68,7 +73,7 @@ impl Sink for Compare<'_> {
             return;
         }
         let measured = &self.measured[index * values.len()..][..values.len()];
-        let of = |((m, v), d): ((&f64, &f64), &f64)| (m - v) / d;
+        let of = |((m, v), d): ((&f64, &f64), &f64)| residual(*m, *v, *d);
         self.residuals.extend(measured.iter().zip(values).zip(self.deviations).map(of));
     }
 }

@@ -17,7 +17,7 @@
 
 use super::linear::{Symmetric, dot};
 use super::record::Record;
-use super::response::{Difference, Linear, append};
+use super::response::{Difference, Linear, append, residual};
 use super::solve::Minimum;
 use super::{FitError, Problem};
 use crate::ensemble::{Ensemble, Sink, Variant};
@@ -389,7 +389,7 @@ impl Sink for Against<'_> {
         let measured = &self.record.measured[index * values.len()..][..values.len()];
         for ((m, v), deviation) in measured.iter().zip(values).zip(self.deviations) {
             let left = self.base.residuals[self.place];
-            let d = (left - (m - v) / deviation) / self.step;
+            let d = (left - residual(*m, *v, *deviation)) / self.step;
             self.sums.with += d * left;
             self.sums.square += d * d;
             for (sum, column) in self.sums.along.iter_mut().zip(&self.base.linear.columns) {

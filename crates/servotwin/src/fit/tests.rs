@@ -57,7 +57,14 @@ fn flown(
         .map(|k| inputs[study.command_input].value(k as f64 * study.sample_period_s))
         .collect();
     inputs[study.command_input] = smooth(study.sample_period_s, &logged);
-    Record { name: "record".into(), period_s: study.sample_period_s, inputs, sensors, measured }
+    Record {
+        name: "record".into(),
+        period_s: study.sample_period_s,
+        inputs,
+        sensors,
+        measured,
+        left_out: vec![],
+    }
 }
 
 /// The true unknowns of a specimen.
@@ -561,6 +568,52 @@ mod records {
                 .collect(),
         );
         assert!(matches!(refusal(&study, &short.unwrap()), Some(E::TooShort { .. })));
+    }
+
+    #[test]
+    fn a_value_that_no_sensor_shows_is_left_out_and_changes_nothing() {
+        let study = spring();
+        let good = table(&study, &record(&study, Some(1), vec![], 12.0));
+        let read = |table: &Table| Record::from_table("log", table, &study.system).unwrap();
+        let solved = |record: Record| Problem::of_study(&study, vec![record]).solve().unwrap();
+        let spiked = changed(&good, "x_p_m", |row, v| if row == 700 { -1.0 } else { v });
+        let spiked = changed(&spiked, "p_a_pa", |row, v| if row % 400 == 300 { 1e300 } else { v });
+        let (clean, spiked) = (read(&good), read(&spiked));
+        assert!(clean.left_out.is_empty());
+        let left_out: Vec<(&str, usize, &str)> =
+            spiked.left_out.iter().map(|l| (&*l.column, l.count, &*l.place)).collect();
+        assert_eq!(left_out, [("p_a_pa", 3, "row 301"), ("x_p_m", 1, "row 701")]);
+        let (clean, spiked) = (solved(clean), solved(spiked));
+        assert!(clean.is_update() && spiked.is_update(), "{:?}", spiked.findings);
+        for (k, (a, b)) in clean.z.iter().zip(&spiked.z).enumerate() {
+            let errors = (a - b).abs() / clean.known.error(k);
+            assert!(errors < 0.2, "{k}: {errors} standard errors");
+        }
+        // Many are no accident.
+        let many = changed(&good, "x_p_m", |row, v| if row % 20 == 0 { 1.0 } else { v });
+        let Some(RecordError::Impossible(left_out)) = refusal(&study, &many) else { panic!() };
+        assert!(left_out.to_string().contains("and 60 more"), "{left_out}");
+        let all = changed(&good, "x_p_m", |_, _| 1e300);
+        assert!(matches!(refusal(&study, &all), Some(RecordError::Impossible(_))));
+    }
+
+    #[test]
+    fn what_a_fault_does_is_neither_a_sign_nor_a_unit() {
+        let study = spring();
+        let slow = "noise:rms=2deg,bandwidth=0.5Hz,seed=3";
+        let good = table(&study, &flown(&study, slow, (Some(1), 1), vec![], 12.0));
+        let rms = |name: &str| {
+            let values = good.f64(name).unwrap();
+            (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+        };
+        // The spool's sensor is off by what would be inches of its rms.
+        let bias = 39.0 * rms("x_v_m");
+        assert!(bias < study.system.readable(3).1, "{bias}");
+        assert_eq!(refusal(&study, &changed(&good, "x_v_m", |_, v| v + bias)), None);
+        // Something else moves the ram, mostly against the command.
+        let sway = 1.2 * rms("x_p_m");
+        let swaying = changed(&good, "x_p_m", |row, v| sway * (0.031 * row as f64).sin() - v);
+        assert_eq!(refusal(&study, &swaying), None);
     }
 
     #[test]

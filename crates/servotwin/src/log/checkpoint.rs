@@ -12,7 +12,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// The format of checkpoints that this version writes and reads.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// A watch between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

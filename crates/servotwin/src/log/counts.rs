@@ -23,6 +23,8 @@ pub enum Kind {
     NoTime,
     /// A value that is no finite number.
     BadValue,
+    /// A number that its sensor cannot show.
+    Impossible,
     /// An older sample behind a newer one, put in its place.
     Reordered,
     /// A sample whose values are all there already.
@@ -45,7 +47,7 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, in the order of reports.
-    pub const ALL: [Kind; 17] = [
+    pub const ALL: [Kind; 18] = [
         Kind::Noise,
         Kind::TooLong,
         Kind::CutShort,
@@ -54,6 +56,7 @@ impl Kind {
         Kind::BadObject,
         Kind::NoTime,
         Kind::BadValue,
+        Kind::Impossible,
         Kind::Reordered,
         Kind::Doubled,
         Kind::Late,
@@ -76,6 +79,7 @@ impl Kind {
             Kind::BadObject => ("bad_object", "no JSON object: dropped"),
             Kind::NoTime => ("no_time", "no time: dropped"),
             Kind::BadValue => ("bad_value", "value that is no finite number: missing"),
+            Kind::Impossible => ("impossible", "value that its sensor cannot show: missing"),
             Kind::Reordered => ("reordered", "out of order: put in order"),
             Kind::Doubled => ("doubled", "sent twice: dropped"),
             Kind::Late => ("late", "too late: dropped"),

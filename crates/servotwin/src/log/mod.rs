@@ -226,11 +226,15 @@ impl<'w> Watch<'w> {
         let progress = &mut self.progress;
         match read {
             Read::Row => {
-                let sample = self.map.sample(row, progress.rows);
+                let mut sample = self.map.sample(row, progress.rows);
                 progress.begin(row.place);
                 if row.bad > 0 {
                     let detail = format_args!("{} of {}", row.bad, row.values.len());
                     progress.counts.note_with(Kind::BadValue, row.place, &detail);
+                }
+                if let Some((id, value)) = self.map.leave_out(&mut sample) {
+                    let detail = format_args!("{id} = {value:e} in SI");
+                    progress.counts.note_with(Kind::Impossible, row.place, &detail);
                 }
                 if sample.time_s.is_finite() {
                     progress.sequencer.push(sample, &mut progress.counts);

@@ -21,7 +21,15 @@ pub struct Random {
 impl Random {
     /// A source whose numbers depend on the seed alone.
     pub fn new(seed: u64) -> Self {
-        let bits = servotwin_diagnosis::random::Random::new(seed);
+        Self::of(servotwin_diagnosis::random::Random::new(seed))
+    }
+
+    /// One of many sources of the same seed.
+    pub fn stream(seed: u64, number: u64) -> Self {
+        Self::of(servotwin_diagnosis::random::Random::stream(seed, number))
+    }
+
+    fn of(bits: servotwin_diagnosis::random::Random) -> Self {
         Self { bits, level: Level::best(), ready: [0.0; READY], next: READY }
     }
 

@@ -58,6 +58,11 @@ impl Imperfections {
         }
     }
 
+    /// What one of them shows of its samples.
+    pub fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut Random) {
+        samples.iter_mut().for_each(|value| *value = self.0[place].apply(*value, noise));
+    }
+
     /// The same for samples one after the other.
     pub fn apply_to_all(&self, samples: &mut [f64], noise: &mut Random) {
         samples.chunks_exact_mut(self.0.len()).for_each(|sample| self.apply(sample, noise));

@@ -8,6 +8,8 @@ use servotwin_diagnosis::features::Quantity;
 const ANY: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
 /// At most so many specimens, so that a slip of the finger is told.
 const MOST: f64 = 10_000.0;
+/// Nothing is simulated for longer, s: a campaign has thousands of runs.
+const LONGEST_S: f64 = 1e4;
 /// At most so many flights.
 const MOST_FLIGHTS: f64 = 100_000.0;
 /// Whole numbers are read as f64, exact up to 2⁵³.
@@ -23,7 +25,7 @@ pub(crate) static STUDY: [Key; 19] = [
     must("name", Value::Text, "the name in files"),
     must("title", Value::Text, "one line for people"),
     must("system", Value::Text, "a built-in system, or a file beside this one"),
-    must("duration_s", Value::Number(0.1, 1e5, "s"), "length of every run"),
+    must("duration_s", Value::Number(0.1, LONGEST_S, "s"), "length of every run"),
     must("sample_hz", Value::Number(1.0, 1e4, "Hz"), "samples per second"),
     must("intensities", Value::List(0, &INTENSITY), "the intensities of every fault"),
     must("units", Value::List(1, &Value::Text), "what can fail; \"\" for a system of one unit"),
@@ -89,7 +91,7 @@ static TOLERANCE: [Key; 3] = [
 ];
 
 static TRAINING: [Key; 6] = [
-    must("duration_s", Value::Number(0.1, 1e5, "s"), "length of records of faults"),
+    must("duration_s", Value::Number(0.1, LONGEST_S, "s"), "length of records of faults"),
     may("healthy", Value::Whole(0.0, MOST), "fault-free specimens for each command"),
     may("load", Value::Range, "between which values of the load commands are flown"),
     may("intensity_spread", Value::Number(0.0, 0.5, ""), "around each of the intensities"),

@@ -63,6 +63,7 @@ impl fmt::Display for Mistake {
             Mistake::Document(mistake) => write!(out, "{mistake}"),
             Mistake::Unknown { what, name, .. } => write!(out, "there is no {what} '{name}'"),
             Mistake::OutOfRange { field, value, allowed } => {
+                let value = document::Quantity(*value, "");
                 write!(out, "{field} is {value}, but must be {allowed}")
             }
             Mistake::Signal { name, error } => write!(out, "signal '{name}': {error}"),

@@ -46,6 +46,7 @@ use crate::document::{Located, Quantities, Quantity, write_mistakes};
 use crate::files::{self, FileError};
 use crate::kind::Kind;
 use crate::signal::{Signal, SignalError};
+use servotwin_model::components::Span;
 use servotwin_model::network::{self, Network};
 use servotwin_model::program::Program;
 use servotwin_model::signal::Piecewise;
@@ -258,6 +259,23 @@ impl System {
         let inputs = self.network().inputs.iter();
         let constant = |value| Piecewise::constant(value).expect("defaults are finite");
         inputs.map(|input| constant(input.default)).collect()
+    }
+
+    /// Between which values the reading of a sensor lies at all: what it spans, and as much again beyond either end,
+    /// for sensors that are at fault.
+    pub fn readable(&self, sensor: usize) -> (f64, f64) {
+        let instance = &self.network().components[self.sensors[sensor].component];
+        match instance.component.span(&instance.parameters) {
+            Some(Span { full_scale, range }) => (full_scale - 2.0 * range, full_scale + range),
+            None => (f64::NEG_INFINITY, f64::INFINITY),
+        }
+    }
+
+    /// Between which values what is told of an input lies at all: its range, and as much again beyond either end, for
+    /// sensors behind it.
+    pub fn tellable(&self, input: usize) -> (f64, f64) {
+        let (low, high) = self.network().input_range(input);
+        (low - (high - low), high + (high - low))
     }
 
     /// A sensor by id.

@@ -124,6 +124,7 @@ fn record() -> Record {
         inputs: flown.inputs.iter().map(signal).collect(),
         sensors: study().measured[..flown.measured.len()].to_vec(),
         measured: samples.flat_map(sample).collect(),
+        left_out: vec![],
     }
 }
 

@@ -53,6 +53,8 @@ struct Channel {
     from: Origin,
     /// How long a value stands for those that are missing behind it, s.
     hold_s: f64,
+    /// Between which values it lies at all, SI.
+    possible: (f64, f64),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,6 +159,19 @@ impl Map {
             Origin::Value(_) | Origin::Nothing => f64::NAN,
         };
         Stamped { place: row.place, time_s, values: self.channels.iter().map(value).collect() }
+    }
+
+    /// Makes values of a sample missing that nothing of the system can have; the first of them.
+    pub fn leave_out(&self, sample: &mut Stamped) -> Option<(&str, f64)> {
+        let mut first = None;
+        for (channel, value) in self.channels.iter().zip(&mut sample.values) {
+            let (low, high) = channel.possible;
+            if *value < low || *value > high {
+                first = first.or(Some((channel.id.as_str(), *value)));
+                *value = f64::NAN;
+            }
+        }
+        first
     }
 
     /// For each channel the constant that the map gives it.

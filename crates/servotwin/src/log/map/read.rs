@@ -43,16 +43,15 @@ const SAMPLES: [&str; 4] = ["columns", "wait_s", "longest_gap_s", "witnesses"];
 
 impl<'s> Reader<'s> {
     fn new(system: &'s System) -> Self {
-        let inputs = system.network().inputs.iter();
-        let input = |id: &String, default| Channel {
-            id: id.clone(),
-            from: Origin::Value(default),
-            hold_s: 0.0,
-        };
-        let mut channels: Vec<Channel> = inputs.map(|i| input(&i.id, i.default)).collect();
-        let inputs = channels.len();
-        let sensor = |id: &String| Channel { id: id.clone(), from: Origin::Nothing, hold_s: 0.0 };
-        channels.extend(system.sensors.iter().map(|s| sensor(&s.id)));
+        let channel =
+            |id: &String, from, possible| Channel { id: id.clone(), from, hold_s: 0.0, possible };
+        let inputs = system.network().inputs.iter().enumerate();
+        let inputs =
+            inputs.map(|(n, i)| channel(&i.id, Origin::Value(i.default), system.tellable(n)));
+        let sensors = system.sensors.iter().enumerate();
+        let sensors = sensors.map(|(n, s)| channel(&s.id, Origin::Nothing, system.readable(n)));
+        let channels: Vec<Channel> = inputs.chain(sensors).collect();
+        let inputs = system.network().inputs.len();
         Reader {
             system,
             mistakes: Collector::new(),
