@@ -10,9 +10,9 @@
 use crate::dual::Partial;
 use crate::lu::Plan;
 use crate::place::Place;
-use crate::program::{Dependence, Sequence, Target};
 use crate::runs::{Run, in_runs, runs, unrolled};
 use crate::scalar::{Lanes, Work};
+use crate::sequence::{Dependence, Sequence, Target};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -118,7 +118,7 @@ impl Rows {
         // A row is complete after its last writer, which runs before all readers.
         let mut last_writer: BTreeMap<usize, usize> = BTreeMap::new();
         for (index, (block, inputs, outputs)) in sequence.wired().enumerate() {
-            let mut dependence = block.kind.visit(Dependence).into_iter();
+            let mut dependence = block.equation().visit(Dependence).into_iter();
             for &Target { add: to, subtract: from, .. } in outputs {
                 for &input in inputs {
                     let own = place(self.slots);
@@ -372,7 +372,7 @@ fn patterns(
     let mut patterns: BTreeMap<usize, BTreeSet<usize>> =
         needed.iter().map(|&sum| (sum, BTreeSet::new())).collect();
     for (block, inputs, outputs) in sequence.wired() {
-        let mut dependence = block.kind.visit(Dependence).into_iter();
+        let mut dependence = block.equation().visit(Dependence).into_iter();
         for &Target { add, subtract, .. } in outputs {
             let mut columns = BTreeSet::new();
             for &input in inputs {

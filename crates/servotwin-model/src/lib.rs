@@ -4,6 +4,7 @@ extern crate alloc;
 
 pub mod atmosphere;
 pub mod c_source;
+pub mod component;
 pub mod components;
 pub mod dual;
 pub mod equation;
@@ -17,6 +18,7 @@ mod place;
 pub mod program;
 mod runs;
 pub mod scalar;
+mod sequence;
 pub mod signal;
 pub mod solver;
 pub mod spec;

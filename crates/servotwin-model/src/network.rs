@@ -1,12 +1,12 @@
-//! A system: components, connections and inputs, and its compilation into a
-//! flat [`Program`].
+//! A system: components, connections and inputs, and how its components are wired.
 //!
 //! All mistakes are collected and given by position (component, connection,
 //! input), so that a parser can name file, line and column.
 
-use crate::components::Component;
+pub use crate::wiring::PortOf;
+
+use crate::component::Component;
 use crate::fluid::Fluid;
-use crate::program::{Program, schedule};
 use crate::spec::{PortKind, Unit};
 use crate::wiring::{Collected, Node, Role, Sum, Variable, Wiring};
 use alloc::string::String;
@@ -51,15 +51,6 @@ impl Instance {
         self.parameters[index] = value;
         self
     }
-}
-
-/// A port of a component, both by position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct PortOf {
-    /// The component.
-    pub component: usize,
-    /// The port in its declaration.
-    pub port: usize,
 }
 
 /// A signal from outside: a command, a boundary value, a load.
@@ -159,14 +150,12 @@ impl Network {
         })
     }
 
-    /// Compiles the network.
+    /// Joins ports to nodes and lets every component wire its equations: what was collected, and for each
+    /// component the one that rules its circuit's fluid.
     ///
     /// # Errors
     /// Every mistake that was found.
-    ///
-    /// # Panics
-    /// Where a component does not wire what it declares.
-    pub fn compile(&self) -> Result<Program, Vec<Mistake>> {
+    pub(crate) fn wired(&self) -> Result<(Collected, Vec<usize>), Vec<Mistake>> {
         let mut joints = Joints::new(self);
         let mut mistakes = Vec::new();
         joints.connect(self, &mut mistakes);
@@ -180,8 +169,7 @@ impl Network {
         if !mistakes.is_empty() {
             return Err(mistakes);
         }
-        let collected = self.wire(&joints);
-        schedule(self, collected, circuits)
+        Ok((self.wire(&joints), circuits))
     }
 
     /// The first component's port kind.

@@ -4,6 +4,9 @@
 //! an address' offset by up to eight for nothing, but lanes are up to 128 bytes long;
 //! so a place holds sixteen times the index.
 
+/// The index of a variable in the array of all.
+pub type Slot = u16;
+
 /// A place in an array of lanes of any width, or of single numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Place(u32);
@@ -13,7 +16,7 @@ const STEP: u32 = 16;
 
 impl Place {
     /// The place of an index.
-    pub const fn new(index: u16) -> Self {
+    pub const fn new(index: Slot) -> Self {
         Self(index as u32 * STEP)
     }
 

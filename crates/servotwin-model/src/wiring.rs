@@ -11,10 +11,28 @@
 //! flow from port `a` to port `b` therefore subtracts it from the sum of `a`
 //! and adds it to the sum of `b`.
 
-use crate::components::{BlockKind, Listed};
 use crate::equation::Equation;
 use crate::spec::Spec;
 use alloc::vec::Vec;
+
+/// A port of a component, both by position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct PortOf {
+    /// The component.
+    pub component: usize,
+    /// The port in its declaration.
+    pub port: usize,
+}
+
+/// Which equation a block is: its place in the catalogue's list, which knows the equation itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Kind(pub(crate) u8);
+
+/// An equation block that is in the catalogue's list.
+pub trait Listed {
+    /// Its place there.
+    const KIND: Kind;
+}
 
 /// A variable that an equation can read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,7 +75,7 @@ impl Output {
 /// One equation block of one component, wired.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
-    pub kind: BlockKind,
+    pub kind: Kind,
     pub component: usize,
     pub which: usize,
     pub inputs: Vec<Variable>,
@@ -133,7 +151,7 @@ pub(crate) struct Collected {
     /// (clock, new value, held value).
     pub exchanges: Vec<(usize, Variable, Variable)>,
     /// The nodes of all connected ports, in the order of components.
-    pub nodes: Vec<(crate::network::PortOf, Node)>,
+    pub nodes: Vec<(PortOf, Node)>,
 }
 
 impl Collected {

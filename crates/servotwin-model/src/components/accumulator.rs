@@ -13,7 +13,7 @@
 //! `p_0`. With `E` the modulus of [`crate::fluid`] the pressure stays positive
 //! when the accumulator is emptied.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, LOWEST_PRESSURE_PA, compressibility_per_pa};
 use crate::math::{power, smooth_step};

@@ -12,8 +12,8 @@
 //! Below 1 m/s the damping counts as at 1 m/s. The air is an equation only where
 //! the altitude is connected, else a constant.
 
-use super::Component;
 use crate::atmosphere::standard_air;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Spec, Unit, declare::*};

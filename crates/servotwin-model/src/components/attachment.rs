@@ -11,7 +11,7 @@
 //! damping comes in over a tenth of the play beyond contact, so that the force
 //! does not jump. Without play `w` is exactly one and the joint exactly linear.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};

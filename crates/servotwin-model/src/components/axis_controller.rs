@@ -12,8 +12,8 @@
 //! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
 //! switches the output off.
 
-use super::Component;
 use super::position_controller::feedback;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};

@@ -14,8 +14,8 @@
 //! The relief valve is the same valve with a higher spring force and uses the
 //! same equation: its parameters stand in the same order.
 
-use super::Component;
 use super::orifice::{hole, scaled_velocity_at_pa_s_m};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;

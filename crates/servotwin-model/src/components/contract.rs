@@ -185,7 +185,7 @@ impl Alone {
     }
 
     fn name(&self, block: &Block) -> String {
-        format!("{} {:?} {}", self.spec.kind, block.kind, block.which)
+        format!("{} {:?} {}", self.spec.kind, block.equation(), block.which)
     }
 }
 
@@ -366,7 +366,7 @@ impl Alone {
         stands_in
             || self.collected.blocks.iter().any(|block| {
                 let constants = |parameters: &[f64]| {
-                    let (kind, which) = (block.kind, block.which);
+                    let (kind, which) = (block.equation(), block.which);
                     OneBlock { kind, which, parameters, samples: &[] }.run::<f64>().0
                 };
                 bits(&constants(&self.parameters)) != bits(&constants(&changed))
@@ -412,7 +412,7 @@ fn every_sensor_says_what_its_readings_span_and_nobody_else_does() {
 fn lanes_equal_scalars_bit_for_bit() {
     for_each_block(|alone, block| {
         let samples = alone.samples(block);
-        let (kind, which) = (block.kind, block.which);
+        let (kind, which) = (block.equation(), block.which);
         let one = OneBlock { kind, which, parameters: &alone.parameters, samples: &samples };
         let (constants, outputs) = one.run::<f64>();
         for level in lanes::ALL.into_iter().filter(|level| level.available()) {
@@ -466,7 +466,7 @@ fn partial_derivatives_agree_with_differences() {
         let name = alone.name(block);
         let samples = alone.samples(block);
         let ranges = alone.ranges(block);
-        let (kind, which) = (block.kind, block.which);
+        let (kind, which) = (block.equation(), block.which);
         let parameters: &[f64] = &alone.parameters;
         let values =
             |samples: &[Vec<f64>]| OneBlock { kind, which, parameters, samples }.run::<f64>().1;
@@ -513,12 +513,12 @@ fn all_numbers_are_finite_at_zero_and_in_range() {
         samples.push(vec![0.0; block.inputs.len()]);
         for sample in &samples {
             let one = OneBlock {
-                kind: block.kind,
+                kind: block.equation(),
                 which: block.which,
                 parameters: &alone.parameters,
                 samples: core::slice::from_ref(sample),
             };
-            for (value, partials) in block.kind.visit(WithPartials { block: one }) {
+            for (value, partials) in block.equation().visit(WithPartials { block: one }) {
                 let finite = value.is_finite() && partials.iter().all(|p| p.is_finite());
                 assert!(finite, "{}: {value} {partials:?} at {sample:?}", alone.name(block));
             }

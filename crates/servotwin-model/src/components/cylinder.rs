@@ -19,11 +19,11 @@
 //! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
 //! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %.
 
-use super::Component;
 use super::contact::{
     END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,
     stribeck_constants,
 };
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, pressure_rate_pa_s};
 use crate::scalar::Scalar;

@@ -7,8 +7,8 @@
 //! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the
 //! ambient pressure nothing is drawn in. A closed leak passes exactly nothing.
 
-use super::Component;
 use super::orifice::{hole, scaled_velocity_at_pa_s_m};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};

@@ -8,7 +8,7 @@
 //! (F2) is (F1) solved for the flow. Both resistances are taken as they are:
 //! they do not follow the fluid's temperature.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Unit, declare::*};

@@ -4,7 +4,7 @@
 //! x = x_0,   v = 0
 //! ```
 
-use super::Component;
+use crate::component::Component;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 

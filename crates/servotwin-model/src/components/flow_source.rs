@@ -8,7 +8,7 @@
 //! against any pressure: a relief valve and a volume belong at its outlet. Its pulsation is neglected, and
 //! that it draws less where its inlet cavitates.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};

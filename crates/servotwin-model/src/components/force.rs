@@ -4,7 +4,7 @@
 //! F = F_signal                                                            (P1)
 //! ```
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};

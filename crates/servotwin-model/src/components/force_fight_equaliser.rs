@@ -8,7 +8,7 @@
 //! `m_1`, `m_2` are the modes (1 active): with one actuator passive the
 //! correction fades.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};

@@ -8,8 +8,8 @@
 //! force below the static friction lets the part creep at up to about `v_t`
 //! instead of holding it.
 
-use super::Component;
 use super::contact::{STRIBECK_CONSTANTS, Stribeck, stribeck, stribeck_constants};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};

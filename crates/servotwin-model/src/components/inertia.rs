@@ -7,7 +7,7 @@
 //! The dry friction is regularised: a moment below `M_f` lets the body creep at
 //! up to about `ω_f` instead of holding it.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};

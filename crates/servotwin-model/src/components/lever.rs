@@ -9,7 +9,7 @@
 //! The rod stays parallel to itself: for a rod of length l the error of (L1) is
 //! about r²(1 − cos θ)²/(2 l). Angles within ±π.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};

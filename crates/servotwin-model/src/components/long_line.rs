@@ -13,7 +13,7 @@
 //! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
 //! textbook laws for steady flow.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::math::{power, smooth_step};

@@ -4,7 +4,7 @@
 //! dy/dt = 2π f (x − y)                                                    (W1)
 //! ```
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};

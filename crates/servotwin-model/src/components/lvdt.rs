@@ -10,7 +10,8 @@
 //! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, `z` its rate
 //! per unit of ω. Faults as in [`super::conversion`].
 
-use super::{Component, Span, conversion};
+use super::conversion;
+use crate::component::{Component, Span};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Spec, Start, Unit, declare::*};

@@ -6,8 +6,8 @@
 //!
 //! The stops at ± x_s exist where their stiffness is not zero; they are those of the cylinder (Y6).
 
-use super::Component;
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};

@@ -5,10 +5,11 @@
 //! The line names the equation blocks that the file defines, so that programs can
 //! run them without indirection.
 
+pub use crate::component::{Component, Span};
+
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::Spec;
-use crate::wiring::Wiring;
+use crate::wiring::{Block, Kind, Listed};
 use alloc::string::String;
 use alloc::vec::Vec;
 
@@ -55,45 +56,6 @@ pub mod temperature_sensor;
 pub mod variable_pump;
 pub mod volume;
 
-/// A component of the catalogue.
-pub trait Component: Sync {
-    /// What it declares.
-    fn spec(&self) -> &'static Spec;
-
-    /// Adds its equations to a program.
-    fn connect(&self, wiring: &mut Wiring);
-
-    /// What a sensor's readings span, in the unit of its reading, for its parameters; `None` for a
-    /// component that is no sensor. Its `noise_sigma` and `bits` are parts of it.
-    fn span(&self, _parameters: &[f64]) -> Option<Span> {
-        None
-    }
-
-    /// Whether its parameters are possible together (each alone is checked
-    /// against its declared range).
-    ///
-    /// # Errors
-    /// What does not fit, naming the parameters.
-    fn check(&self, _parameters: &[f64]) -> Result<(), &'static str> {
-        Ok(())
-    }
-}
-
-/// What the readings of a sensor span.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
-    /// Its full scale: noise is a part of this.
-    pub full_scale: f64,
-    /// From the least reading to the largest: what a converter divides into steps.
-    pub range: f64,
-}
-
-/// An equation block that is in the list below.
-pub trait Listed {
-    /// Its place in the list.
-    const KIND: BlockKind;
-}
-
 /// Work that is done with a block of any kind; see [`BlockKind::visit`].
 pub(crate) trait Visitor {
     type Output;
@@ -125,8 +87,11 @@ macro_rules! catalogue {
         }
 
         $($(impl Listed for $module::$block {
-            const KIND: BlockKind = BlockKind::$block;
+            const KIND: Kind = Kind(BlockKind::$block as u8);
         })*)*
+
+        /// The kinds in the order of their numbers.
+        static KINDS: &[BlockKind] = &[$($(BlockKind::$block,)*)*];
 
         impl BlockKind {
             /// Calls the visitor with the block's type.
@@ -138,6 +103,13 @@ macro_rules! catalogue {
             }
         }
     };
+}
+
+impl Block {
+    /// The equation that it is.
+    pub(crate) fn equation(&self) -> BlockKind {
+        KINDS[self.kind.0 as usize]
+    }
 }
 
 /// The number of bytes of the `//!` lines that a file begins with.

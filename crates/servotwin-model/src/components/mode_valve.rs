@@ -16,8 +16,8 @@
 //! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
 
-use super::Component;
 use super::orifice::{hole, scaled_velocity_at_pa_s_m};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;

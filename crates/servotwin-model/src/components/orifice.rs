@@ -13,7 +13,7 @@
 //! `R_s` a laminar resistance in series (a filter, a line), exact by adding the
 //! resistances.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::FluidState;
 use crate::scalar::Scalar;

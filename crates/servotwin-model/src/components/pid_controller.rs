@@ -11,7 +11,7 @@
 //! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
 //! constant 1/K_i.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};

@@ -10,7 +10,7 @@
 //! steady load out of Δp = p_A − p_B, so that only its changes damp the loop.
 //! `u` is per unit of the rated current; mode 0 switches the output off.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Parameter, Port, Spec, Start, Unit, declare::*};

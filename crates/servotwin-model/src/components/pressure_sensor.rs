@@ -8,7 +8,8 @@
 //! The conversions are those of [`super::conversion`]. The output is limited to
 //! 0 … full scale.
 
-use super::{Component, Span, conversion};
+use super::conversion;
+use crate::component::{Component, Span};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};

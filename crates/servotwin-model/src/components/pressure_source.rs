@@ -4,7 +4,7 @@
 //! p = p_supply
 //! ```
 
-use super::Component;
+use crate::component::Component;
 use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 

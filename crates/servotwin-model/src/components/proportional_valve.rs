@@ -15,12 +15,12 @@
 //! proportional to the drop. `C_l` is what leaks past a land. `m` is the transmission, as in the servo valve.
 //! Flow forces are left to the valve's own position loop.
 
-use super::Component;
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
     damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
     spool_motion, states,
 };
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};

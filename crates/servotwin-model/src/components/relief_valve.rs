@@ -9,7 +9,8 @@
 //! the cracking pressure. The spring chamber is at the outlet's pressure. The
 //! poppet's own dynamics are neglected.
 
-use super::{Component, check_valve};
+use super::check_valve;
+use crate::component::Component;
 use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 

@@ -11,9 +11,9 @@
 //! its washout solved exactly for a held input. Inputs are read at the ticks,
 //! `T` apart; `n` is 0, 1 or 2 samples.
 
-use super::Component;
 use super::position_controller::{PARAMETERS, PORTS, at};
 use super::position_controller::{demand, demand_constants, feedback_gain, limited};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Parameter, Spec, Unit, declare::*};

@@ -7,7 +7,7 @@
 //! s is 0 for the first, 1 for the second: a position loop that no longer trusts its own sensor reads
 //! another one.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};

@@ -29,13 +29,13 @@
 //! place where it began. Source: rounded-edge geometry of common component
 //! libraries; valid for |x| up to some strokes and Δp of either sign.
 
-use super::Component;
 use super::orifice::{hole, scaled_velocity_at_pa_s_m, turbulent};
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
     damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
     spool_motion, states,
 };
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};

@@ -11,8 +11,8 @@
 //! while it closes, the share of laminar flow is underestimated, which matters
 //! below about one percent of opening.
 
-use super::Component;
 use super::orifice::{hole, scaled_velocity_pa_s_m};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};

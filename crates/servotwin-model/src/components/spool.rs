@@ -1,12 +1,11 @@
 //! What the valves with one spool and four edges have in common: the spool's motion, its edges' places, ports,
 //! states and faults. The equations (W1) to (W3) stand at [`super::servo_valve`].
 
-use super::Listed;
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::equation::Equation;
 use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Port, Start, State, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::wiring::{Listed, Output, Wiring};
 
 /// Whether each edge opens with the spool or against it, in the order of `which`.
 pub const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];

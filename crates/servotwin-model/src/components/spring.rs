@@ -4,7 +4,7 @@
 //! F = F_0 − k x − c v                                                     (S1)
 //! ```
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};

@@ -10,7 +10,8 @@
 //! `T_s` is the probe's own temperature. The conversions are those of
 //! [`super::conversion`].
 
-use super::{Component, Span, conversion};
+use super::conversion;
+use crate::component::{Component, Span};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};

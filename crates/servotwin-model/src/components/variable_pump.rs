@@ -11,8 +11,8 @@
 //! time constant τ of the stroking piston; `n` the speed per unit of the rated one. Pulsation is neglected,
 //! and that it draws less where its inlet cavitates.
 
-use super::Component;
 use super::flow_source::{FLOW_AT_RATED_SPEED, INTERNAL_LEAKAGE, SPEED, WEAR, delivered};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;

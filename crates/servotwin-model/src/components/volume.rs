@@ -7,7 +7,7 @@
 //! The volumetric form conserves volume, not mass: the error is at most p/E,
 //! 1.4 % of the transferred volume between 200 and 6 bar.
 
-use super::Component;
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::scalar::Scalar;

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::components::{contract, find};
+use crate::program::Program;
 
 /// A network that is written as words.
 #[derive(Default)]

@@ -1,0 +1,434 @@
+//! Equation blocks in the order of their evaluation, grouped by kind, so that a whole group runs without a
+//! branch; and what is done with a group.
+//!
+//! What a block reads and adds to is listed as places in the array of variables. The lists are checked when a
+//! block is added, and read unchecked.
+
+use crate::components::{BlockKind, Visitor};
+use crate::dual::{Dual, Partial};
+use crate::equation::Equation;
+use crate::place::{Place, Slot};
+use crate::scalar::{Lanes, Scalar, Work};
+use crate::symbol::Symbol;
+use crate::wiring::{Block, Sum};
+use alloc::vec::Vec;
+use core::marker::PhantomData;
+
+/// Blocks of one kind that can run in any order among themselves.
+#[derive(Clone, Debug)]
+pub(crate) struct Group {
+    pub kind: BlockKind,
+    /// Whether any output is subtracted somewhere. Most groups only add.
+    pub subtracts: bool,
+    /// Whether any output joins a sum that has been begun. Most sums have one
+    /// term.
+    pub joins: bool,
+    pub count: usize,
+    /// Where the group's lists begin.
+    pub inputs: usize,
+    pub outputs: usize,
+    pub constants: usize,
+}
+
+/// Where an output of a block goes; what is not used is the bin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    /// The sum that it is added to, and where the sum so far stands: in the same
+    /// slot, or in the one that is always zero for the sum's first block. So
+    /// sums need not be cleared.
+    pub add: Place,
+    pub add_so_far: Place,
+    /// The sum that it is subtracted from, likewise.
+    pub subtract: Place,
+    pub subtract_so_far: Place,
+}
+
+/// Blocks in the order of their evaluation.
+#[derive(Clone, Debug)]
+pub(crate) struct Sequence {
+    pub groups: Vec<Group>,
+    pub inputs: Vec<Place>,
+    pub outputs: Vec<Target>,
+    /// The blocks themselves, in order: for constants and for the Jacobian.
+    pub blocks: Vec<Block>,
+    /// Length of the variable array.
+    memory: usize,
+    /// How many constants its blocks and those of earlier sequences hold.
+    constants: usize,
+}
+
+/// Length of the variable array for so many variables.
+pub(crate) const fn memory(slots: usize) -> usize {
+    slots + 2
+}
+
+impl Sequence {
+    /// Lists blocks that run in this order over `slots` variables; `slot_of`
+    /// places the blocks' variables, `written` knows the sums that earlier
+    /// sequences have begun, `constants` counts.
+    pub fn new(
+        blocks: Vec<Block>,
+        slots: usize,
+        slot_of: &[Slot],
+        written: &mut [bool],
+        constants: &mut usize,
+    ) -> Self {
+        let mut sequence = Self {
+            groups: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            blocks: Vec::new(),
+            memory: memory(slots),
+            constants: 0,
+        };
+        for block in blocks {
+            sequence.push(block, slot_of, written, constants);
+        }
+        sequence.constants = *constants;
+        sequence
+    }
+
+    /// Runs all blocks once.
+    pub fn run<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        for group in &self.groups {
+            group.kind.visit(Evaluate { group, sequence: self, constants, variables });
+        }
+    }
+
+    /// As [`Sequence::run`], with symbols.
+    pub fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        for group in &self.groups {
+            group.kind.visit(Trace(Evaluate { group, sequence: self, constants, variables }));
+        }
+    }
+
+    /// Runs all blocks once, with their partial derivatives: block by block, by output, then input.
+    pub fn differentiate<V: Lanes>(
+        &self,
+        constants: &[V],
+        variables: &mut [V],
+        mut partials: &mut [V],
+    ) {
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        for group in &self.groups {
+            let count = group.count * group.kind.visit(Partials);
+            let (own, later) = partials.split_at_mut(count);
+            partials = later;
+            let variables = &mut *variables;
+            let evaluate = Evaluate { group, sequence: self, constants, variables };
+            group.kind.visit(Differentiate { evaluate, partials: own });
+        }
+    }
+
+    /// The blocks with the places of their inputs and outputs.
+    pub fn wired(&self) -> impl Iterator<Item = (&Block, &[Place], &[Target])> {
+        let (mut inputs, mut outputs) = (self.inputs.as_slice(), self.outputs.as_slice());
+        self.blocks.iter().map(move |block| {
+            let (own_inputs, later_inputs) = inputs.split_at(block.inputs.len());
+            let (own_outputs, later_outputs) = outputs.split_at(block.outputs.len());
+            (inputs, outputs) = (later_inputs, later_outputs);
+            (block, own_inputs, own_outputs)
+        })
+    }
+
+    fn push(
+        &mut self,
+        block: Block,
+        slot_of: &[Slot],
+        written: &mut [bool],
+        constants: &mut usize,
+    ) {
+        let kind = block.equation();
+        let (inputs, outputs, held) = kind.visit(Dimensions);
+        // What `lists` relies on, with the place of every variable below.
+        assert_eq!((block.inputs.len(), block.outputs.len()), (inputs, outputs));
+        let subtracts = block.subtracts();
+        let fits = |g: &Group| (g.kind, g.subtracts) == (kind, subtracts);
+        let new_group = !self.groups.last().is_some_and(fits);
+        if new_group {
+            self.groups.push(Group {
+                kind,
+                subtracts,
+                joins: false,
+                count: 0,
+                inputs: self.inputs.len(),
+                outputs: self.outputs.len(),
+                constants: *constants,
+            });
+        }
+        let group = self.groups.last_mut().expect("just pushed");
+        group.count += 1;
+        *constants += held;
+        let (bin, zero) = ((self.memory - 2) as Slot, (self.memory - 1) as Slot);
+        for input in &block.inputs {
+            let slot = slot_of[input.0 as usize];
+            assert!(slot < bin, "a component has left a port unset");
+            self.inputs.push(Place::new(slot));
+        }
+        let mut place = |sum: Option<Sum>| {
+            let Some(sum) = sum else { return (bin, zero) };
+            let slot = slot_of[sum.0 as usize];
+            let begun = core::mem::replace(&mut written[slot as usize], true);
+            group.joins |= begun;
+            (slot, if begun { slot } else { zero })
+        };
+        for output in &block.outputs {
+            let (add, add_so_far) = place(output.add);
+            let (subtract, subtract_so_far) = place(output.subtract);
+            self.outputs.push(Target {
+                add: Place::new(add),
+                add_so_far: Place::new(add_so_far),
+                subtract: Place::new(subtract),
+                subtract_so_far: Place::new(subtract_so_far),
+            });
+        }
+        self.blocks.push(block);
+    }
+}
+
+/// The numbers of inputs, outputs and constants of a block.
+struct Dimensions;
+
+impl Visitor for Dimensions {
+    type Output = (usize, usize, usize);
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
+    where
+        E: Equation<I, O, C>,
+    {
+        (I, O, C)
+    }
+}
+
+/// How the outputs of a block depend on its inputs, whatever their values are (the
+/// numbers mean nothing): by output, then input.
+pub(crate) struct Dependence;
+
+impl Visitor for Dependence {
+    type Output = Vec<Partial<f64>>;
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> Self::Output
+    where
+        E: Equation<I, O, C>,
+    {
+        let inputs = core::array::from_fn(|i| Dual::<f64, I>::input(1.0, i));
+        let outputs = E::evaluate(&[1.0; C], inputs);
+        outputs.iter().flat_map(|o| o.partials).collect()
+    }
+}
+
+/// Runs a group of blocks.
+struct Evaluate<'a, V> {
+    group: &'a Group,
+    sequence: &'a Sequence,
+    constants: &'a [V],
+    variables: &'a mut [V],
+}
+
+/// The lists of a group: what each of its blocks reads, writes and holds.
+///
+/// # Safety
+/// The group must be one of the sequence's, `I`, `O` and `C` those of its kind, and
+/// there must be as many constants as [`Sequence::run`] asserts.
+#[inline(always)]
+unsafe fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
+    group: &Group,
+    sequence: &'a Sequence,
+    constants: &'a [V],
+) -> impl Iterator<Item = (&'a [Place; I], &'a [Target; O], &'a [V; C])> {
+    // SAFETY: `Sequence::push` extends the lists with every block of a group.
+    let (inputs, outputs, constants) = unsafe {
+        (
+            arrays(&sequence.inputs, group.inputs, group.count),
+            arrays(&sequence.outputs, group.outputs, group.count),
+            arrays(constants, group.constants, group.count),
+        )
+    };
+    let blocks = inputs.iter().zip(outputs).zip(constants);
+    blocks.map(|((inputs, outputs), constants)| (inputs, outputs, constants))
+}
+
+/// `count` arrays of a slice, from `first` on.
+///
+/// # Safety
+/// The slice must have them. It is not checked: a step asks some hundred times.
+#[inline(always)]
+unsafe fn arrays<T, const N: usize>(slice: &[T], first: usize, count: usize) -> &[[T; N]] {
+    debug_assert!(first + count * N <= slice.len());
+    // SAFETY: promised by the caller.
+    unsafe { core::slice::from_raw_parts(slice.as_ptr().add(first).cast(), count) }
+}
+
+impl<V: Lanes> Visitor for Evaluate<'_, V> {
+    type Output = ();
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        V::outline(OfKind::<_, E, I, O, C>(self, PhantomData));
+    }
+}
+
+/// The same with symbols.
+struct Trace<'a, 'g>(Evaluate<'a, Symbol<'g>>);
+
+impl Visitor for Trace<'_, '_> {
+    type Output = ();
+    #[inline(never)]
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        OfKind::<_, E, I, O, C>(self.0, PhantomData).evaluate();
+    }
+}
+
+/// What is done with a group whose blocks are of one kind, in a function of its own:
+/// all kinds in one would take the compiler minutes.
+struct OfKind<T, E, const I: usize, const O: usize, const C: usize>(T, PhantomData<E>);
+
+impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: usize> Work<V>
+    for OfKind<Evaluate<'_, V>, E, I, O, C>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.evaluate();
+    }
+}
+
+impl<V, E, const I: usize, const O: usize, const C: usize> OfKind<Evaluate<'_, V>, E, I, O, C>
+where
+    V: Scalar<Base = V>,
+    E: Equation<I, O, C>,
+{
+    #[inline(always)]
+    fn evaluate(self) {
+        let Evaluate { group, sequence, constants, variables } = self.0;
+        // SAFETY: `Sequence::run` asserts the constants.
+        let blocks = unsafe { lists::<V, I, O, C>(group, sequence, constants) };
+        for (inputs, outputs, constants) in blocks {
+            let mut values = [V::constant(0.0); I];
+            for (value, &input) in values.iter_mut().zip(inputs) {
+                // SAFETY: all slots of a sequence are below the length that its
+                // caller asserts.
+                *value = unsafe { input.read(variables) };
+            }
+            let results = E::evaluate::<V>(constants, values);
+            let first = variables.as_mut_ptr();
+            // SAFETY: as above.
+            let at = |place: Place| unsafe { place.among(first) };
+            // SAFETY: as above.
+            unsafe { scatter(group, outputs, &results, at) };
+        }
+    }
+}
+
+/// Adds a block's outputs to their sums, which stand `at(place)`.
+///
+/// # Safety
+/// There must be a number at all places.
+#[inline(always)]
+unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
+    group: &Group,
+    outputs: &[Target; O],
+    results: &[V; O],
+    at: impl Fn(Place) -> *mut V,
+) {
+    for (target, &result) in outputs.iter().zip(results) {
+        // SAFETY: promised by the caller.
+        unsafe {
+            if group.subtracts {
+                *at(target.add) = *at(target.add_so_far) + result;
+                *at(target.subtract) = *at(target.subtract_so_far) - result;
+            } else if group.joins {
+                *at(target.add) = *at(target.add_so_far) + result;
+            } else {
+                *at(target.add) = result;
+            }
+        }
+    }
+}
+
+/// As [`Evaluate`], with the partial derivatives.
+struct Differentiate<'a, V> {
+    evaluate: Evaluate<'a, V>,
+    /// Places for the group's partial derivatives.
+    partials: &'a mut [V],
+}
+
+/// How many partial derivatives a block has.
+struct Partials;
+
+impl Visitor for Partials {
+    type Output = usize;
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self) -> usize
+    where
+        E: Equation<I, O, C>,
+    {
+        I * O
+    }
+}
+
+impl<V: Lanes> Visitor for Differentiate<'_, V> {
+    type Output = ();
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        V::outline(OfKind::<_, E, I, O, C>(self, PhantomData));
+    }
+}
+
+impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: usize> Work<V>
+    for OfKind<Differentiate<'_, V>, E, I, O, C>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Differentiate { evaluate, partials } = self.0;
+        let Evaluate { group, sequence, constants, variables } = evaluate;
+        assert!(partials.len() >= group.count * I * O);
+        let mut own = partials.as_mut_ptr().cast::<V::Register>();
+        // SAFETY: `Sequence::differentiate` asserts the constants.
+        let blocks = unsafe { lists::<V, I, O, C>(group, sequence, constants) };
+        for (inputs, outputs, constants) in blocks {
+            let all_held = constants.as_ptr().cast::<V::Register>();
+            let first = variables.as_mut_ptr();
+            for register in 0..V::REGISTERS {
+                // SAFETY: a slot's registers stand one after the other, and all slots
+                // of a sequence are below the length that its caller asserts.
+                let at = |place: Place| unsafe {
+                    place.among(first).cast::<V::Register>().add(register)
+                };
+                let place = |index: usize| index * V::REGISTERS + register;
+                let mut held = [V::Register::constant(0.0); C];
+                for (c, held) in held.iter_mut().enumerate() {
+                    // SAFETY: there are `C` constants.
+                    *held = unsafe { *all_held.add(place(c)) };
+                }
+                let mut values = [Dual::from_base(V::Register::constant(0.0)); I];
+                for (i, (value, &input)) in values.iter_mut().zip(inputs).enumerate() {
+                    // SAFETY: as above.
+                    *value = Dual::input(unsafe { *at(input) }, i);
+                }
+                let results = E::evaluate::<Dual<V::Register, I>>(&held, values);
+                let mut plain = [V::Register::constant(0.0); O];
+                for (o, result) in results.iter().enumerate() {
+                    plain[o] = result.value;
+                    for (i, &partial) in result.partials.iter().enumerate() {
+                        // No term reads the place of a zero or a one (`Rows::list_terms`).
+                        if let Partial::Number(number) = partial {
+                            // SAFETY: `own` has `I · O` slots for every block.
+                            unsafe { *own.add(place(o * I + i)) = number };
+                        }
+                    }
+                }
+                // SAFETY: as above.
+                unsafe { scatter(group, outputs, &plain, at) };
+            }
+            // SAFETY: as above.
+            own = unsafe { own.add(I * O * V::REGISTERS) };
+        }
+    }
+}
