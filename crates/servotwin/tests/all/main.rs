@@ -2,6 +2,7 @@
 
 mod aileron;
 mod effort;
+mod errors;
 mod evaluating;
 mod evaluation;
 mod figure;
