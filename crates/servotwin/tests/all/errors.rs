@@ -1,4 +1,4 @@
-//! How exact campaigns are, fault by fault: every state against a run a thousand times as exact.
+//! How exact campaigns are, fault by fault: every state against a run with the settings of references.
 
 use servotwin::ensemble::{Ensemble, Rows, Variant};
 use servotwin::study::campaign::ensemble;
