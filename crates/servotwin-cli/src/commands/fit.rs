@@ -127,13 +127,7 @@ pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, 
             None => Ok(Study::default()),
         };
     };
-    let (text, path) = match study {
-        Some(path) => {
-            (files::read_text(path).map_err(servotwin::study::StudyError::File)?, path.into())
-        }
-        None => (Study::default().text, PathBuf::from("studies/paper.toml")),
-    };
-    Ok(Study::parse_with_system(&text, &path, system)?)
+    Ok(Study::read_with_system(study.unwrap_or(Path::new("paper")), system)?)
 }
 
 fn read_record(path: &Path, study: &Study, global: Global) -> Result<Record, Failure> {

@@ -66,7 +66,7 @@ fn what_a_log_lacks_and_what_no_sensor_shows_is_told() {
     assert!(output.status.success(), "{told}");
     assert!(told.contains("has no column for the sensors p_b_pa, x_v_m, p_s_pa"), "{told}");
     assert!(told.contains("x_p_m has -1 m (line 701), which its sensor cannot show"), "{told}");
-    let result = json(&["fit", &log, "--study", STUDY, "--json", "-q"]);
+    let result = json(&["fit", &log, SPRING, "--study", "spring_actuator", "--json", "-q"]);
     assert_eq!((&result["left_out"][0]["count"], &result["is_update"]), (&1.into(), &true.into()));
 }
 

@@ -117,7 +117,11 @@ fn mistakes_in_watching_are_said_with_their_place() {
         format!("{model}: the diagnoser reads sensor 'p_A1', which the study 'spring_actuator'");
     let cases: &[(&[&str], i32, &str)] = &[
         (&[&["watch", &header], &with[..]].concat(), 3, "nothing stands below the names"),
-        (&[&["watch", &dates], &with[..]].concat(), 3, "unit = \"date\" below [time]"),
+        (
+            &[&["watch", &dates, "--map", &map], &with[..]].concat(),
+            3,
+            "unit = \"date\" below [time]",
+        ),
         (&["watch", &spring, "--study", "spring_actuator", "--model", &model], 3, &other),
         (&["watch", &log, "--make-map", &map], 2, "exists already"),
         (&["watch", &log, "--map", &wrong], 3, "has no column 'p_a_1_bar'"),
@@ -126,6 +130,11 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
     ];
+    // Dates are found to be dates.
+    let found = servotwin(&[&["watch", &dates, "--json"], &with[..]].concat());
+    let summary: serde_json::Value =
+        serde_json::from_str(stdout(&found).lines().last().unwrap()).unwrap();
+    assert_eq!(summary["summary"]["samples"], 401, "{}", stderr(&found));
     // Sensors that the log lacks are named, with the columns that may be them.
     let renamed = folder.file("renamed.csv");
     std::fs::write(&renamed, rows.replacen("x_v_2_m", "spool_of_the_second", 1)).unwrap();

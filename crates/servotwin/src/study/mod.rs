@@ -230,6 +230,19 @@ impl Study {
         Self::parse_for(text, &path.display().to_string(), system)
     }
 
+    /// Reads a study file, or a built-in study by its name, with the system in a file of its own.
+    ///
+    /// # Errors
+    /// A file cannot be read, or every mistake that was found.
+    pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, StudyError> {
+        let built_in = path.to_str().and_then(|name| built_in::find(&built_in::STUDIES, name));
+        let text = match built_in {
+            Some(text) => text.to_owned(),
+            None => files::read_text(path).map_err(StudyError::File)?,
+        };
+        Self::parse_with_system(&text, path, system)
+    }
+
     /// Reads a study from a text, for a system that is there already.
     ///
     /// # Errors

@@ -5,6 +5,7 @@
 //! label `p_A1`), also behind a point (`measured.p_a_1`). Similar names are not taken: `p_a_1` and `p_b_1` are similar.
 
 use super::FORMAT;
+use crate::log::source::DATE;
 use crate::system::{System, units};
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
@@ -90,7 +91,9 @@ impl Guess {
             };
             let (_, unit) = splits(name).into_iter().find(is_time)?;
             let given = known(given).filter(|(unit, _)| *unit == Unit::Second);
-            Some((name, given.or(unit).map(|(_, text)| text)))
+            let date = columns.iter().any(|(other, unit)| other == name && unit == DATE);
+            let unit = given.or(unit).map(|(_, text)| text);
+            Some((name, if date { Some(DATE) } else { unit }))
         });
         self.text += "\n[time]\n";
         let Some((name, unit)) = found else {

@@ -3,7 +3,7 @@
 use super::{Channel, FORMAT, Map, MapError, Mistake, Origin, Time};
 use crate::document::{self, Collector, Entry, Span, entries};
 use crate::log::sequencer::Rules;
-use crate::log::source::Wanted;
+use crate::log::source::{DATE, Wanted};
 use crate::nearest::nearest;
 use crate::system::{System, units};
 use servotwin_model::spec::Unit;
@@ -31,9 +31,6 @@ struct Reader<'s> {
     wanted: Wanted,
     places: Vec<Span>,
 }
-
-/// The unit of a date as text.
-const DATE: &str = "date";
 
 /// What a section may hold.
 const SECTIONS: [&str; 5] = ["format", "time", "inputs", "sensors", "samples"];

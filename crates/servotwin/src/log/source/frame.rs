@@ -229,6 +229,12 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
     (named > 0 && 2 * named >= names.len()).then_some(names)
 }
 
+/// Which cells of a line are dates.
+pub fn dates(line: &[u8]) -> Vec<bool> {
+    let cells = names(line, Dialect::of(line).separator);
+    cells.iter().map(|cell| times::seconds(cell).is_some()).collect()
+}
+
 fn list_keys(value: &serde_json::Value, path: String, keys: &mut Vec<String>) {
     let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match value {

@@ -1,7 +1,7 @@
 //! A text file line by line: CSV, or lines of JSON objects. However large, one line of it is in memory.
 
 use super::frame::{self, Flaw, Frames};
-use super::{Read, Row, Source, SourceError, Wanted};
+use super::{DATE, Read, Row, Source, SourceError, Wanted};
 use crate::files::FileError;
 use crate::table::csv::encoding;
 use std::io::{self, BufRead};
@@ -87,30 +87,40 @@ fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(),
     Err(lacking.unwrap_or(SourceError::NoHeader { address }))
 }
 
-/// The columns of a file: of its first lines the one with most names.
-pub fn columns(path: &Path) -> Result<Vec<String>, SourceError> {
+/// The columns of a file: of its first lines the one with most names. Where dates stand below a name, that is its unit.
+pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
     let reader = encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0;
-    let mut best: Vec<String> = vec![];
-    for names in headers(path, reader)? {
-        if names.len() > best.len() {
-            best = names;
-        }
-    }
-    match best.is_empty() {
-        true => Err(SourceError::NoHeader { address: path.display().to_string() }),
-        false => Ok(best),
-    }
+    let lines = first_lines(path, reader)?;
+    let headers = lines.iter().map(|line| frame::columns(line).unwrap_or_default());
+    let headers: Vec<Vec<String>> = headers.collect();
+    // Of equally long ones the first.
+    let best = (0..headers.len()).rev().max_by_key(|&line| headers[line].len());
+    let best = best.filter(|&line| !headers[line].is_empty());
+    let Some(best) = best else {
+        return Err(SourceError::NoHeader { address: path.display().to_string() });
+    };
+    let names = &headers[best];
+    let below = lines[best + 1..].iter().map(|line| frame::dates(line));
+    let dates = below.into_iter().find(|dates| dates.len() == names.len()).unwrap_or_default();
+    let unit = |place: usize| if dates.get(place) == Some(&true) { DATE } else { "" };
+    let named = names.iter().enumerate();
+    Ok(named.map(|(place, name)| (name.clone(), unit(place).to_owned())).collect())
 }
 
 /// What names columns in the first lines of a file.
-fn headers(path: &Path, mut reader: Box<dyn BufRead>) -> Result<Vec<Vec<String>>, SourceError> {
+fn headers(path: &Path, reader: Box<dyn BufRead>) -> Result<Vec<Vec<String>>, SourceError> {
+    Ok(first_lines(path, reader)?.iter().filter_map(|line| frame::columns(line)).collect())
+}
+
+/// The first lines of a file, in one of which its header stands.
+fn first_lines(path: &Path, mut reader: Box<dyn BufRead>) -> Result<Vec<Vec<u8>>, SourceError> {
     let (mut line, mut found) = (vec![], vec![]);
     for _ in 0..PREAMBLE {
         let next = next_line(&mut *reader, &mut line);
         match next.map_err(|cause| FileError::from_io(path, cause))? {
             Line::None => break,
             Line::TooLong => {}
-            Line::Whole | Line::Unended => found.extend(frame::columns(&line)),
+            Line::Whole | Line::Unended => found.push(line.clone()),
         }
     }
     Ok(found)

@@ -23,6 +23,9 @@ use std::time::Duration;
 
 pub use frame::Flaw;
 
+/// The unit of a date as text.
+pub const DATE: &str = "date";
+
 /// How long a live source waits before it says that nothing came.
 pub const PAUSE: Duration = Duration::from_millis(200);
 
@@ -161,7 +164,7 @@ impl Address {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
             Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
-            Address::File(path) => lines::columns(path)?,
+            Address::File(path) => return lines::columns(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address) => udp::columns(*address)?,
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
