@@ -77,7 +77,7 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     let summary: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
     let (met, missing) = (&summary["summary"]["met"], &summary["summary"]["missing"]);
     assert_eq!(met["impossible"]["count"], 2, "{met}");
-    assert_eq!(met["impossible"]["first"], "line 151: x_p_1 = -1e0 in SI");
+    assert_eq!(met["impossible"]["first"], "line 151: x_p_1 = -1 in SI");
     assert_eq!((&missing["x_p_1"], &missing["p_a_1"]), (&1.into(), &1.into()));
     assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
 

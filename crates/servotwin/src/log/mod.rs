@@ -20,6 +20,7 @@ pub mod source;
 
 pub use observer::{Finding, Observation, Observer, Phase, State};
 
+use crate::document::Quantity;
 use checkpoint::{Checkpoint, CheckpointError};
 use counts::{Counts, Kind};
 use map::Map;
@@ -233,7 +234,7 @@ impl<'w> Watch<'w> {
                     progress.counts.note_with(Kind::BadValue, row.place, &detail);
                 }
                 if let Some((id, value)) = self.map.leave_out(&mut sample) {
-                    let detail = format_args!("{id} = {value:e} in SI");
+                    let detail = format_args!("{id} = {} in SI", Quantity(value, ""));
                     progress.counts.note_with(Kind::Impossible, row.place, &detail);
                 }
                 if sample.time_s.is_finite() {
