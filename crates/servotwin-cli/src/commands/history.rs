@@ -12,7 +12,7 @@ use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
 use servotwin::files::FileError;
 use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::trend::Trend;
-use servotwin::fit::{Knowledge, Problem, Record, RecordError};
+use servotwin::fit::{FitError, Knowledge, Problem, Record, RecordError};
 use servotwin::flight::told::{Told, told};
 use servotwin::log::{Phase, State};
 use servotwin::study::Study;
@@ -207,6 +207,8 @@ fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
 
 fn verdict(flight: &Flight, problem: &Problem) -> String {
     match &flight.fitted {
+        // The log's name stands beside it.
+        Err(FitError::Record { error, .. }) => format!("{error}"),
         Err(error) => format!("{error}"),
         Ok(fitted) => match fitted.findings.first() {
             None => "healthy".into(),
