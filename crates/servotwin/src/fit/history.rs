@@ -19,8 +19,6 @@ const COMPARED: usize = 3;
 const PROBABLE: f64 = 0.1;
 /// A parameter drifts where its rate is so many times its standard error: among a hundred of them chance has none.
 const DRIFTS: f64 = 5.0;
-/// No intensity is better known than this: the solver's error.
-const LEAST_ERROR: f64 = 1e-4;
 
 /// One flight.
 #[derive(Clone, Debug)]
@@ -158,8 +156,7 @@ impl Problem<'_> {
             let (Ok(record), Ok(_)) = (&log.1, &flight.fitted) else { continue };
             let own = Problem { suspects: Vec::new(), ..self.of_flight(record) };
             let Ok(found) = unless_stopped(intensity(&own, &[fault]))? else { continue };
-            let (level, last) = (found[0].intensity, self.unknowns.len());
-            let error = found[0].fitted.known.error(last).max(LEAST_ERROR);
+            let (level, error) = (found[0].intensity, found[0].error);
             points.push(Point { at: number as f64, level, error });
         }
         let trend = Trend::of(&points);

@@ -5,12 +5,30 @@
 //!
 //! F and A of the fit with this fault: how well it explains the record, and how much it had to be tuned
 //! for it. The candidates' shares sum to one; that none of them is right is not among them.
+//!
+//! (FN2)  F(x) ≤ F + ½ χ²₁(95 %)
+//!
+//! (½ χ² times the mean square of the residuals where these are larger than noise) holds for the intensities x that
+//! explain the record as well, the other unknowns at their best beside each. The interval is that of the standard
+//! error, and wider where (FN2) says so: where a sensor is at the end of its range, every larger gain shows the same.
 
+use super::linear::dot;
+use super::solve::Minimum;
 use super::unknown::Unknown;
 use super::{FitError, Fitted, Problem};
 
 /// 95 % of a normal distribution lie within so many deviations.
 const NORMAL_95: f64 = 1.96;
+/// Half of what χ² with one degree of freedom stays below with 95 %.
+const HALF_CHI_SQUARE_95: f64 = 1.92;
+/// No intensity is better known than this: the solver's error.
+const LEAST_ERROR: f64 = 1e-4;
+/// Evenly spaced intensities, the last one 1, at which (FN2) is asked.
+const PROFILE: usize = 24;
+/// A fit begins anew where another intensity lowers F by more than this ...
+const HOLLOW: f64 = 1.0;
+/// ... at most so many times.
+const MOST_ANEW: usize = 2;
 /// The intensities from which a fit may begin: the likeliest of them is the first guess.
 const FIRST_GUESSES: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9];
 
@@ -23,6 +41,9 @@ pub struct Diagnosed {
     pub name: String,
     /// Its intensity.
     pub intensity: f64,
+    /// Its standard error; where another intensity explains the record as well, as large as if that were an end of
+    /// the interval.
+    pub error: f64,
     /// The interval that holds it with 95 %.
     pub interval: (f64, f64),
     /// (FN1).
@@ -74,19 +95,94 @@ fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, F
             first = (cost, point);
         }
     }
-    let minimum = own.minimum(&first.1)?;
+    let (minimum, alike) = own.least_of_all(&first.1)?;
     let curvature = minimum.linear.information.plus_diagonal(&priors);
     let volume: f64 = curvature.eigen().iter().map(|(value, _)| value.max(1e-12).ln()).sum();
+    let excess = mean_square(&minimum).sqrt();
     let fitted = own.judged(minimum)?;
-    let (z, error) = (fitted.z[last], fitted.known.error(last));
-    let ends = [z - NORMAL_95 * error, z + NORMAL_95 * error].map(|end| end.clamp(0.0, 1.0));
+    let (z, error) = (fitted.z[last], (fitted.known.error(last) * excess).max(LEAST_ERROR));
+    let low = alike.iter().copied().fold(z - NORMAL_95 * error, f64::min).clamp(0.0, 1.0);
+    let high = alike.iter().copied().fold(z + NORMAL_95 * error, f64::max).clamp(0.0, 1.0);
+    let farthest = alike.iter().map(|other| (other - z).abs()).fold(0.0, f64::max);
     Ok(Diagnosed {
         fault,
         name,
         intensity: z,
-        interval: (ends[0], ends[1]),
+        error: error.max(farthest / NORMAL_95),
+        interval: (low, high),
         log_likelihood: -fitted.cost - 0.5 * volume,
         probability: 0.0,
         fitted,
     })
+}
+
+/// A fit whose last unknown is the intensity of a fault.
+impl Problem<'_> {
+    /// The minimum from a first guess, which is no hollow beside a deeper one; and the intensities of (FN2).
+    fn least_of_all(&self, start: &[f64]) -> Result<(Minimum, Vec<f64>), FitError> {
+        let mut minimum = self.minimum(start)?;
+        let mut profile = self.profile(&minimum)?;
+        for _ in 0..MOST_ANEW {
+            let deepest = profile.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some(&(intensity, _)) = deepest.filter(|(_, cost)| *cost < minimum.cost - HOLLOW)
+            else {
+                break;
+            };
+            let again = self.minimum(&at(&minimum.z, intensity))?;
+            if again.cost >= minimum.cost {
+                break;
+            }
+            minimum = again;
+            profile = self.profile(&minimum)?;
+        }
+        let highest = minimum.cost + HALF_CHI_SQUARE_95 * mean_square(&minimum);
+        profile.retain(|(_, cost)| *cost <= highest);
+        Ok((minimum, profile.into_iter().map(|(intensity, _)| intensity).collect()))
+    }
+
+    /// Some intensities, each with the least F beside it: the other unknowns move as J at the minimum says.
+    fn profile(&self, minimum: &Minimum) -> Result<Vec<(f64, f64)>, FitError> {
+        let intensities: Vec<f64> = (1..=PROFILE).map(|k| k as f64 / PROFILE as f64).collect();
+        let points: Vec<Vec<f64>> = intensities.iter().map(|&x| at(&minimum.z, x)).collect();
+        let residuals = self.residuals(&points)?;
+        let mut profile = Vec::new();
+        for ((x, point), residuals) in intensities.into_iter().zip(points).zip(residuals) {
+            let cost = match residuals {
+                Ok(residuals) => {
+                    self.cost(&point, &residuals) - self.gain_beside(minimum, &point, &residuals)?
+                }
+                Err(_) => f64::INFINITY,
+            };
+            profile.push((x, cost));
+        }
+        Ok(profile)
+    }
+
+    /// By how much the other unknowns lower F at a point.
+    fn gain_beside(
+        &self,
+        minimum: &Minimum,
+        point: &[f64],
+        residuals: &[f64],
+    ) -> Result<f64, FitError> {
+        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
+        let slope = self.slope(point, &minimum.linear.pull(residuals));
+        let mut room = self.room(point);
+        room[point.len() - 1] = (0.0, 0.0);
+        let step = curvature.minimum_within(&slope, &room).ok_or(FitError::Undetermined)?;
+        Ok(dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step)))
+    }
+}
+
+/// The mean square of what a fit has left, in parts of the noise, and at least 1: what the fault does not explain
+/// makes its intensity less sure.
+fn mean_square(minimum: &Minimum) -> f64 {
+    let residuals = &minimum.residuals;
+    (dot(residuals, residuals) / residuals.len().max(1) as f64).max(1.0)
+}
+
+/// A point with another intensity.
+fn at(z: &[f64], intensity: f64) -> Vec<f64> {
+    let others = &z[..z.len() - 1];
+    others.iter().copied().chain([intensity]).collect()
 }

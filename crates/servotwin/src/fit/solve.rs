@@ -59,6 +59,17 @@ impl Problem<'_> {
         0.5 * dot(residuals, residuals) + 0.5 * prior
     }
 
+    /// The right side of (FS2): how steeply F falls at a point, by unknown.
+    pub(super) fn slope(&self, z: &[f64], pull: &[f64]) -> Vec<f64> {
+        let pairs = self.unknowns.iter().zip(z).zip(pull);
+        pairs.map(|((u, z), pull)| pull - u.prior * z).collect()
+    }
+
+    /// How far every unknown may still go, down and up.
+    pub(super) fn room(&self, z: &[f64]) -> Vec<(f64, f64)> {
+        self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect()
+    }
+
     /// The step (FS2) from a point, and by how much it should lower F.
     pub(super) fn step(
         &self,
@@ -66,16 +77,8 @@ impl Problem<'_> {
         z: &[f64],
         pull: &[f64],
     ) -> Result<(Vec<f64>, f64), FitError> {
-        let slope: Vec<f64> = self
-            .unknowns
-            .iter()
-            .zip(z)
-            .zip(pull)
-            .map(|((u, z), pull)| pull - u.prior * z)
-            .collect();
-        let room: Vec<(f64, f64)> =
-            self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect();
-        let step = curvature.minimum_within(&slope, &room).ok_or(FitError::Undetermined)?;
+        let slope = self.slope(z, pull);
+        let step = curvature.minimum_within(&slope, &self.room(z)).ok_or(FitError::Undetermined)?;
         let gain = dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step));
         Ok((step, gain))
     }

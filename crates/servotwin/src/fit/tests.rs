@@ -270,6 +270,19 @@ fn the_intensity_of_a_fault_lies_in_its_interval() {
 }
 
 #[test]
+fn a_gain_beyond_the_end_of_a_sensors_range_has_an_interval_to_the_largest() {
+    let study = Study::default();
+    // A supply sensor shows no more than it does at a tenth: 207 bar.
+    let at = fault(&study, "actuator_1.sensor_supply.gain_high", 0.6);
+    let mut problem = Problem::of_study(&study, vec![record(&study, Some(0), vec![at], 6.0)]);
+    problem.suspects.clear();
+    let found = intensity::intensity(&problem, &[(at.component, at.fault)]).unwrap();
+    let (low, high) = found[0].interval;
+    assert!((0.02..0.6).contains(&low) && high == 1.0, "{low} … {high}");
+    assert!(found[0].error > 0.2, "{}", found[0].error);
+}
+
+#[test]
 fn a_fitted_twin_is_written_and_read_again() {
     let study = Study::default();
     let mut problem = Problem::of_study(&study, vec![record(&study, Some(1), vec![], 6.0)]);
