@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, TypedDict, Union
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:  # a campaign needs no numpy, whose start and threads take as long as 3 s of simulation
+    import numpy as np
+    import numpy.typing as npt
 
 Path = Union[str, "os.PathLike[str]"]
 """A file or folder."""
