@@ -1,6 +1,11 @@
-//! Whether a text is a system or a study, also where it is no valid TOML: as what stands in it shows.
+//! Whether a text is a system or a study, also where it is no valid TOML: as what stands in it shows. And where
+//! it is read from.
 
+use crate::built_in;
 use crate::document::{Collector, Located, Mistake};
+use crate::files::{self, FileError};
+use std::borrow::Cow;
+use std::path::Path;
 
 /// What a file for the toolkit is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +34,28 @@ impl Kind {
             (false, true) => Some(Kind::Study),
             _ => None,
         }
+    }
+
+    /// The text at a path, and what messages call it: what is built in by that name, of this kind before the
+    /// other, which is then told as what it is; else the file.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn read(self, path: &Path) -> Result<(Cow<'static, str>, String), FileError> {
+        let systems = ("systems", &built_in::SYSTEMS[..]);
+        let studies = ("studies", &built_in::STUDIES[..]);
+        let folders = match self {
+            Kind::System => [systems, studies],
+            Kind::Study => [studies, systems],
+        };
+        let shown = path.display();
+        let known = |list| path.to_str().and_then(|name| built_in::find(list, name));
+        for (folder, list) in folders {
+            if let Some(text) = known(list) {
+                return Ok((text.into(), format!("{folder}/{shown}.toml")));
+            }
+        }
+        Ok((files::read_text(path)?.into(), shown.to_string()))
     }
 
     fn words(self) -> &'static str {

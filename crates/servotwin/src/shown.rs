@@ -31,7 +31,7 @@ impl Shown {
         let (_, most) = network.input_range(input);
         let is_way = matches!(unit, Unit::Metre | Unit::MetrePerSecond);
         let is_far = is_way && most.is_finite() && most >= FAR;
-        Self { is_far, ..Self::of(unit, network.inputs[input].default) }
+        Self { unit, is_far }
     }
 
     /// The symbol of the unit.

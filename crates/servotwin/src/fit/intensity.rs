@@ -81,12 +81,8 @@ fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, F
     let own =
         Problem { unknowns, records: problem.records.clone(), suspects: Vec::new(), ..*problem };
     let last = priors.len() - 1;
-    let point = |intensity: &f64| {
-        let mut z = vec![0.0; priors.len()];
-        z[last] = *intensity;
-        z
-    };
-    let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(point).collect();
+    let nominal = vec![0.0; priors.len()];
+    let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&nominal, x)).collect();
     let found = own.residuals(&points)?;
     let mut first = (f64::INFINITY, points[0].clone());
     for (point, found) in points.into_iter().zip(found) {
@@ -145,32 +141,20 @@ impl Problem<'_> {
         let intensities: Vec<f64> = (1..=PROFILE).map(|k| k as f64 / PROFILE as f64).collect();
         let points: Vec<Vec<f64>> = intensities.iter().map(|&x| at(&minimum.z, x)).collect();
         let residuals = self.residuals(&points)?;
+        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
         let mut profile = Vec::new();
         for ((x, point), residuals) in intensities.into_iter().zip(points).zip(residuals) {
-            let cost = match residuals {
-                Ok(residuals) => {
-                    self.cost(&point, &residuals) - self.gain_beside(minimum, &point, &residuals)?
-                }
-                Err(_) => f64::INFINITY,
+            let Ok(residuals) = residuals else {
+                profile.push((x, f64::INFINITY));
+                continue;
             };
-            profile.push((x, cost));
+            let mut room = self.room(&point);
+            room[point.len() - 1] = (0.0, 0.0);
+            let pull = minimum.linear.pull(&residuals);
+            let (_, gain) = self.step_within(&curvature, &point, &pull, &room)?;
+            profile.push((x, self.cost(&point, &residuals) - gain));
         }
         Ok(profile)
-    }
-
-    /// By how much the other unknowns lower F at a point.
-    fn gain_beside(
-        &self,
-        minimum: &Minimum,
-        point: &[f64],
-        residuals: &[f64],
-    ) -> Result<f64, FitError> {
-        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
-        let slope = self.slope(point, &minimum.linear.pull(residuals));
-        let mut room = self.room(point);
-        room[point.len() - 1] = (0.0, 0.0);
-        let step = curvature.minimum_within(&slope, &room).ok_or(FitError::Undetermined)?;
-        Ok(dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step)))
     }
 }
 

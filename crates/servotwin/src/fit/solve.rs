@@ -59,12 +59,6 @@ impl Problem<'_> {
         0.5 * dot(residuals, residuals) + 0.5 * prior
     }
 
-    /// The right side of (FS2): how steeply F falls at a point, by unknown.
-    pub(super) fn slope(&self, z: &[f64], pull: &[f64]) -> Vec<f64> {
-        let pairs = self.unknowns.iter().zip(z).zip(pull);
-        pairs.map(|((u, z), pull)| pull - u.prior * z).collect()
-    }
-
     /// How far every unknown may still go, down and up.
     pub(super) fn room(&self, z: &[f64]) -> Vec<(f64, f64)> {
         self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect()
@@ -77,8 +71,20 @@ impl Problem<'_> {
         z: &[f64],
         pull: &[f64],
     ) -> Result<(Vec<f64>, f64), FitError> {
-        let slope = self.slope(z, pull);
-        let step = curvature.minimum_within(&slope, &self.room(z)).ok_or(FitError::Undetermined)?;
+        self.step_within(curvature, z, pull, &self.room(z))
+    }
+
+    /// The same where every unknown may go so far only.
+    pub(super) fn step_within(
+        &self,
+        curvature: &Symmetric,
+        z: &[f64],
+        pull: &[f64],
+        room: &[(f64, f64)],
+    ) -> Result<(Vec<f64>, f64), FitError> {
+        let pairs = self.unknowns.iter().zip(z).zip(pull);
+        let slope: Vec<f64> = pairs.map(|((u, z), pull)| pull - u.prior * z).collect();
+        let step = curvature.minimum_within(&slope, room).ok_or(FitError::Undetermined)?;
         let gain = dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step));
         Ok((step, gain))
     }

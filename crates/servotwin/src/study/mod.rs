@@ -30,7 +30,7 @@ pub use training::Training;
 
 use crate::built_in;
 use crate::document::{self, Collector, Entry, Located, Span, entries, write_mistakes};
-use crate::files::{self, FileError};
+use crate::files::FileError;
 use crate::format;
 use crate::kind::Kind;
 use crate::nearest::nearest;
@@ -235,11 +235,7 @@ impl Study {
     /// # Errors
     /// A file cannot be read, or every mistake that was found.
     pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let built_in = path.to_str().and_then(|name| built_in::find(&built_in::STUDIES, name));
-        let text = match built_in {
-            Some(text) => text.to_owned(),
-            None => files::read_text(path).map_err(StudyError::File)?,
-        };
+        let (text, _) = Kind::Study.read(path).map_err(StudyError::File)?;
         Self::parse_with_system(&text, path, system)
     }
 
@@ -339,19 +335,8 @@ impl Study {
     /// # Errors
     /// The file cannot be read, or every mistake that was found.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, StudyError> {
-        let path = path.as_ref();
-        if let Some(name) = path.to_str()
-            && let Some(text) = built_in::find(&built_in::STUDIES, name)
-        {
-            return Self::parse(text, &format!("studies/{name}.toml"));
-        }
-        // The name of a system is told as what it is.
-        if let Some(text) = path.to_str().and_then(|name| built_in::find(&built_in::SYSTEMS, name))
-        {
-            return Self::parse(text, &format!("systems/{}.toml", path.display()));
-        }
-        let text = files::read_text(path).map_err(StudyError::File)?;
-        Self::parse(&text, &path.display().to_string())
+        let (text, name) = Kind::Study.read(path.as_ref()).map_err(StudyError::File)?;
+        Self::parse(&text, &name)
     }
 
     /// The operating cases of a role; none for training where the study has none of its own.

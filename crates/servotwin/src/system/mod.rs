@@ -43,7 +43,7 @@ pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
 use crate::document::{Located, Quantities, Quantity, write_mistakes};
-use crate::files::{self, FileError};
+use crate::files::FileError;
 use crate::kind::Kind;
 use crate::signal::{Signal, SignalError};
 use servotwin_model::components::Span;
@@ -157,19 +157,8 @@ impl System {
     /// # Errors
     /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, SystemError> {
-        let path = path.as_ref();
-        if let Some(name) = path.to_str()
-            && let Some(text) = built_in::find(&built_in::SYSTEMS, name)
-        {
-            return Self::parse(text, &format!("systems/{name}.toml"));
-        }
-        // The name of a study is told as what it is.
-        if let Some(text) = path.to_str().and_then(|name| built_in::find(&built_in::STUDIES, name))
-        {
-            return Self::parse(text, &format!("studies/{}.toml", path.display()));
-        }
-        let text = files::read_text(path).map_err(SystemError::File)?;
-        Self::parse(&text, &path.display().to_string())
+        let (text, name) = Kind::System.read(path.as_ref()).map_err(SystemError::File)?;
+        Self::parse(&text, &name)
     }
 
     /// Components, connections and inputs.
