@@ -1,11 +1,12 @@
 //! Systems and studies that can be named without a file, wherever a file is asked for.
 
 /// Systems: the name and the text of the file.
-pub const SYSTEMS: [(&str, &str); 4] = [
+pub const SYSTEMS: [(&str, &str); 5] = [
     ("aileron_dual", include_str!("../../../systems/aileron_dual.toml")),
     ("spring_actuator", include_str!("../../../systems/spring_actuator.toml")),
     ("valve_and_cylinder", include_str!("../../../systems/valve_and_cylinder.toml")),
     ("press_axis", include_str!("../../../systems/press_axis.toml")),
+    ("aileron_relief", include_str!("../../../systems/aileron_relief.toml")),
 ];
 
 /// Studies: the name and the text of the file.

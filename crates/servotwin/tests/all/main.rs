@@ -13,6 +13,7 @@ mod golden;
 mod log;
 mod peer_cases;
 mod physics;
+mod relief;
 mod report;
 mod runtime;
 mod schema;
