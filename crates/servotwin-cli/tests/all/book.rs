@@ -5,7 +5,7 @@
 
 use super::{Folder, stderr, stdout};
 use servotwin::{catalogue, format, signal, study};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path};
 use std::process::{Command, Output};
 
 const DOCS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs");
@@ -126,16 +126,64 @@ fn what_the_book_shows_of_shipped_files_is_in_them() {
     }
 }
 
+/// What a page's heading is called in links, by mdBook and by repositories.
+fn anchor(heading: &str) -> String {
+    let letter = |c: char| match c {
+        ' ' => Some('-'),
+        c if c.is_alphanumeric() || "_-".contains(c) => Some(c.to_ascii_lowercase()),
+        _ => None,
+    };
+    heading.trim_start_matches('#').trim().chars().filter_map(letter).collect()
+}
+
+/// A page of the book, or a file that mdBook copies because it lies among the pages. Nothing else is
+/// there: what a link out of the folder leads to, only a repository has.
+fn is_in_the_book(link: &str) -> bool {
+    let (file, place) = link.split_once('#').unwrap_or((link, ""));
+    if Path::new(file).components().any(|part| !matches!(part, Component::Normal(_))) {
+        return false;
+    }
+    if !file.ends_with(".md") {
+        return Path::new(DOCS).join(file).is_file();
+    }
+    let headings = |page: &str| page.lines().any(|l| l.starts_with('#') && anchor(l) == place);
+    pages().iter().any(|page| page == file) && (place.is_empty() || headings(&page(file)))
+}
+
+/// What a page links to, and the pictures it shows, beside other sites.
+fn links(page: &str) -> Vec<&str> {
+    let places = page.match_indices("](").map(|(place, _)| &page[place + 2..]);
+    places.filter_map(|rest| rest.split(')').next()).filter(|link| !link.contains("://")).collect()
+}
+
 #[test]
-fn links_of_the_book_lead_somewhere() {
+fn links_of_the_book_lead_into_the_book() {
     for name in pages() {
         let text = page(&name);
-        for (place, _) in text.match_indices("](") {
-            let link = text[place + 2..].split(')').next().unwrap();
-            let file = link.split('#').next().unwrap();
-            let is_file = !file.is_empty() && !file.contains("://");
-            let path: PathBuf = Path::new(DOCS).join(file);
-            assert!(!is_file || path.exists(), "{name}: {link}");
+        for link in links(&text) {
+            let whole = if link.starts_with('#') { format!("{name}{link}") } else { link.into() };
+            assert!(is_in_the_book(&whole), "{name}: {link}");
+        }
+    }
+    assert!(is_in_the_book("own-study.md") && is_in_the_book("images/report.png"));
+    let outside = ["../README.md", "SUMMARY.md", "own-study.md#nowhere", "images/none.png"];
+    assert!(!outside.iter().any(|link| is_in_the_book(link)));
+}
+
+/// Every shipped file is shown, and every file that is shown is there: mdBook only notes what it does not find.
+#[test]
+fn the_book_shows_the_shipped_files() {
+    let shown = page("shipped-files.md");
+    for folder in ["systems", "studies"] {
+        for file in std::fs::read_dir(format!("{DOCS}/../{folder}")).unwrap() {
+            let name = file.unwrap().file_name();
+            let line = format!("{{{{#include ../{folder}/{}}}}}", name.display());
+            assert!(shown.lines().any(|l| l == line), "{line} is not in shipped-files.md");
+        }
+    }
+    for line in shown.lines() {
+        if let Some(rest) = line.strip_prefix("{{#include ") {
+            assert!(Path::new(DOCS).join(rest.trim_end_matches("}}")).is_file(), "{line}");
         }
     }
 }
