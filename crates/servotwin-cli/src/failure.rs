@@ -150,6 +150,15 @@ pub enum Failure {
         /// What it has instead.
         reason: String,
     },
+    /// A log of which nothing could be judged.
+    Unjudged {
+        /// What was counted all the same, for standard output.
+        output: String,
+        /// The log.
+        log: String,
+        /// Why.
+        reason: String,
+    },
     /// The map of a log has mistakes.
     Map(MapError),
     /// A log or a stream cannot be read, or what comes of it not be written.
@@ -189,7 +198,8 @@ impl Failure {
             | Failure::Trace { .. }
             | Failure::OfTraces { .. }
             | Failure::NoLogs { .. }
-            | Failure::NoSample { .. } => 3,
+            | Failure::NoSample { .. }
+            | Failure::Unjudged { .. } => 3,
             Failure::Diagnoser { error: RuntimeError::Twin { .. }, .. } => 1,
             Failure::Diagnoser { .. } => 3,
             Failure::Evaluation(error) => of_evaluation(error),
@@ -212,6 +222,7 @@ impl Failure {
             Failure::Watch(WatchError::Source(_)) => 3,
             Failure::Watch(WatchError::Checkpoint(CheckpointError::File(_))) => 1,
             Failure::Watch(WatchError::Checkpoint(_)) => 3,
+            Failure::Watch(WatchError::Sink(SinkError::Target { .. })) => 2,
             Failure::Watch(WatchError::Sink(_)) => 1,
             Failure::Table(error) => of_table(error),
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
@@ -323,7 +334,9 @@ impl fmt::Display for Failure {
             Failure::NoLogs { folder, reason } => {
                 write!(out, "error: {}: {reason}", folder.display())
             }
-            Failure::NoSample { log, reason } => write!(out, "error: {log}: {reason}"),
+            Failure::NoSample { log, reason } | Failure::Unjudged { log, reason, .. } => {
+                write!(out, "error: {log}: {reason}")
+            }
             Failure::Map(error) => write!(out, "{error}"),
             Failure::Watch(error) => write!(out, "error: {error}"),
             Failure::Fit(error) => write!(out, "error: {error}"),

@@ -117,7 +117,10 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            if let Failure::NoUpdate { output, .. } | Failure::Alarm { output, .. } = &failure {
+            if let Failure::NoUpdate { output, .. }
+            | Failure::Alarm { output, .. }
+            | Failure::Unjudged { output, .. } = &failure
+            {
                 let _ = print(output);
             }
             // Nobody is left to tell where standard error is closed, too.

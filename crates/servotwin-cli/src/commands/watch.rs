@@ -16,12 +16,12 @@ use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::{Counts, Kind};
 use servotwin::log::map::{Guess, Map, guess};
 use servotwin::log::sink::events::Events;
-use servotwin::log::sink::mcap::Mcap;
+use servotwin::log::sink::mcap::{Lost, Mcap};
 use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::Address;
-use servotwin::log::{Checkpoints, End, Observer, Watch};
+use servotwin::log::{Checkpoints, End, Observer, State, Watch};
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -60,10 +60,11 @@ pub struct Options {
     /// Write the timeline as an HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write inputs, measured values, twin, residuals, bands and decisions as
-    /// MCAP, which Foxglove, Rerun and PlotJuggler open.
-    #[arg(long, value_name = "FILE")]
-    mcap: Option<PathBuf>,
+    /// Write inputs, measured values, twin, residuals, bands and decisions as MCAP, which Foxglove, Rerun and
+    /// PlotJuggler open: into a file, or as a live stream to whoever listens at tcp://HOST:PORT. May be given for
+    /// both.
+    #[arg(long, value_name = "FILE|tcp://HOST:PORT")]
+    mcap: Vec<PathBuf>,
     /// Write every change as a line of JSON, as it comes.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
@@ -96,7 +97,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Err(Ok(mistakes)) => return Err(mistakes.into()),
         Err(Err(error)) => return Err(error.into()),
     };
-    let (mut observer, period_s) = observer(options, &study, &map, global)?;
+    let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
+    let needed = needed(&diagnoser, system);
+    let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
+    let (mut observer, period_s) = observer(options, &study, diagnoser, &map, &needed, global)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
     let resumed = match options.resume {
@@ -126,19 +130,50 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if let (Some(path), Some(timeline)) = (&options.html, &outputs.timeline) {
         timeline.write(path, &counts)?;
     }
-    if let Some(mcap) = outputs.mcap.take() {
-        mcap.finish()?;
+    let mut lost = vec![];
+    for mcap in outputs.mcaps.drain(..) {
+        lost.extend(mcap.finish()?);
     }
     // Ctrl-C is how a stream is left, but not how a file is done.
     if end == End::Stopped && !address.is_live() {
         return Err(Failure::Stopped);
     }
     let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
-    Ok(match global {
-        Global { json: true, .. } => format!("{}\n", summary(&counts, &signals)),
+    let output = match global {
+        Global { json: true, .. } => format!("{}\n", summary(&counts, &signals, &lost)),
         Global { quiet: true, .. } => String::new(),
-        _ => outputs.strip.text() + "\n" + &people(&counts, &signals),
-    })
+        _ => outputs.strip.text() + "\n" + &people(&counts, &signals, &lost),
+    };
+    if end == End::Complete && !outputs.is_judged && !options.resume {
+        let reason =
+            unjudged(&map, &needed, &counts, shortest.map_or(0.0, |n| n as f64 * period_s));
+        return Err(Failure::Unjudged { output, log: address.to_string(), reason });
+    }
+    Ok(output)
+}
+
+/// Why nothing of a whole log was judged: the sensors that were missing, or that it is short.
+fn unjudged(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String {
+    let samples = counts.samples;
+    let mut reasons = vec![];
+    let without: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
+    if !without.is_empty() {
+        reasons.push(format!("the log has no {}", without.join(", ")));
+    }
+    let missing = |channel: usize| counts.missing[channel];
+    let of = |channel: &usize| needed.contains(&map.id(*channel)) && missing(*channel) > 0;
+    let channels = (map.inputs()..map.width()).filter(of);
+    let often = channels.map(|channel| format!("{} in {}", map.id(channel), missing(channel)));
+    let often: Vec<String> = often.collect();
+    if !often.is_empty() {
+        reasons.push(format!("of {samples} samples are without a value: {}", often.join(", ")));
+    }
+    if reasons.is_empty() {
+        reasons.push(format!(
+            "of {samples} samples no {shortest_s} s without a gap, the shortest window"
+        ));
+    }
+    format!("nothing could be judged, every period is 'no data': {}", reasons.join("; "))
 }
 
 /// Why nothing came of a log that was read to its end.
@@ -164,14 +199,12 @@ fn nothing(address: &Address, counts: &Counts) -> Failure {
 fn observer<'s>(
     options: &Options,
     study: &'s Study,
+    diagnoser: Diagnoser,
     map: &Map,
+    needed: &[&str],
     global: Global,
 ) -> Result<(Watcher<'s>, f64), Failure> {
-    let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
-    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
-    let sensors = study.system.sensors.iter().filter(|sensor| read(&sensor.label));
-    let ids: Vec<&str> = sensors.map(|sensor| sensor.id.as_str()).collect();
-    let lacking: Vec<&str> = map.unmeasured().filter(|id| ids.contains(id)).collect();
+    let lacking: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
     if !lacking.is_empty() {
         warn(
             global,
@@ -186,6 +219,13 @@ fn observer<'s>(
     let unfit = |error| Failure::Diagnoser { path, error };
     let watcher = Watcher::new(study, Arc::new(diagnoser)).map_err(unfit)?;
     Ok((watcher, period_s))
+}
+
+/// The sensors that a diagnoser reads.
+fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
+    let read = |label: &String| diagnoser.sensors.iter().any(|sensor| sensor.name == *label);
+    let sensors = system.sensors.iter().filter(|sensor| read(&sensor.label));
+    sensors.map(|sensor| sensor.id.as_str()).collect()
 }
 
 /// The diagnoser where none is named.
@@ -299,7 +339,12 @@ fn make_map(
 struct Outputs {
     strip: Strip,
     timeline: Option<Timeline>,
-    mcap: Option<Mcap>,
+    mcaps: Vec<Mcap>,
+    /// Whether anything was said of any sample.
+    is_judged: bool,
+    /// Whether it was said that a connection is lost.
+    is_loss_told: bool,
+    global: Global,
     events: Option<Events<std::fs::File>>,
     lines: Option<Events<io::Stdout>>,
     bar: ProgressBar,
@@ -316,12 +361,12 @@ impl Outputs {
             Some(path) => Some(Events::new(events_file(path, resumed)?)),
             None => None,
         };
-        let mcap = match &options.mcap {
-            Some(path) => Some(Mcap::create(path, &scene)?),
-            None => None,
-        };
+        let mcaps = options.mcap.iter().map(|target| Mcap::open(target, &scene));
         Ok(Outputs {
-            mcap,
+            mcaps: mcaps.collect::<Result<_, _>>()?,
+            is_judged: false,
+            is_loss_told: false,
+            global,
             strip: Strip::default(),
             timeline: options.html.is_some().then(|| Timeline::new(scene)),
             events,
@@ -337,18 +382,30 @@ impl Outputs {
             self.bar.println(format!("{:>10.2} s  {words}", sample.time_s));
         }
     }
+
+    /// Says once that nobody takes a stream any more.
+    fn tell_loss(&mut self) {
+        let lost = if self.is_loss_told { None } else { self.mcaps.iter().find_map(Mcap::lost) };
+        if let Some(Lost { target, reason, .. }) = lost {
+            self.is_loss_told = true;
+            let text = format!("{target}: the connection is lost ({reason}); the watch goes on");
+            self.bar.suspend(|| warn(self.global, &[text]));
+        }
+    }
 }
 
 impl Sink for Outputs {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
         self.told(sample);
+        self.is_judged |= sample.observation.finding.state != State::NoData;
         self.strip.sample(sample)?;
         if let Some(timeline) = &mut self.timeline {
             timeline.sample(sample)?;
         }
-        if let Some(mcap) = &mut self.mcap {
+        for mcap in &mut self.mcaps {
             mcap.sample(sample)?;
         }
+        self.tell_loss();
         if let Some(events) = &mut self.events {
             events.sample(sample)?;
         }
@@ -393,7 +450,7 @@ fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
 }
 
 /// What was counted, for programs: the last line behind the events.
-fn summary(counts: &Counts, signals: &[&str]) -> Value {
+fn summary(counts: &Counts, signals: &[&str], lost: &[Lost]) -> Value {
     let met: serde_json::Map<String, Value> = counts
         .met()
         .map(|(kind, tally)| {
@@ -404,22 +461,27 @@ fn summary(counts: &Counts, signals: &[&str]) -> Value {
     let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
     let missing: serde_json::Map<String, Value> =
         missing.map(|(id, count)| (id.to_string(), json!(count))).collect();
+    let unsent = lost.iter().map(|lost| (lost.target.clone(), json!(lost.unsent)));
     json!({ "summary": {
         "frames": counts.frames,
         "samples": counts.samples,
         "met": met,
         "missing": missing,
+        "unsent": unsent.collect::<serde_json::Map<String, Value>>(),
     }})
 }
 
 /// What was counted, for people.
-fn people(counts: &Counts, signals: &[&str]) -> String {
+fn people(counts: &Counts, signals: &[&str], lost: &[Lost]) -> String {
     let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
     let mut text = format!("{frames} {counted}s became {samples} samples\n");
     let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
     let missing: Vec<String> = missing.map(|(id, count)| format!("{id} in {count}")).collect();
     if !missing.is_empty() {
         text += &format!("samples without a value: {}\n", missing.join(", "));
+    }
+    for Lost { target, unsent, .. } in lost {
+        text += &format!("samples not sent to {target}: {unsent}\n");
     }
     if counts.met().next().is_some() {
         let heads =

@@ -3,7 +3,8 @@
 
 use super::flights::learned;
 use super::{Folder, json, servotwin, stderr, stdout};
-use std::io::Write;
+use std::io::{Read, Write};
+use std::net::TcpListener;
 use std::process::{Command, Stdio};
 
 /// A flight as `simulate` writes it.
@@ -81,6 +82,39 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert_eq!((&missing["x_p_1"], &missing["p_a_1"]), (&1.into(), &1.into()));
     assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
 
+    // The same goes to a socket and into a file at once; one that closes ends nothing.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let target = format!("tcp://{}", listener.local_addr().unwrap());
+    let both = folder.file("both.mcap");
+    let received = std::thread::spawn(move || {
+        let mut bytes = vec![];
+        listener.accept().unwrap().0.read_to_end(&mut bytes).unwrap();
+        (bytes, listener)
+    });
+    run(&["watch", &log, "--map", &map, "--mcap", &both, "--mcap", &target, "-q"]);
+    let (bytes, listener) = received.join().unwrap();
+    let streamed = folder.file("streamed.mcap");
+    std::fs::write(&streamed, bytes).unwrap();
+    let [one, other] = [&both, &streamed].map(|file| run(&["watch", file, "--json"]));
+    assert_eq!(one, other, "what a socket takes is what a file has");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
+        .args(["watch", "-", "--map", &map, "--json", "--mcap", &target])
+        .args(with)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(listener.accept().unwrap());
+    child.stdin.take().unwrap().write_all(&std::fs::read(&log).unwrap()).unwrap();
+    let left = child.wait_with_output().unwrap();
+    let (told, warned) = (stdout(&left), stderr(&left));
+    assert!(left.status.success(), "{warned}");
+    assert_eq!(warned.matches("the connection is lost").count(), 1, "{warned}");
+    let summary: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
+    assert!(summary["summary"]["unsent"][&target].as_u64().unwrap() > 0, "{told}");
+    assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
+
     // What was written is a log itself.
     let again = run(&["watch", &mcap, "--json"]);
     assert_eq!(again.lines().count(), text.lines().count());
@@ -115,6 +149,18 @@ fn mistakes_in_watching_are_said_with_their_place() {
     assert!(servotwin(&[&run[..], &[&spring]].concat()).status.success());
     let other =
         format!("{model}: the diagnoser reads sensor 'p_A1', which the study 'spring_actuator'");
+    // A log without a sensor's numbers, and one that is too short.
+    let (emptied, short) = (folder.file("emptied.csv"), folder.file("short.csv"));
+    let head = rows.lines().next().unwrap();
+    let place = head.split(',').position(|cell| cell == "x_v_1_m").unwrap();
+    let without = |line: &str| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[place] = if cells[place] == "x_v_1_m" { "x_v_1_m" } else { "" };
+        cells.join(",") + "\n"
+    };
+    std::fs::write(&emptied, rows.lines().map(without).collect::<String>()).unwrap();
+    let few: Vec<&str> = rows.lines().take(4).collect();
+    std::fs::write(&short, few.join("\n") + "\n").unwrap();
     let cases: &[(&[&str], i32, &str)] = &[
         (&[&["watch", &header], &with[..]].concat(), 3, "nothing stands below the names"),
         (
@@ -125,6 +171,18 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", &spring, "--study", "spring_actuator", "--model", &model], 3, &other),
         (&["watch", &log, "--make-map", &map], 2, "exists already"),
         (&["watch", &log, "--map", &wrong], 3, "has no column 'p_a_1_bar'"),
+        (
+            &[&["watch", &emptied], &with[..]].concat(),
+            3,
+            "of 401 samples are without a value: x_v_1 in 401",
+        ),
+        (&[&["watch", &short], &with[..]].concat(), 3, "without a gap, the shortest window"),
+        (&[&["watch", &log, "--mcap", "ftp://rig"], &with[..]].concat(), 2, "tcp://HOST:PORT"),
+        (
+            &[&["watch", &log, "--mcap", "tcp://127.0.0.1:1"], &with[..]].concat(),
+            1,
+            "tcp://127.0.0.1:1: nobody takes the stream",
+        ),
         (&["watch", "/nowhere/a.csv"], 3, "no such file"),
         (&["watch", "ftp://rig"], 2, "names no source"),
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
@@ -138,10 +196,15 @@ fn mistakes_in_watching_are_said_with_their_place() {
     // Sensors that the log lacks are named, with the columns that may be them.
     let renamed = folder.file("renamed.csv");
     std::fs::write(&renamed, rows.replacen("x_v_2_m", "spool_of_the_second", 1)).unwrap();
-    let told = stderr(&servotwin(&[&["watch", &renamed], &with[..]].concat()));
-    for part in ["nothing can be judged without x_v_2,", "no sensor: spool_of_the_second"] {
+    let output = servotwin(&[&["watch", &renamed], &with[..]].concat());
+    let told = stderr(&output);
+    let unjudged = "nothing could be judged, every period is 'no data': the log has no x_v_2";
+    for part in ["nothing can be judged without x_v_2,", "no sensor: spool_of_the_second", unjudged]
+    {
         assert!(told.contains(part), "{told}");
     }
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(stdout(&output).contains("401 lines became 401 samples"), "{}", stdout(&output));
     for (arguments, code, message) in cases {
         let output = servotwin(arguments);
         let text = stderr(&output);

@@ -1,25 +1,44 @@
-//! The watch as an MCAP file, which Foxglove, Rerun and PlotJuggler open.
+//! The watch as an MCAP file or a live stream of the same, which Foxglove, Rerun and PlotJuggler open.
 //!
 //! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`; `/bands` speaks when a band
 //! changes, `/decisions` when the observer says something else. Messages are JSON with a schema; the
 //! name of a number ends with its unit, and what is missing is null.
+//!
+//! A stream goes to a socket that somebody listens at: nothing is sought in it, and what there is goes out with each
+//! decision and after each second of samples. Where the connection is lost the watch goes on.
+
+mod live;
 
 use super::{Sample, Scene, Sink, SinkError, Trace};
 use crate::files::{AtomicFile, FileError};
 use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
+use live::{Live, Loss};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// The size of a chunk, which readers load whole, bytes.
 const CHUNK: u64 = 1 << 17;
 
-/// Writes an MCAP file.
+/// A stream is flushed after so much time of samples, s.
+const FLUSH_S: f64 = 1.0;
+
+/// What the name of a socket begins with.
+const TCP: &str = "tcp://";
+
+/// Writes an MCAP file or stream.
 pub struct Mcap {
     path: PathBuf,
-    writer: Writer<AtomicFile>,
+    writer: Writer<Target>,
+    /// Of a stream: why it was lost, if it was.
+    loss: Option<Loss>,
+    /// When a stream was flushed, in the time of samples, s.
+    flushed_s: f64,
+    /// Samples since then.
+    waiting: u64,
     inputs: Channel,
     measured: Channel,
     twin: Channel,
@@ -39,17 +58,55 @@ struct Channel {
     keys: Vec<String>,
 }
 
+/// Where an MCAP goes.
+enum Target {
+    File(AtomicFile),
+    Live(Live),
+}
+
+/// A connection that was lost.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lost {
+    /// Whose.
+    pub target: String,
+    /// Why.
+    pub reason: String,
+    /// How many samples were not sent.
+    pub unsent: u64,
+}
+
 impl Mcap {
+    /// Begins a file, which appears when [`finish`](Self::finish)ed, or connects to `tcp://HOST:PORT`.
+    ///
+    /// # Errors
+    /// It cannot be written, or nobody listens.
+    pub fn open(target: &Path, scene: &Scene) -> Result<Self, SinkError> {
+        let name = target.to_str().unwrap_or_default();
+        match name.strip_prefix(TCP) {
+            Some(address) => {
+                let live = Live::connect(address)?;
+                let loss = live.loss();
+                Ok(Mcap { loss: Some(loss), ..Self::begin(target, Target::Live(live), scene)? })
+            }
+            None if name.contains("://") => Err(SinkError::Target { given: name.into() }),
+            None => Self::create(target, scene),
+        }
+    }
+
     /// Begins a file; it appears when [`finish`](Self::finish)ed.
     ///
     /// # Errors
     /// It cannot be written.
     pub fn create(path: &Path, scene: &Scene) -> Result<Self, SinkError> {
-        let file = AtomicFile::create(path)?;
+        Self::begin(path, Target::File(AtomicFile::create(path)?), scene)
+    }
+
+    fn begin(path: &Path, target: Target, scene: &Scene) -> Result<Self, SinkError> {
         let failed = |error| sink_error(path, error);
         let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
         let options = WriteOptions::new().library(library).chunk_size(Some(CHUNK));
-        let mut writer = options.create(file).map_err(failed)?;
+        let is_live = matches!(target, Target::Live(_));
+        let mut writer = options.disable_seeking(is_live).create(target).map_err(failed)?;
         let si = |traces: &[Trace]| -> Vec<(String, String)> {
             let name = |trace: &Trace| match trace.id.ends_with(trace.unit.suffix()) {
                 true => trace.id.clone(),
@@ -78,6 +135,9 @@ impl Mcap {
         Ok(Mcap {
             path: path.into(),
             writer,
+            loss: None,
+            flushed_s: f64::NEG_INFINITY,
+            waiting: 0,
             inputs,
             measured,
             twin,
@@ -90,13 +150,38 @@ impl Mcap {
         })
     }
 
-    /// Writes the end of the file and puts it in its place.
+    /// Writes the end of the file and puts it in its place, or ends the stream.
     ///
     /// # Errors
-    /// It cannot be written.
-    pub fn finish(mut self) -> Result<(), SinkError> {
+    /// The file cannot be written.
+    pub fn finish(mut self) -> Result<Option<Lost>, SinkError> {
         self.writer.finish().map_err(|error| sink_error(&self.path, error))?;
-        Ok(self.writer.into_inner().commit()?)
+        let lost = self.lost();
+        match self.writer.into_inner() {
+            Target::File(file) => file.commit()?,
+            Target::Live(live) => live.end(),
+        }
+        Ok(lost)
+    }
+
+    /// The connection, where it was lost.
+    pub fn lost(&self) -> Option<Lost> {
+        let reason = self.loss.as_ref()?.get()?.clone();
+        Some(Lost { target: self.path.display().to_string(), reason, unsent: self.waiting })
+    }
+
+    /// Brings a stream out where it is time to.
+    fn stream(&mut self, sample: &Sample) -> Result<(), McapError> {
+        self.waiting += 1;
+        let age_s = sample.time_s - self.flushed_s;
+        // A clock that was set back is no reason to wait.
+        if sample.changed || !(0.0..FLUSH_S).contains(&age_s) {
+            self.writer.flush()?;
+            self.flushed_s = sample.time_s;
+            let is_lost = self.lost().is_some();
+            self.waiting *= u64::from(is_lost);
+        }
+        Ok(())
     }
 
     fn write(&mut self, sample: &Sample) -> Result<(), McapError> {
@@ -130,14 +215,46 @@ impl Mcap {
 
 impl Sink for Mcap {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        self.write(sample).map_err(|error| sink_error(&self.path, error))
+        if self.lost().is_some() {
+            self.waiting += 1;
+            return Ok(());
+        }
+        let written = self.write(sample);
+        let streamed =
+            written.and_then(|()| if self.loss.is_some() { self.stream(sample) } else { Ok(()) });
+        streamed.map_err(|error| sink_error(&self.path, error))
+    }
+}
+
+impl io::Write for Target {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Target::File(file) => file.write(bytes),
+            Target::Live(live) => live.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Target::File(file) => file.flush(),
+            Target::Live(live) => live.flush(),
+        }
+    }
+}
+
+impl Seek for Target {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match self {
+            Target::File(file) => file.seek(to),
+            Target::Live(live) => live.seek(to),
+        }
     }
 }
 
 impl Channel {
     /// A topic for numbers with units.
     fn new(
-        writer: &mut Writer<AtomicFile>,
+        writer: &mut Writer<Target>,
         topic: &str,
         names: &[(String, String)],
     ) -> Result<Self, McapError> {
@@ -152,7 +269,7 @@ impl Channel {
         Ok(Channel { id, sequence: 0, keys: keys.collect() })
     }
 
-    fn decisions(writer: &mut Writer<AtomicFile>) -> Result<Self, McapError> {
+    fn decisions(writer: &mut Writer<Target>) -> Result<Self, McapError> {
         let text = json!({ "type": "string" });
         let properties = json!({
             "time_s": { "type": "number", "description": "s" },
@@ -187,7 +304,7 @@ impl Channel {
 
     fn send(
         &mut self,
-        writer: &mut Writer<AtomicFile>,
+        writer: &mut Writer<Target>,
         time_s: f64,
         text: &str,
     ) -> Result<(), McapError> {
@@ -205,7 +322,7 @@ impl Channel {
 }
 
 fn channel_id(
-    writer: &mut Writer<AtomicFile>,
+    writer: &mut Writer<Target>,
     topic: &str,
     properties: serde_json::Map<String, serde_json::Value>,
 ) -> Result<u16, McapError> {

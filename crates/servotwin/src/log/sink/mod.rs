@@ -54,6 +54,18 @@ pub enum SinkError {
     File(FileError),
     /// Standard output.
     Output(std::io::Error),
+    /// Where a stream should go, nobody listens.
+    Connection {
+        /// `HOST:PORT`.
+        address: String,
+        /// What the operating system said.
+        cause: std::io::Error,
+    },
+    /// A target that is neither a file nor a socket.
+    Target {
+        /// What was given.
+        given: String,
+    },
 }
 
 impl fmt::Display for SinkError {
@@ -61,6 +73,12 @@ impl fmt::Display for SinkError {
         match self {
             SinkError::File(error) => write!(out, "{error}"),
             SinkError::Output(error) => write!(out, "standard output: {error}"),
+            SinkError::Connection { address, cause } => {
+                write!(out, "tcp://{address}: nobody takes the stream: {cause}")
+            }
+            SinkError::Target { given } => {
+                write!(out, "'{given}' is no target: a file or tcp://HOST:PORT is needed")
+            }
         }
     }
 }
