@@ -1,6 +1,7 @@
 //! The main job and its stages, run as users run them, on a study small enough for a test.
 
 use super::{Folder, servotwin, stderr, stdout};
+use servotwin::report::excerpt;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -120,6 +121,36 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     assert_same(&first, &contents(Path::new(&whole)));
     report_is_sound(&String::from_utf8(first[Path::new("report.html")].clone()).unwrap());
     explains(&whole);
+    shows_its_data(&whole);
+}
+
+/// Figure 8: what it shows stands in the data set, and a screen of 700 pixels shows all of it.
+fn shows_its_data(out: &str) {
+    let file = format!("{out}/dataset-noise.parquet");
+    let shown = excerpt::read(Path::new(&file)).unwrap().expect("detectable faults");
+    let table = servotwin::table::read(&file).unwrap();
+    let variants = table.u32("variant").unwrap();
+    assert!(shown.rows.len() >= 3 && shown.shown_faults.len() >= 2, "{shown:?}");
+    for row in &shown.rows {
+        let at = variants.iter().position(|variant| *variant == row.variant).unwrap();
+        assert!(
+            table.bool("detectable").unwrap()[at],
+            "an undetectable variant is not learned from"
+        );
+        let values = |prefix: &str, names: &[String]| -> Vec<f64> {
+            names.iter().map(|name| table.f64(&format!("{prefix}:{name}")).unwrap()[at]).collect()
+        };
+        assert_eq!(row.intensities, values("i", &shown.shown_faults));
+        assert_eq!(row.features, values("f", &shown.shown_features));
+        // One fault at a time.
+        assert_eq!(row.intensities.iter().filter(|&&intensity| intensity > 0.0).count(), 1);
+        let classes = ["actuator", "command", "detail"].map(|name| &table.text(name).unwrap()[at]);
+        assert_eq!(row.classes.each_ref(), classes);
+    }
+    let svg = std::fs::read_to_string(format!("{out}/figures/data_set.svg")).unwrap();
+    let width = svg.split("width=\"").nth(1).unwrap().split('"').next().unwrap();
+    assert!(width.parse::<f64>().unwrap() <= 700.0, "{width}");
+    assert!(svg.contains(">Fault classifier<") && svg.contains(">Residual features<"));
 }
 
 /// One file that needs nothing from elsewhere, with every section and a text for every figure.

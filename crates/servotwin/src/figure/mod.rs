@@ -21,6 +21,7 @@ mod legend;
 pub mod lines;
 mod outline;
 mod png;
+pub mod sheet;
 mod style;
 mod svg;
 pub mod time_series;

@@ -1,9 +1,10 @@
 //! The stage that writes the report.
 
 use super::{Folder, JobError, Results, Subject, flights, hierarchy, manifest};
-use crate::evaluation::model_file;
+use crate::evaluation::{EvaluationError, model_file};
 use crate::files::{create_folder, write_atomically};
 use crate::flight::band::BandMerit;
+use crate::report::excerpt::{self, Excerpt};
 use crate::report::{self, Material, examples};
 use crate::study::campaign;
 use crate::study::{Role, Setting, Study};
@@ -26,6 +27,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
+    let excerpt = excerpt(folder, &results)?;
     let (html, figures) = report::render(&Material {
         study,
         results: &results,
@@ -34,6 +36,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         bands: &bands,
         calibrations: &calibrations,
         examples: &examples::simulate(study)?,
+        excerpt: excerpt.as_ref().map(|(setting, excerpt)| (*setting, excerpt)),
         manifest: &manifest,
     });
     create_folder(folder.figures())?;
@@ -43,6 +46,23 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     }
     write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
     manifest::write(folder, study).map(drop)
+}
+
+/// An excerpt of the data set whose trees are drawn; `None` where it is not there any more.
+///
+/// # Errors
+/// The file cannot be read.
+fn excerpt(folder: &Folder, results: &Results) -> Result<Option<(Setting, Excerpt)>, JobError> {
+    let Some(main) = report::main_of(results) else { return Ok(None) };
+    let setting = main.subject.setting();
+    let file = folder.data_set(setting, Role::Judged);
+    if !file.exists() {
+        return Ok(None);
+    }
+    let wrong =
+        |error| JobError::DataSet { path: file.clone(), error: EvaluationError::Table(error) };
+    let excerpt = excerpt::read(&file).map_err(wrong)?;
+    Ok(excerpt.map(|excerpt| (setting, excerpt)))
 }
 
 /// Reads the bands that were learned.

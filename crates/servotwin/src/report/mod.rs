@@ -6,6 +6,7 @@
 //! rests on stands behind it as an appendix. The same material gives the same bytes.
 
 pub mod examples;
+pub mod excerpt;
 pub mod lines;
 pub mod page;
 pub mod schematic;
@@ -22,9 +23,10 @@ use crate::job::flights::FlightResults;
 use crate::job::manifest::Manifest;
 use crate::job::results::SubjectResult;
 use crate::job::{Results, Subject};
-use crate::study::Study;
 use crate::study::campaign::Comparison;
+use crate::study::{Setting, Study};
 use examples::Example;
+use excerpt::Excerpt;
 use page::{Entry, Page};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use vocabulary::Vocabulary;
@@ -45,6 +47,8 @@ pub struct Material<'a> {
     pub calibrations: &'a [Comparison],
     /// Faults simulated as examples.
     pub examples: &'a [Example],
+    /// Some rows and columns of the data set whose trees are drawn, and its setting.
+    pub excerpt: Option<(Setting, &'a Excerpt)>,
     /// Where everything comes from.
     pub manifest: &'a Manifest,
 }
@@ -89,10 +93,17 @@ pub static ALL: &[&dyn Section] = &[
     &sections::classifiers::Classifiers,
     &sections::ablation::Ablation,
     &sections::leaves::Leaves,
+    &sections::data_set::DataSet,
     &sections::exclusions::Exclusions,
     &sections::effort::Effort,
     &sections::making::Making,
 ];
+
+/// The subject whose trees are drawn: those that learned with noise, because trees that never saw any ask for
+/// what no sensor shows. Without a setting of noise, the first.
+pub(crate) fn main_of(results: &Results) -> Option<&SubjectResult> {
+    results.of(Subject::Noise).or(results.subjects.first())
+}
 
 impl Material<'_> {
     /// What things are called.
@@ -100,10 +111,9 @@ impl Material<'_> {
         Vocabulary::of(self.study)
     }
 
-    /// The subject whose trees are drawn: those that learned with noise, because trees that never
-    /// saw any ask for what no sensor shows. Without a setting of noise, the first.
+    /// The subject whose trees are drawn.
     pub fn main(&self) -> Option<&SubjectResult> {
-        self.results.of(Subject::Noise).or(self.results.subjects.first())
+        main_of(self.results)
     }
 
     /// The hierarchy of a subject.

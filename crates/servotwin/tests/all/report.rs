@@ -54,6 +54,7 @@ fn results_alone<'a>(
         bands: &[],
         calibrations: &[],
         examples: &[],
+        excerpt: None,
         manifest,
     }
 }
@@ -127,6 +128,7 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
         bands: &bands,
         calibrations: &calibrations,
         examples: &[],
+        excerpt: None,
         manifest: &manifest,
     };
     let (html, figures) = render(&material);

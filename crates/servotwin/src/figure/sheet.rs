@@ -1,0 +1,184 @@
+//! An excerpt of a table as a picture: groups of columns under common heads, and rows of texts.
+//!
+//! Columns are as wide as their texts want, which break into lines; columns and rows that stand for those left out
+//! say so with dots.
+
+use super::Figure;
+use super::font;
+use super::style::{FRAME, GRID, INK};
+use super::svg::{Anchor, Area, Canvas, Type};
+
+/// What stands for columns or rows that are left out.
+pub const LEFT_OUT: &str = "…";
+
+/// Columns under a common head.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Group {
+    /// The common head.
+    pub title: String,
+    /// The heads of its columns; [`LEFT_OUT`] where some are left out.
+    pub columns: Vec<String>,
+}
+
+/// An excerpt of a table.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sheet {
+    /// Groups of columns, from left to right.
+    pub groups: Vec<Group>,
+    /// The rows, a text for each column.
+    pub rows: Vec<Vec<String>>,
+}
+
+const SIZE: f64 = 9.0;
+const LINE: f64 = 12.0;
+const MARGIN: f64 = 6.0;
+/// Beside a text, on both sides together.
+const BESIDE: f64 = 8.0;
+/// Above and below the texts of a row together.
+const ABOVE: f64 = 7.0;
+/// Texts that are wider break.
+const WIDEST: f64 = 62.0;
+
+/// Where columns begin, the last one's end included.
+struct Columns(Vec<f64>);
+
+impl Sheet {
+    /// Draws the figure.
+    pub fn draw(&self) -> Figure {
+        let mut canvas = Canvas::default();
+        let columns = self.columns();
+        let (left, right) = (MARGIN, columns.0.last().copied().unwrap_or(MARGIN));
+        let mut y = MARGIN;
+        let rule = |canvas: &mut Canvas, y: f64, colour: &str| {
+            canvas.line((left, y), (right, y), &format!(" stroke=\"{colour}\""));
+        };
+        rule(&mut canvas, y, INK);
+        y = self.draw_titles(&mut canvas, &columns, y);
+        y = draw_row(&mut canvas, &columns, &self.heads(), y, false);
+        rule(&mut canvas, y, INK);
+        for row in &self.rows {
+            y = draw_row(&mut canvas, &columns, row, y, false);
+            rule(&mut canvas, y, GRID);
+        }
+        rule(&mut canvas, y, INK);
+        let mut first = 0;
+        for group in &self.groups {
+            first += group.columns.len();
+            let x = columns.0[first];
+            if first + 1 < columns.0.len() {
+                canvas.line((x, MARGIN), (x, y), &format!(" stroke=\"{FRAME}\""));
+            }
+        }
+        canvas.finish(right + MARGIN, y + MARGIN, "").with_values(
+            &self.heads().iter().map(String::as_str).collect::<Vec<_>>(),
+            self.rows.clone(),
+        )
+    }
+
+    fn heads(&self) -> Vec<String> {
+        self.groups.iter().flat_map(|group| group.columns.clone()).collect()
+    }
+
+    /// As wide as the widest line; the columns of a group share what its title needs more.
+    fn columns(&self) -> Columns {
+        let heads = self.heads();
+        let widest = |column: usize| {
+            let texts = self.rows.iter().filter_map(|row| row.get(column));
+            let widths = texts.chain([&heads[column]]).flat_map(|text| lines(text, false));
+            widths.map(|line| font::width(&line, SIZE, false)).fold(0.0, f64::max) + BESIDE
+        };
+        let (mut ends, mut first) = (vec![MARGIN], 0);
+        for group in &self.groups {
+            let own: Vec<f64> = (first..first + group.columns.len()).map(widest).collect();
+            let words = group.title.split(' ').map(|word| font::width(word, SIZE, true));
+            let wanted = words.fold(0.0, f64::max) + BESIDE;
+            let more = (wanted - own.iter().sum::<f64>()).max(0.0) / own.len().max(1) as f64;
+            for width in own {
+                ends.push(ends[ends.len() - 1] + width + more);
+            }
+            first += group.columns.len();
+        }
+        Columns(ends)
+    }
+
+    /// The heads of the groups, each over its columns.
+    fn draw_titles(&self, canvas: &mut Canvas, columns: &Columns, y: f64) -> f64 {
+        let mut first = 0;
+        let mut titles = vec![];
+        for group in &self.groups {
+            let last = first + group.columns.len();
+            let (left, right) = (columns.0[first], columns.0[last]);
+            titles.push((left, right, font::wrap(&group.title, right - left - BESIDE, SIZE, true)));
+            first = last;
+        }
+        let deepest = titles.iter().map(|(_, _, lines)| lines.len()).max().unwrap_or(0);
+        let bottom = y + deepest as f64 * LINE + ABOVE;
+        for (left, right, lines) in &titles {
+            draw_lines(canvas, lines, (*left, *right), (y, bottom), true);
+            let (from, to) = ((left + 3.0, bottom), (right - 3.0, bottom));
+            canvas.line(from, to, &format!(" stroke=\"{FRAME}\""));
+        }
+        bottom
+    }
+}
+
+fn lines(text: &str, bold: bool) -> Vec<String> {
+    font::wrap(text, WIDEST, SIZE, bold)
+}
+
+/// Draws a row and says where it ends.
+fn draw_row(canvas: &mut Canvas, columns: &Columns, row: &[String], y: f64, bold: bool) -> f64 {
+    let cells: Vec<Vec<String>> = row.iter().map(|text| lines(text, bold)).collect();
+    let deepest = cells.iter().map(Vec::len).max().unwrap_or(0);
+    let bottom = y + deepest as f64 * LINE + ABOVE;
+    for (cell, ends) in cells.iter().zip(columns.0.windows(2)) {
+        draw_lines(canvas, cell, (ends[0], ends[1]), (y, bottom), bold);
+    }
+    bottom
+}
+
+/// Lines in the middle of a cell.
+fn draw_lines(
+    canvas: &mut Canvas,
+    lines: &[String],
+    (left, right): (f64, f64),
+    (top, bottom): (f64, f64),
+    bold: bool,
+) {
+    let area = Area { x: left, y: top, width: right - left, height: bottom - top };
+    let x = area.x + area.width / 2.0;
+    let first = area.y + (area.height - lines.len() as f64 * LINE) / 2.0;
+    let kind = Type::new(SIZE).anchor(Anchor::Middle);
+    let kind = if bold { kind.bold() } else { kind };
+    for (place, line) in lines.iter().enumerate() {
+        let baseline = first + (place as f64 + 0.5) * LINE + SIZE * 0.36;
+        canvas.text((x, baseline), line, kind);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_names_break_and_nothing_is_lost() {
+        let group = |title: &str, columns: &[&str]| Group {
+            title: title.into(),
+            columns: columns.iter().map(|&column| column.into()).collect(),
+        };
+        let sheet = Sheet {
+            groups: vec![
+                group("variant", &["no."]),
+                group("fault intensities", &["actuator_1.servo_valve.clogging_pa", LEFT_OUT]),
+            ],
+            rows: vec![vec!["17".into(), "0.25".into(), LEFT_OUT.into()]],
+        };
+        let figure = sheet.draw();
+        for part in [">actuator_1.<", ">servo_valve.<", ">clogging_pa<", ">0.25<", ">17<"] {
+            assert!(figure.svg.contains(part), "{part}: {}", figure.svg);
+        }
+        assert_eq!(figure.values[0][1], "actuator_1.servo_valve.clogging_pa");
+        // A column is as wide as its widest line, not as its name.
+        assert!(figure.width < 200.0, "{}", figure.width);
+    }
+}
