@@ -28,6 +28,7 @@ pub mod environment;
 mod judge;
 pub mod novelty;
 mod outcome;
+mod presence;
 mod session;
 
 pub use environment::{Environment, Invalid, Why};

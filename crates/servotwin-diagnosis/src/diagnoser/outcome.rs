@@ -109,6 +109,9 @@ pub struct Outcome {
     /// inside, and without a field.
     #[serde(default)]
     pub outside: f64,
+    /// Sensors whose values have been missing for so long that the others are judged without them.
+    #[serde(default)]
+    pub lost: u32,
     /// Samples so far that were not judged, by reason.
     pub counts: Counts,
 }
@@ -140,6 +143,7 @@ impl Outcome {
             worst_sensor: None,
             excess: 0.0,
             outside: 0.0,
+            lost: 0,
             counts: Counts::default(),
         }
     }

@@ -11,6 +11,7 @@ use super::decision::{Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
 use super::judge::{self, Judge};
 use super::outcome::{Alarm, Finding, Outcome, Raised};
+use super::presence::{Patience, Presence};
 use super::{Diagnoser, Length};
 use crate::error::Error;
 use crate::field::{self, Here};
@@ -38,6 +39,9 @@ struct Memory {
     /// Whether any window was judged since the windows were last empty.
     has_judged: bool,
     is_taken_out: Vec<bool>,
+    /// Of each sensor.
+    #[serde(default)]
+    presence: Vec<Presence>,
     /// What each covariate of the field was made of in the last sample that was taken.
     #[serde(default)]
     asked: Vec<Option<f64>>,
@@ -65,6 +69,7 @@ pub struct Session {
     diagnoser: Arc<Diagnoser>,
     scales: Vec<f64>,
     rules: Rules,
+    patience: Patience,
     hypotheses: Hypotheses,
     judges: Vec<Judge>,
     /// What it takes to raise something, for each length.
@@ -80,6 +85,7 @@ pub struct Session {
 }
 
 /// What became of a sample's values.
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Usable {
     Yes,
     Missing,
@@ -103,6 +109,7 @@ impl Session {
             gap: 0,
             has_judged: false,
             is_taken_out: vec![false; diagnoser.sensors.len()],
+            presence: vec![Presence::default(); diagnoser.sensors.len()],
             asked: vec![None; diagnoser.field.as_ref().map_or(0, |field| field.covariates.len())],
             alarm: alarm::Memory::new(units),
             evidence: vec![Evidence::new(hypotheses); judges.len()],
@@ -112,6 +119,7 @@ impl Session {
         Ok(Session {
             scales: diagnoser.scales(),
             rules: Rules::new(&diagnoser.decision, names, diagnoser.period_s),
+            patience: patience(&diagnoser),
             hypotheses,
             judges,
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
@@ -138,8 +146,8 @@ impl Session {
         } else {
             match self.usable(measured, twin) {
                 Usable::Yes => self.take(&diagnoser, inputs, twin),
-                Usable::Missing => self.lack(&diagnoser, Alarm::NoData),
-                Usable::Wrong => self.lack(&diagnoser, Alarm::Error),
+                Usable::Missing => self.lack(Alarm::NoData),
+                Usable::Wrong => self.lack(Alarm::Error),
             }
         }
         &self.memory.outcome
@@ -225,6 +233,11 @@ impl Session {
         self.memory.alarm.is_off.get(unit).copied().unwrap_or(false)
     }
 
+    /// Whether a sensor's values have been missing for so long that the others are judged without it.
+    pub fn is_lost(&self, sensor: usize) -> bool {
+        self.memory.presence.get(sensor).is_some_and(|presence| presence.is_lost())
+    }
+
     /// The window of a length as it was judged last.
     ///
     /// # Panics
@@ -280,6 +293,7 @@ impl Session {
     pub fn reset(&mut self) {
         self.memory.alarm.clear();
         self.memory.is_taken_out.fill(false);
+        self.memory.presence.fill(Presence::default());
         self.clear_windows();
         self.guard.memory.clear();
         (self.memory.samples, self.memory.settling, self.memory.gap) = (0, 0, 0);
@@ -327,6 +341,8 @@ impl Session {
         }
         self.sliding.restore(windows)?;
         self.memory = memory.clone();
+        // A state of before sensors could be lost.
+        self.memory.presence.resize(self.scales.len(), Presence::default());
         self.guard.memory = environment.clone();
         for (judge, judged) in self.judges.iter_mut().zip(core::mem::take(&mut self.memory.judged))
         {
@@ -372,8 +388,8 @@ impl Session {
         self.say(finding, if why == Why::Missing { Alarm::NoData } else { Alarm::Error });
     }
 
-    /// Checks the values and copies them, with those of masked sensors replaced by what a healthy
-    /// sensor would show: the twin's and noise.
+    /// Checks the values and copies them, with those of sensors that are masked or lost replaced by what a
+    /// healthy sensor would show: the twin's and noise.
     fn usable(&mut self, measured: &[f64], twin: &[f64]) -> Usable {
         let sensors = &self.diagnoser.sensors;
         if measured.len() != sensors.len() || twin.len() != sensors.len() {
@@ -381,33 +397,56 @@ impl Session {
         }
         let mut usable = Usable::Yes;
         for (place, sensor) in sensors.iter().enumerate() {
-            let expected = twin[place];
-            let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
-            let masked = self.memory.is_taken_out[place] || {
-                let of_unit = |unit: u32| self.memory.alarm.is_masked(unit as usize);
-                sensor.unit.is_some_and(of_unit)
+            let (value, expected) = (measured[place], twin[place]);
+            let of = |value: f64| match value {
+                value if value.is_nan() => Usable::Missing,
+                value if ((value - expected) / sensor.scale).abs() > PLAUSIBLE => Usable::Wrong,
+                _ => Usable::Yes,
             };
+            let presence = &mut self.memory.presence[place];
+            let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
+            if is_sound {
+                presence.notice(of(value) == Usable::Yes, self.patience);
+            }
+            let of_unit = |unit: u32| self.memory.alarm.is_masked(unit as usize);
+            let masked = self.memory.is_taken_out[place]
+                || presence.is_lost()
+                || sensor.unit.is_some_and(of_unit);
             let value = if masked {
                 let mut random = Random::stream(place as u64, self.memory.samples);
                 let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
                 expected + sensor.scale * noise * normal(&mut random)
             } else {
-                measured[place]
+                value
             };
-            let residual = (value - expected) / sensor.scale;
             usable = match usable {
                 _ if !is_sound => Usable::Wrong,
-                Usable::Yes if value.is_nan() => Usable::Missing,
-                Usable::Yes if residual.abs() > PLAUSIBLE => Usable::Wrong,
+                Usable::Yes => of(value),
                 same => same,
             };
             self.measured[place] = value;
         }
-        usable
+        let lost = self.memory.presence.iter().filter(|presence| presence.is_lost()).count();
+        self.memory.outcome.lost = lost as u32;
+        if usable == Usable::Yes && lost > 0 && self.is_blind() { Usable::Missing } else { usable }
+    }
+
+    /// Whether more than half of an actuator's sensors are lost, or of all: then the rest is not enough.
+    fn is_blind(&self) -> bool {
+        let most_lost = |unit: Option<u32>| {
+            let sensors = self.diagnoser.sensors.iter().zip(&self.memory.presence);
+            let own = sensors.filter(|(sensor, _)| unit.is_none() || sensor.unit == unit);
+            let (count, lost) = own.fold((0, 0), |(count, lost), (_, presence)| {
+                (count + 1, lost + usize::from(presence.is_lost()))
+            });
+            2 * lost > count
+        };
+        let judged = (0..self.is_masked.len()).filter(|&unit| !self.memory.alarm.is_masked(unit));
+        most_lost(None) || judged.map(|unit| Some(unit as u32)).any(most_lost)
     }
 
     /// A sample without usable values. A few are only counted; more, and the windows begin anew.
-    fn lack(&mut self, diagnoser: &Diagnoser, alarm: Alarm) {
+    fn lack(&mut self, alarm: Alarm) {
         let counts = &mut self.memory.outcome.counts;
         match alarm {
             Alarm::NoData => counts.missing += 1,
@@ -415,11 +454,11 @@ impl Session {
         }
         self.memory.gap += 1;
         self.memory.asked.fill(None);
-        let limit = libm::ceil(diagnoser.decision.no_data_after_s / diagnoser.period_s) as u64;
-        if self.memory.gap < limit.max(1) {
+        let limit = self.patience.until_lost;
+        if self.memory.gap < limit {
             return;
         }
-        if self.memory.has_judged || self.memory.gap == limit.max(1) {
+        if self.memory.has_judged || self.memory.gap == limit {
             self.clear_windows();
         }
         self.say(Finding::Unjudged, alarm);
@@ -658,6 +697,15 @@ impl Session {
             (outcome.confidence, outcome.length, outcome.worst_sensor) = (0.0, None, None);
             outcome.excess = 0.0;
         }
+    }
+}
+
+fn patience(diagnoser: &Diagnoser) -> Patience {
+    let samples = |time_s: f64| libm::ceil(time_s / diagnoser.period_s).max(1.0) as u64;
+    let decision = &diagnoser.decision;
+    Patience {
+        until_lost: samples(decision.no_data_after_s),
+        until_back: samples(decision.settle_s),
     }
 }
 

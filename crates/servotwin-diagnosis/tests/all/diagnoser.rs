@@ -173,37 +173,69 @@ fn a_wrong_environment_is_named_and_nothing_is_judged_until_the_twin_has_settled
     }
 }
 
+/// Pushes samples with these sensors at a value, and gives the last outcome.
+fn push(
+    session: &mut Session,
+    flight: &mut Flight,
+    fault: Option<Fault>,
+    (sensors, value): (&[usize], f64),
+    samples: usize,
+) -> Outcome {
+    for _ in 0..samples {
+        let (inputs, mut measured, twin) = flight.next(fault);
+        sensors.iter().for_each(|&sensor| measured[sensor] = value);
+        session.push(&inputs, &measured, &twin);
+    }
+    *session.outcome()
+}
+
 #[test]
-fn a_few_missing_values_are_counted_and_many_are_no_data() {
+fn a_few_missing_values_are_counted_and_nothing_else_changes() {
+    let (mut session, mut flight) = (session(), Flight::new(6500));
+    let before = fly(&mut session, &mut flight, None, 500);
+    let after = push(&mut session, &mut flight, None, (&[3], f64::NAN), 1);
+    assert_eq!((after.finding, after.alarm), (before.finding, before.alarm));
+    assert_eq!((after.counts.missing, after.lost), (1, 0));
+}
+
+#[test]
+fn without_most_sensors_of_an_actuator_there_is_no_data() {
     let (mut session, mut flight) = (session(), Flight::new(6500));
     fly(&mut session, &mut flight, None, 500);
-    let push = |session: &mut Session, flight: &mut Flight, value: f64| {
-        let (inputs, mut measured, twin) = flight.next(None);
-        measured[3] = value;
-        *session.push(&inputs, &measured, &twin)
-    };
-    let before = *session.outcome();
-    let after = push(&mut session, &mut flight, f64::NAN);
-    assert_eq!((after.finding, after.alarm), (before.finding, before.alarm));
-    assert_eq!(after.counts.missing, 1);
-    fly(&mut session, &mut flight, None, 50);
-    let last = |value: f64, session: &mut Session, flight: &mut Flight| {
-        (0..40).map(|_| push(session, flight, value)).last().unwrap()
-    };
-    let missing = last(f64::NAN, &mut session, &mut flight);
+    let most: &[usize] = &[0, 1, 3];
+    let missing = push(&mut session, &mut flight, None, (most, f64::NAN), 40);
     assert_eq!((missing.finding, missing.alarm), (Finding::Unjudged, Alarm::NoData));
-    let wrong = last(1e30, &mut session, &mut flight);
-    assert_eq!((wrong.finding, wrong.alarm), (Finding::Unjudged, Alarm::Error));
-    assert_eq!((wrong.counts.missing, wrong.counts.errors), (41, 40));
-    assert_eq!(fly(&mut session, &mut flight, None, 100).finding, Finding::Healthy);
-    // A sensor that is taken out may be missing.
-    session.take_out(3, true).unwrap();
-    for _ in 0..500 {
-        push(&mut session, &mut flight, f64::NAN);
-    }
-    assert_eq!(session.outcome().finding, Finding::Healthy);
-    assert_eq!(session.outcome().counts.missing, 41);
+    assert_eq!((missing.counts.missing, missing.lost), (40, 3));
+    let wrong = push(&mut session, &mut flight, None, (most, 1e30), 40);
+    assert_eq!((wrong.finding, wrong.alarm), (Finding::Unjudged, Alarm::NoData));
+    let back = fly(&mut session, &mut flight, None, 300);
+    assert_eq!((back.finding, back.lost), (Finding::Healthy, 0));
     assert!(session.take_out(SENSORS, true).is_err() && session.release(2).is_err());
+}
+
+#[test]
+fn a_sensor_that_went_silent_does_not_blind_the_others() {
+    for value in [f64::NAN, 1e30] {
+        let (mut session, mut flight) = (session(), Flight::new(6500));
+        let jam = Some(Fault { unit: 0, kind: Kind::Jam, size: 0.9 });
+        fly(&mut session, &mut flight, None, 500);
+        let lost = push(&mut session, &mut flight, None, (&[3], value), 500);
+        assert_eq!((lost.finding, lost.lost), (Finding::Healthy, 1));
+        assert!(session.is_lost(3) && !session.is_lost(2));
+        let samples = lost.counts.missing + lost.counts.errors;
+        assert!((1..=10).contains(&samples), "{:?}", lost.counts);
+        let found = push(&mut session, &mut flight, jam, (&[3], value), 1000);
+        let raised = found.raised.expect("the jam shows in other sensors too");
+        assert_eq!((raised.unit, raised.command), (0, Kind::Jam.command()));
+    }
+}
+
+#[test]
+fn a_sensor_that_is_taken_out_may_be_missing() {
+    let (mut session, mut flight) = (session(), Flight::new(6500));
+    session.take_out(3, true).unwrap();
+    let outcome = push(&mut session, &mut flight, None, (&[3], f64::NAN), 500);
+    assert_eq!((outcome.finding, outcome.counts.missing), (Finding::Healthy, 0));
 }
 
 #[test]

@@ -146,8 +146,9 @@ impl<'s> Watcher<'s> {
         let is_outside = outcome.outside > 0.0;
         self.outside_for =
             if is_outside { self.longest } else { self.outside_for.saturating_sub(1) };
-        let said =
-            |o: &Outcome| (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)));
+        let said = |o: &Outcome| {
+            (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)), o.lost)
+        };
         let is_new = was_outside != (self.outside_for > 0);
         if is_new || self.last.as_ref().map(said) != Some(said(&outcome)) {
             self.say(&outcome);
@@ -185,7 +186,16 @@ impl<'s> Watcher<'s> {
                 outcome.excess
             ));
         }
-        if let Some(name) = self.runtime.session().farthest().filter(|_| outcome.outside > 0.0) {
+        let session = self.runtime.session();
+        let sensors = self.diagnoser.sensors.iter().enumerate();
+        let lost: Vec<&str> = sensors
+            .filter(|(place, _)| session.is_lost(*place))
+            .map(|(_, s)| s.name.as_str())
+            .collect();
+        if !lost.is_empty() {
+            evidence.push(format!("judged without {}: no value comes", lost.join(", ")));
+        }
+        if let Some(name) = session.farthest().filter(|_| outcome.outside > 0.0) {
             evidence.push(format!(
                 "{name} is {:.0} % of its range outside of what the band was learned from",
                 (100.0 * outcome.outside).ceil()

@@ -210,7 +210,7 @@ impl Heard {
         match outcome.finding {
             Finding::Healthy => return false,
             Finding::Unjudged => {
-                let lacks = matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
+                let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
                 self.no_data |= lacks;
                 return lacks;
             }
