@@ -5,6 +5,9 @@
 //! every span; where that ends too, the span's window is merged from its panes anew. So a sample
 //! costs the same whatever the spans' lengths, nothing is ever subtracted, and after days the
 //! windows are those of their samples, to rounding.
+//!
+//! Spans take turns: the first takes a base pane with its last sample, the second a sample later, and
+//! so on. So no sample brings two windows, and the slowest sample is one window's work.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -50,8 +53,12 @@ struct Ring {
 pub struct Sliding {
     base_samples: u32,
     base: Window,
+    /// The newest base pane that is full.
+    full: Window,
+    /// The span that takes it next; none where all have.
+    turn: usize,
     rings: Vec<Ring>,
-    /// Whether the newest sample ended a pane of each span.
+    /// Whether the newest sample brought a window of each span.
     ended: Vec<bool>,
 }
 
@@ -61,6 +68,12 @@ pub struct Sliding {
 pub struct Stored {
     /// The statistics of the base pane.
     pub base: Vec<f64>,
+    /// Those of the newest full base pane, if a span has not taken it.
+    #[serde(default)]
+    pub full: Vec<f64>,
+    /// The span that takes it next.
+    #[serde(default)]
+    pub turn: usize,
     /// Those of each span.
     pub spans: Vec<StoredSpan>,
 }
@@ -182,11 +195,12 @@ impl Sliding {
 
     fn of(empty: Window, base_samples: u32, spans: &[Span]) -> Self {
         let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
-        Sliding { base_samples, base: empty, rings, ended: vec![false; spans.len()] }
+        let (full, turn, ended) = (empty.clone(), spans.len(), vec![false; spans.len()]);
+        Sliding { base_samples, base: empty, full, turn, rings, ended }
     }
 
     /// Adds one sample as [`Window::add_within`] does, with no half widths where no band varies; says
-    /// whether it ended a pane of any span. Does not allocate.
+    /// whether it brought a window of any span. Does not allocate.
     ///
     /// # Panics
     /// As [`Window::add`].
@@ -197,16 +211,24 @@ impl Sliding {
         scales: &[f64],
         half_widths: &[f64],
     ) -> bool {
+        self.ended.fill(false);
         self.base.add_within(measured, twin, scales, half_widths);
-        if self.base.count() < u64::from(self.base_samples) {
-            self.ended.fill(false);
-            return false;
+        if self.base.count() >= u64::from(self.base_samples) {
+            // More spans than samples of a pane: the last of them cannot wait any longer.
+            (self.turn..self.rings.len()).for_each(|_| self.take_turn());
+            core::mem::swap(&mut self.base, &mut self.full);
+            self.base.clear();
+            self.turn = 0;
         }
-        for (ended, ring) in self.ended.iter_mut().zip(&mut self.rings) {
-            *ended = ring.take(&self.base);
+        if self.turn < self.rings.len() {
+            self.take_turn();
         }
-        self.base.clear();
-        true
+        self.ended.contains(&true)
+    }
+
+    fn take_turn(&mut self) {
+        self.ended[self.turn] = self.rings[self.turn].take(&self.full);
+        self.turn += 1;
     }
 
     /// Number of spans.
@@ -214,7 +236,7 @@ impl Sliding {
         self.rings.len()
     }
 
-    /// Whether the newest sample ended a pane of a span: then [`Sliding::window`] is new.
+    /// Whether the newest sample brought a window of a span: then [`Sliding::window`] is new.
     pub fn has_ended(&self, span: usize) -> bool {
         self.ended[span]
     }
@@ -240,13 +262,20 @@ impl Sliding {
     /// Forgets all samples. Does not allocate.
     pub fn clear(&mut self) {
         self.base.clear();
+        self.turn = self.rings.len();
         self.rings.iter_mut().for_each(Ring::clear);
         self.ended.fill(false);
     }
 
     /// Everything that is remembered, to be stored.
     pub fn store(&self) -> Stored {
-        Stored { base: self.base.to_values(), spans: self.rings.iter().map(Ring::store).collect() }
+        let is_taken = self.turn >= self.rings.len();
+        Stored {
+            base: self.base.to_values(),
+            full: if is_taken { Vec::new() } else { self.full.to_values() },
+            turn: if is_taken { 0 } else { self.turn },
+            spans: self.rings.iter().map(Ring::store).collect(),
+        }
     }
 
     /// Takes over what was stored of the same spans and sensors; what follows is the same to the bit.
@@ -256,6 +285,11 @@ impl Sliding {
     pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         same_length("spans", self.rings.len(), stored.spans.len())?;
         restore(&mut self.base, &stored.base)?;
+        self.turn = self.rings.len();
+        if !stored.full.is_empty() {
+            restore(&mut self.full, &stored.full)?;
+            self.turn = stored.turn;
+        }
         for (ring, stored) in self.rings.iter_mut().zip(&stored.spans) {
             ring.restore(stored)?;
         }
@@ -300,28 +334,32 @@ mod tests {
     }
 
     /// 24 h at 100 Hz: every length is compared where many panes have passed, the whole record at the
-    /// end.
+    /// end. The last span has its turn three samples after the first.
     #[test]
     fn a_day_of_samples_gives_the_windows_of_exact_recomputation() {
         const DAY: u64 = 24 * 3600 * 100;
+        const TURNS: u64 = 3;
         let mut sliding = Sliding::new(1, 1, &SPANS).unwrap();
         let mut random = Random::new(7);
         let mut recent = alloc::collections::VecDeque::new();
         let (mut sums, mut checks) = ([0.0_f64; 2], 0);
-        for k in 0..DAY {
+        for k in 0..DAY + TURNS {
             let (measured, twin) = sample(&mut random, k);
             sliding.add(&measured, &twin, &[2.0], &[]);
             recent.push_back((measured, twin));
-            if recent.len() > 1000 {
+            if recent.len() > 1003 {
                 recent.pop_front();
             }
-            let residual = (measured[0] - twin[0]) / 2.0;
-            sums = [sums[0] + residual, sums[1] + residual * residual];
-            if (k + 1) % 654_200 == 0 || k + 1 == DAY {
+            if k < DAY {
+                let residual = (measured[0] - twin[0]) / 2.0;
+                sums = [sums[0] + residual, sums[1] + residual * residual];
+            }
+            let ended = (k + 1).saturating_sub(TURNS);
+            if ended > 0 && (ended % 654_200 == 0 || ended == DAY) {
                 for (span, known) in SPANS[..3].iter().enumerate() {
+                    let to = recent.len() - TURNS as usize;
                     let length = known.samples().unwrap() as usize;
-                    let from = recent.len() - length;
-                    let last: Vec<_> = recent.range(from..).copied().collect();
+                    let last: Vec<_> = recent.range(to - length..to).copied().collect();
                     assert!(sliding.is_full(span));
                     assert_same(sliding.window(span), &exact(&last), 1e-14, k);
                     checks += 1;
@@ -336,6 +374,36 @@ mod tests {
         let variance = sums[1] / DAY as f64 - mean * mean;
         let ratio = whole.covariance(0, 0) / variance;
         assert!((ratio - 1.0).abs() < 1e-9, "{ratio}");
+    }
+
+    #[test]
+    fn no_sample_brings_two_windows_and_every_window_comes() {
+        let mut sliding = Sliding::new(1, 1, &SPANS).unwrap();
+        let mut random = Random::new(3);
+        let mut came = [0; 4];
+        for k in 0..2003 {
+            let (measured, twin) = sample(&mut random, k);
+            let any = sliding.add(&measured, &twin, &[2.0], &[]);
+            let ended: Vec<usize> = (0..4).filter(|&span| sliding.has_ended(span)).collect();
+            assert_eq!(any, !ended.is_empty());
+            assert!(ended.len() <= 1, "{ended:?} at {k}");
+            ended.iter().for_each(|&span| came[span] += 1);
+        }
+        assert_eq!(came, SPANS.map(|span| 2000 / span.pane_samples));
+    }
+
+    #[test]
+    fn where_panes_are_shorter_than_there_are_spans_none_is_lost() {
+        let spans = [1, 1, 2].map(|pane_samples| Span { pane_samples, panes: Some(2) });
+        let mut sliding = Sliding::new(1, 1, &spans).unwrap();
+        let mut random = Random::new(4);
+        let samples: Vec<_> = (0..41).map(|k| sample(&mut random, k)).collect();
+        for (measured, twin) in &samples {
+            sliding.add(measured, twin, &[2.0], &[]);
+        }
+        for (span, part) in [(0, 39..41), (1, 38..40), (2, 36..40)] {
+            assert_same(sliding.window(span), &exact(&samples[part]), 1e-14, span as u64);
+        }
     }
 
     #[test]
@@ -364,13 +432,17 @@ mod tests {
                 sliding.add(&measured, &twin, &[2.0], &[]);
             }
         };
-        run(&mut one, &mut random, 0);
-        let text = serde_json::to_string(&one.store()).unwrap();
-        let mut other = Sliding::new(1, 1, &SPANS).unwrap();
-        other.restore(&serde_json::from_str(&text).unwrap()).unwrap();
-        run(&mut one, &mut random.clone(), 777);
-        run(&mut other, &mut random, 777);
-        assert_eq!(one.store(), other.store());
+        // 777 is no multiple of a pane: in ten rounds there is one within every turn.
+        for round in 0..10 {
+            run(&mut one, &mut random, 777 * round);
+            let text = serde_json::to_string(&one.store()).unwrap();
+            let mut other = Sliding::new(1, 1, &SPANS).unwrap();
+            other.restore(&serde_json::from_str(&text).unwrap()).unwrap();
+            let mut ahead = one.clone();
+            run(&mut ahead, &mut random.clone(), 777 * (round + 1));
+            run(&mut other, &mut random.clone(), 777 * (round + 1));
+            assert_eq!(ahead.store(), other.store());
+        }
         let mut foreign = Sliding::new(2, 1, &SPANS).unwrap();
         assert!(foreign.restore(&one.store()).is_err());
     }
