@@ -403,16 +403,16 @@ impl Session {
                 value if ((value - expected) / sensor.scale).abs() > PLAUSIBLE => Usable::Wrong,
                 _ => Usable::Yes,
             };
-            let presence = &mut self.memory.presence[place];
             let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
-            if is_sound {
+            let of_unit = |unit: u32| self.memory.alarm.is_masked(unit as usize);
+            let is_masked = self.memory.is_taken_out[place] || sensor.unit.is_some_and(of_unit);
+            let presence = &mut self.memory.presence[place];
+            if is_masked {
+                *presence = Presence::default();
+            } else if is_sound {
                 presence.notice(of(value) == Usable::Yes, self.patience);
             }
-            let of_unit = |unit: u32| self.memory.alarm.is_masked(unit as usize);
-            let masked = self.memory.is_taken_out[place]
-                || presence.is_lost()
-                || sensor.unit.is_some_and(of_unit);
-            let value = if masked {
+            let value = if is_masked || presence.is_lost() {
                 let mut random = Random::stream(place as u64, self.memory.samples);
                 let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
                 expected + sensor.scale * noise * normal(&mut random)
@@ -426,9 +426,24 @@ impl Session {
             };
             self.measured[place] = value;
         }
-        let lost = self.memory.presence.iter().filter(|presence| presence.is_lost()).count();
-        self.memory.outcome.lost = lost as u32;
-        if usable == Usable::Yes && lost > 0 && self.is_blind() { Usable::Missing } else { usable }
+        self.count_lost();
+        let is_blind = self.is_without_sensors() && self.is_blind();
+        if usable == Usable::Yes && is_blind { Usable::Missing } else { usable }
+    }
+
+    /// Counts the sensors that are lost. Where one has come back, what was seen without it counts no more.
+    fn count_lost(&mut self) {
+        let lost = self.memory.presence.iter().filter(|presence| presence.is_lost()).count() as u32;
+        if lost < self.memory.outcome.lost {
+            self.clear_windows();
+        }
+        self.memory.outcome.lost = lost;
+    }
+
+    /// Whether sensors are lost. What is missing changes the picture that trees and committee know, so that they
+    /// may take a fault of one actuator for one of another: then nothing is raised, and none is named.
+    fn is_without_sensors(&self) -> bool {
+        self.memory.outcome.lost > 0
     }
 
     /// Whether more than half of an actuator's sensors are lost, or of all: then the rest is not enough.
@@ -441,8 +456,7 @@ impl Session {
             });
             2 * lost > count
         };
-        let judged = (0..self.is_masked.len()).filter(|&unit| !self.memory.alarm.is_masked(unit));
-        most_lost(None) || judged.map(|unit| Some(unit as u32)).any(most_lost)
+        most_lost(None) || (0..self.is_masked.len()).any(|unit| most_lost(Some(unit as u32)))
     }
 
     /// A sample without usable values. A few are only counted; more, and the windows begin anew.
@@ -519,7 +533,7 @@ impl Session {
     /// Raises, holds or drops a command, and says what was found.
     fn decide(&mut self, diagnoser: &Diagnoser) {
         let sample = self.memory.outcome.sample;
-        let candidate = self.candidate(diagnoser);
+        let candidate = self.candidate(diagnoser).filter(|_| !self.is_without_sensors());
         if let Some((length, claim)) = candidate {
             let raised = self.raised(length, claim, diagnoser.decision.least_detail_confidence);
             self.memory.alarm.raise(&self.rules, raised);
@@ -624,7 +638,7 @@ impl Session {
         }) {
             return (Finding::Unknown, length);
         }
-        if let Some(found) = self.found_actuator() {
+        if let Some(found) = self.found_actuator().filter(|_| !self.is_without_sensors()) {
             return found;
         }
         let changed = over(&|length| {
