@@ -109,8 +109,8 @@ pub struct Outcome {
     /// inside, and without a field.
     #[serde(default)]
     pub outside: f64,
-    /// Sensors whose values have been missing for so long that the others are judged without them; then something may
-    /// be found wrong, but no actuator is named and nothing new is raised.
+    /// Sensors whose values have been missing for so long that the others are judged without them; then no actuator
+    /// but theirs is named, and nothing new is raised of others.
     #[serde(default)]
     pub lost: u32,
     /// Samples so far that were not judged, by reason.

@@ -427,7 +427,7 @@ impl Session {
             self.measured[place] = value;
         }
         self.count_lost();
-        let is_blind = self.is_without_sensors() && self.is_blind();
+        let is_blind = self.memory.outcome.lost > 0 && self.is_blind();
         if usable == Usable::Yes && is_blind { Usable::Missing } else { usable }
     }
 
@@ -440,10 +440,17 @@ impl Session {
         self.memory.outcome.lost = lost;
     }
 
-    /// Whether sensors are lost. What is missing changes the picture that trees and committee know, so that they
-    /// may take a fault of one actuator for one of another: then nothing is raised, and none is named.
-    fn is_without_sensors(&self) -> bool {
-        self.memory.outcome.lost > 0
+    /// Whether an actuator may be accused: all others that are judged have all their sensors. What stands in for a
+    /// sensor always looks healthy, so that a fault of an actuator without one looks like a fault of its like.
+    fn is_comparable(&self, unit: usize) -> bool {
+        let is_out = self.memory.is_taken_out.iter().zip(&self.memory.presence);
+        let mut sensors = self.diagnoser.sensors.iter().zip(is_out);
+        sensors.all(|(sensor, (is_taken_out, presence))| {
+            let is_masked = |unit: u32| self.memory.alarm.is_masked(unit as usize);
+            let is_elsewhere =
+                sensor.unit != Some(unit as u32) && !sensor.unit.is_some_and(is_masked);
+            !(is_elsewhere && (*is_taken_out || presence.is_lost()))
+        })
     }
 
     /// Whether more than half of an actuator's sensors are lost, or of all: then the rest is not enough.
@@ -533,7 +540,7 @@ impl Session {
     /// Raises, holds or drops a command, and says what was found.
     fn decide(&mut self, diagnoser: &Diagnoser) {
         let sample = self.memory.outcome.sample;
-        let candidate = self.candidate(diagnoser).filter(|_| !self.is_without_sensors());
+        let candidate = self.candidate(diagnoser);
         if let Some((length, claim)) = candidate {
             let raised = self.raised(length, claim, diagnoser.decision.least_detail_confidence);
             self.memory.alarm.raise(&self.rules, raised);
@@ -599,7 +606,9 @@ impl Session {
         let evidence = &self.memory.evidence[length];
         let judge = &self.judges[length];
         let least = diagnoser.lengths[length].panel.least_confidence;
+        let accused = self.hypotheses.split(claim).map(|(actuator, _)| actuator);
         self.memory.alarm.allows(&self.rules, claim)
+            && accused.is_none_or(|unit| self.is_comparable(unit))
             && judge.agrees_on(claim, least)
             && evidence.of_unknown(&self.limits[length]) < 1.0
             && !self.is_contradicted(length, claim)
@@ -638,7 +647,7 @@ impl Session {
         }) {
             return (Finding::Unknown, length);
         }
-        if let Some(found) = self.found_actuator().filter(|_| !self.is_without_sensors()) {
+        if let Some(found) = self.found_actuator() {
             return found;
         }
         let changed = over(&|length| {
@@ -656,7 +665,7 @@ impl Session {
     fn found_actuator(&self) -> Option<(Finding, usize)> {
         let mut found: Option<(usize, usize)> = None;
         for length in self.lengths() {
-            for unit in 0..self.hypotheses.actuators {
+            for unit in (0..self.hypotheses.actuators).filter(|&unit| self.is_comparable(unit)) {
                 let evidence = &self.memory.evidence[length];
                 if evidence.margin_of_actuator(unit, &self.limits[length]) < 1.0 {
                     continue;

@@ -214,7 +214,7 @@ fn without_most_sensors_of_an_actuator_there_is_no_data() {
 }
 
 #[test]
-fn without_a_sensor_faults_are_detected_and_nothing_is_raised_until_it_is_back() {
+fn a_sensor_that_went_silent_does_not_blind_the_others() {
     for value in [f64::NAN, 1e30] {
         let (mut session, mut flight) = (session(), Flight::new(6500));
         let jam = Some(Fault { unit: 0, kind: Kind::Jam, size: 0.9 });
@@ -225,11 +225,26 @@ fn without_a_sensor_faults_are_detected_and_nothing_is_raised_until_it_is_back()
         let samples = lost.counts.missing + lost.counts.errors;
         assert!((1..=10).contains(&samples), "{:?}", lost.counts);
         let found = push(&mut session, &mut flight, jam, (&[3], value), 1000);
+        let raised = found.raised.expect("the actuator's other sensors show the jam");
+        assert_eq!((raised.unit, raised.command), (0, Kind::Jam.command()));
+    }
+}
+
+#[test]
+fn nobody_is_accused_beside_an_actuator_without_a_sensor() {
+    let jam = Some(Fault { unit: 1, kind: Kind::Jam, size: 0.9 });
+    for is_taken_out in [false, true] {
+        let (mut session, mut flight) = (session(), Flight::new(6500));
+        session.take_out(3, is_taken_out).unwrap();
+        fly(&mut session, &mut flight, None, 500);
+        push(&mut session, &mut flight, None, (&[3], f64::NAN), 500);
+        let found = push(&mut session, &mut flight, jam, (&[3], f64::NAN), 1000);
         assert!(matches!(found.finding, Finding::Detected | Finding::Unknown), "{found:?}");
-        assert_eq!((found.raised, found.lost), (None, 1));
+        assert_eq!((found.raised, found.lost), (None, u32::from(!is_taken_out)));
+        session.take_out(3, false).unwrap();
         let back = fly(&mut session, &mut flight, jam, 1000);
         let raised = back.raised.expect("all sensors show the jam");
-        assert_eq!((raised.unit, raised.command, back.lost), (0, Kind::Jam.command(), 0));
+        assert_eq!((raised.unit, raised.command, back.lost), (1, Kind::Jam.command(), 0));
         assert!(raised.sample > found.sample + 100 + 50, "by windows of all sensors: {raised:?}");
     }
 }

@@ -207,13 +207,10 @@ struct Heard {
 impl Heard {
     /// Whether it is a word at all.
     fn listen(&mut self, outcome: &Outcome, at_fault: &[usize]) -> bool {
+        let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
+        self.no_data |= lacks;
         match outcome.finding {
-            Finding::Healthy => return false,
-            Finding::Unjudged => {
-                let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
-                self.no_data |= lacks;
-                return lacks;
-            }
+            Finding::Healthy | Finding::Unjudged => return lacks,
             Finding::Unknown => self.unknown = true,
             Finding::EnvironmentInvalid { .. } => self.environment_invalid = true,
             Finding::Detected => self.other = true,
