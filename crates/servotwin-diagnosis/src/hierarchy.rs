@@ -10,9 +10,11 @@
 //! once, the others once for each actuator. Any classifier can stand at any place.
 //!
 //! **Views.** A system of like actuators looks the same from each of them. View `k` of a row of
-//! features is the row with actuators 0 and `k` exchanged (the window of
-//! [`crate::residual::Window::reordered`]), so view 0 is the row itself. This is used twice:
-//! - *mirror*: A also learns from every view, with the actuators in the label exchanged alike;
+//! features is the row with the actuators moved round until actuator `k` stands first and the next one second
+//! (the window of [`crate::residual::Window::reordered`] by [`crate::features::Sensors::rotated`]), so view 0 is the row
+//! itself, and of two actuators view 1 is the row with both exchanged. So all views of a row show its fault in each
+//! actuator once. This is used twice:
+//! - *mirror*: A also learns from every view, with the actuator in the label moved alike;
 //! - *pool*: one B (and C, D, E) learns from all actuators, each through its own view, in which its
 //!   sensors stand where those of actuator 0 stand; the nine trees are then five.
 //!
@@ -133,7 +135,7 @@ pub struct Examples {
 
 impl Examples {
     /// Rows with column-major features in each view. `read` lists for each actuator the columns that
-    /// its stages may read: its own sensors', or also its neighbour's and what compares the two;
+    /// its stages may read: its own sensors', or also the others' and what compares them;
     /// without views beyond the first nothing can be mirrored or pooled.
     ///
     /// # Errors
@@ -352,7 +354,7 @@ impl Examples {
             }
             if place.question == Question::Actuator {
                 let views = if mirror { self.views.len() } else { 1 };
-                let seen = |view| (row, view, seen_from(view as u32, label.actuator));
+                let seen = |view| (row, view, self.names.seen_from(view as u32, label.actuator));
                 asked.extend((0..views).map(seen));
                 continue;
             }
@@ -393,6 +395,12 @@ impl Names {
         self.actuators.len() as u32
     }
 
+    /// The place of an actuator in a view; health is the same in all.
+    fn seen_from(&self, view: u32, actuator: u32) -> u32 {
+        let actuators = self.healthy();
+        if actuator == actuators { actuator } else { (actuator + actuators - view) % actuators }
+    }
+
     /// The name of a class of a question.
     ///
     /// # Panics
@@ -407,15 +415,6 @@ impl Names {
             Question::Detail => &self.details,
         };
         &names[class as usize]
-    }
-}
-
-/// The place of an actuator in a view.
-fn seen_from(view: u32, actuator: u32) -> u32 {
-    match actuator {
-        0 => view,
-        same if same == view => 0,
-        other => other,
     }
 }
 

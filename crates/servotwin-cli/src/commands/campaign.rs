@@ -29,7 +29,7 @@ pub struct Options {
     /// Write the time series of every variant, too (gigabytes).
     #[arg(long)]
     keep_traces: bool,
-    /// Simulate also the variants that are mirror images of others (two units alike, no
+    /// Simulate also the variants that are mirror images of others (units alike, no
     /// tolerances), which are otherwise shown by the simulations of those.
     #[arg(long)]
     all: bool,

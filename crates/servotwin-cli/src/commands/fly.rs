@@ -204,13 +204,29 @@ impl Flown<'_> {
         Some(record.plant[place].iter().zip(command).map(|(is, wanted)| is - wanted).collect())
     }
 
-    /// Half the difference of what the actuators' rods carry, N.
+    /// What the rod of each unit carries, N; nothing where a unit has none.
+    fn rod_forces<'r>(&self, record: &'r Record) -> Option<Vec<&'r Vec<f64>>> {
+        let of_unit = |unit: &String| {
+            let own = format!("{unit}.");
+            let is_rod = |name: &String| name.starts_with(&own) && name.contains("rod.force");
+            self.kept.names.iter().position(is_rod).map(|place| &record.plant[place])
+        };
+        self.study.units.iter().map(of_unit).collect()
+    }
+
+    /// What the units push against each other, N: of two half the difference of what their rods carry, of more what
+    /// the one carries that is farthest from the mean of all, beyond it.
     fn force_fight(&self, record: &Record) -> Option<Vec<f64>> {
-        let forces =
-            self.kept.names.iter().enumerate().filter(|(_, name)| name.contains("rod.force"));
-        let forces: Vec<&Vec<f64>> = forces.map(|(place, _)| &record.plant[place]).collect();
-        let [first, second] = forces.get(..2)? else { return None };
-        Some(first.iter().zip(*second).map(|(a, b)| 0.5 * (a - b)).collect())
+        let forces = self.rod_forces(record)?;
+        if let [first, second] = forces[..] {
+            return Some(first.iter().zip(second).map(|(a, b)| 0.5 * (a - b)).collect());
+        }
+        let farthest = |sample: usize| {
+            let mean = forces.iter().map(|rod| rod[sample]).sum::<f64>() / forces.len() as f64;
+            let beyond = forces.iter().map(|rod| rod[sample] - mean);
+            beyond.fold(0.0, |most: f64, one| if one.abs() > most.abs() { one } else { most })
+        };
+        (forces.len() > 2).then(|| (0..record.time_s.len()).map(farthest).collect())
     }
 
     fn table(&self, record: &Record) -> Table {
@@ -274,7 +290,10 @@ impl Flown<'_> {
             |record: &Record| Some(self.force_fight(record)?.iter().map(|f| f / 1e3).collect());
         let fight = both(&fight);
         if !fight.is_empty() {
-            let title = "Force fight: half the difference of the rods' forces";
+            let title = match self.study.units.len() {
+                2 => "Force fight: half the difference of the rods' forces",
+                _ => "Force fight: a rod's force beyond the mean of all, where it is farthest",
+            };
             panel(title, "force / kN", fight);
         }
         let residual = |record: &Record| Some(self.largest_residual(record));

@@ -7,6 +7,7 @@ mod flights;
 mod public_tables;
 mod study;
 mod tables;
+mod units;
 mod watch;
 
 use std::io::Read;

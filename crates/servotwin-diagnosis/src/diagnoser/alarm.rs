@@ -173,6 +173,10 @@ mod tests {
     use alloc::format;
 
     fn rules(actuators: usize) -> Rules {
+        rules_that_keep(None, actuators)
+    }
+
+    fn rules_that_keep(least_on: Option<usize>, actuators: usize) -> Rules {
         let list = |count: usize| (0..count).map(|i| format!("{i}")).collect();
         let names = Names {
             features: vec![],
@@ -180,7 +184,9 @@ mod tests {
             commands: list(3),
             details: list(2),
         };
-        Rules::new(&Settings::usual(&names, &["0"]), &names, 0.01)
+        let usual = Settings::usual(&names, &["0"]);
+        let least_on = least_on.map_or(usual.least_on, |least| least as u32);
+        Rules::new(&Settings { least_on, ..usual }, &names, 0.01)
     }
 
     fn raised(unit: usize, command: usize, sample: u64) -> Raised {
@@ -188,12 +194,15 @@ mod tests {
         Raised { unit, command, detail: Some(1), sample, length: 0, confidence: 0.9 }
     }
 
-    /// Anything is done in any order; only a release gives back what may be switched off.
+    /// Anything is done in any order; only a release gives back what may be switched off. As many as must stay on
+    /// are never told to switch off, and all the others can be.
     #[test]
-    fn the_last_actuator_is_never_switched_off() {
-        for actuators in [1, 2, 3] {
-            let rules = rules(actuators);
-            for seed in 0..300 {
+    fn the_last_actuators_are_never_switched_off() {
+        let counts = (2..=5).flat_map(|all| (1..=all).map(move |kept| (all, kept)));
+        for (actuators, least_on) in counts {
+            let rules = rules_that_keep(Some(least_on), actuators);
+            let mut fewest = actuators;
+            for seed in 0..100 {
                 let mut random = Random::new(seed);
                 let mut memory = Memory::new(actuators);
                 let mut claimed = vec![false; actuators];
@@ -220,9 +229,23 @@ mod tests {
                     if let Some(raised) = memory.raised.filter(|raised| raised.command == 0) {
                         claimed[raised.unit as usize] = true;
                     }
-                    assert!(claimed.contains(&false), "{actuators} actuators, seed {seed}");
+                    let kept = claimed.iter().filter(|claimed| !**claimed).count();
+                    assert!(kept >= least_on, "{actuators} actuators, seed {seed}");
+                    fewest = fewest.min(kept);
                 }
             }
+            assert_eq!(fewest, least_on, "of {actuators}");
+        }
+    }
+
+    /// There is none that could take over, and none that must be kept for it.
+    #[test]
+    fn a_single_actuator_may_be_stopped_unless_it_must_stay_on() {
+        for (least_on, stops) in [(None, true), (Some(0), true), (Some(1), false)] {
+            let rules = rules_that_keep(least_on, 1);
+            let mut memory = Memory::new(1);
+            memory.raise(&rules, raised(0, 0, 10));
+            assert_eq!(memory.raised.is_some(), stops, "{least_on:?}");
         }
     }
 

@@ -127,7 +127,8 @@ pub struct Settings {
     pub no_data_after_s: f64,
     /// The commands that switch an actuator off.
     pub off_commands: Vec<String>,
-    /// How many actuators must stay on, whatever is found.
+    /// How many actuators must stay on, whatever is found: one of several, none of a single one, which may be
+    /// stopped where its study says that it is.
     pub least_on: u32,
 }
 
@@ -155,7 +156,7 @@ impl Settings {
             settle_s: 1.0,
             no_data_after_s: 0.1,
             off_commands: off_commands.iter().map(|&c| c.into()).collect(),
-            least_on: 1,
+            least_on: u32::from(names.actuators.len() > 1),
         }
     }
 

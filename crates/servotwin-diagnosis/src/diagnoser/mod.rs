@@ -134,9 +134,10 @@ impl Diagnoser {
 
     /// How many views of a row a length's novelty looks at.
     fn views_of_novelty(&self, length: &Length) -> usize {
-        let is_alike = self.sensors_seen().exchanged(0, 1).is_some();
+        let units = self.names().actuators.len();
+        let is_alike = self.sensors_seen().rotations(units).is_some();
         let learnt = !length.novelty.classes.is_empty();
-        if learnt && is_alike { self.names().actuators.len() } else { 1 }
+        if learnt && is_alike { units } else { 1 }
     }
 
     /// A finding in words: `actuator_1 / shut_down / leak`.

@@ -1,7 +1,7 @@
-//! Force and position balances over both actuators.
+//! Force and position balances over all actuators.
 //!
 //! With `d_k = r_pAk − r_pBk` (differential pressure residual of actuator k)
-//! and `x_k` its ram residual:
+//! and `x_k` its ram residual, for two actuators:
 //!
 //! - the *sum* `d_1 + d_2` is the change of the load. A force fight leaves it at
 //!   zero; a moved aileron changes it through the air; a pressure sensor's bias
@@ -15,11 +15,17 @@
 //! fight and the same gap: they move the aileron in opposite directions, and
 //! only the air load tells. Hence *sum over gap* is the one sign that separates
 //! the paper's most difficult case.
+//!
+//! Of more than two the sum is that of all, and each has a fight and a gap of its own: against the mean of the
+//! others.
 
-use super::{Family, Feature, Quantity, Sensors, correlation, log_deviation, ratio};
+use super::{
+    Family, Feature, MOST_UNITS, Quantity, Sensors, compared, correlation, log_deviation, name_of,
+    ratio,
+};
 use crate::residual::Window;
-use alloc::string::ToString;
-use alloc::vec;
+use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
 
 /// See the module.
@@ -27,25 +33,36 @@ pub struct Balance;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Ram];
 
-/// Sensors with their weights: four pressures, or two rams and twice nothing.
-type Four = [(usize, f64); 4];
+/// Sensors with their weights: two pressures or the ram of each actuator.
+struct Weighted {
+    terms: [(usize, f64); 2 * MOST_UNITS],
+    count: usize,
+}
 
-/// How many of the four count in sum, fight and gap.
-const COUNTS: [usize; 3] = [4, 4, 2];
+impl Weighted {
+    fn of(terms: impl Iterator<Item = (usize, f64)>) -> Self {
+        let mut weighted = Weighted { terms: [(0, 0.0); 2 * MOST_UNITS], count: 0 };
+        for term in terms {
+            weighted.terms[weighted.count] = term;
+            weighted.count += 1;
+        }
+        weighted
+    }
 
-/// Sum, fight and gap, where both actuators have the sensors.
-fn combinations(sensors: &Sensors) -> Option<[Four; 3]> {
-    let of = |unit| {
-        let [a, b, ram] = NEEDED.map(|q| sensors.find(q, unit));
-        Some((a?, b?, ram?))
-    };
-    let (a1, b1, x1) = of(0)?;
-    let (a2, b2, x2) = of(1)?;
-    Some([
-        [(a1, 1.0), (b1, -1.0), (a2, 1.0), (b2, -1.0)],
-        [(a1, 1.0), (b1, -1.0), (a2, -1.0), (b2, 1.0)],
-        [(x1, 1.0), (x2, -1.0), (x1, 0.0), (x2, 0.0)],
-    ])
+    fn terms(&self) -> &[(usize, f64)] {
+        &self.terms[..self.count]
+    }
+}
+
+/// Sum, fight and gap of one of the actuators.
+fn combinations(actuators: &[[usize; 3]], own: usize) -> [Weighted; 3] {
+    let others = -1.0 / (actuators.len() - 1) as f64;
+    let all = actuators.iter().enumerate();
+    let weighed = all.map(|(place, sensors)| (sensors, if place == own { 1.0 } else { others }));
+    let sum = actuators.iter().flat_map(|&[a, b, _]| [(a, 1.0), (b, -1.0)]);
+    let fight = weighed.clone().flat_map(|(&[a, b, _], weight)| [(a, weight), (b, -weight)]);
+    let gap = weighed.map(|(&[_, _, ram], weight)| (ram, weight));
+    [Weighted::of(sum), Weighted::of(fight), Weighted::of(gap)]
 }
 
 fn mean(window: &Window, combination: &[(usize, f64)]) -> f64 {
@@ -55,6 +72,17 @@ fn mean(window: &Window, combination: &[(usize, f64)]) -> f64 {
 fn covariance(window: &Window, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
     let products = a.iter().flat_map(|&(i, u)| b.iter().map(move |&(j, v)| (i, j, u * v)));
     products.map(|(i, j, weight)| weight * window.covariance(i, j)).sum()
+}
+
+/// What is added up, what fights, and what gapes, in words.
+fn words(units: &[usize], own: usize) -> [String; 3] {
+    if let [first, second] = units {
+        let (k, l) = (first + 1, second + 1);
+        return [format!("d{k} + d{l}"), format!("d{k} − d{l}"), format!("x{k} − x{l}")];
+    }
+    let k = units[own] + 1;
+    let less = |letter: &str| format!("{letter}{k} − mean of the other {letter}");
+    ["the sum of all d".into(), less("d"), less("x")]
 }
 
 impl Family for Balance {
@@ -67,50 +95,67 @@ impl Family for Balance {
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        if combinations(sensors).is_none() {
-            return Vec::new();
+        let units: Vec<usize> = sensors.with(&NEEDED).take(MOST_UNITS).collect();
+        let mut features = Vec::new();
+        for own in 0..compared(units.len()) {
+            let [sum, fight, gap] = words(&units, own);
+            let mut push = |name: String, unit, meaning: String| {
+                features.push(Feature { name, unit, meaning, units: units.clone(), teaches: true });
+            };
+            let of = |name: &str| name_of(name, &units, own);
+            // All have one sum.
+            let is_first = own == 0;
+            if is_first {
+                push("mean_sum".into(), "of scale", format!("mean change of load: {sum}"));
+            }
+            push(of("mean_fight"), "of scale", format!("mean force fight: {fight}"));
+            push(
+                of("mean_gap"),
+                "of scale",
+                format!("mean disagreement of the ram sensors: {gap}"),
+            );
+            if is_first {
+                push("log_dev_sum".into(), "log10 of scale", format!("log10 deviation of {sum}"));
+            }
+            push(of("log_dev_fight"), "log10 of scale", format!("log10 deviation of {fight}"));
+            push(of("log_dev_gap"), "log10 of scale", format!("log10 deviation of {gap}"));
+            let mut relation = |name: &str, meaning: String| push(of(name), "1", meaning);
+            relation("sum_over_gap", "mean change of load over mean ram disagreement".into());
+            relation("sum_over_fight", "mean change of load over mean force fight".into());
+            relation("gap_over_fight", "mean ram disagreement over mean force fight".into());
+            relation("sum_fight_corr", format!("correlation of {sum} with {fight}"));
+            relation("sum_gap_corr", format!("correlation of {sum} with {gap}"));
+            relation("fight_gap_corr", format!("correlation of {fight} with {gap}"));
         }
-        let feature = |name: &str, unit, meaning: &str| Feature {
-            name: name.to_string(),
-            unit,
-            meaning: meaning.to_string(),
-            units: vec![0, 1],
-            teaches: true,
-        };
-        vec![
-            feature("mean_sum", "of scale", "mean change of load: d1 + d2"),
-            feature("mean_fight", "of scale", "mean force fight: d1 − d2"),
-            feature("mean_gap", "of scale", "mean disagreement of the ram sensors: x1 − x2"),
-            feature("log_dev_sum", "log10 of scale", "log10 deviation of d1 + d2"),
-            feature("log_dev_fight", "log10 of scale", "log10 deviation of d1 − d2"),
-            feature("log_dev_gap", "log10 of scale", "log10 deviation of x1 − x2"),
-            feature("sum_over_gap", "1", "mean change of load over mean ram disagreement"),
-            feature("sum_over_fight", "1", "mean change of load over mean force fight"),
-            feature("gap_over_fight", "1", "mean ram disagreement over mean force fight"),
-            feature("sum_fight_corr", "1", "correlation of d1 + d2 with d1 − d2"),
-            feature("sum_gap_corr", "1", "correlation of d1 + d2 with x1 − x2"),
-            feature("fight_gap_corr", "1", "correlation of d1 − d2 with x1 − x2"),
-        ]
+        features
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-        let Some(all) = combinations(sensors) else {
-            return;
-        };
-        let [sum, fight, gap] = [0, 1, 2].map(|i| &all[i][..COUNTS[i]]);
-        let means = [sum, fight, gap].map(|c| mean(window, c));
-        let variances = [sum, fight, gap].map(|c| covariance(window, c, c));
-        values.extend(means);
-        let noise = [sum, fight, gap].map(|c| sensors.noise(c));
-        let errors = [sum, fight, gap].map(|c| sensors.error_of_mean(window, c));
-        values.extend([0, 1, 2].map(|i| log_deviation(variances[i], noise[i])));
-        values.push(ratio(means[0], means[2], errors[2]));
-        values.push(ratio(means[0], means[1], errors[1]));
-        values.push(ratio(means[2], means[1], errors[1]));
-        let pairs = [(sum, fight, 0, 1), (sum, gap, 0, 2), (fight, gap, 1, 2)];
-        for (a, b, i, j) in pairs {
-            let both = covariance(window, a, b);
-            values.push(correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]));
+        let (mut known, mut count) = ([[0; 3]; MOST_UNITS], 0);
+        for unit in sensors.with(&NEEDED).take(MOST_UNITS) {
+            known[count] = NEEDED.map(|quantity| sensors.find(quantity, unit).unwrap_or(0));
+            count += 1;
+        }
+        for own in 0..compared(count) {
+            let all = combinations(&known[..count], own);
+            let [sum, fight, gap] = [0, 1, 2].map(|i| all[i].terms());
+            // All have one sum: it is told with the first.
+            let told = usize::from(own > 0);
+            let means = [sum, fight, gap].map(|c| mean(window, c));
+            let variances = [sum, fight, gap].map(|c| covariance(window, c, c));
+            values.extend(&means[told..]);
+            let noise = [sum, fight, gap].map(|c| sensors.noise(c));
+            let errors = [sum, fight, gap].map(|c| sensors.error_of_mean(window, c));
+            let deviations = [0, 1, 2].map(|i| log_deviation(variances[i], noise[i]));
+            values.extend(&deviations[told..]);
+            values.push(ratio(means[0], means[2], errors[2]));
+            values.push(ratio(means[0], means[1], errors[1]));
+            values.push(ratio(means[2], means[1], errors[1]));
+            let pairs = [(sum, fight, 0, 1), (sum, gap, 0, 2), (fight, gap, 1, 2)];
+            for (a, b, i, j) in pairs {
+                let both = covariance(window, a, b);
+                values.push(correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]));
+            }
         }
     }
 }

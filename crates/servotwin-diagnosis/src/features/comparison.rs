@@ -1,22 +1,24 @@
-//! Each pair of like sensors of two actuators: which one deviates more.
+//! Like sensors of several actuators: which one deviates more.
 //!
-//! A fault disturbs its own actuator more than the other; the sign of these
-//! differences says which it is at any intensity.
+//! A fault disturbs its own actuator more than the others; the sign of these
+//! differences says which it is at any intensity. Of two actuators the first is compared with the
+//! second, of more each with the largest of the others.
 
-use super::{Family, Feature, Quantity, Sensors, contrast, log_deviation};
+use super::{
+    Family, Feature, MOST_UNITS, Quantity, Sensors, against, compared, contrast, largest_other,
+    log_deviation, name_of,
+};
 use crate::residual::Window;
 use alloc::format;
-use alloc::vec;
 use alloc::vec::Vec;
 
 /// See the module.
 pub struct Comparison;
 
-/// The sensors of the first two units that correspond.
-fn pairs(sensors: &Sensors) -> impl Iterator<Item = (&'static str, usize, usize)> + '_ {
-    let known =
-        Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface));
-    known.filter_map(|&(q, name)| Some((name, sensors.find(q, 0)?, sensors.find(q, 1)?)))
+/// The quantities that units can have in common.
+fn quantities() -> impl Iterator<Item = (Quantity, &'static str)> {
+    let known = Quantity::ALL.iter().copied();
+    known.filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
 }
 
 impl Family for Comparison {
@@ -30,31 +32,48 @@ impl Family for Comparison {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let mut features = Vec::new();
-        for (name, _, _) in pairs(sensors) {
-            let mut push = |kind: &str, unit, meaning: &str| {
-                features.push(Feature {
-                    name: format!("{kind}_{name}"),
-                    unit,
-                    meaning: format!("{meaning} of {name}, actuator 1 against 2"),
-                    units: vec![0, 1],
-                    teaches: true,
-                });
-            };
-            push("mean_excess", "of scale", "|mean| difference");
-            push("mean_contrast", "1", "(|mean 1| − |mean 2|)/(|mean 1| + |mean 2|)");
-            push("dev_excess", "log10", "log10 ratio of standard deviations");
+        for (quantity, name) in quantities() {
+            let alike = sensors.alike(quantity);
+            let units = alike.units();
+            for own in 0..compared(units.len()) {
+                let mut push = |kind: &str, unit, meaning: &str| {
+                    features.push(Feature {
+                        name: name_of(&format!("{kind}_{name}"), units, own),
+                        unit,
+                        meaning: format!("{meaning} of {name}, actuator {}", against(units, own)),
+                        units: units.to_vec(),
+                        teaches: true,
+                    });
+                };
+                push("mean_excess", "of scale", "|mean| difference");
+                push("mean_contrast", "1", "(|mean 1| − |mean 2|)/(|mean 1| + |mean 2|)");
+                push("dev_excess", "log10", "log10 ratio of standard deviations");
+            }
         }
         features
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-        for (_, a, b) in pairs(sensors) {
-            let (mean_a, mean_b) = (window.mean(a).abs(), window.mean(b).abs());
-            let deviation = |i| log_deviation(window.covariance(i, i), sensors.noise(&[(i, 1.0)]));
-            let error = sensors.error_of_mean(window, &[(a, 1.0), (b, 1.0)]);
-            values.push(mean_a - mean_b);
-            values.push(contrast(mean_a, mean_b, error));
-            values.push(deviation(a) - deviation(b));
+        for (quantity, _) in quantities() {
+            let alike = sensors.alike(quantity);
+            let alike = alike.sensors();
+            let (mut means, mut deviations) = ([0.0; MOST_UNITS], [0.0; MOST_UNITS]);
+            for (place, &sensor) in alike.iter().enumerate().filter(|_| alike.len() > 1) {
+                let noise = sensors.noise(&[(sensor, 1.0)]);
+                means[place] = window.mean(sensor).abs();
+                deviations[place] = log_deviation(window.covariance(sensor, sensor), noise);
+            }
+            let (means, deviations) = (&means[..alike.len()], &deviations[..alike.len()]);
+            for own in 0..compared(alike.len()) {
+                let other = largest_other(means, own);
+                let is_other = |place: &usize| *place != own && means[*place] == other;
+                let place = (0..alike.len()).find(is_other).unwrap_or(own);
+                let pair = [(alike[own], 1.0), (alike[place], 1.0)];
+                let error = sensors.error_of_mean(window, &pair);
+                values.push(means[own] - other);
+                values.push(contrast(means[own], other, error));
+                values.push(deviations[own] - largest_other(deviations, own));
+            }
         }
     }
 }

@@ -5,8 +5,12 @@ use alloc::collections::BTreeSet;
 use alloc::format;
 
 fn two_actuators() -> Sensors {
+    actuators(2)
+}
+
+fn actuators(units: usize) -> Sensors {
     let mut sensors = Vec::new();
-    for unit in 0..2 {
+    for unit in 0..units {
         for (quantity, name) in
             Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
@@ -23,10 +27,9 @@ fn two_actuators() -> Sensors {
     Sensors(sensors)
 }
 
-fn with_surface() -> Sensors {
-    let mut sensors = two_actuators();
+fn and_surface(mut sensors: Sensors) -> Sensors {
     sensors.0.push(Sensor {
-        name: "x_3".into(),
+        name: "x_s".into(),
         quantity: Quantity::Surface,
         unit: None,
         noise: 0.002,
@@ -59,16 +62,21 @@ fn compute(family: &dyn Family, sensors: &Sensors, window: &Window) -> Vec<f64> 
 
 #[test]
 fn names_are_unique_and_values_as_many() {
-    let sensors = with_surface();
-    let window = some_window(&sensors);
-    let mut names = BTreeSet::new();
-    for family in ALL {
-        let features = family.features(&sensors);
-        assert!(!features.is_empty(), "{}", family.name());
-        assert_eq!(features.len(), compute(*family, &sensors, &window).len(), "{}", family.name());
-        for f in features {
-            assert!(names.insert(f.name.clone()), "{} twice", f.name);
-            assert!(!f.meaning.is_empty() && !f.unit.is_empty());
+    for units in [1, 2, 3, MOST_UNITS] {
+        let sensors = and_surface(actuators(units));
+        let window = some_window(&sensors);
+        let mut names = BTreeSet::new();
+        for family in ALL {
+            let features = family.features(&sensors);
+            let compares = ["comparison", "balance", "vote"].contains(&family.name());
+            assert_eq!(features.is_empty(), units == 1 && compares, "{}", family.name());
+            let values = compute(*family, &sensors, &window).len();
+            assert_eq!(features.len(), values, "{} of {units}", family.name());
+            for f in features {
+                assert!(names.insert(f.name.clone()), "{} twice", f.name);
+                assert!(!f.meaning.is_empty() && !f.unit.is_empty());
+                assert!(f.units.iter().all(|&unit| unit < units));
+            }
         }
     }
 }
@@ -80,7 +88,7 @@ fn the_paper_has_thirty_six_features() {
 
 #[test]
 fn empty_and_healthy_windows_give_finite_numbers() {
-    let sensors = with_surface();
+    let sensors = and_surface(actuators(3));
     let n = sensors.0.len();
     let empty = Window::new(n);
     let mut healthy = Window::new(n);
@@ -97,7 +105,7 @@ fn empty_and_healthy_windows_give_finite_numbers() {
 
 #[test]
 fn no_family_is_inert() {
-    let sensors = with_surface();
+    let sensors = and_surface(actuators(3));
     let n = sensors.0.len();
     let disturbed = some_window(&sensors);
     let mut healthy = Window::new(n);
@@ -127,6 +135,79 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
     }
 }
 
+/// A feature's name with every unit's number moved down by one place, the first one to the end.
+fn named_one_place_down(name: &str, units: usize) -> alloc::string::String {
+    let word = |word: &str| match word.parse::<usize>() {
+        Ok(number) => format!("{}", (number + units - 2) % units + 1),
+        Err(_) => word.into(),
+    };
+    name.split('_').map(word).collect::<Vec<_>>().join("_")
+}
+
+/// Seen from the second unit, the second is what the first was: every feature is there once more, with the
+/// unit's other number.
+#[test]
+fn moving_three_actuators_round_moves_their_features_round() {
+    const UNITS: usize = 3;
+    let sensors = and_surface(actuators(UNITS));
+    let window = some_window(&sensors);
+    let moved = window.reordered(&sensors.rotated(UNITS, 1).unwrap());
+    let names: Vec<_> = features(&sensors).into_iter().map(|feature| feature.name).collect();
+    let (seen, from_second) = (values(&sensors, &window), values(&sensors, &moved));
+    for (name, value) in names.iter().zip(&seen) {
+        let other = named_one_place_down(name, UNITS);
+        let place = names.iter().position(|known| *known == other);
+        let place = place.unwrap_or_else(|| panic!("{name} has no {other}"));
+        let difference = (value - from_second[place]).abs();
+        assert!(difference < 1e-9, "{name}: {value}, {other}: {}", from_second[place]);
+    }
+}
+
+/// In every view another unit stands first, and all of them once.
+#[test]
+fn every_unit_stands_first_in_a_view_of_its_own() {
+    let sensors = and_surface(actuators(4));
+    let orders = sensors.rotations(4).unwrap();
+    let first: Vec<_> = orders.iter().map(|order| sensors.0[order[0]].unit).collect();
+    assert_eq!(first, [Some(1), Some(2), Some(3)]);
+    assert_eq!(two_actuators().rotations(2).unwrap(), [two_actuators().exchanged(0, 1).unwrap()]);
+    let mut unlike = actuators(3);
+    unlike.0.pop();
+    assert_eq!(unlike.rotations(3), None);
+    assert_eq!(actuators(1).rotations(1), Some(alloc::vec![]));
+}
+
+/// Each of three is compared with the others: only the one at fault stands out.
+#[test]
+fn of_three_actuators_the_one_that_deviates_stands_out() {
+    let sensors = and_surface(actuators(3));
+    let known = features(&sensors);
+    for at_fault in 0..3 {
+        let mut window = Window::new(sensors.0.len());
+        for sample in 0..100 {
+            let wave = libm::sin(f64::from(sample) * 0.3);
+            let size = |s: &Sensor| match s.unit {
+                Some(unit) if unit == at_fault => 0.2,
+                Some(_) => 0.05,
+                None => 0.0,
+            };
+            let twin = alloc::vec![0.3 * wave; sensors.0.len()];
+            let measured = sensors.0.iter().map(|s| 0.3 * wave + size(s) * (1.0 + 0.3 * wave));
+            let measured: Vec<f64> = measured.collect();
+            window.add(&measured, &twin, &alloc::vec![1.0; sensors.0.len()]);
+        }
+        let values = values(&sensors, &window);
+        let value =
+            |name: &str| values[known.iter().position(|feature| feature.name == name).unwrap()];
+        for unit in 0..3 {
+            for name in ["mean_excess_ram", "dev_excess_pressure_a", "mean_gap", "vote_contrast"] {
+                let value = value(&format!("{name}_{}", unit + 1));
+                assert_eq!(value > 0.0, unit == at_fault, "{name} of {unit}: {value}");
+            }
+        }
+    }
+}
+
 #[test]
 fn exchanging_actuators_turns_comparisons_round() {
     let sensors = two_actuators();
@@ -143,7 +224,7 @@ fn exchanging_actuators_turns_comparisons_round() {
 /// What a diagnosis relies on while it runs: room that was there is used, and the same numbers come.
 #[test]
 fn values_come_in_the_room_that_is_there() {
-    let sensors = with_surface();
+    let sensors = and_surface(actuators(3));
     let window = some_window(&sensors);
     let expected = values(&sensors, &window);
     let mut room = Vec::with_capacity(expected.len());

@@ -7,7 +7,8 @@
 //! Families see the sensors through [`Sensors`]: what each measures and to
 //! which unit it belongs. A family gives no features where the sensors it
 //! compares do not exist, so that the same list serves two actuators, one, or a
-//! test rig that has nothing in common with either.
+//! test rig that has nothing in common with either. What compares two units compares
+//! each of more with the others.
 
 mod balance;
 mod comparison;
@@ -20,6 +21,7 @@ mod views;
 mod vote;
 
 use crate::residual::Window;
+use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
@@ -96,12 +98,30 @@ impl Sensors {
     /// The order of sensors with two units exchanged, for
     /// [`Window::reordered`]; `None` where their sensors do not correspond.
     pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
+        self.in_place_of(|unit| match unit {
+            u if u == a => b,
+            u if u == b => a,
+            u => u,
+        })
+    }
+
+    /// The order of sensors with so many units moved round, for [`Window::reordered`]: unit `by` stands
+    /// where the first one stood, the next one where the second stood, and so on. `None` where their sensors do not
+    /// correspond.
+    pub fn rotated(&self, units: usize, by: usize) -> Option<Vec<usize>> {
+        self.in_place_of(|unit| (unit + by) % units)
+    }
+
+    /// The order of sensors in each view beyond the first, in which unit `k` stands first; `None` where the sensors
+    /// of so many units do not correspond.
+    pub fn rotations(&self, units: usize) -> Option<Vec<Vec<usize>>> {
+        (1..units).map(|by| self.rotated(units, by)).collect()
+    }
+
+    /// The order of sensors in which each is that of the unit that stands in place of its own.
+    fn in_place_of(&self, other: impl Fn(usize) -> usize) -> Option<Vec<usize>> {
         let like = |sensor: &Sensor| {
-            let unit = sensor.unit.map(|unit| match unit {
-                u if u == a => b,
-                u if u == b => a,
-                u => u,
-            });
+            let unit = sensor.unit.map(&other);
             // The k-th sensor of a quantity corresponds to the k-th.
             let same = |s: &&Sensor| s.quantity == sensor.quantity && s.unit == sensor.unit;
             let rank = self.0.iter().filter(same).position(|s| core::ptr::eq(s, sensor))?;
@@ -112,11 +132,71 @@ impl Sensors {
         self.0.iter().map(like).collect()
     }
 
+    /// The sensors of a quantity, one of each unit that has it.
+    fn alike(&self, quantity: Quantity) -> Alike {
+        let mut alike = Alike { units: [0; MOST_UNITS], sensors: [0; MOST_UNITS], count: 0 };
+        let found = (0..self.units()).filter_map(|unit| Some((unit, self.find(quantity, unit)?)));
+        for (unit, sensor) in found.take(MOST_UNITS) {
+            (alike.units[alike.count], alike.sensors[alike.count]) = (unit, sensor);
+            alike.count += 1;
+        }
+        alike
+    }
+
     /// Units that have a sensor of each of the quantities.
     fn with<'s>(&'s self, quantities: &'s [Quantity]) -> impl Iterator<Item = usize> + 's {
         let complete = |&unit: &usize| quantities.iter().all(|&q| self.find(q, unit).is_some());
         (0..self.units()).filter(complete)
     }
+}
+
+/// As many like units can be compared.
+pub const MOST_UNITS: usize = 16;
+
+/// Like sensors of several units.
+struct Alike {
+    units: [usize; MOST_UNITS],
+    sensors: [usize; MOST_UNITS],
+    count: usize,
+}
+
+impl Alike {
+    fn units(&self) -> &[usize] {
+        &self.units[..self.count]
+    }
+
+    fn sensors(&self) -> &[usize] {
+        &self.sensors[..self.count]
+    }
+}
+
+/// How many comparisons of one unit with the others so many give: none of one, and of two the first one's, because
+/// the second one's is the same with the other sign.
+fn compared(count: usize) -> usize {
+    match count {
+        0 | 1 => 0,
+        2 => 1,
+        more => more,
+    }
+}
+
+/// A feature's name for a comparison of one of these units: with its number where there are more than two.
+fn name_of(name: &str, units: &[usize], own: usize) -> String {
+    if units.len() > 2 { format!("{name}_{}", units[own] + 1) } else { name.into() }
+}
+
+/// Which comparison that is, in words.
+fn against(units: &[usize], own: usize) -> String {
+    match units {
+        [first, second] => format!("{} against {}", first + 1, second + 1),
+        _ => format!("{} against the largest of the others", units[own] + 1),
+    }
+}
+
+/// The largest of what the others but one have.
+fn largest_other(values: &[f64], own: usize) -> f64 {
+    let others = values.iter().enumerate().filter(|(place, _)| *place != own);
+    others.map(|(_, value)| *value).reduce(f64::max).unwrap_or(0.0)
 }
 
 /// One feature: its name and what it means.

@@ -1,6 +1,6 @@
 //! The features that a diagnosis reads, of one window in every view.
 //!
-//! View `k` of a window is the window with the sensors of units 0 and `k` exchanged
+//! View `k` of a window is the window with the units moved round until unit `k` stands first
 //! ([`crate::hierarchy`]). Names are looked up once, when this is made.
 
 use super::{Sensors, features, values_into};
@@ -17,17 +17,17 @@ pub struct Views {
     orders: Vec<Vec<usize>>,
     /// Where each feature that is read stands among all.
     places: Vec<usize>,
-    exchanged: Window,
+    moved: Window,
     all: Vec<f64>,
     rows: Vec<Vec<f64>>,
 }
 
 impl Views {
-    /// The features of these names, seen from the first so many units.
+    /// The features of these names, seen from each of so many like units.
     ///
     /// # Errors
     /// [`Error::UnknownFeature`] for one that the sensors do not give; [`Error::CorruptModel`] if
-    /// the sensors of two units do not correspond.
+    /// the sensors of the units do not correspond.
     pub fn new<N: AsRef<str>>(sensors: Sensors, names: &[N], views: usize) -> Result<Self, Error> {
         let known = features(&sensors);
         let find = |name: &N| {
@@ -35,12 +35,11 @@ impl Views {
             place.ok_or_else(|| Error::UnknownFeature { name: name.as_ref().into() })
         };
         let places = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
-        let unlike = Error::CorruptModel { broken: "the sensors of two units do not correspond" };
-        let order = |unit| sensors.exchanged(0, unit).ok_or(unlike.clone());
-        let orders = (1..views).map(order).collect::<Result<Vec<_>, _>>()?;
+        let unlike = Error::CorruptModel { broken: "the sensors of the units do not correspond" };
+        let orders = sensors.rotations(views).ok_or(unlike)?;
         Ok(Views {
             orders,
-            exchanged: Window::new(sensors.0.len()),
+            moved: Window::new(sensors.0.len()),
             all: Vec::with_capacity(known.len()),
             rows: vec![vec![0.0; places.len()]; views.max(1)],
             places,
@@ -56,9 +55,9 @@ impl Views {
         same_length("sensors", self.sensors.0.len(), window.sensors())?;
         for (view, row) in self.rows.iter_mut().enumerate() {
             if let Some(order) = view.checked_sub(1).map(|place| &self.orders[place]) {
-                window.reorder_into(order, &mut self.exchanged);
+                window.reorder_into(order, &mut self.moved);
             }
-            let seen = if view == 0 { window } else { &self.exchanged };
+            let seen = if view == 0 { window } else { &self.moved };
             values_into(&self.sensors, seen, &mut self.all);
             for (value, &place) in row.iter_mut().zip(&self.places) {
                 *value = self.all[place];

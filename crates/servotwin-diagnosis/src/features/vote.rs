@@ -1,10 +1,13 @@
-//! A third stroke sensor, at the surface: majority vote.
+//! One more stroke sensor, at the surface: majority vote.
 //!
-//! With `g_k = x_k − x_3` (disagreement of ram sensor k with the third): where
-//! one ram sensor errs, its own disagreement is large and the other's small;
-//! where both are large, the third errs.
+//! With `g_k = x_k − x_s` (disagreement of ram sensor k with the one at the surface): where
+//! one ram sensor errs, its own disagreement is large and the others' small;
+//! where all are large, that of the surface errs.
 
-use super::{Family, Feature, Quantity, Sensors, contrast, log_deviation};
+use super::{
+    Family, Feature, MOST_UNITS, Quantity, Sensors, against, compared, contrast, largest_other,
+    log_deviation, name_of,
+};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec;
@@ -13,11 +16,11 @@ use alloc::vec::Vec;
 /// See the module.
 pub struct Vote;
 
-/// The rams of the first two units and the surface.
-fn rams(sensors: &Sensors) -> Option<([usize; 2], usize)> {
-    let ram = |unit| sensors.find(Quantity::Ram, unit);
+/// The rams of all units, where there are several, and the surface.
+fn rams(sensors: &Sensors) -> Option<(super::Alike, usize)> {
+    let rams = sensors.alike(Quantity::Ram);
     let surface = sensors.0.iter().position(|s| s.quantity == Quantity::Surface)?;
-    Some(([ram(0)?, ram(1)?], surface))
+    (rams.count > 1).then_some((rams, surface))
 }
 
 impl Family for Vote {
@@ -30,16 +33,17 @@ impl Family for Vote {
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        if rams(sensors).is_none() {
-            return Vec::new();
-        }
+        let Some((rams, _)) = rams(sensors) else { return Vec::new() };
+        let units = rams.units();
+        let surface = if units.len() > 2 { "that of the surface" } else { "the third" };
         let mut features = Vec::new();
-        for unit in 0..2 {
+        for &unit in units {
+            let number = unit + 1;
             let mut push = |name: &str, in_unit, meaning: &str| {
                 features.push(Feature {
-                    name: format!("{name}_{}", unit + 1),
+                    name: format!("{name}_{number}"),
                     unit: in_unit,
-                    meaning: format!("{meaning} of ram sensor {} from the third", unit + 1),
+                    meaning: format!("{meaning} of ram sensor {number} from {surface}"),
                     units: vec![unit],
                     teaches: true,
                 });
@@ -47,32 +51,41 @@ impl Family for Vote {
             push("mean_vote", "of scale", "mean disagreement");
             push("log_dev_vote", "log10 of scale", "log10 deviation of the disagreement");
         }
-        let mut push = |name: &str, unit, meaning: &str| {
-            features.push(Feature {
-                name: name.into(),
-                unit,
-                meaning: meaning.into(),
-                units: vec![0, 1],
-                teaches: true,
-            });
-        };
-        push("vote_contrast", "1", "mean disagreement with the third sensor, ram 1 against 2");
-        push("vote_dev_excess", "log10", "log10 ratio of the disagreements' deviations");
+        for own in 0..compared(units.len()) {
+            let mut push = |name: &str, unit, meaning| {
+                let (name, units) = (name_of(name, units, own), units.to_vec());
+                features.push(Feature { name, unit, meaning, units, teaches: true });
+            };
+            let rams = against(units, own);
+            let sensor = if units.len() > 2 { surface } else { "the third sensor" };
+            push("vote_contrast", "1", format!("mean disagreement with {sensor}, ram {rams}"));
+            let meaning = match units.len() {
+                2 => "log10 ratio of the disagreements' deviations".into(),
+                _ => format!("log10 ratio of the disagreements' deviations, ram {rams}"),
+            };
+            push("vote_dev_excess", "log10", meaning);
+        }
         features
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         let Some((rams, surface)) = rams(sensors) else { return };
-        let mean = rams.map(|ram| window.mean(ram) - window.mean(surface));
-        let deviation = rams.map(|ram| {
+        let rams = rams.sensors();
+        let (mut sizes, mut deviations) = ([0.0; MOST_UNITS], [0.0; MOST_UNITS]);
+        for (place, &ram) in rams.iter().enumerate() {
+            let mean = window.mean(ram) - window.mean(surface);
             let both = window.covariance(ram, surface);
             let own = window.covariance(ram, ram) + window.covariance(surface, surface);
             let noise = sensors.noise(&[(ram, 1.0), (surface, -1.0)]);
-            log_deviation(own - 2.0 * both, noise)
-        });
-        values.extend([mean[0], deviation[0], mean[1], deviation[1]]);
-        let error = sensors.error_of_mean(window, &[(rams[0], 1.0), (surface, -1.0)]);
-        values.push(contrast(mean[0].abs(), mean[1].abs(), error));
-        values.push(deviation[0] - deviation[1]);
+            sizes[place] = mean.abs();
+            deviations[place] = log_deviation(own - 2.0 * both, noise);
+            values.extend([mean, deviations[place]]);
+        }
+        let (sizes, deviations) = (&sizes[..rams.len()], &deviations[..rams.len()]);
+        for own in 0..compared(rams.len()) {
+            let error = sensors.error_of_mean(window, &[(rams[own], 1.0), (surface, -1.0)]);
+            values.push(contrast(sizes[own], largest_other(sizes, own), error));
+            values.push(deviations[own] - largest_other(deviations, own));
+        }
     }
 }

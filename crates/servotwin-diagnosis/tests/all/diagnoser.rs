@@ -7,7 +7,7 @@ use servotwin_diagnosis::diagnoser::{
 };
 use servotwin_diagnosis::field::{Covariate, Field, Source};
 use servotwin_diagnosis::random::Random;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 fn session() -> Session {
     Session::new(toy::diagnoser()).unwrap()
@@ -402,6 +402,68 @@ proptest! {
                 _ => {}
             }
         }
+    }
+}
+
+/// Sensors of three actuators and their surface.
+const OF_THREE: usize = toy::sensors_of(3);
+
+fn of_three() -> Arc<Diagnoser> {
+    static TRAINED: OnceLock<Arc<Diagnoser>> = OnceLock::new();
+    TRAINED.get_or_init(|| toy::train::<OF_THREE>(3)).clone()
+}
+
+/// Three actuators, in any of which faults come and go; what is raised is carried out or not: the last one
+/// that is on is never told to switch off, and one after the other two are.
+#[test]
+fn the_last_of_three_actuators_is_never_switched_off() {
+    let diagnoser = of_three();
+    let mut most_off = 0;
+    for seed in 0..30 {
+        let mut random = Random::new(seed);
+        let mut session = Session::new(diagnoser.clone()).unwrap();
+        let mut flight = Flight::<OF_THREE>::of(random.next_u64());
+        let mut told_off = [false; 3];
+        for _ in 0..20 {
+            let (unit, kind) = (random.index(3), KINDS[random.index(KINDS.len())]);
+            let fault = Fault { unit, kind, size: random.between(0.5, 1.5) };
+            let fault = (random.unit() < 0.8).then_some(fault);
+            for _ in 0..100 + random.index(200) {
+                let (inputs, measured, twin) = flight.next(fault);
+                if let Some(raised) = session.push(&inputs, &measured, &twin).raised {
+                    told_off[raised.unit as usize] |= raised.command == 0;
+                }
+                assert!(told_off != [true; 3], "seed {seed}");
+            }
+            match session.outcome().raised {
+                Some(raised) if random.unit() < 0.7 && raised.command == 0 => {
+                    session.switched_off(raised.unit as usize).unwrap();
+                }
+                _ => {}
+            }
+        }
+        most_off = most_off.max(told_off.iter().filter(|told| **told).count());
+    }
+    assert_eq!(most_off, 2);
+}
+
+#[test]
+fn every_fault_of_three_actuators_raises_its_command_in_its_actuator() {
+    let diagnoser = of_three();
+    for (kind, unit) in KINDS.into_iter().flat_map(|kind| (0..3).map(move |unit| (kind, unit))) {
+        let mut session = Session::new(diagnoser.clone()).unwrap();
+        let mut flight = Flight::<OF_THREE>::of(6000 + unit as u64);
+        let fault = Fault { unit, kind, size: 0.9 };
+        let mut push = |session: &mut Session, fault| {
+            let (inputs, measured, twin) = flight.next(fault);
+            session.push(&inputs, &measured, &twin).raised
+        };
+        for _ in 0..700 {
+            assert_eq!(push(&mut session, None), None);
+        }
+        let raised = (0..400).find_map(|_| push(&mut session, Some(fault)));
+        let raised = raised.map(|raised| (raised.unit as usize, raised.command));
+        assert_eq!(raised, Some((unit, kind.command())), "{fault:?}");
     }
 }
 

@@ -27,8 +27,7 @@ impl Lessons {
         let mut features = features(&sensors);
         features.retain(|feature| feature.teaches);
         let names: Vec<&str> = features.iter().map(|feature| feature.name.as_str()).collect();
-        let is_alike = (1..actuators).all(|unit| sensors.exchanged(0, unit).is_some());
-        let views = if is_alike { actuators } else { 1 };
+        let views = if sensors.rotations(actuators).is_some() { actuators } else { 1 };
         let views = Views::new(sensors, &names, views)?;
         Ok(Lessons {
             rows: vec![vec![]; views.rows().len()],

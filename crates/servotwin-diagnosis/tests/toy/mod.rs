@@ -1,4 +1,4 @@
-//! Two like actuators with five sensors each and one at the surface, their faults, and a diagnoser
+//! Like actuators with four sensors each and one at the surface, their faults, and a diagnoser
 //! trained on recordings of them.
 
 use servotwin_diagnosis::classifiers;
@@ -18,12 +18,17 @@ mod lessons;
 use lessons::Lessons;
 
 pub const PERIOD_S: f64 = 0.01;
-pub const SENSORS: usize = 9;
+/// Sensors of two actuators and their surface.
+pub const SENSORS: usize = sensors_of(2);
 pub const COMMANDS: [&str; 3] = ["shut_down", "change_mode", "warning"];
 const NOISE: f64 = 0.002;
 const BAND: f64 = 0.02;
 const SPANS: [Span; 2] =
     [Span { pane_samples: 10, panes: Some(5) }, Span { pane_samples: 50, panes: Some(4) }];
+
+pub const fn sensors_of(units: usize) -> usize {
+    4 * units + 1
+}
 
 /// What is broken: the detail, each with its command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,16 +62,22 @@ pub struct Fault {
     pub size: f64,
 }
 
-/// One recording: its command and specimen are drawn from a seed.
-pub struct Flight {
+/// One recording: its command and specimen are drawn from a seed. `S` is the number of sensors.
+pub struct Flight<const S: usize = SENSORS> {
     random: Random,
     phases: [f64; 4],
-    tolerances: [f64; SENSORS],
+    tolerances: [f64; S],
     pub sample: u64,
 }
 
 impl Flight {
     pub fn new(seed: u64) -> Self {
+        Flight::of(seed)
+    }
+}
+
+impl<const S: usize> Flight<S> {
+    pub fn of(seed: u64) -> Self {
         let mut random = Random::stream(17, seed);
         let phases = std::array::from_fn(|_| random.between(0.3, 1.7));
         let tolerances = std::array::from_fn(|_| random.between(-0.02, 0.02));
@@ -79,7 +90,7 @@ impl Flight {
 
     /// Values from outside, measured values and the twin's. Sensors: ram, spool, both chambers of
     /// each unit, and the surface.
-    pub fn next(&mut self, fault: Option<Fault>) -> ([f64; 3], [f64; SENSORS], [f64; SENSORS]) {
+    pub fn next(&mut self, fault: Option<Fault>) -> ([f64; 3], [f64; S], [f64; S]) {
         let t = self.sample as f64 * PERIOD_S;
         self.sample += 1;
         let [a, b, c, d] = self.phases;
@@ -87,8 +98,8 @@ impl Flight {
         let spool = 0.3 * (a * t).cos() + 0.2 * (2.9 * c * t).cos();
         let load = 0.3 * (0.7 * d * t).sin();
         let of_unit = [ram, spool, 0.5 + 0.4 * load, 0.5 - 0.4 * load];
-        let twin = std::array::from_fn(|i| if i == 8 { ram } else { of_unit[i % 4] });
-        let mut measured = twin;
+        let twin = std::array::from_fn(|i| if i == S - 1 { ram } else { of_unit[i % 4] });
+        let mut measured: [f64; S] = twin;
         for (value, tolerance) in measured.iter_mut().zip(self.tolerances) {
             *value += tolerance;
         }
@@ -112,17 +123,17 @@ impl Flight {
     }
 }
 
-pub fn names() -> Names {
+pub fn names(units: usize) -> Names {
     let list = |words: &[&str]| words.iter().map(|&word| word.into()).collect();
     Names {
         features: vec![],
-        actuators: list(&["actuator_1", "actuator_2"]),
+        actuators: (1..=units).map(|unit| format!("actuator_{unit}")).collect(),
         commands: list(&COMMANDS),
         details: list(&["leak", "jam", "bias", "wear"]),
     }
 }
 
-fn sensors() -> Vec<Sensor> {
+fn sensors(units: usize) -> Vec<Sensor> {
     let quantities = [Quantity::Ram, Quantity::Spool, Quantity::PressureA, Quantity::PressureB];
     let sensor = |name: String, quantity, unit| Sensor {
         name,
@@ -133,7 +144,7 @@ fn sensors() -> Vec<Sensor> {
         is_noisy: true,
     };
     let mut sensors = vec![];
-    for unit in 0..2 {
+    for unit in 0..units as u32 {
         for (place, &quantity) in quantities.iter().enumerate() {
             sensors.push(sensor(format!("s{place}_{}", unit + 1), quantity, Some(unit)));
         }
@@ -160,9 +171,9 @@ fn environment() -> Environment {
     }
 }
 
-fn label(fault: Option<Fault>) -> Label {
+fn label(fault: Option<Fault>, units: usize) -> Label {
     match fault {
-        None => Label { actuator: 2, command: 0, detail: 0 },
+        None => Label { actuator: units as u32, command: 0, detail: 0 },
         Some(Fault { unit, kind, .. }) => {
             let detail = KINDS.iter().position(|known| *known == kind).unwrap() as u32;
             Label { actuator: unit as u32, command: kind.command(), detail }
@@ -170,7 +181,7 @@ fn label(fault: Option<Fault>) -> Label {
     }
 }
 
-/// The fault of a training flight, in the first unit only: the second learns by the mirror.
+/// The fault of a training flight, in the first unit only: the others learn by the mirror.
 fn fault_of(flight: u32) -> Option<Fault> {
     let mut random = Random::stream(5, u64::from(flight));
     let size = random.between(0.3, 1.0);
@@ -179,24 +190,24 @@ fn fault_of(flight: u32) -> Option<Fault> {
 }
 
 /// Windows that left their bands, by length.
-fn lessons(empty: &Diagnoser) -> Vec<Lessons> {
+fn lessons<const S: usize>(empty: &Diagnoser, units: usize) -> Vec<Lessons> {
     const FLIGHTS: u32 = 90;
     const ONSET: u64 = 150;
-    let new = || Lessons::new(empty.sensors_seen(), 2).unwrap();
+    let new = || Lessons::new(empty.sensors_seen(), units).unwrap();
     let mut lessons = vec![new(), new()];
     for group in 0..FLIGHTS {
-        let mut flight = Flight::new(u64::from(group));
-        let mut sliding = Sliding::new(SENSORS, SENSORS - 1, &SPANS).unwrap();
+        let mut flight = Flight::<S>::of(u64::from(group));
+        let mut sliding = Sliding::new(S, S - 1, &SPANS).unwrap();
         for k in 0..600 {
             let fault = fault_of(group).filter(|_| k >= ONSET);
             let (_, measured, twin) = flight.next(fault);
-            sliding.add(&measured, &twin, &[1.0; SENSORS], &[]);
+            sliding.add(&measured, &twin, &[1.0; S], &[]);
             for (length, lessons) in lessons.iter_mut().enumerate() {
                 let is_thin = length == 1 || k / 10 % 3 == 0;
                 let window = sliding.window(length);
                 let shows = window.largest_of_all() > BAND;
                 if sliding.has_ended(length) && sliding.is_full(length) && is_thin && shows {
-                    lessons.take(window, label(fault), group).unwrap();
+                    lessons.take(window, label(fault, units), group).unwrap();
                 }
             }
         }
@@ -204,8 +215,8 @@ fn lessons(empty: &Diagnoser) -> Vec<Lessons> {
     lessons
 }
 
-fn learn(span: Span, lessons: &Lessons) -> Length {
-    let examples = lessons.examples(&names()).unwrap();
+fn learn(span: Span, lessons: &Lessons, units: usize) -> Length {
+    let examples = lessons.examples(&names(units)).unwrap();
     let rows: Vec<usize> = (0..examples.labels().len()).collect();
     let boosted = classifiers::boosted_trees::Settings {
         trees: 20,
@@ -217,7 +228,7 @@ fn learn(span: Span, lessons: &Lessons) -> Length {
     let band = |s: Sensor| SensorBand { sensor: s.name, half_width: BAND };
     let panel = Panel {
         format: panel::FORMAT.into(),
-        bands: sensors().into_iter().take(SENSORS - 1).map(band).collect(),
+        bands: sensors(units).into_iter().take(4 * units).map(band).collect(),
         least_confidence: None,
         trees: Settings::default().fit(&examples, &rows).unwrap(),
         committee: boosted.fit(&examples, &rows).unwrap(),
@@ -229,20 +240,22 @@ fn learn(span: Span, lessons: &Lessons) -> Length {
 /// A trained diagnoser; trained once for each test binary.
 pub fn diagnoser() -> Arc<Diagnoser> {
     static TRAINED: OnceLock<Arc<Diagnoser>> = OnceLock::new();
-    let train = || {
-        let mut diagnoser = Diagnoser {
-            format: FORMAT.into(),
-            period_s: PERIOD_S,
-            sensors: sensors(),
-            environment: environment(),
-            lengths: vec![],
-            field: None,
-            decision: decision::Settings::usual(&names(), &["shut_down"]),
-        };
-        let lessons = lessons(&diagnoser);
-        let pairs = SPANS.iter().zip(&lessons);
-        diagnoser.lengths = pairs.map(|(&span, lessons)| learn(span, lessons)).collect();
-        Arc::new(diagnoser)
+    TRAINED.get_or_init(|| train::<SENSORS>(2)).clone()
+}
+
+/// The same for another number of actuators; `S` is that of their sensors.
+pub fn train<const S: usize>(units: usize) -> Arc<Diagnoser> {
+    let mut diagnoser = Diagnoser {
+        format: FORMAT.into(),
+        period_s: PERIOD_S,
+        sensors: sensors(units),
+        environment: environment(),
+        lengths: vec![],
+        field: None,
+        decision: decision::Settings::usual(&names(units), &["shut_down"]),
     };
-    TRAINED.get_or_init(train).clone()
+    let lessons = lessons::<S>(&diagnoser, units);
+    let pairs = SPANS.iter().zip(&lessons);
+    diagnoser.lengths = pairs.map(|(&span, lessons)| learn(span, lessons, units)).collect();
+    Arc::new(diagnoser)
 }

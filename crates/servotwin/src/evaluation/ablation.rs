@@ -36,7 +36,7 @@ pub struct Ablation {
 struct Variation {
     title: String,
     families: Vec<String>,
-    /// Whether B and the stages below it read the other actuator's sensors too.
+    /// Whether B and the stages below it read the other actuators' sensors too.
     all_sensors_below: bool,
     settings: Settings,
 }

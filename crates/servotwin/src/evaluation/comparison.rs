@@ -78,7 +78,9 @@ pub fn evaluate(
 ) -> Result<Vec<Compared>, EvaluationError> {
     let hierarchy = settled(data, hierarchy);
     let asks = |place: &Place| place.question != Question::Detail;
-    let places: Vec<Place> = data.examples.places(true).into_iter().filter(asks).collect();
+    // Pooled stages need the views: without them every actuator has its own.
+    let places = data.examples.places(data.examples.views() > 1);
+    let places: Vec<Place> = places.into_iter().filter(asks).collect();
     let mut compared = vec![];
     for protocol in [Protocol::RandomThird, Protocol::Grouped] {
         let splits = protocol.splits(data, holding)?;
@@ -126,7 +128,6 @@ fn test(
     job: &Job,
 ) -> Result<Vec<Prediction>, EvaluationError> {
     let samples = |rows: &[usize], mirror| data.examples.samples(&job.place, rows, mirror);
-    // Pooled stages need the views; without them B is asked with actuator 0's sensors only.
     let train = samples(&job.split.train, hierarchy.mirror)?;
     let test = samples(&job.split.test, false)?;
     let (Some((train, _)), Some((test, rows))) = (train, test) else {

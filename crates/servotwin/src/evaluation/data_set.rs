@@ -2,8 +2,8 @@
 //!
 //! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `actuator`,
 //! `command`, `detail`, `detectable`, `reflected`, `largest:<sensor>`,
-//! `f:<feature>` and, where the system has like actuators, `m:<feature>`, the same feature with the
-//! two actuators exchanged. Rows whose `kind` is `healthy` have no fault; rows with a text in
+//! `f:<feature>` and, where the system has like actuators, `m:<feature>`, the same feature as it is seen from the
+//! second one, `m3:<feature>` from the third, and so on ([`servotwin_diagnosis::hierarchy`]). Rows whose `kind` is `healthy` have no fault; rows with a text in
 //! `failure` were not simulated to the end, and are counted and left out.
 //!
 //! The rows on which a diagnosis is judged come first, then those from which it learns.
@@ -11,6 +11,7 @@
 use super::error::EvaluationError;
 use super::flips::{Moved, Moving};
 use super::parallel::{self, Workers};
+use crate::study::campaign::columns::view_column;
 use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
 use crate::table::Table;
@@ -74,7 +75,7 @@ pub struct Row {
     pub factor: f64,
     /// Whether it has no fault.
     pub is_healthy: bool,
-    /// Whether it shows the signals of another row with the actuators exchanged.
+    /// Whether it shows the signals of another row with the actuators moved round.
     pub reflected: bool,
     /// The largest size that each residual had, in parts of scale, in the order of
     /// [`DataSet::sensors`]; empty where the data set does not say.
@@ -192,10 +193,10 @@ impl DataSet {
             return Err(EvaluationError::NoFaults);
         }
         let names = names(origins, &features, units, urgency)?;
-        let has_mirror = tables.iter().all(|(_, table)| has_mirror(table, &features));
-        let prefixes: &[&str] =
-            if names.actuators.len() == 2 && has_mirror { &["f:", "m:"] } else { &["f:"] };
-        let views = prefixes.iter().map(|prefix| values(origins, prefix, &features));
+        let all_views = 0..names.actuators.len();
+        let has = |view| tables.iter().all(|(_, table)| has_view(table, view, &features));
+        let count = if all_views.clone().all(has) { all_views.end } else { 1 };
+        let views = (0..count).map(|view| values(origins, view, &features));
         let views: Vec<Vec<f64>> = views.collect::<Result<_, _>>()?;
         let is_faulty: Vec<bool> = kinds.iter().map(|kind| kind != HEALTHY).collect();
         let constant = constant_features(&views[0], &features, &is_faulty);
@@ -388,7 +389,7 @@ impl DataSet {
         self.with_features(|feature| feature.teaches)
     }
 
-    /// The same data set with the stages below A reading the sensors of both
+    /// The same data set with the stages below A reading the sensors of all
     /// actuators and what compares them.
     ///
     /// # Errors
@@ -426,9 +427,9 @@ fn rows_that_ran(table: &Table) -> Result<Vec<usize>, EvaluationError> {
     Ok(all.filter(|&row| failures[row].is_empty()).collect())
 }
 
-fn has_mirror(table: &Table, features: &[FeatureInfo]) -> bool {
+fn has_view(table: &Table, view: usize, features: &[FeatureInfo]) -> bool {
     let known: std::collections::BTreeSet<&str> = table.names().collect();
-    features.iter().all(|feature| known.contains(format!("m:{}", feature.name).as_str()))
+    features.iter().all(|feature| known.contains(view_column(view, &feature.name).as_str()))
 }
 
 /// The sensors whose largest residuals every table has.
@@ -560,12 +561,12 @@ fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
 
 fn values(
     origins: &[Origin],
-    prefix: &str,
+    view: usize,
     features: &[FeatureInfo],
 ) -> Result<Vec<f64>, EvaluationError> {
     let mut values = Vec::with_capacity(features.len() * origins.len());
     for feature in features {
-        values.extend(numbers(origins, &format!("{prefix}{}", feature.name))?);
+        values.extend(numbers(origins, &view_column(view, &feature.name))?);
     }
     Ok(values)
 }

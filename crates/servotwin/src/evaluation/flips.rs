@@ -112,7 +112,7 @@ impl Moving<'_> {
     /// The features of a window in every view.
     pub fn views(&self, window: &Window, views: usize) -> Vec<Vec<f64>> {
         let of = |view: usize| {
-            let order = self.sensors.exchanged(0, view).filter(|_| view > 0);
+            let order = self.sensors.rotated(views, view).filter(|_| view > 0);
             let seen = order.map(|order| window.reordered(&order));
             let all = features::values(&self.sensors, seen.as_ref().unwrap_or(window));
             self.columns.iter().map(|&column| all[column]).collect()

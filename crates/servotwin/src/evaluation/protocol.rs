@@ -3,7 +3,7 @@
 //! A protocol is only as honest as the likeness of its training and test rows. Some divide the
 //! judged cases among themselves, from the kindest to the hardest:
 //! - a random third, as the seed paper: nearly every test row has a neighbour of the same fault and
-//!   intensity in another operating case. Only the same fault of the other actuator in the same case
+//!   intensity in another operating case. Only the same fault of another actuator in the same case
 //!   stays on the same side: without tolerances it is the row's exact mirror image, and a hierarchy
 //!   that learns from mirror images would have seen the test row;
 //! - groups of one kind and one intensity stay together, mirror images included;
@@ -336,7 +336,7 @@ pub struct StageScore {
 pub struct Safety {
     /// The fault is given to the wrong actuator.
     pub wrong_actuator: Rate,
-    /// A healthy actuator is shut down because the other one has a fault.
+    /// A healthy actuator is shut down because another one has a fault.
     pub wrong_actuator_shutdown: Rate,
     /// A fault that needs a shutdown does not get it (of the detected faults that need one).
     pub missed_shutdown: Rate,
@@ -369,7 +369,7 @@ pub struct ProtocolResult {
     pub title: String,
     /// Number of splits.
     pub splits: usize,
-    /// Each stage by itself: first over both actuators, then for each.
+    /// Each stage by itself: first over all actuators, then for each.
     pub stages: Vec<StageScore>,
     /// All stages together: actuator, command and detail are right (isolation rate of what was
     /// detected).

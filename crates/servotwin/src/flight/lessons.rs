@@ -180,7 +180,8 @@ impl Maker<'_> {
     fn table(&self, lessons: &[&Lesson], workers: Workers) -> Result<Table, CampaignError> {
         let windows: Vec<Window> =
             lessons.iter().map(|lesson| lesson.window(self.sensors.0.len())).collect();
-        let view = |window: &Window| seen(self.sensors, window);
+        let orders = self.sensors.rotations(self.study.units.len()).unwrap_or_default();
+        let view = |window: &Window| seen(self.sensors, &orders, window);
         let rows = parallel::map(&windows, workers, view).map_err(|_| CampaignError::Cancelled)?;
         let mut columns = self.labels(lessons, &windows);
         let windows: Vec<&Window> = windows.iter().collect();

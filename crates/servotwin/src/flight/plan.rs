@@ -113,8 +113,11 @@ pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight
     list
 }
 
-/// Every row is also seen from the other units, so in learning the units take turns.
+/// Every row is also seen from the other units where they are alike, so in learning the units take turns.
 fn is_turn(study: &Study, fault: usize, repeat: usize) -> bool {
+    if !study.has_like_units() {
+        return true;
+    }
     let intensities = study.intensities.len().max(1);
     let place = fault % (study.faults.len() / study.units.len()).max(1);
     (repeat + place / intensities + place % intensities) % study.units.len()

@@ -47,12 +47,16 @@ pub fn diagnoser(
     let names = &lengths[0].panel.trees.names;
     let commands = names.commands.iter().map(String::as_str);
     let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
+    let usual = decision::Settings::usual(names, &off);
     let diagnoser = Diagnoser {
         format: diagnoser::FORMAT.into(),
         period_s: study.sample_period_s,
         sensors: sensors(study),
         environment: environment(study, flights),
-        decision: decision::Settings::usual(names, &off),
+        decision: decision::Settings {
+            least_on: flights.least_on.unwrap_or(usual.least_on),
+            ..usual
+        },
         lengths,
         field: None,
     };

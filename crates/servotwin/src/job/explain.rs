@@ -2,6 +2,7 @@
 
 use super::{Folder, JobError, Subject, panel};
 use crate::evaluation::EvaluationError;
+use crate::study::campaign::columns::view_column;
 use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
 use crate::table::{self, Table, TableError};
@@ -68,7 +69,7 @@ pub struct Answer {
 /// One question of a tree.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
-    /// The feature, as the stage sees it: a stage that both actuators share sees actuator 2 where
+    /// The feature, as the stage sees it: a stage that all actuators share sees the one that it is asked about where
     /// actuator 1 stands.
     pub feature: String,
     /// What it means.
@@ -174,11 +175,11 @@ fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableEr
 
 /// The row's features in every view that the hierarchy needs.
 fn views(table: &Table, hierarchy: &Hierarchy, row: usize) -> Result<Vec<Vec<f64>>, TableError> {
-    let of_view = |prefix: &&str| {
+    let of_view = |view: usize| {
         let names = hierarchy.names.features.iter();
-        names.map(|name| Ok(table.f64(&format!("{prefix}:{name}"))?[row])).collect()
+        names.map(|name| Ok(table.f64(&view_column(view, name))?[row])).collect()
     };
-    ["f", "m"].iter().take(hierarchy.views()).map(of_view).collect()
+    (0..hierarchy.views()).map(of_view).collect()
 }
 
 /// Actuator, command and detail of a fault.

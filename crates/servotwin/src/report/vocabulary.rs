@@ -39,6 +39,11 @@ impl Vocabulary {
         format!("{}s", self.unit)
     }
 
+    /// Two units: `both` where there are no more.
+    pub fn two(&self) -> &'static str {
+        if self.units == 2 { "both" } else { "two" }
+    }
+
     /// Whether one unit can be taken for another.
     pub fn has_several(&self) -> bool {
         self.units > 1

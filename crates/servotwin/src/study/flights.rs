@@ -48,6 +48,7 @@ pub(super) struct Text {
     unit_inputs: Ranges,
     #[serde(default)]
     unit_parameters: Ranges,
+    least_on: Option<u32>,
     learn: Size,
     judge: Size,
     full: Option<Full>,
@@ -129,6 +130,8 @@ pub struct Flights {
     pub onset_s: [f64; 2],
     /// Lengths of the windows, s, ascending.
     pub windows_s: Vec<f64>,
+    /// How many units must stay on, whatever is found; `None` for as many as is usual.
+    pub least_on: Option<u32>,
     /// Where the diagnosis learns.
     pub learn: Size,
     /// Where it is judged.
@@ -153,6 +156,7 @@ impl Flights {
             duration_s: text.duration_s,
             onset_s: text.onset_s,
             windows_s,
+            least_on: text.least_on,
             learn: text.learn,
             judge: text.judge,
             limits: text.limits,
@@ -188,6 +192,15 @@ impl Text {
             from,
             inside,
             "two times inside of the flight, in order",
+        )?;
+        let units = reader.text.units.len();
+        let least_on = self.least_on.unwrap_or(0);
+        let allowed = format!("0 … {units}, as there are units");
+        reader.range(
+            "flights.least_on",
+            f64::from(least_on),
+            least_on as usize <= units,
+            allowed,
         )?;
         for &w in &self.windows_s {
             let samples = w * reader.text.sample_hz;

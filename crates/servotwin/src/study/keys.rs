@@ -3,6 +3,7 @@
 use super::{FORMAT, evaluating};
 use crate::format::{Key, Value, may, must};
 use servotwin_diagnosis::classifiers::boosted_trees::{DEEPEST, MOST_TREES};
+use servotwin_diagnosis::features::MOST_UNITS;
 use servotwin_diagnosis::features::Quantity;
 
 const ANY: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
@@ -139,7 +140,7 @@ static TREES: [Key; 3] = [
     may("leaf_rows", Value::Whole(1.0, MOST), "rows on both sides of every question, at least"),
 ];
 
-static FLIGHTS: [Key; 12] = [
+static FLIGHTS: [Key; 13] = [
     may("seed", Value::Whole(0.0, 999.0), "of environments, specimens and noise"),
     must("duration_s", Value::Number(1.0, 1e4, "s"), "length of a flight with a fault"),
     must("onset_s", Value::Range, "between which times a fault begins"),
@@ -148,6 +149,11 @@ static FLIGHTS: [Key; 12] = [
     may("inputs", Value::Names(0, &Value::Range), "ranges of inputs"),
     may("unit_inputs", Value::Names(0, &Value::Range), "ranges of inputs of every unit"),
     may("unit_parameters", Value::Names(0, &Value::Range), "ranges of parameters of every unit"),
+    may(
+        "least_on",
+        Value::Whole(0.0, MOST_UNITS as f64),
+        "units never switched off: 1, of a single unit 0",
+    ),
     must("learn", Value::Table(&SIZE), "how many flights to learn from"),
     must("judge", Value::Table(&SIZE), "how many flights to be judged in"),
     may("full", Value::Table(&FULL), "the sizes of servotwin flights --full"),

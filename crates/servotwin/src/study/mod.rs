@@ -38,7 +38,7 @@ use crate::signal::Signal;
 use crate::system::{System, SystemError};
 use reader::{Noted, Reader};
 use serde::Deserialize;
-use servotwin_diagnosis::features::{Quantity, Sensor, Sensors};
+use servotwin_diagnosis::features::{MOST_UNITS, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -377,6 +377,11 @@ impl Study {
         commands
     }
 
+    /// Whether the sensors of all units correspond, so that everything can be seen from each of them.
+    pub fn has_like_units(&self) -> bool {
+        self.sensors.rotations(self.units.len()).is_some()
+    }
+
     /// The commands that switch their unit off.
     pub fn shutdowns(&self) -> Vec<String> {
         let mut commands = self.commands();
@@ -486,6 +491,11 @@ fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
     if let Some(whole) = units.iter().find(|unit| unit.text() == Ok("")).filter(|_| units.len() > 1)
     {
         mistakes.note(&whole.value_at(), Mistake::WholeBesideUnits);
+    }
+    if let Some(surplus) = units.get(MOST_UNITS) {
+        let allowed = format!("at most {MOST_UNITS}");
+        let (field, value) = ("number of units".into(), units.len() as f64);
+        mistakes.note(&surplus.value_at(), Mistake::OutOfRange { field, value, allowed });
     }
 }
 

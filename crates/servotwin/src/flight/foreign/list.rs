@@ -139,7 +139,7 @@ pub static ALL: &[Foreign] = &[
         },
     ),
     foreign(
-        "valve bias, and a sensor of the other actuator",
+        "valve bias, and a sensor of another actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
         Any,
         |s| {
@@ -149,11 +149,11 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign("a leak in each actuator", (&[0.5, 1.0], "both 50 and 100 %"), Shutdown, |s| {
+    foreign("a leak in each of two actuators", (&[0.5, 1.0], "both 50 and 100 %"), Shutdown, |s| {
         vec![own(Fault("leakage_supply.leakage", s)), other(Fault("leakage_a.leakage", s))]
     }),
     foreign(
-        "worn seal, and a supply sensor of the other actuator",
+        "worn seal, and a supply sensor of another actuator",
         (&[1.0], "both 100 %"),
         Any,
         |s| {

@@ -54,8 +54,9 @@ fn about(words: &Vocabulary, page: &mut Page) {
     let mut text = String::from("Not every error is equally bad. ");
     if words.has_several() {
         text += &format!(
-            "Worst is that a healthy {unit} is {} because another one has a fault: both are then lost. ",
-            words.switched_off()
+            "Worst is that a healthy {unit} is {} because another one has a fault: {} are then lost. ",
+            words.switched_off(),
+            words.two()
         );
     }
     text += &format!(

@@ -55,27 +55,33 @@ pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     sensors.iter().enumerate().map(column).collect()
 }
 
-/// The features of a window, and of its mirror image where the units correspond.
-pub type Seen = (Vec<f64>, Option<Vec<f64>>);
-
-/// What is seen of a window.
-pub fn seen(sensors: &Sensors, window: &Window) -> Seen {
-    let mirrored = sensors.exchanged(0, 1).map(|order| values(sensors, &window.reordered(&order)));
-    (values(sensors, window), mirrored)
+/// The column of a feature in a view: the window as it is, `m:` seen from the second unit, `m3:` from the third.
+pub fn view_column(view: usize, feature: &str) -> String {
+    match view {
+        0 => format!("f:{feature}"),
+        1 => format!("m:{feature}"),
+        _ => format!("m{}:{feature}", view + 1),
+    }
 }
 
-/// Each feature of rows, and where there are such its mirror image.
-pub fn feature_columns<'n>(names: impl Iterator<Item = &'n str>, rows: &[Seen]) -> Vec<Column> {
-    let has_mirrored = rows.first().is_some_and(|(_, mirrored)| mirrored.is_some());
+/// The features of a window in every view ([`servotwin_diagnosis::hierarchy`]); `orders` are those of the sensors beyond
+/// the first ([`Sensors::rotations`]).
+pub fn seen(sensors: &Sensors, orders: &[Vec<usize>], window: &Window) -> Vec<Vec<f64>> {
+    let others = orders.iter().map(|order| values(sensors, &window.reordered(order)));
+    std::iter::once(values(sensors, window)).chain(others).collect()
+}
+
+/// Each feature of rows in every view.
+pub fn feature_columns<'n>(
+    names: impl Iterator<Item = &'n str>,
+    rows: &[Vec<Vec<f64>>],
+) -> Vec<Column> {
+    let views = rows.first().map_or(1, Vec::len);
     let mut columns = vec![];
     for (place, name) in names.enumerate() {
-        let mut push = |view: &str, of: &dyn Fn(&Seen) -> f64| {
-            let values = rows.iter().map(of).collect();
-            columns.push(Column::new(format!("{view}:{name}"), "", Values::Float(values)));
-        };
-        push("f", &|(own, _)| own[place]);
-        if has_mirrored {
-            push("m", &|(_, mirrored)| mirrored.as_ref().map_or(0.0, |other| other[place]));
+        for view in 0..views {
+            let values = rows.iter().map(|row| row[view][place]).collect();
+            columns.push(Column::new(view_column(view, name), "", Values::Float(values)));
         }
     }
     columns

@@ -73,10 +73,11 @@ impl Maker<'_> {
         Table::from_columns(columns).expect("columns of one length, named apart")
     }
 
-    /// Each feature, and where the units correspond also its mirror image.
+    /// Each feature, and where the units correspond also as it is seen from the others.
     fn feature_columns(&self, rows: &[Row]) -> Vec<Column> {
         let sensors = &self.study.sensors_in(self.setting);
-        let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &row.window)).collect();
+        let orders = sensors.rotations(self.study.units.len()).unwrap_or_default();
+        let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &orders, &row.window)).collect();
         let features = data_features(self.study);
         feature_columns(features.iter().map(|known| known.feature.name.as_str()), &rows)
     }

@@ -1,10 +1,10 @@
 //! Variants that need no simulation of their own.
 //!
-//! Where two units are alike and nothing but the fault tells them apart, a fault
-//! of the second gives the signals of the same fault of the first, with the
-//! units exchanged. Such a variant need not be simulated: its sensors show what the
+//! Where units are alike and nothing but the fault tells them apart, a fault
+//! of the second or a later one gives the signals of the same fault of the first, with the
+//! units moved round. Such a variant need not be simulated: its sensors show what the
 //! other one's show, in another order. That the units are alike is tested,
-//! not assumed: of every kind the strongest fault of the second unit, in the
+//! not assumed: of every kind the strongest fault of each unit but the first, in the
 //! first operating case, is simulated all the same, as a *probe*. And specimens
 //! without a fault and without tolerances differ by the noise of their sensors only:
 //! one simulation serves all of a case.
@@ -24,8 +24,9 @@ const LARGEST_DIFFERENCE: f64 = 1e-3;
 struct Source {
     /// The variant that is simulated.
     simulated: u32,
-    /// Whether the units are exchanged.
-    mirrored: bool,
+    /// By how many places the units are moved round: the fault is in this unit, and in the first one of what is
+    /// simulated.
+    moved: u32,
 }
 
 /// Which variants are simulated, and whom each simulation serves.
@@ -34,32 +35,34 @@ pub(super) struct Images {
     sources: Vec<Source>,
     /// Every variant that is not simulated, behind the one that serves it, in order.
     served: Vec<(u32, u32)>,
-    /// Variants that are simulated although they are mirror images: (probe, original).
-    probes: Vec<(usize, usize)>,
-    /// The sensors with the units exchanged.
-    order: Vec<usize>,
+    /// Variants that are simulated although they are mirror images: (probe, original, unit).
+    probes: Vec<(usize, usize, usize)>,
+    /// The sensors with the units moved round, for a fault in each unit but the first.
+    orders: Vec<Vec<usize>>,
 }
 
 impl Images {
     /// Every variant simulated.
     pub fn none(plan: &[Planned]) -> Self {
-        let own = |simulated| Source { simulated, mirrored: false };
+        let own = |simulated| Source { simulated, moved: 0 };
         Images {
             sources: (0..plan.len() as u32).map(own).collect(),
             served: Vec::new(),
             probes: Vec::new(),
-            order: Vec::new(),
+            orders: Vec::new(),
         }
     }
 
-    /// The images among planned variants without tolerances. Units are exchanged only in a study
-    /// with two units whose sensors correspond.
+    /// The images among planned variants without tolerances. Units are moved round only in a study
+    /// with several units whose sensors correspond.
     pub fn of(study: &Study, plan: &[Planned]) -> Self {
         let mut images = Self::none(plan);
         images.share_healthy(plan);
-        let order = study.sensors.exchanged(0, 1).filter(|_| study.units.len() == 2);
-        if let Some(order) = order {
-            images.order = order;
+        let units = study.units.len();
+        // Where the fault's unit stands, the first one's stood in what is simulated.
+        let order = |unit| study.sensors.rotated(units, units - unit);
+        if let Some(orders) = (1..units).map(order).collect::<Option<Vec<_>>>() {
+            images.orders = orders;
             images.mirror(study, plan);
         }
         images.served.sort_unstable();
@@ -71,7 +74,7 @@ impl Images {
         for (variant, planned) in plan.iter().enumerate().filter(|(_, p)| p.fault.is_none()) {
             let first = *first_of_case.entry(planned.case).or_insert(variant);
             if first != variant {
-                self.serve(variant, first, false);
+                self.serve(variant, first, 0);
             }
         }
     }
@@ -96,22 +99,22 @@ impl Images {
         };
         let first_units: BTreeMap<_, usize> =
             of_unit(0).map(|(variant, _, _, key)| (key, variant)).collect();
-        for (variant, case, fault, key) in of_unit(1) {
+        for (variant, case, fault, key) in (1..study.units.len()).flat_map(of_unit) {
             let Some(&original) = first_units.get(&key) else { continue };
             let stronger = |other: &super::FaultCase| {
                 other.kind == fault.kind && other.at.intensity > fault.at.intensity
             };
             if case == 0 && !study.faults.iter().any(stronger) {
-                self.probes.push((variant, original));
+                self.probes.push((variant, original, fault.unit));
             } else {
-                self.serve(variant, original, true);
+                self.serve(variant, original, fault.unit);
             }
         }
     }
 
-    fn serve(&mut self, variant: usize, simulated: usize, mirrored: bool) {
+    fn serve(&mut self, variant: usize, simulated: usize, unit: usize) {
         let simulated = simulated as u32;
-        self.sources[variant] = Source { simulated, mirrored };
+        self.sources[variant] = Source { simulated, moved: unit as u32 };
         self.served.push((simulated, variant as u32));
     }
 
@@ -129,17 +132,18 @@ impl Images {
 
     /// The order of the simulated sensors in which a variant's stand; `None` for the same order.
     pub fn order(&self, variant: usize) -> Option<&[usize]> {
-        self.is_mirrored(variant).then_some(&self.order)
+        let moved = self.sources[variant].moved.checked_sub(1)?;
+        Some(&self.orders[moved as usize])
     }
 
     /// Whether a variant is a mirror image of another.
     pub fn is_mirrored(&self, variant: usize) -> bool {
-        self.sources[variant].mirrored
+        self.sources[variant].moved > 0
     }
 
     /// Whether any variant is.
     pub fn has_mirrored(&self) -> bool {
-        self.sources.iter().any(|source| source.mirrored)
+        self.sources.iter().any(|source| source.moved > 0)
     }
 
     /// Number of variants that are not simulated.
@@ -149,13 +153,13 @@ impl Images {
 
     /// The probes and what they are compared with.
     pub fn probed(&self) -> BTreeSet<usize> {
-        self.probes.iter().flat_map(|&(probe, original)| [probe, original]).collect()
+        self.probes.iter().flat_map(|&(probe, original, _)| [probe, original]).collect()
     }
 
     /// Whether all probes are what the images say.
     pub fn hold<'w>(&self, window: impl Fn(usize) -> &'w Window) -> bool {
-        self.probes.iter().all(|&(probe, original)| {
-            let image = window(original).reordered(&self.order);
+        self.probes.iter().all(|&(probe, original, unit)| {
+            let image = window(original).reordered(&self.orders[unit - 1]);
             difference(window(probe), &image) <= LARGEST_DIFFERENCE
         })
     }

@@ -137,7 +137,7 @@ pub enum CampaignError {
     },
     /// It was stopped from elsewhere.
     Cancelled,
-    /// Shards were made as if two units were alike, and they are not.
+    /// Shards were made as if units were alike, and they are not.
     NotAlike,
     /// The healthy system could not be simulated.
     Twin {
@@ -238,14 +238,14 @@ impl Campaign<'_> {
     /// The variants, in the order of the data set: all faults, then healthy specimens.
     ///
     /// Where a diagnosis is judged every fault of every unit is flown in every case. Where it
-    /// learns, the units take turns: it sees every row from each unit anyway.
+    /// learns, like units take turns: it sees every row from each unit anyway.
     pub fn plan(&self) -> Vec<Planned> {
         let cases = self.cases();
         let mut plan = Vec::new();
         for case in 0..cases.len() {
             let faults: Vec<usize> = match self.role {
-                Role::Judged => (0..self.study.faults.len()).collect(),
-                Role::Training => self.in_turn(case),
+                Role::Training if self.study.has_like_units() => self.in_turn(case),
+                _ => (0..self.study.faults.len()).collect(),
             };
             plan.extend(faults.into_iter().map(|fault| {
                 let of_study = self.study.faults[fault].at.intensity;

@@ -1,0 +1,222 @@
+//! Systems of one, two and three like units go the whole way, as users go it.
+
+use super::{Folder, json, servotwin, stderr, stdout};
+use servotwin::flight::closed_loop::{self, Scenario};
+use servotwin::signal::Signal;
+use servotwin::study::Study;
+use servotwin::table;
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::program::FaultAt;
+use std::path::Path;
+use std::sync::Arc;
+
+const SYSTEM: &str = include_str!("../../../servotwin/tests/lanes_system.toml");
+const STUDY: &str = include_str!("../../../servotwin/tests/lanes_study.toml");
+
+/// The text without the lines of the units beyond the first so many of three.
+fn of_units(text: &str, units: usize) -> String {
+    let beyond = |line: &&str| {
+        let names = |unit: usize| [format!("lane_{unit}"), format!("unit = {unit}")];
+        !(units + 1..=3).flat_map(names).any(|name| line.contains(&name))
+    };
+    text.lines().filter(beyond).flat_map(|line| [line, "\n"]).collect()
+}
+
+/// A study of so many units, and beside it a folder for its results.
+fn lanes(folder: &Folder, units: usize, changed: impl Fn(String) -> String) -> [String; 2] {
+    let study = folder.file("lanes_study.toml");
+    std::fs::write(folder.file("lanes_system.toml"), of_units(SYSTEM, units)).unwrap();
+    std::fs::write(&study, changed(of_units(STUDY, units))).unwrap();
+    [study, folder.file("out")]
+}
+
+fn run(arguments: &[&str]) -> String {
+    let output = servotwin(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    stdout(&output)
+}
+
+fn results(out: &str, name: &str) -> serde_json::Value {
+    let text = std::fs::read_to_string(Path::new(out).join(name)).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// Everything that a study gives, and everything that is done with it.
+fn whole_way(units: usize) {
+    let folder = Folder::new(&format!("lanes-{units}"));
+    let [study, out] = &lanes(&folder, units, |text| text);
+    run(&["study", study, "--out", out]);
+    let stages = |name: &str| {
+        let trained = results(out, name);
+        let list = trained["stages"].as_array().unwrap().iter();
+        list.map(|stage| stage["id"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    // Pooled: whatever the number of units, one stage for all of them.
+    assert_eq!(stages("hierarchy-noise.json"), ["A", "B", "C", "D"]);
+    let words = run(&["evaluate", out]);
+    let row = words.lines().find(|line| line.starts_with("end to end right")).unwrap();
+    assert!(row.matches("100.00 %").count() >= 2, "{words}");
+    let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
+    assert_eq!(html.contains("two are then lost"), units == 3);
+    assert_eq!(html.contains("both are then lost"), units == 2);
+    for merit in results(out, "flights.json")["merits"].as_array().unwrap() {
+        assert_eq!(merit["wrong_shutdowns"], 0, "{merit}");
+        assert_eq!(merit["flights"], 10 * units, "every fault of every unit is flown");
+        assert!(merit["in_time"]["count"].as_u64().unwrap() > 0, "{merit}");
+    }
+    // A judged fault of the last unit.
+    let variant = (10 * units - 1).to_string();
+    let explained = json(&["explain", &variant, "--out", out, "--json"]);
+    assert_eq!(explained["fault"], format!("lane_{units}.sensor_ram.bias_positive"));
+    let last = format!("lane_{units}");
+    if units > 1 {
+        assert_eq!(explained["stages"][0]["said"], last);
+    }
+    for fault in ["servo_valve.bias_positive", "sensor_ram.bias_positive"] {
+        let fault = format!("{last}.{fault}=1");
+        let command = "noise:rms=3deg,bandwidth=0.8Hz,seed=7";
+        let fly = ["fly", study, "--out", out, "--at", "2s", "--duration", "5s", "--json"];
+        let flown = json(&[&fly[..], &["--fault", &fault, "--command", command]].concat());
+        assert_eq!(flown["actions"][0]["unit"], last, "{flown}");
+        let fight = &flown["without"]["rms_force_fight_n"];
+        assert_eq!(fight.as_f64().is_some(), units > 1, "{fight}");
+    }
+    watched(&folder, study, out);
+}
+
+/// A healthy log is watched.
+fn watched(folder: &Folder, study: &str, out: &str) {
+    let (log, system) = (folder.file("log.csv"), folder.file("lanes_system.toml"));
+    let command = "noise:rms=3deg,bandwidth=0.8Hz,seed=7";
+    run(&["simulate", &system, "--command", command, "--duration", "4s", "--out", &log]);
+    let model = format!("{out}/diagnoser-noise.json");
+    let text = run(&["watch", &log, "--study", study, "--model", &model, "--json"]);
+    assert!(text.contains("\"state\":\"healthy\"") && !text.contains("raised"), "{text}");
+}
+
+#[test]
+fn one_unit_goes_the_whole_way() {
+    whole_way(1);
+}
+
+#[test]
+fn two_like_units_go_the_whole_way() {
+    whole_way(2);
+}
+
+#[test]
+fn three_like_units_go_the_whole_way() {
+    whole_way(3);
+}
+
+/// What is shown by another unit's simulation is what its own would have shown.
+#[test]
+fn faults_of_three_units_are_images_of_the_first_ones() {
+    let folder = Folder::new("lanes-images");
+    let [study, out] = &lanes(&folder, 3, |text| text);
+    let all = &folder.file("all");
+    let campaign = |out: &str, more: &[&str]| {
+        let first = ["campaign", study, "--out", out, "--setting", "ideal"];
+        run(&[&first, more].concat())
+    };
+    // Of five kinds the stronger one of two intensities is a probe in the first of two cases.
+    let told = campaign(out, &[]);
+    assert!(told.contains("30 variants are shown by simulations of others"), "{told}");
+    assert!(!campaign(all, &["--all"]).contains("are shown"));
+    let read = |out: &str| table::read(Path::new(out).join("dataset-ideal.parquet")).unwrap();
+    let (shown, simulated) = (read(out), read(all));
+    let is_image = shown.bool("reflected").unwrap();
+    assert_eq!(is_image.iter().filter(|is| **is).count(), 30);
+    let means: Vec<&str> = simulated.names().filter(|name| name.contains(":mean_")).collect();
+    assert!(means.iter().any(|name| name.starts_with("m3:mean_p_A3")), "{means:?}");
+    let mut largest: f64 = 0.0;
+    for name in means.iter().filter(|name| !name.contains("contrast")) {
+        let (a, b) = (shown.f64(name).unwrap(), simulated.f64(name).unwrap());
+        largest = a.iter().zip(b).fold(largest, |most, (a, b)| most.max((a - b).abs()));
+    }
+    assert!(largest < 1e-3 && largest > 0.0, "{largest}");
+}
+
+/// One unit after the other fails: two of three are switched off, and the last one never.
+#[test]
+fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
+    let folder = Folder::new("lanes-last");
+    let [study, out] = &lanes(&folder, 3, |text| text);
+    run(&["flights", study, "--out", out]);
+    let study = Study::read(Path::new(study)).unwrap();
+    let text = std::fs::read_to_string(Path::new(out).join("diagnoser-noise.json")).unwrap();
+    let diagnoser: Diagnoser = serde_json::from_str(&text).unwrap();
+    assert_eq!(diagnoser.decision.least_on, 1);
+    let duration_s = 14.0;
+    let mut inputs = study.system.default_inputs();
+    let signal: Signal = "noise:rms=3deg,bandwidth=0.8Hz,seed=9".parse().unwrap();
+    let unit = study.system.network().inputs[study.command_input].unit;
+    inputs[study.command_input] = signal.build(unit, duration_s).unwrap();
+    let fault = |(place, &lane): (usize, &usize)| {
+        let id = format!("lane_{lane}.servo_valve.bias_positive");
+        let (component, fault) = study.system.program.find_fault(&id).unwrap();
+        (2.0 + 4.0 * place as f64, FaultAt { component, fault, intensity: 1.0 })
+    };
+    let off = |least_on: u32| {
+        let faults = [2, 3, 1].iter().enumerate().map(fault).collect();
+        let mut diagnoser = diagnoser.clone();
+        diagnoser.decision.least_on = least_on;
+        let (study, inputs) = (&study, inputs.clone());
+        let scenario = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: true };
+        let record = closed_loop::fly(&scenario, &Arc::new(diagnoser), &[]).unwrap();
+        let off = record.actions.iter().filter(|action| action.reaction.switches_off);
+        off.map(|action| action.raised.unit).collect::<Vec<_>>()
+    };
+    assert_eq!(off(0), [1, 2, 0], "it would be, if nothing kept it on");
+    assert_eq!(off(1), [1, 2]);
+    assert_eq!(off(2), [1]);
+}
+
+/// Units whose sensors do not correspond are not seen from each other: every one is learned by itself.
+#[test]
+fn three_units_with_unlike_sensors_are_learned_one_by_one() {
+    let folder = Folder::new("lanes-unlike");
+    let without =
+        |text: String| text.replace("p_b_3 = { quantity = \"pressure_b\", unit = 3 }\n", "");
+    let [study, out] = &lanes(&folder, 3, without);
+    run(&["study", study, "--out", out]);
+    let trained = results(out, "hierarchy-noise.json");
+    let stages = trained["stages"].as_array().unwrap().iter();
+    let ids: Vec<&str> = stages.map(|stage| stage["id"].as_str().unwrap()).collect();
+    assert_eq!(ids, ["A", "B1", "B2", "B3", "C1", "C2", "C3", "D1", "D2", "D3"]);
+    let table = table::read(Path::new(out).join("dataset-ideal-training.parquet")).unwrap();
+    assert!(!table.names().any(|name| name.starts_with("m:") || name.starts_with("m3:")));
+    // Nothing takes turns: ten faults of three units under four commands.
+    assert_eq!(table.row_count(), 120);
+}
+
+#[test]
+fn how_many_units_stay_on_is_said_by_the_study() {
+    let folder = Folder::new("lanes-kept");
+    let keep = |text: String, least_on: u32| {
+        text.replace("windows_s", &format!("least_on = {least_on}\nwindows_s"))
+    };
+    let [study, out] = &lanes(&folder, 1, |text| keep(text, 1));
+    run(&["flights", study, "--out", out]);
+    let fly = ["fly", study, "--out", out, "--at", "2s", "--duration", "5s", "--fault"];
+    let flown = run(&[&fly[..], &["lane_1.servo_valve.bias_positive=1"]].concat());
+    assert!(flown.contains("nothing had to be done"), "{flown}");
+    let [study, _] = &lanes(&folder, 1, |text| keep(text, 2));
+    let told = servotwin(&["check", study]);
+    assert!(
+        stdout(&told).contains("least_on") || stderr(&told).contains("0 … 1, as there are units")
+    );
+    assert_eq!(told.status.code(), Some(3));
+}
+
+#[test]
+fn more_units_than_can_be_compared_are_refused() {
+    let folder = Folder::new("lanes-many");
+    let many: String = (4..=17).map(|lane| format!("    \"lane_{lane}\",\n")).collect();
+    let more =
+        |text: String| text.replace("    \"lane_3\",\n", &format!("    \"lane_3\",\n{many}"));
+    let [study, _] = &lanes(&folder, 3, more);
+    let told = servotwin(&["check", study]);
+    assert_eq!(told.status.code(), Some(3));
+    assert!(stderr(&told).contains("at most 16"), "{}", stderr(&told));
+}
