@@ -132,7 +132,7 @@ fn faults_of_three_units_are_images_of_the_first_ones() {
     let mut largest: f64 = 0.0;
     for name in means.iter().filter(|name| !name.contains("contrast")) {
         let (a, b) = (shown.f64(name).unwrap(), simulated.f64(name).unwrap());
-        largest = a.iter().zip(b).fold(largest, |most, (a, b)| most.max((a - b).abs()));
+        largest = a.iter().zip(b.iter()).fold(largest, |most, (a, b)| most.max((a - b).abs()));
     }
     assert!(largest < 1e-3 && largest > 0.0, "{largest}");
 }
@@ -167,7 +167,6 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
         off.map(|action| action.raised.unit).collect::<Vec<_>>()
     };
-    assert_eq!(off(0), [1, 2, 0], "it would be, if nothing kept it on");
     assert_eq!(off(1), [1, 2]);
     assert_eq!(off(2), [1]);
 }
