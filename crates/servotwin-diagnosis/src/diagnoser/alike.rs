@@ -70,9 +70,8 @@ mod tests {
     use super::*;
     use crate::features::{Quantity, Sensor};
     use alloc::format;
-    use alloc::vec;
 
-    fn share_of(residual: impl Fn(f64) -> [f64; 2]) -> f64 {
+    fn share_of<const N: usize>(residual: impl Fn(f64) -> [f64; N]) -> [f64; N] {
         let sensor = |unit: usize| Sensor {
             name: format!("x_{unit}"),
             quantity: Quantity::Ram,
@@ -80,24 +79,36 @@ mod tests {
             noise: 0.0,
             is_noisy: false,
         };
-        let sensors = Sensors(vec![sensor(0), sensor(1)]);
-        let mut window = Window::new(2);
+        let sensors = Sensors((0..N).map(sensor).collect());
+        let mut window = Window::new(N);
         for k in 0..50 {
-            window.add(&residual(f64::from(k) * 0.1), &[0.0, 0.0], &[1.0, 1.0]);
+            window.add(&residual(f64::from(k) * 0.1), &[0.0; N], &[1.0; N]);
         }
         let band = |s: &Sensor| SensorBand { sensor: s.name.clone(), half_width: 0.01 };
         let bands: Vec<SensorBand> = sensors.0.iter().map(band).collect();
-        Alike::new(&sensors, 2).share(1, &window, &bands)
+        let alike = Alike::new(&sensors, N);
+        core::array::from_fn(|unit| alike.share(unit, &window, &bands))
     }
 
     #[test]
     fn the_share_tells_common_from_own_and_from_opposite() {
         let wave = |t: f64| 0.05 + libm::sin(t);
-        assert!((share_of(|t| [wave(t), wave(t)]) - 1.0).abs() < 1e-12);
-        assert!((share_of(|t| [wave(t), 0.0]) - 0.5).abs() < 1e-12);
-        assert!(share_of(|t| [wave(t), -wave(t)]) < 1e-12);
-        let nearly = share_of(|t| [wave(t), 0.8 * wave(t)]);
+        let of_second = |residual: &dyn Fn(f64) -> [f64; 2]| share_of(residual)[1];
+        assert!((of_second(&|t| [wave(t), wave(t)]) - 1.0).abs() < 1e-12);
+        assert!((of_second(&|t| [wave(t), 0.0]) - 0.5).abs() < 1e-12);
+        assert!(of_second(&|t| [wave(t), -wave(t)]) < 1e-12);
+        let nearly = of_second(&|t| [wave(t), 0.8 * wave(t)]);
         assert!((0.97..1.0).contains(&nearly), "{nearly}");
-        assert_eq!(share_of(|_| [0.0, 0.0]), 0.0);
+        assert_eq!(of_second(&|_| [0.0, 0.0]), 0.0);
+    }
+
+    /// Of three the fault of one is its own, whatever the others have in common.
+    #[test]
+    fn what_two_of_three_have_in_common_is_no_fault_of_either() {
+        let wave = |t: f64| 0.05 + libm::sin(t);
+        let all = share_of(|t| [wave(t), wave(t), wave(t)]);
+        assert!(all.iter().all(|share| (share - 1.0).abs() < 1e-12), "{all:?}");
+        let [own, second, third] = share_of(|t| [wave(t), -0.2 * wave(t), -0.2 * wave(t)]);
+        assert!(own < 0.5 && second > 0.999 && third > 0.999, "{own} {second} {third}");
     }
 }

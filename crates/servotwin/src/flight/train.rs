@@ -53,10 +53,7 @@ pub fn diagnoser(
         period_s: study.sample_period_s,
         sensors: sensors(study),
         environment: environment(study, flights),
-        decision: decision::Settings {
-            least_on: flights.least_on.unwrap_or(usual.least_on),
-            ..usual
-        },
+        decision: decision::Settings { least_on: study.least_on(), ..usual },
         lengths,
         field: None,
     };

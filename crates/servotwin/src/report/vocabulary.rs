@@ -68,6 +68,18 @@ impl Vocabulary {
         }
     }
 
+    /// How many units are never switched off, behind another half of the sentence; nothing where it may be all.
+    pub fn kept_on(&self, least_on: u32) -> String {
+        let unit = &self.unit;
+        match (least_on, self.units) {
+            _ if !self.has_off() => String::new(),
+            (0, _) => String::new(),
+            (1, 2) => format!(", and once a {unit} is off no other {unit} can be switched off"),
+            (1, _) => format!(", and the last {unit} that is on can never be switched off"),
+            (kept, _) => format!(", and {kept} {unit}s can never be switched off"),
+        }
+    }
+
     /// What is done to a unit by that: `shut down`.
     pub fn switched_off(&self) -> &'static str {
         match self.off.as_slice() {

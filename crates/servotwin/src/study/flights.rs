@@ -130,8 +130,6 @@ pub struct Flights {
     pub onset_s: [f64; 2],
     /// Lengths of the windows, s, ascending.
     pub windows_s: Vec<f64>,
-    /// How many units must stay on, whatever is found; `None` for as many as is usual.
-    pub least_on: Option<u32>,
     /// Where the diagnosis learns.
     pub learn: Size,
     /// Where it is judged.
@@ -156,7 +154,6 @@ impl Flights {
             duration_s: text.duration_s,
             onset_s: text.onset_s,
             windows_s,
-            least_on: text.least_on,
             learn: text.learn,
             judge: text.judge,
             limits: text.limits,
@@ -167,6 +164,10 @@ impl Flights {
 }
 
 impl Text {
+    pub(super) fn least_on(&self) -> Option<u32> {
+        self.least_on
+    }
+
     /// The same section with its full sizes.
     pub(super) fn full(&self) -> Option<Text> {
         let Full { learn, judge } = self.full?;

@@ -382,6 +382,12 @@ impl Study {
         self.sensors.rotations(self.units.len()).is_some()
     }
 
+    /// How many units must stay on at work, whatever is found: what the study says, or one of several.
+    pub fn least_on(&self) -> u32 {
+        let said = self.parsed.flights.as_ref().and_then(flights::Text::least_on);
+        said.unwrap_or(u32::from(self.units.len() > 1))
+    }
+
     /// The commands that switch their unit off.
     pub fn shutdowns(&self) -> Vec<String> {
         let mut commands = self.commands();

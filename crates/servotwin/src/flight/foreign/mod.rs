@@ -340,7 +340,9 @@ pub fn judge(
             .filter(|one| one.2.off_healthy)
             .map(|(_, case, _, _)| {
                 let environment = &flights.judged[case.base].name;
-                format!("{environment}, {} at {}", study.units[case.unit], case.strength)
+                let unit = &study.units[case.unit];
+                let space = if unit.is_empty() { "" } else { " " };
+                format!("{environment}, {unit}{space}at {}", case.strength)
             })
             .collect();
         ForeignOutcome {

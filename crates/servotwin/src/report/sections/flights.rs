@@ -32,7 +32,7 @@ impl Section for Flights {
             return;
         };
         let words = &material.words();
-        page.text(&about(results, words));
+        page.text(&about(results, words, material.study.least_on()));
         page.table(&limits_grid(material.study, results, words), &format!(
             "What is asked of the diagnosis at work, and what was measured. {} “Met” is said only where \
              the interval is on the right side of the limit; that something never happens cannot be \
@@ -91,7 +91,7 @@ impl Section for Flights {
     }
 }
 
-fn about(results: &FlightResults, words: &Vocabulary) -> String {
+fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
     let windows: Vec<String> =
         results.windows_s.iter().map(|&w| format!("{} s", chosen(w))).collect();
     let run = words.run();
@@ -103,11 +103,7 @@ fn about(results: &FlightResults, words: &Vocabulary) -> String {
          noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
          realistic setting it has its tolerances and the twin knows nothing of them.",
         windows.join(" and "),
-        match words.has_several() && words.has_off() {
-            true =>
-                format!(", and once a {0} is off no other {0} can be switched off", words.unit()),
-            false => String::new(),
-        }
+        words.kept_on(least_on)
     )
 }
 
