@@ -29,6 +29,8 @@ pub struct Outcome {
     worst_sensor: Option<String>,
     /// That size.
     excess: f64,
+    /// The sensors without which is judged, because their values are missing.
+    lost: Vec<String>,
 }
 
 #[pymethods]
@@ -64,6 +66,8 @@ impl Diagnoser {
     fn outcome(&self) -> Outcome {
         let (diagnoser, said) = (self.session.diagnoser(), self.session.outcome());
         let names = diagnoser.names();
+        let sensors = diagnoser.sensors.iter().enumerate();
+        let lost = sensors.filter(|(place, _)| self.session.is_lost(*place));
         let command = |raised: diagnoser::Raised| {
             let unit = names.actuators[raised.unit as usize].clone();
             (unit, names.commands[raised.command as usize].clone())
@@ -76,6 +80,7 @@ impl Diagnoser {
             confidence: said.confidence,
             worst_sensor: said.worst_sensor.map(|s| diagnoser.sensors[s as usize].name.clone()),
             excess: said.excess,
+            lost: lost.map(|(_, sensor)| sensor.name.clone()).collect(),
         }
     }
 

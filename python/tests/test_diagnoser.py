@@ -57,6 +57,16 @@ def test_a_healthy_actuator_raises_nothing(learned):
     assert set(said["raised_unit"]) == {""}
 
 
+def test_a_sensor_that_goes_silent_is_named(learned):
+    diagnoser = servotwin.Diagnoser(learned)
+    inputs, measured, expected = flight(diagnoser)
+    measured[150:, 2] = np.nan
+    for row in zip(inputs, measured, expected):
+        said = diagnoser.push(*row)
+    assert said.lost == [diagnoser.sensors[2]]
+    assert said.alarm == "normal" and said.raised is None
+
+
 def test_whatever_comes_is_no_crash(learned):
     diagnoser = servotwin.Diagnoser(learned)
     width = len(diagnoser.sensors)
