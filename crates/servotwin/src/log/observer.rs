@@ -173,15 +173,24 @@ impl Finding {
         self.said() + outside
     }
 
-    fn said(&self) -> String {
-        // What is held for true until there is enough evidence need not be likely any more.
-        let undecided = self.state == State::Healthy && self.confidence < 0.5;
-        let state = if undecided { "undecided" } else { self.state.words() };
-        let state = match self.phase {
+    /// Whether what is held for true until there is enough evidence is not likely any more.
+    pub fn is_undecided(&self) -> bool {
+        self.state == State::Healthy && self.confidence < 0.5
+    }
+
+    /// The state and how far the alarm is, in words.
+    pub fn state_in_words(&self) -> String {
+        let state = if self.is_undecided() { "undecided" } else { self.state.words() };
+        match self.phase {
             Phase::None => state.to_owned(),
             phase => format!("{state}, {}", phase.words()),
-        };
-        let parts = [self.unit_in_words(), self.command.clone(), self.detail.clone()];
+        }
+    }
+
+    fn said(&self) -> String {
+        let state = self.state_in_words();
+        let spoken = |name: &str| name.replace('_', " ");
+        let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         if parts.is_empty() { state } else { format!("{state}: {}", parts.join(", ")) }
     }

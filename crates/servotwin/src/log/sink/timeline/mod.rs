@@ -124,10 +124,7 @@ impl Timeline {
             <th>Time, s</th><th>State</th><th>Unit</th><th>Command</th><th>Detail</th>\
             <th>Confidence</th><th>Evidence</th></tr></thead>\n<tbody>\n";
         for (sample, time_s, finding) in &self.changes {
-            let state = match finding.phase.words() {
-                "" => finding.state.words().to_owned(),
-                phase => format!("{}, {phase}", finding.state.words()),
-            };
+            let state = finding.state_in_words();
             let sure = match finding.confidence {
                 sure if sure > 0.0 => format!("{:.1} %", 100.0 * sure),
                 _ => String::new(),
@@ -142,8 +139,8 @@ impl Timeline {
                  <td class=\"number\">{sure}</td><td>{}</td></tr>",
                 class_of(finding),
                 escaped(&state),
-                escaped(&finding.command),
-                escaped(&finding.detail),
+                escaped(&finding.command.replace('_', " ")),
+                escaped(&finding.detail.replace('_', " ")),
                 evidence.join("<br>")
             );
         }
@@ -284,6 +281,7 @@ impl Sink for Timeline {
 fn class_of(finding: &Finding) -> &'static str {
     match finding.state {
         State::NoData => "nodata",
+        State::Healthy if finding.is_undecided() => "undecided",
         State::Healthy => "healthy",
         State::Detected => "detected",
         State::Isolated => "isolated",

@@ -65,7 +65,8 @@ const states = (g, w, h) => {
     if (right - left > 60) {
       g.save();
       g.beginPath(); g.rect(left, 0, right - left - 4, h); g.clip();
-      g.fillStyle = change.class === "nodata" ? colour("text") : "#000";
+      const ink = { nodata: colour("text"), isolated: "#fff", environment: "#fff" };
+      g.fillStyle = ink[change.class] || "#000";
       g.fillText(change.words, left + 5, h / 2 + 4);
       g.restore();
     }
@@ -74,7 +75,7 @@ const states = (g, w, h) => {
 
 const ticks = (low, high, most) => {
   const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map(m => m * power).find(s => s >= raw);
+  const step = [1, 2, 2.5, 4, 5, 10].map(m => m * power).find(s => s >= raw);
   const all = [];
   for (let k = Math.ceil(low / step); k * step <= high; k++) all.push(k * step);
   // One value or two do not tell a scale.
@@ -100,7 +101,8 @@ const curves = (g, w, h, panel) => {
   g.beginPath();
   for (const v of ticks(low, high, Math.max(3, h / 20))) {
     g.moveTo(LEFT, Math.round(y(v)) + 0.5); g.lineTo(w - RIGHT, Math.round(y(v)) + 0.5);
-    if (y(v) > 7 && y(v) < h - 5) g.fillText(number(+v.toPrecision(12)), LEFT - 6, y(v) + 4);
+    // No line without its number, also at the edges.
+    g.fillText(number(+v.toPrecision(12)), LEFT - 6, Math.max(9, Math.min(y(v) + 4, h - 1)));
   }
   g.stroke();
   g.textAlign = "left";
