@@ -120,6 +120,31 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert_eq!(again.lines().count(), text.lines().count());
 }
 
+/// A table with dates as Parquet.
+fn dated_parquet(folder: &Folder, csv: &str) -> String {
+    let path = folder.file("dates.parquet");
+    servotwin::table::write(&path, &servotwin::table::read(csv).unwrap()).unwrap();
+    path
+}
+
+/// A table with dates as lines of JSON objects.
+fn dated_lines(folder: &Folder, csv: &str) -> String {
+    let text = std::fs::read_to_string(csv).unwrap();
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = rows.next().unwrap();
+    let object = |cells: Vec<&str>| {
+        let value = |cell: &str| match cell.parse::<f64>() {
+            Ok(number) => serde_json::json!(number),
+            Err(_) => serde_json::json!(cell),
+        };
+        let pairs = names.iter().zip(cells).map(|(name, cell)| (name.to_string(), value(cell)));
+        serde_json::Value::Object(pairs.collect()).to_string() + "\n"
+    };
+    let path = folder.file("dates.jsonl");
+    std::fs::write(&path, rows.map(object).collect::<String>()).unwrap();
+    path
+}
+
 #[test]
 fn mistakes_in_watching_are_said_with_their_place() {
     let folder = Folder::new("watch-mistakes");
@@ -188,11 +213,21 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
     ];
-    // Dates are found to be dates.
-    let found = servotwin(&[&["watch", &dates, "--json"], &with[..]].concat());
-    let summary: serde_json::Value =
-        serde_json::from_str(stdout(&found).lines().last().unwrap()).unwrap();
-    assert_eq!(summary["summary"]["samples"], 401, "{}", stderr(&found));
+    // Dates are found to be dates, in all kinds of files.
+    let mut told = vec![];
+    for log in [&dates, &dated_parquet(&folder, &dates), &dated_lines(&folder, &dates)] {
+        let found = servotwin(&[&["watch", log, "--json"], &with[..]].concat());
+        let (text, notes) = (stdout(&found), stderr(&found));
+        let summary: serde_json::Value =
+            serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap();
+        assert_eq!(summary["summary"]["samples"], 401, "{log}: {notes}");
+        assert!(
+            !notes.contains("is assumed") && !notes.contains("column with the time"),
+            "{notes}"
+        );
+        told.push(text.lines().filter(|line| line.contains("time_s")).count());
+    }
+    assert!(told[0] > 0 && told.iter().all(|count| *count == told[0]), "{told:?}");
     // Sensors that the log lacks are named, with the columns that may be them.
     let renamed = folder.file("renamed.csv");
     std::fs::write(&renamed, rows.replacen("x_v_2_m", "spool_of_the_second", 1)).unwrap();

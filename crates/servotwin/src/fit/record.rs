@@ -12,6 +12,7 @@
 //! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
 
 use crate::document::{Quantities, Quantity};
+use crate::evaluation::table_model::times;
 use crate::system::System;
 use crate::table::{Table, TableError};
 use servotwin_model::signal::Piecewise;
@@ -20,6 +21,8 @@ use std::fmt;
 
 /// The names that a column of times may have.
 const TIMES: [&str; 3] = ["time_s", "time", "t"];
+/// Times beyond this are dates in seconds since 1970, s: 1973.
+const CALENDAR_S: f64 = 1e8;
 /// The shortest record.
 const LEAST_DURATION_S: f64 = 5.0;
 /// The fewest samples.
@@ -89,6 +92,8 @@ fn in_digits(value: f64) -> f64 {
 pub enum RecordError {
     /// There is no column of times.
     NoTime,
+    /// A time as text is no date.
+    NoDate { column: String, place: String, text: String },
     /// A column is not of numbers, as the table says.
     Column(String),
     /// None of the system's sensors has a column.
@@ -123,6 +128,10 @@ impl fmt::Display for RecordError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoTime => write!(out, "there is no column 'time_s' with the time of each sample"),
+            Self::NoDate { column, place, text } => write!(
+                out,
+                "{column} has '{text}' ({place}): seconds or dates (2026-11-21T08:15:02.5Z) are needed"
+            ),
             Self::Column(reason) => write!(out, "{reason}"),
             Self::NoSensor { known } => {
                 write!(out, "no column is a sensor of the system; it has: {}", known.join(", "))
@@ -329,7 +338,7 @@ fn leave_out(
 /// The times, and what is between two of them.
 fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name));
-    let times_s = finite(table, name.ok_or(RecordError::NoTime)?)?;
+    let times_s = seconds(table, name.ok_or(RecordError::NoTime)?)?;
     let samples = times_s.len();
     if samples < LEAST_SAMPLES {
         let duration_s = times_s.last().unwrap_or(&0.0) - times_s.first().unwrap_or(&0.0);
@@ -358,6 +367,26 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
         }
     }
     Ok((times_s, period_s))
+}
+
+/// Times as numbers, or dates as seconds since the first.
+fn seconds(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
+    let Ok(texts) = table.text(name) else {
+        let times_s = finite(table, name)?;
+        // A number of seconds since 1970 says in a message what nobody reads.
+        let begin_s = times_s.first().copied().filter(|begin_s| *begin_s > CALENDAR_S);
+        return Ok(times_s.iter().map(|time_s| time_s - begin_s.unwrap_or(0.0)).collect());
+    };
+    let read = |(row, text): (usize, &String)| {
+        times::seconds(text).ok_or_else(|| RecordError::NoDate {
+            column: name.into(),
+            place: table.origin().place(row),
+            text: text.clone(),
+        })
+    };
+    let times_s: Vec<f64> = texts.iter().enumerate().map(read).collect::<Result<_, _>>()?;
+    let begin_s = times_s.first().copied().unwrap_or(0.0);
+    Ok(times_s.into_iter().map(|time_s| time_s - begin_s).collect())
 }
 
 /// The inputs: those that have a column, and the others at their defaults.

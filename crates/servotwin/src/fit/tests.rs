@@ -584,6 +584,35 @@ mod records {
     }
 
     #[test]
+    fn dates_are_times_and_what_is_none_is_told() {
+        let study = spring();
+        let good = table(&study, &record(&study, Some(1), vec![], 8.0));
+        let times_s = good.f64("time_s").unwrap().into_owned();
+        let with = |values: Values| {
+            let columns = good.columns().iter().map(|column| match &*column.name {
+                "time_s" => Column { values: values.clone(), ..column.clone() },
+                _ => column.clone(),
+            });
+            Table::from_columns(columns.collect()).unwrap()
+        };
+        let read = |table: &Table| Record::from_table("log", table, &study.system);
+        let plain = read(&good).unwrap();
+        let text = |s: &f64| format!("2026-11-22T23:59:{:09.6}Z", 50.0 + s);
+        let dates: Vec<String> = times_s.iter().map(text).collect();
+        // Seconds since 1970, as a Parquet file has them.
+        let seconds = times_s.iter().map(|s| 1_795_341_600.0 + s).collect();
+        for values in [Values::Text(dates.clone()), Values::Float(seconds)] {
+            let dated = read(&with(values)).unwrap();
+            assert_eq!((dated.period_s, dated.samples()), (plain.period_s, plain.samples()));
+            assert_eq!(dated.measured, plain.measured);
+        }
+        let mut spoiled = dates;
+        spoiled[300] = "soon".into();
+        let told = read(&with(Values::Text(spoiled))).unwrap_err().to_string();
+        assert!(told.starts_with("time_s has 'soon' (row 301): seconds or dates"), "{told}");
+    }
+
+    #[test]
     fn a_value_that_no_sensor_shows_is_left_out_and_changes_nothing() {
         let study = spring();
         let good = table(&study, &record(&study, Some(1), vec![], 12.0));

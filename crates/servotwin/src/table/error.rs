@@ -265,7 +265,10 @@ impl fmt::Display for ContentError {
             }
             ContentError::UnsupportedType { column, found } => {
                 write!(out, "column '{column}' has the type {found}; known are ")?;
-                write!(out, "whole and real numbers, booleans, text, and dictionaries of these")
+                write!(
+                    out,
+                    "whole and real numbers, booleans, text, dictionaries of these, and timestamps"
+                )
             }
             ContentError::UnknownCodec { column, codec } => {
                 write!(out, "column '{column}' is compressed with {codec}; ")?;

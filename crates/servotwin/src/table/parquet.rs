@@ -21,7 +21,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ::parquet::basic::{Compression, ConvertedType, LogicalType, Repetition, Type as Physical};
+use ::parquet::basic::{
+    Compression, ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical,
+};
 use ::parquet::column::page::PageReader;
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use ::parquet::data_type::{
@@ -256,7 +258,8 @@ impl ParquetReader {
         for field in chosen(fields, names)? {
             let (kind, meaning) = kind_of(field).map_err(content)?;
             let unit = schema.metadata.get(&format!("{UNIT_PREFIX}{}", field.name()));
-            let unit = unit.cloned().unwrap_or_default();
+            let of_moments = if matches!(meaning, Meaning::Moment { .. }) { "s" } else { "" };
+            let unit = unit.cloned().unwrap_or_else(|| of_moments.into());
             schema.push(Column::new(field.name(), unit, Values::empty(kind)))?;
             let place = leaf_of(&metadata, field.name()).map_err(content)?;
             sources.push(Source { place, meaning });
@@ -425,7 +428,11 @@ enum Meaning {
     Text,
     /// A number of 16 bits.
     Half,
-    /// Something that has no place in a table, such as a time.
+    /// A moment, as so many parts of a second since the beginning of 1970.
+    Moment {
+        parts: i64,
+    },
+    /// Something that has no place in a table, such as a list.
     Other,
 }
 
@@ -437,11 +444,18 @@ fn meaning_of(info: &BasicTypeInfo) -> Meaning {
         (Some(New::Integer(_)), _) => Meaning::Unsigned,
         (Some(New::String | New::Enum | New::Json), _) => Meaning::Text,
         (Some(New::Float16), _) => Meaning::Half,
+        (Some(New::Timestamp(moment)), _) => match moment.unit {
+            TimeUnit::MILLIS => Meaning::Moment { parts: 1_000 },
+            TimeUnit::MICROS => Meaning::Moment { parts: 1_000_000 },
+            TimeUnit::NANOS => Meaning::Moment { parts: 1_000_000_000 },
+        },
         (Some(_), _) => Meaning::Other,
         (None, Old::NONE) => Meaning::Stored,
         (None, Old::INT_8 | Old::INT_16 | Old::INT_32 | Old::INT_64) => Meaning::Signed,
         (None, Old::UINT_8 | Old::UINT_16 | Old::UINT_32 | Old::UINT_64) => Meaning::Unsigned,
         (None, Old::UTF8 | Old::ENUM | Old::JSON) => Meaning::Text,
+        (None, Old::TIMESTAMP_MILLIS) => Meaning::Moment { parts: 1_000 },
+        (None, Old::TIMESTAMP_MICROS) => Meaning::Moment { parts: 1_000_000 },
         (None, _) => Meaning::Other,
     }
 }
@@ -462,6 +476,7 @@ fn kind_of(field: &Type) -> Result<(Kind, Meaning), ContentError> {
         (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => Kind::Integer,
         (Physical::INT32, Meaning::Unsigned) => Kind::Unsigned,
         (Physical::INT64, Meaning::Unsigned) => Kind::Integer,
+        (Physical::INT64, Meaning::Moment { .. }) => Kind::Float,
         (Physical::FLOAT | Physical::DOUBLE, Meaning::Stored) => Kind::Float,
         (Physical::FIXED_LEN_BYTE_ARRAY, Meaning::Half) => Kind::Float,
         (Physical::BYTE_ARRAY, Meaning::Text) => Kind::Text,
@@ -514,6 +529,9 @@ fn values_of(
         }
         Stored::Int64ColumnReader(reader) => {
             let values = stored(reader, rows, place)?;
+            if let Meaning::Moment { parts } = meaning {
+                return Ok(Values::Float(converted(values, |value| seconds(value, parts))));
+            }
             if meaning == Meaning::Unsigned {
                 require_63_bits(&values, place)?;
             }
@@ -538,6 +556,11 @@ fn values_of(
         }
         Stored::Int96ColumnReader(_) => return Err(ContentError::Unreadable),
     })
+}
+
+/// A moment in seconds: whole ones and the rest, each of which is rounded less than a number of parts.
+fn seconds(value: i64, parts: i64) -> f64 {
+    value.div_euclid(parts) as f64 + value.rem_euclid(parts) as f64 / parts as f64
 }
 
 fn converted<A, B>(values: Vec<A>, convert: impl Fn(A) -> B) -> Vec<B> {

@@ -376,11 +376,24 @@ fn val_pyarrow_parquet_of_every_type_and_encoding_is_read() {
     }
 }
 
+/// Ten o'clock and hundredths of a second behind it, in every unit that there is.
+#[test]
+fn val_pyarrow_moments_are_seconds_since_1970() {
+    let table = table::read(foreign("when.parquet")).unwrap();
+    for name in ["milli", "micro", "nano"] {
+        assert_eq!(table.column(name).unwrap().unit, "s", "{name}");
+        let seconds = table.f64(name).unwrap();
+        for (row, second) in seconds.iter().enumerate() {
+            assert_eq!(*second, 1_795_341_600.0 + row as f64 / 100.0, "{name}");
+        }
+    }
+}
+
 #[test]
 fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
     let cases = [
         ("null.parquet", "null.parquet: column 'a', row 2: no value (null)"),
-        ("when.parquet", "column 'when' has the type Timestamp; known are"),
+        ("decimal.parquet", "column 'price' has the type Decimal; known are"),
         ("large.parquet", "column 'a', row 2: 9223372036854775808 does not fit in 63 bits"),
         ("polars_brotli.parquet", "column 'x_m' is compressed with BROTLI"),
     ];
@@ -388,6 +401,6 @@ fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
         let message = table::read(foreign(name)).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
-    let table = read_columns(&foreign("when.parquet"), &["a"]).unwrap();
+    let table = read_columns(&foreign("decimal.parquet"), &["a"]).unwrap();
     assert_eq!(table.row_count(), 2, "a column not asked for is no obstacle");
 }

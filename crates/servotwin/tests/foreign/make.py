@@ -3,6 +3,8 @@
 Made with pyarrow 26.0.1, pandas 3.1.1 and polars 2.1.0: python make.py, in this folder.
 """
 
+from decimal import Decimal
+
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -27,9 +29,20 @@ for codec in ["snappy", "gzip", "lz4", "zstd", "brotli"]:
     frame.write_parquet(f"polars_{codec}.parquet", compression=codec)
 
 pq.write_table(pa.table({"a": [1.0, None]}), "null.parquet")
+when = [1_795_341_600_000 + 10 * k for k in range(3)]  # 2026-11-22, ten o'clock
 pq.write_table(
-    pa.table({"a": [1.0, 2.0], "when": pa.array([1, 2], pa.timestamp("ms"))}), "when.parquet"
+    pa.table(
+        {
+            "milli": pa.array(when, pa.timestamp("ms")),
+            "micro": pa.array([v * 1000 for v in when], pa.timestamp("us", tz="UTC")),
+            "nano": pa.array([v * 1000000 for v in when], pa.timestamp("ns")),
+            "text": [f"2026-11-22T10:00:00.{10 * k:03d}Z" for k in range(3)],
+        }
+    ),
+    "when.parquet",
 )
+prices = pa.array([Decimal("1.5"), Decimal("2.5")], pa.decimal128(5, 1))
+pq.write_table(pa.table({"a": [1.0, 2.0], "price": prices}), "decimal.parquet")
 pq.write_table(pa.table({"a": pa.array([1, 2**63], pa.uint64())}), "large.parquet")
 
 # Every type, in several row groups and pages, with what newer writers use.

@@ -216,11 +216,8 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
     if text.is_empty() || text.starts_with(b"#") {
         return None;
     }
-    if text.starts_with(b"{") {
-        let value: serde_json::Value = serde_json::from_slice(text).ok()?;
-        let mut keys = vec![];
-        list_keys(&value, String::new(), &mut keys);
-        return Some(keys);
+    if is_object(text) {
+        return Some(leaves(text)?.into_iter().map(|(key, _)| key).collect());
     }
     let names = names(line, Dialect::of(line).separator);
     // A row of numbers names nothing, not even where it falls apart at decimal commas.
@@ -229,24 +226,41 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
     (named > 0 && 2 * named >= names.len()).then_some(names)
 }
 
-/// Which cells of a line are dates.
+/// Whether a line is a JSON object.
+pub fn is_object(line: &[u8]) -> bool {
+    line.trim_ascii_start().starts_with(b"{")
+}
+
+/// Which cells of a line are dates, or which values of an object.
 pub fn dates(line: &[u8]) -> Vec<bool> {
+    if is_object(line) {
+        return leaves(line).unwrap_or_default().into_iter().map(|(_, is_date)| is_date).collect();
+    }
     let cells = names(line, Dialect::of(line).separator);
     cells.iter().map(|cell| times::seconds(cell).is_some()).collect()
 }
 
-fn list_keys(value: &serde_json::Value, path: String, keys: &mut Vec<String>) {
+/// The keys of an object with those of what is in it, and whether a date stands there. `None` where it is none.
+fn leaves(line: &[u8]) -> Option<Vec<(String, bool)>> {
+    let value: serde_json::Value = serde_json::from_slice(line.trim_ascii()).ok()?;
+    let mut leaves = vec![];
+    list(&value, String::new(), &mut leaves);
+    Some(leaves)
+}
+
+fn list(value: &serde_json::Value, path: String, leaves: &mut Vec<(String, bool)>) {
     let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match value {
         serde_json::Value::Object(map) => {
-            map.iter().for_each(|(key, value)| list_keys(value, below(key), keys));
+            map.iter().for_each(|(key, value)| list(value, below(key), leaves));
         }
-        serde_json::Value::Array(list) => {
-            list.iter().zip(0..).for_each(|(value, place): (_, usize)| {
-                list_keys(value, below(&place.to_string()), keys);
+        serde_json::Value::Array(values) => {
+            values.iter().zip(0..).for_each(|(value, place): (_, usize)| {
+                list(value, below(&place.to_string()), leaves);
             });
         }
-        _ => keys.push(path),
+        serde_json::Value::String(text) => leaves.push((path, times::seconds(text).is_some())),
+        _ => leaves.push((path, false)),
     }
 }
 
@@ -504,6 +518,9 @@ mod tests {
         assert_eq!(columns("a, b ;c").unwrap(), ["a, b", "c"]);
         assert_eq!(columns(r#"{"a": {"b": 1, "c": [2, 3]}}"#).unwrap(), ["a.b", "a.c.0", "a.c.1"]);
         assert_eq!(columns("1,2"), None);
+        let dates = |line: &str| super::dates(line.as_bytes());
+        assert_eq!(dates(r#"{"x": 1, "at": {"t": "2026-11-22T10:00:00Z"}}"#), [false, true]);
+        assert_eq!(dates("1,2026-11-22 10:00"), [false, true]);
         assert_eq!(columns("# x"), None);
     }
 }

@@ -100,7 +100,9 @@ pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
         return Err(SourceError::NoHeader { address: path.display().to_string() });
     };
     let names = &headers[best];
-    let below = lines[best + 1..].iter().map(|line| frame::dates(line));
+    // An object has its values beside their names.
+    let first = if frame::is_object(&lines[best]) { best } else { best + 1 };
+    let below = lines[first..].iter().map(|line| frame::dates(line));
     let dates = below.into_iter().find(|dates| dates.len() == names.len()).unwrap_or_default();
     let unit = |place: usize| if dates.get(place) == Some(&true) { DATE } else { "" };
     let named = names.iter().enumerate();

@@ -1,9 +1,9 @@
 //! A Parquet file, part by part.
 
-use super::{Read, Row, Source, SourceError, Wanted};
+use super::{DATE, Read, Row, Source, SourceError, Wanted};
 use crate::evaluation::table_model::times;
 use crate::table::parquet::ParquetReader;
-use crate::table::{Column, Table, TableError, Values};
+use crate::table::{Column, Kind, Table, TableError, Values};
 use std::path::Path;
 
 /// A Parquet file of which the wanted columns are read.
@@ -78,9 +78,20 @@ impl Source for Parquet {
     }
 }
 
-/// The columns of a file with their units.
+/// The columns of a file with their units. Where the first of a column's texts is a date, that is its unit.
 pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
     let reader = ParquetReader::open(path)?;
-    let columns = reader.schema().columns().iter();
-    Ok(columns.map(|column| (column.name.clone(), column.unit.clone())).collect())
+    let columns = reader.schema().columns();
+    let texts = columns.iter().filter(|column| column.values.kind() == Kind::Text);
+    let texts: Vec<&str> = texts.map(|column| column.name.as_str()).collect();
+    let first = ParquetReader::open_columns(path, &texts)?.next().transpose()?;
+    let is_date = |name: &str| {
+        let texts = first.as_ref().and_then(|part| part.text(name).ok());
+        texts.and_then(<[String]>::first).is_some_and(|text| times::seconds(text).is_some())
+    };
+    let unit = |column: &Column| match is_date(&column.name) {
+        true => DATE.to_owned(),
+        false => column.unit.clone(),
+    };
+    Ok(columns.iter().map(|column| (column.name.clone(), unit(column))).collect())
 }
