@@ -71,7 +71,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::check()?;
     let merit = merit?;
     if let Some(path) = &options.plot {
-        merit.picture().draw().save(path)?;
+        merit.picture(study.system.network()).draw().save(path)?;
     }
     if let Some(path) = &options.out {
         let folder = Folder::new(path);

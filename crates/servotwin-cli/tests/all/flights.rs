@@ -129,7 +129,7 @@ fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let left = |which: &str| found[which]["healthy_left"].as_u64().unwrap();
     assert!(left("field") <= 7 && left("fixed") <= 7, "{found}");
     assert!(found["field"]["faults_left"].as_u64().unwrap() >= 4, "{found}");
-    assert!(std::fs::read_to_string(&plot).unwrap().contains("load_factor"));
+    assert!(std::fs::read_to_string(&plot).unwrap().contains("load factor: "));
     // The same bits on any number of threads.
     let text = |threads: &str| stdout(&servotwin(&[&band[..], &["--threads", threads]].concat()));
     assert_eq!(text("1"), text("3"));

@@ -132,7 +132,11 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
         manifest: &manifest,
     };
     let (html, figures) = render(&material);
-    assert!(figures.iter().any(|(name, _)| name == "field-fitted"));
+    let (_, field) = figures.iter().find(|(name, _)| name == "field-fitted").unwrap();
+    // The scale goes from the least to the greatest factor, and has words as people write them.
+    let rows: Vec<&str> = field.values.iter().skip(1).map(|row| &*row[0]).collect();
+    assert_eq!(rows, ["load factor: 0 … 0.500", "load factor: 0.500 … 1.00"]);
+    assert!(field.svg.contains(">0.80<") && !field.svg.contains(">0.00<"), "{}", field.svg);
     // One row for both actuators; healthy flights that leave the field and the fixed band; half widths.
     for text in ["<td>servo_valve.null_bias</td>", "<td class=\"number\">40</td>", "95.00 % ("] {
         assert!(html.contains(text), "{text}");

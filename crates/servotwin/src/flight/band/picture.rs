@@ -2,23 +2,28 @@
 
 use super::BandMerit;
 use crate::figure::value_map::ValueMap;
-use crate::report::words::number;
+use crate::report::words::{number, spoken};
+use crate::shown::Shown;
+use servotwin_diagnosis::field::Source;
+use servotwin_model::network::Network;
 
 impl BandMerit {
-    /// The factors of the field, a row for each bin, a column for each sensor.
-    pub fn picture(&self) -> ValueMap {
+    /// The factors of the field, a row for each bin, a column for each sensor; bins in the units in which people read
+    /// the inputs of the network.
+    pub fn picture(&self, network: &Network) -> ValueMap {
         let (mut rows, mut values) = (Vec::new(), Vec::new());
         for (place, covariate) in self.field.covariates.iter().enumerate() {
             for bin in 0..=covariate.edges.len() {
                 let low = bin.checked_sub(1).map_or(covariate.range.0, |k| covariate.edges[k]);
                 let high = covariate.edges.get(bin).copied().unwrap_or(covariate.range.1);
-                rows.push(format!("{}: {} … {}", covariate.name, number(low), number(high)));
+                let bin_in_words = in_words(covariate.source, low, high, network);
+                rows.push(format!("{}: {bin_in_words}", spoken(&covariate.name)));
                 let factor = |factors: &Vec<Vec<f64>>| Some(factors[place][bin]);
                 values.push(self.field.factors.iter().map(factor).collect::<Vec<_>>());
             }
         }
-        let all = values.iter().flatten().flatten().copied();
-        let range = (0.0, all.fold(1.0, f64::max));
+        let all = || values.iter().flatten().flatten().copied();
+        let range = (all().fold(1.0, f64::min), all().fold(1.0, f64::max));
         ValueMap {
             title: "By how much the band is wider than on the mean".into(),
             rows,
@@ -26,7 +31,7 @@ impl BandMerit {
             values,
             range,
             digits: 2,
-            meaning: "darker: wider".into(),
+            meaning: "darker: wider; 1.00 is the mean".into(),
             worst: None,
         }
     }
@@ -39,5 +44,24 @@ impl BandMerit {
             self.field.factors[sensor].iter().fold(middle, |width, bins| width * of(bins))
         };
         [end(f64::min), end(f64::max)]
+    }
+}
+
+/// A bin in words.
+fn in_words(source: Source, low: f64, high: f64, network: &Network) -> String {
+    let of = |input: u32, per: &str| {
+        let shown = Shown::of_input(network, input as usize);
+        let [low, high] = [low, high].map(|value| number(shown.value(value)));
+        let unit = if shown.symbol() == "1" { "" } else { shown.symbol() };
+        format!("{low} … {high} {unit}{per}").trim_end().to_owned()
+    };
+    match source {
+        Source::Size { input } | Source::Input { input } => of(input, ""),
+        Source::Rate { input } => of(input, "/s"),
+        // It is −1, 0 or 1, and a bin has one of them.
+        Source::Way { .. } if high < 0.0 => "back".into(),
+        Source::Way { .. } if low > 0.0 => "forth".into(),
+        Source::Way { .. } if low < 0.0 && high > 0.0 => "at rest".into(),
+        Source::Way { .. } => format!("{} … {}", number(low), number(high)),
     }
 }

@@ -27,6 +27,11 @@ impl Section for Commands {
         let end = study.duration_s.min(SHOWN_S);
         let count = (end / study.sample_period_s) as usize;
         let time: Vec<f64> = (0..=count).map(|k| k as f64 * study.sample_period_s).collect();
+        // A degree alone is a mark that nobody reads.
+        let label = match read.symbol() {
+            "" | "1" => "command".to_owned(),
+            symbol => format!("command ({symbol})"),
+        };
         let mut figure = TimeSeries::new("", "time (s)");
         let mut known: Vec<&str> = vec![];
         for case in &study.cases {
@@ -37,7 +42,7 @@ impl Section for Commands {
             known.push(name);
             let signal = &case.inputs[study.command_input];
             let values: Vec<f64> = time.iter().map(|&t| read.value(signal.value(t))).collect();
-            let panel = Panel::new(name, read.symbol());
+            let panel = Panel::new(name, &label);
             figure = figure.with(panel.with(Series::new("", time.clone(), values)));
         }
         let shown = match end < study.duration_s {

@@ -447,7 +447,7 @@ fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
             let isolation = point.isolation.as_ref();
             let mut row = vec![
                 merit.setting.clone(),
-                number(point.asked_per_h),
+                chosen(point.asked_per_h),
                 format!(
                     "{} in {:.1} h\nat most {} per hour (95 %)",
                     healthy.alarms,

@@ -5,6 +5,7 @@ use crate::flight::band::BandMerit;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{chosen, number, rate};
 use crate::report::{Material, Section};
+use crate::study::Study;
 use crate::study::campaign::Comparison;
 
 /// 95 % of a normal distribution lie within so many deviations.
@@ -42,7 +43,7 @@ impl Section for Twin {
         }
         for merit in material.bands {
             page.heading(&format!("The band as a field, setting {}", merit.setting));
-            band(merit, page);
+            band(merit, material.study, page);
         }
     }
 }
@@ -83,7 +84,7 @@ fn parameters(all: &[Comparison]) -> Grid {
     grid
 }
 
-fn band(merit: &BandMerit, page: &mut Page) {
+fn band(merit: &BandMerit, study: &Study, page: &mut Page) {
     let field = &merit.field;
     page.text(&format!(
         "How large a healthy residual may be depends on what is asked: command and rate, load, boundary values, which \
@@ -95,7 +96,7 @@ fn band(merit: &BandMerit, page: &mut Page) {
         chosen(100.0 * field.share),
         chosen(merit.duration_s)
     ));
-    let figure = merit.picture().draw();
+    let figure = merit.picture(study.system.network()).draw();
     let name = format!("field-{}", merit.setting);
     page.figure(
         &name,
