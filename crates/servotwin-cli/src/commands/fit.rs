@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The record (.csv or .parquet).
+    /// The record (.csv, .parquet, .jsonl).
     #[arg(value_name = "LOG", required_unless_present = "design")]
     log: Option<PathBuf>,
     /// The system file; without it, the study's.

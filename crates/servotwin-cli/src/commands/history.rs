@@ -29,7 +29,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// 95 %, that is an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The folder with the logs (.csv or .parquet).
+    /// The folder with the logs (.csv, .parquet, .jsonl).
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     /// The system file; without it, the study's.
@@ -169,14 +169,13 @@ fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(wrong)? {
         let path = entry.map_err(wrong)?.path();
-        let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-        if ending.is_some_and(|ending| ending == "csv" || ending == "parquet") {
+        if table::is_readable(&path) {
             paths.push(path);
         }
     }
     paths.sort();
     match paths.is_empty() {
-        true => Err(none("the folder has no logs (.csv or .parquet)")),
+        true => Err(none("the folder has no logs (.csv, .parquet or .jsonl)")),
         false => Ok(paths),
     }
 }

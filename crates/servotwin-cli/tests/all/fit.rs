@@ -1,6 +1,7 @@
 //! `servotwin fit`: from a log to a system file, and logs that are refused.
 
 use super::{Folder, SPRING, json, servotwin, stderr, stdout};
+use servotwin::table::{self, Column, Table};
 
 const STUDY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/spring_actuator.toml");
 
@@ -49,6 +50,45 @@ fn a_log_gives_a_system_file_with_its_parameters() {
     assert_eq!(text, "");
     let people = stdout(&servotwin(&["fit", &log, "--study", STUDY]));
     assert!(people.contains("well known from the record"), "{people}");
+}
+
+/// The same log with dates for times: as CSV, as Parquet and as lines of JSON objects.
+fn dated(folder: &Folder, log: &str) -> [String; 3] {
+    let table = table::read(log).unwrap();
+    let date = |s: &f64| format!("2026-11-22T10:00:{s:09.6}Z");
+    let dates: Vec<String> = table.f64("time_s").unwrap().iter().map(date).collect();
+    let columns = table.columns().iter().map(|column| match &*column.name {
+        "time_s" => Column::new("time", "", dates.clone()),
+        _ => column.clone(),
+    });
+    let table = Table::from_columns(columns.collect()).unwrap();
+    let [csv, parquet, lines] =
+        ["dated.csv", "dated.parquet", "dated.jsonl"].map(|name| folder.file(name));
+    table::write(&csv, &table).unwrap();
+    table::write(&parquet, &table).unwrap();
+    let object = |row: usize| {
+        let value = |column: &Column| match column.numbers() {
+            Ok(numbers) => serde_json::json!(numbers[row]),
+            Err(_) => serde_json::json!(dates[row]),
+        };
+        let pairs = table.columns().iter().map(|column| (column.name.clone(), value(column)));
+        serde_json::Value::Object(pairs.collect()).to_string() + "\n"
+    };
+    std::fs::write(&lines, (0..table.row_count()).map(object).collect::<String>()).unwrap();
+    [csv, parquet, lines]
+}
+
+#[test]
+fn dates_are_times_in_every_kind_of_log() {
+    let folder = Folder::new("fit-dates");
+    let log = log(&folder, &[]);
+    let fitted =
+        |log: &str| json(&["fit", log, "--study", STUDY, "--json", "-q"])["parameters"].clone();
+    let expected = fitted(&log);
+    assert!(expected[1]["value"].as_f64().unwrap() > 500.0, "{expected:?}");
+    for dated in dated(&folder, &log) {
+        assert_eq!(fitted(&dated), expected, "{dated}");
+    }
 }
 
 #[test]

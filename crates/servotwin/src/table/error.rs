@@ -112,6 +112,22 @@ pub enum ContentError {
         /// What the column holds.
         expected: Kind,
     },
+    /// A line that should be a JSON object is none.
+    NoObject {
+        /// The line.
+        line: usize,
+    },
+    /// A value of an object is not what the column holds.
+    BadValue {
+        /// The line.
+        line: usize,
+        /// The column.
+        column: String,
+        /// The value as JSON.
+        text: String,
+        /// What the column holds.
+        expected: Kind,
+    },
     /// A quoted cell is not closed before the file ends.
     OpenQuote {
         /// The line on which it starts.
@@ -244,6 +260,10 @@ impl fmt::Display for ContentError {
                     out,
                     " (text between numbers is understood only in quotes, or in a class or group)"
                 )
+            }
+            ContentError::NoObject { line } => write!(out, "line {line} is no JSON object"),
+            ContentError::BadValue { line, column, text, expected } => {
+                write!(out, "line {line}, column '{column}': {text} among {}", expected.name())
             }
             ContentError::OpenQuote { line } => {
                 write!(out, "line {line}: a quote is opened and never closed")

@@ -8,6 +8,7 @@
 
 pub mod csv;
 mod error;
+pub mod json_lines;
 pub mod parquet;
 
 use std::borrow::Cow;
@@ -34,10 +35,23 @@ pub struct Format {
 /// Every known format, the preferred one first.
 pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
 
-/// Reads a table; the file's extension names the format.
+/// Reads a table; the file's extension names the format. Lines of JSON objects are read, too, and written by nobody.
 pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     let path = path.as_ref();
-    (format_of(path)?.read)(path)
+    match has_extension(path, &json_lines::EXTENSIONS) {
+        true => json_lines::read(path),
+        false => (format_of(path)?.read)(path),
+    }
+}
+
+/// Whether a file can be read as a table, as its extension says.
+pub fn is_readable(path: &Path) -> bool {
+    has_extension(path, &json_lines::EXTENSIONS) || format_of(path).is_ok()
+}
+
+fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let own = path.extension().and_then(|text| text.to_str());
+    own.is_some_and(|own| extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension)))
 }
 
 /// As [`read`], but of the columns in `mixed` text between numbers is understood: their numbers, too,
@@ -45,9 +59,9 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
 /// `1`, `2` and `2b`.
 pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, TableError> {
     let path = path.as_ref();
-    match format_of(path)?.extension {
-        "csv" => csv::read_mixed(path, mixed),
-        _ => read(path),
+    match has_extension(path, &[csv::FORMAT.extension]) {
+        true => csv::read_mixed(path, mixed),
+        false => read(path),
     }
 }
 

@@ -10,7 +10,9 @@ use crate::evaluation::table_model::times;
 use crate::table::csv::dialect::Dialect;
 use crate::table::csv::encoding::{self, Encoding};
 use crate::table::csv::growing::{Numbers, is_missing};
+use crate::table::json_lines;
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -242,26 +244,11 @@ pub fn dates(line: &[u8]) -> Vec<bool> {
 
 /// The keys of an object with those of what is in it, and whether a date stands there. `None` where it is none.
 fn leaves(line: &[u8]) -> Option<Vec<(String, bool)>> {
-    let value: serde_json::Value = serde_json::from_slice(line.trim_ascii()).ok()?;
-    let mut leaves = vec![];
-    list(&value, String::new(), &mut leaves);
-    Some(leaves)
-}
-
-fn list(value: &serde_json::Value, path: String, leaves: &mut Vec<(String, bool)>) {
-    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-    match value {
-        serde_json::Value::Object(map) => {
-            map.iter().for_each(|(key, value)| list(value, below(key), leaves));
-        }
-        serde_json::Value::Array(values) => {
-            values.iter().zip(0..).for_each(|(value, place): (_, usize)| {
-                list(value, below(&place.to_string()), leaves);
-            });
-        }
-        serde_json::Value::String(text) => leaves.push((path, times::seconds(text).is_some())),
-        _ => leaves.push((path, false)),
-    }
+    let value: Value = serde_json::from_slice(line.trim_ascii()).ok()?;
+    let mut found = vec![];
+    json_lines::leaves(value, String::new(), &mut found);
+    let is_date = |value: &Value| value.as_str().and_then(times::seconds).is_some();
+    Some(found.into_iter().map(|(key, value)| (key, is_date(&value))).collect())
 }
 
 fn names(line: &[u8], separator: u8) -> Vec<String> {
