@@ -246,6 +246,8 @@ impl From<TableError> for Failure {
                     | ContentError::BadCell { line, .. }
                     | ContentError::OpenQuote { line }
                     | ContentError::TextAfterQuote { line }
+                    | ContentError::NoObject { line }
+                    | ContentError::BadValue { line, .. }
                     | ContentError::ZeroByte { line } => failure.with("line", Detail::Count(line)),
                     _ => failure,
                 }
