@@ -209,7 +209,7 @@ fn observer<'s>(
         warn(
             global,
             &[format!(
-                "nothing can be judged without {}, which the diagnoser reads; a map file says which columns they are, --make-map writes one",
+                "less can be judged without {}, which the diagnoser reads; a map file says which columns they are, --make-map writes one",
                 lacking.join(", ")
             )],
         );

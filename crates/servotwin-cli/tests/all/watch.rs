@@ -174,16 +174,17 @@ fn mistakes_in_watching_are_said_with_their_place() {
     assert!(servotwin(&[&run[..], &[&spring]].concat()).status.success());
     let other =
         format!("{model}: the diagnoser reads sensor 'p_A1', which the study 'spring_actuator'");
-    // A log without a sensor's numbers, and one that is too short.
+    // A log without the numbers of sensors, and one that is too short.
     let (emptied, short) = (folder.file("emptied.csv"), folder.file("short.csv"));
-    let head = rows.lines().next().unwrap();
-    let place = head.split(',').position(|cell| cell == "x_v_1_m").unwrap();
-    let without = |line: &str| {
-        let mut cells: Vec<&str> = line.split(',').collect();
-        cells[place] = if cells[place] == "x_v_1_m" { "x_v_1_m" } else { "" };
-        cells.join(",") + "\n"
-    };
-    std::fs::write(&emptied, rows.lines().map(without).collect::<String>()).unwrap();
+    let head: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let emptied_rows = rows.lines().map(|line| {
+        let cell = |(cell, name): (&str, &&str)| match *name {
+            "p_a_1_pa" | "p_b_1_pa" | "x_v_1_m" if cell != *name => String::new(),
+            _ => cell.to_owned(),
+        };
+        line.split(',').zip(&head).map(cell).collect::<Vec<_>>().join(",") + "\n"
+    });
+    std::fs::write(&emptied, emptied_rows.collect::<String>()).unwrap();
     let few: Vec<&str> = rows.lines().take(4).collect();
     std::fs::write(&short, few.join("\n") + "\n").unwrap();
     let cases: &[(&[&str], i32, &str)] = &[
@@ -199,7 +200,7 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (
             &[&["watch", &emptied], &with[..]].concat(),
             3,
-            "of 401 samples are without a value: x_v_1 in 401",
+            "without a value: p_a_1 in 401, p_b_1 in 401, x_v_1 in 401",
         ),
         (&[&["watch", &short], &with[..]].concat(), 3, "without a gap, the shortest window"),
         (&[&["watch", &log, "--mcap", "ftp://rig"], &with[..]].concat(), 2, "tcp://HOST:PORT"),
@@ -228,16 +229,26 @@ fn mistakes_in_watching_are_said_with_their_place() {
         told.push(text.lines().filter(|line| line.contains("time_s")).count());
     }
     assert!(told[0] > 0 && told.iter().all(|count| *count == told[0]), "{told:?}");
-    // Sensors that the log lacks are named, with the columns that may be them.
+    // Sensors that the log lacks are named, with the columns that may be them: without one less is judged, without
+    // most of an actuator's nothing.
     let renamed = folder.file("renamed.csv");
-    std::fs::write(&renamed, rows.replacen("x_v_2_m", "spool_of_the_second", 1)).unwrap();
-    let output = servotwin(&[&["watch", &renamed], &with[..]].concat());
+    let without = |columns: &[&str]| {
+        let other =
+            |rows: String, column: &&str| rows.replacen(*column, &format!("other_{column}"), 1);
+        std::fs::write(&renamed, columns.iter().fold(rows.clone(), other)).unwrap();
+        servotwin(&[&["watch", &renamed], &with[..]].concat())
+    };
+    let output = without(&["x_v_2_m"]);
     let told = stderr(&output);
-    let unjudged = "nothing could be judged, every period is 'no data': the log has no x_v_2";
-    for part in ["nothing can be judged without x_v_2,", "no sensor: spool_of_the_second", unjudged]
-    {
+    for part in ["less can be judged without x_v_2,", "no sensor: other_x_v_2_m"] {
         assert!(told.contains(part), "{told}");
     }
+    assert!(output.status.success(), "{told}");
+    let output = without(&["p_a_2_pa", "p_b_2_pa", "x_p_2_m"]);
+    let told = stderr(&output);
+    let unjudged =
+        "nothing could be judged, every period is 'no data': the log has no p_a_2, p_b_2, x_p_2";
+    assert!(told.contains(unjudged), "{told}");
     assert_eq!(output.status.code(), Some(3), "{told}");
     assert!(stdout(&output).contains("401 lines became 401 samples"), "{}", stdout(&output));
     for (arguments, code, message) in cases {
