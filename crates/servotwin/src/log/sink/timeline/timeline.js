@@ -73,13 +73,18 @@ const states = (g, w, h) => {
   });
 };
 
+const NICE = [1, 2, 2.5, 4, 5];
+// At most so many, but three or more: one value or two do not tell a scale. Then the coarsest that has three.
 const ticks = (low, high, most) => {
-  const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 2.5, 4, 5, 10].map(m => m * power).find(s => s >= raw);
-  const all = [];
-  for (let k = Math.ceil(low / step); k * step <= high; k++) all.push(k * step);
-  // One value or two do not tell a scale.
-  return all.length < 3 && most < 20 ? ticks(low, high, 2 * most) : all;
+  const raw = (high - low) / most;
+  let power = Math.floor(Math.log10(raw)), k = NICE.findIndex(m => m * 10 ** power >= raw);
+  if (k < 0) { k = 0; power++; }
+  for (let tries = 0; ; tries++) {
+    const step = NICE[k] * 10 ** power, all = [];
+    for (let n = Math.ceil(low / step); n * step <= high; n++) all.push(n * step);
+    if (all.length >= 3 || tries === 9) return all;
+    if (--k < 0) { k = NICE.length - 1; power--; }
+  }
 };
 
 const curves = (g, w, h, panel) => {
