@@ -54,10 +54,10 @@ impl Sheet {
         };
         rule(&mut canvas, y, INK);
         y = self.draw_titles(&mut canvas, &columns, y);
-        y = draw_row(&mut canvas, &columns, &self.heads(), y, false);
+        y = draw_row(&mut canvas, &columns, &self.heads(), y);
         rule(&mut canvas, y, INK);
         for row in &self.rows {
-            y = draw_row(&mut canvas, &columns, row, y, false);
+            y = draw_row(&mut canvas, &columns, row, y);
             rule(&mut canvas, y, GRID);
         }
         rule(&mut canvas, y, INK);
@@ -84,7 +84,7 @@ impl Sheet {
         let heads = self.heads();
         let widest = |column: usize| {
             let texts = self.rows.iter().filter_map(|row| row.get(column));
-            let widths = texts.chain([&heads[column]]).flat_map(|text| lines(text, false));
+            let widths = texts.chain([&heads[column]]).flat_map(|text| lines(text));
             widths.map(|line| font::width(&line, SIZE, false)).fold(0.0, f64::max) + BESIDE
         };
         let (mut ends, mut first) = (vec![MARGIN], 0);
@@ -122,17 +122,17 @@ impl Sheet {
     }
 }
 
-fn lines(text: &str, bold: bool) -> Vec<String> {
-    font::wrap(text, WIDEST, SIZE, bold)
+fn lines(text: &str) -> Vec<String> {
+    font::wrap(text, WIDEST, SIZE, false)
 }
 
 /// Draws a row and says where it ends.
-fn draw_row(canvas: &mut Canvas, columns: &Columns, row: &[String], y: f64, bold: bool) -> f64 {
-    let cells: Vec<Vec<String>> = row.iter().map(|text| lines(text, bold)).collect();
+fn draw_row(canvas: &mut Canvas, columns: &Columns, row: &[String], y: f64) -> f64 {
+    let cells: Vec<Vec<String>> = row.iter().map(|text| lines(text)).collect();
     let deepest = cells.iter().map(Vec::len).max().unwrap_or(0);
     let bottom = y + deepest as f64 * LINE + ABOVE;
     for (cell, ends) in cells.iter().zip(columns.0.windows(2)) {
-        draw_lines(canvas, cell, (ends[0], ends[1]), (y, bottom), bold);
+        draw_lines(canvas, cell, (ends[0], ends[1]), (y, bottom), false);
     }
     bottom
 }
