@@ -80,6 +80,15 @@ fn every_fault_but_five_is_exact_to_a_ten_thousandth_of_scale() {
     }
 }
 
+/// Its spool hits its stops at full speed, which asks for steps of nanoseconds.
+#[test]
+fn a_ringing_valve_runs_at_the_tolerance_of_references_too() {
+    let study = Study::default();
+    let ringing = study.faults.iter().find(|fault| fault.unit == 0 && rings(fault)).unwrap();
+    let samples = &runs(&study, &[ringing], 3.0, Settings::reference())[0];
+    assert_eq!(samples.len(), 301 * study.system.program.states().len());
+}
+
 /// What the book says of errors.
 #[test]
 #[ignore = "a measurement: a minute"]

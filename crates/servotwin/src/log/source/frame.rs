@@ -506,7 +506,8 @@ mod tests {
         assert_eq!(columns(r#"{"a": {"b": 1, "c": [2, 3]}}"#).unwrap(), ["a.b", "a.c.0", "a.c.1"]);
         assert_eq!(columns("1,2"), None);
         let dates = |line: &str| super::dates(line.as_bytes());
-        assert_eq!(dates(r#"{"x": 1, "at": {"t": "2026-11-22T10:00:00Z"}}"#), [false, true]);
+        // In the order of the alphabet: whether an object keeps its own depends on what else is compiled.
+        assert_eq!(dates(r#"{"at": 1, "x": {"t": "2026-11-22T10:00:00Z"}}"#), [false, true]);
         assert_eq!(dates("1,2026-11-22 10:00"), [false, true]);
         assert_eq!(columns("# x"), None);
     }
