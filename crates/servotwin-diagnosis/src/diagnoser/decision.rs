@@ -132,6 +132,11 @@ pub struct Settings {
     pub least_on: u32,
 }
 
+/// How many of so many actuators must stay on where nothing else is said: one of several, none of a single one.
+pub fn usual_least_on(actuators: usize) -> u32 {
+    u32::from(actuators > 1)
+}
+
 fn most_alike() -> f64 {
     0.9
 }
@@ -156,7 +161,7 @@ impl Settings {
             settle_s: 1.0,
             no_data_after_s: 0.1,
             off_commands: off_commands.iter().map(|&c| c.into()).collect(),
-            least_on: u32::from(names.actuators.len() > 1),
+            least_on: usual_least_on(names.actuators.len()),
         }
     }
 

@@ -1,5 +1,6 @@
 //! What is fed with one sample after the other, and what it says.
 
+use crate::report::words::spoken;
 use serde::{Deserialize, Serialize};
 
 /// What is fed with one sample after the other.
@@ -160,7 +161,7 @@ impl Finding {
     /// The unit concerned as people call it; empty for none, and where there is only one.
     pub fn unit_in_words(&self) -> String {
         match (&self.unit, self.actuator) {
-            (Some(name), _) => name.replace('_', " "),
+            (Some(name), _) => spoken(name),
             (None, Some(number)) => format!("actuator {number}"),
             (None, None) => String::new(),
         }
@@ -189,7 +190,6 @@ impl Finding {
 
     fn said(&self) -> String {
         let state = self.state_in_words();
-        let spoken = |name: &str| name.replace('_', " ");
         let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         if parts.is_empty() { state } else { format!("{state}: {}", parts.join(", ")) }

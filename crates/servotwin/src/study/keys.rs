@@ -3,8 +3,7 @@
 use super::{FORMAT, evaluating};
 use crate::format::{Key, Value, may, must};
 use servotwin_diagnosis::classifiers::boosted_trees::{DEEPEST, MOST_TREES};
-use servotwin_diagnosis::features::MOST_UNITS;
-use servotwin_diagnosis::features::Quantity;
+use servotwin_diagnosis::features::{MOST_UNITS, Quantity};
 
 const ANY: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
 /// At most so many specimens, so that a slip of the finger is told.

@@ -38,6 +38,7 @@ use crate::signal::Signal;
 use crate::system::{System, SystemError};
 use reader::{Noted, Reader};
 use serde::Deserialize;
+use servotwin_diagnosis::diagnoser::decision::usual_least_on;
 use servotwin_diagnosis::features::{MOST_UNITS, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
 use std::cell::RefCell;
@@ -385,7 +386,7 @@ impl Study {
     /// How many units must stay on at work, whatever is found: what the study says, or one of several.
     pub fn least_on(&self) -> u32 {
         let said = self.parsed.flights.as_ref().and_then(flights::Text::least_on);
-        said.unwrap_or(u32::from(self.units.len() > 1))
+        said.unwrap_or_else(|| usual_least_on(self.units.len()))
     }
 
     /// The commands that switch their unit off.

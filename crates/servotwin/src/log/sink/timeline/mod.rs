@@ -12,6 +12,7 @@ use crate::files;
 use crate::log::counts::Counts;
 use crate::log::observer::{Finding, State};
 use crate::report::page::escaped;
+use crate::report::words::spoken;
 use serde_json::{Value, json};
 use series::Series;
 use std::fmt::Write;
@@ -139,8 +140,8 @@ impl Timeline {
                  <td class=\"number\">{sure}</td><td>{}</td></tr>",
                 class_of(finding),
                 escaped(&state),
-                escaped(&finding.command.replace('_', " ")),
-                escaped(&finding.detail.replace('_', " ")),
+                escaped(&spoken(&finding.command)),
+                escaped(&spoken(&finding.detail)),
                 evidence.join("<br>")
             );
         }
