@@ -30,7 +30,7 @@ fn main() {
     let tables = lessons::tables(&study, flights, setting, lessons, Workers::all());
     let tables = tables.expect("windows");
     let pools = job::pools(&study);
-    let diagnoser = train::diagnoser(&study, flights, tables, &pools, Workers::all());
+    let diagnoser = train::diagnoser(&study, flights, setting, tables, &pools, Workers::all());
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));
     let network = study.system.network();
     let mut inputs: Vec<Piecewise> = network

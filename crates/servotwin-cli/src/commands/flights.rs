@@ -9,9 +9,9 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome};
 use servotwin::flight::judge::{ClassMerit, Latency, Merit};
-use servotwin::job::flights::{self, Crew, FlightResults};
+use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, manifest};
-use servotwin::study::{Flights, Study};
+use servotwin::study::{Flights, Setting, Study};
 use std::fmt::Write;
 
 /// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.
@@ -25,6 +25,9 @@ pub struct Options {
     /// The full sizes of the study (`full` in its section on flights) instead of the small ones.
     #[arg(long)]
     full: bool,
+    /// Only this setting; what was measured in others is then no longer in `flights.json`.
+    #[arg(long, value_name = "SETTING", value_parser = ["noise", "realistic"])]
+    setting: Option<String>,
 }
 
 /// The text for standard output.
@@ -37,7 +40,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.study.out);
     folder.keep_study(&study)?;
-    let results = fly(&folder, &study, &flights, options.full, options.study.threads, global)?;
+    let named =
+        |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());
+    let settings: Vec<Setting> = settings(&study).into_iter().filter(named).collect();
+    if settings.is_empty() {
+        return Err(Failure::Options("the study has no [realistic] for that setting"));
+    }
+    let sizes = Sizes { flights: &flights, is_full: options.full };
+    let results = fly(&folder, &study, &sizes, &settings, options.study.threads, global)?;
     manifest::write(&folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
@@ -46,19 +56,26 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
+/// Which of a study's flights are flown.
+pub struct Sizes<'s> {
+    pub flights: &'s Flights,
+    pub is_full: bool,
+}
+
 /// Learns and judges, with the progress on a terminal.
 pub fn fly(
     folder: &Folder,
     study: &Study,
-    flights: &Flights,
-    is_full: bool,
+    sizes: &Sizes,
+    settings: &[Setting],
     threads: Option<usize>,
     global: Global,
 ) -> Result<FlightResults, Failure> {
     let stages = Stages::new(global);
     let crew =
         Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
-    let results = flights::fly_all(folder, study, flights, is_full, &crew);
+    let Sizes { flights, is_full } = *sizes;
+    let results = flights::fly_all(folder, study, flights, settings, is_full, &crew);
     stages.end();
     stop::check()?;
     Ok(results?)

@@ -3,13 +3,14 @@
 use super::StudyOptions;
 use super::campaign::{campaign, describe, simulate};
 use super::evaluate::measure;
-use super::flights::fly;
+use super::flights::{Sizes, fly};
 use super::progress::Notes;
 use super::summary;
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
+use servotwin::job::flights::settings;
 use servotwin::job::{self, Folder, report};
 use servotwin::study::Setting;
 use servotwin::study::campaign::{CampaignError, runs};
@@ -53,7 +54,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::check()?;
     if let Some(flights) = &flights {
         let flying = Instant::now();
-        fly(&folder, &study, flights, false, options.study.threads, global)?;
+        let sizes = Sizes { flights, is_full: false };
+        fly(&folder, &study, &sizes, &settings(&study), options.study.threads, global)?;
         notes.write(&format!("flown in {:.1} s", flying.elapsed().as_secs_f64()));
     }
     let judging = Instant::now();

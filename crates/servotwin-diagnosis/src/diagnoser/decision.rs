@@ -4,15 +4,17 @@
 //! a window length ends, its committee gives each a probability p_h, and for every pair
 //!
 //! ```text
-//! z_hg = clip(ln p_h − ln p_g − a, ±c) · w^q
+//! z_hg = clip(ln p_h − ln p_g − a_g, ±c) · w^q
 //! S_hg ← clamp(S_hg + z_hg, 0, K b_hg)
 //! S_hg ← 0 for every g where S_h0 = 0                           (1)
 //! h may be raised where S_hg ≥ b_hg for every g ≠ h             (2)
 //! ```
 //!
 //! with w the share of the window that is new (windows overlap: the same sample must not convince
-//! twice; but a later window also sees it in other company, hence the exponent q), a an allowance, and
-//! c a clip, so that no single window decides. This is the matrix CuSum
+//! twice; but a later window also sees it in other company, hence the exponent q), a_g an allowance, and
+//! c a clip, so that no single window decides. The allowance is larger against health where specimens have
+//! tolerances: what they show lasts, and without it whatever is a little likelier than health is raised
+//! some day, however high its limit. This is the matrix CuSum
 //! (Nikiforov, "A Simple Recursive Algorithm for Diagnosis of Abrupt Changes in Random Signals", IEEE
 //! Trans. Information Theory 46, 2000; Oskiper, Poor, "Online Activity Detection in a Multiuser
 //! Environment Using the Matrix CUSUM Algorithm", ibid. 48, 2002): evidence must beat the *best other
@@ -105,6 +107,10 @@ pub struct Settings {
     pub clip_nats: f64,
     /// What is taken off the evidence of every window, in nats.
     pub allowance_nats: f64,
+    /// What is taken off the evidence against health besides, in nats: as much as healthy specimens may look like
+    /// a fault for ever.
+    #[serde(default)]
+    pub health_allowance_nats: f64,
     /// What a window in which every residual stays in its band counts for health, in nats.
     pub in_band_nats: f64,
     /// How much overlapping windows count: the exponent q of the share that is new. 1 counts every
@@ -152,6 +158,7 @@ impl Settings {
             costs: Costs::usual(&is_off),
             clip_nats: 8.0,
             allowance_nats: 0.5,
+            health_allowance_nats: 0.0,
             in_band_nats: 4.0,
             overlap_exponent: 0.5,
             most_alike: most_alike(),
@@ -183,6 +190,7 @@ impl Settings {
         require(part > 0.0 && part < 1.0, "pending_share", part, "between 0 and 1")?;
         let numbers = [
             ("allowance_nats", self.allowance_nats),
+            ("health_allowance_nats", self.health_allowance_nats),
             ("in_band_nats", self.in_band_nats),
             ("overlap_exponent", self.overlap_exponent),
             ("recover_s", self.recover_s),
@@ -340,7 +348,9 @@ impl Evidence {
             let (own, row) = (log(claim), limits.row(claim));
             let statistics = &mut self.of_pairs[claim * count..(claim + 1) * count];
             for (other, (statistic, limit)) in statistics.iter_mut().zip(row).enumerate() {
-                *statistic = add(*statistic, weigh(own - log(other)), *limit);
+                let is_against_health = claim > 0 && other == 0;
+                let allowed = if is_against_health { settings.health_allowance_nats } else { 0.0 };
+                *statistic = add(*statistic, weigh(own - log(other) - allowed), *limit);
             }
             if claim > 0 && statistics[0] == 0.0 {
                 statistics.fill(0.0);
@@ -348,7 +358,9 @@ impl Evidence {
         }
         let (change, unknown) = match said {
             Said::InBand => (-settings.in_band_nats, -settings.in_band_nats),
-            Said::Probabilities(p, novelty) => (log_odds(1.0 - p[0]), novelty.nats()),
+            Said::Probabilities(p, novelty) => {
+                (log_odds(1.0 - p[0]) - settings.health_allowance_nats, novelty.nats())
+            }
         };
         self.change = add(self.change, weigh(change), limits.of_change);
         self.unknown = add(self.unknown, weigh(unknown), limits.of_change);
@@ -493,6 +505,27 @@ mod tests {
             evidence.take(Said::Probabilities(said, KNOWN), 0.2, &settings, &limits);
             assert!(evidence.margin(3, &limits) < 1.0);
         }
+    }
+
+    /// A specimen's tolerances say the same in every window.
+    #[test]
+    fn what_is_a_little_likelier_than_health_is_raised_unless_it_is_allowed_for() {
+        let (usual, hypotheses, limits) = setup();
+        let windows_to_raise = |allowance: f64, share: f64| {
+            let settings = Settings { health_allowance_nats: allowance, ..usual.clone() };
+            let mut evidence = Evidence::new(hypotheses);
+            let mut said = sure_of(2, share);
+            (said[0], said[1]) = (0.9 * (1.0 - share), 0.1 * (1.0 - share));
+            said[3..].fill(1e-9);
+            (0..10_000).position(|_| {
+                evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &settings, &limits);
+                evidence.margin(2, &limits) >= 1.0
+            })
+        };
+        assert!(windows_to_raise(0.0, 0.9).is_some());
+        assert_eq!(windows_to_raise(3.0, 0.9), None);
+        let (before, after) = (windows_to_raise(0.0, 0.9999), windows_to_raise(3.0, 0.9999));
+        assert!(before < after && after.unwrap() <= 2 * before.unwrap(), "{before:?} {after:?}");
     }
 
     #[test]

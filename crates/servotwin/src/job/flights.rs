@@ -94,7 +94,7 @@ pub fn learn_from(
 ) -> Result<(Diagnoser, u64), JobError> {
     let failed = lessons.failed as u64;
     let tables = lessons::tables(study, flights, setting, lessons, crew.workers)?;
-    let diagnoser = train::diagnoser(study, flights, tables, &pools(study), crew.workers)?;
+    let diagnoser = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
     Ok((diagnoser, failed))
 }
@@ -115,7 +115,7 @@ pub fn merit(
     Merit { failed_to_learn, ..merit }
 }
 
-/// Learns and judges in flights of every setting, and writes what was measured.
+/// Learns and judges in flights of some of [`settings`], and writes what was measured.
 ///
 /// # Errors
 /// As [`learn`].
@@ -123,10 +123,10 @@ pub fn fly_all(
     folder: &Folder,
     study: &Study,
     flights: &Flights,
+    settings: &[Setting],
     is_full: bool,
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
-    let settings = settings(study);
     let mut measured = vec![];
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
