@@ -25,7 +25,7 @@ pub struct Options {
     /// The full sizes of the study (`full` in its section on flights) instead of the small ones.
     #[arg(long)]
     full: bool,
-    /// Only this setting; what was measured in others is then no longer in `flights.json`.
+    /// Only this setting; what was measured in the other stays if its flights had the same sizes.
     #[arg(long, value_name = "SETTING", value_parser = ["noise", "realistic"])]
     setting: Option<String>,
 }

@@ -52,7 +52,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         notes.write(describe(&campaign, &outcome, seconds).trim_end());
     }
     stop::check()?;
-    if let Some(flights) = &flights {
+    let flown = job::flights::results(&folder).ok().flatten();
+    if flown.is_some_and(|results| results.is_full_of(&study)) {
+        notes.write("kept what was measured in the full flights (without flights.json the small ones are flown)");
+    } else if let Some(flights) = &flights {
         let flying = Instant::now();
         let sizes = Sizes { flights, is_full: false };
         fly(&folder, &study, &sizes, &settings(&study), options.study.threads, global)?;

@@ -85,6 +85,48 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
 }
 
 #[test]
+fn settings_flown_one_after_the_other_are_those_flown_together() {
+    let folder = Folder::new("one-setting");
+    let (study, together) = (folder.file("tiny.toml"), folder.file("together"));
+    std::fs::write(&study, tiny()).unwrap();
+    let apart = folder.file("apart");
+    let fly = |out: &str, more: &[&str]| {
+        let output = servotwin(&[&["flights", &study, "--out", out], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        std::fs::read_to_string(Path::new(out).join("flights.json")).unwrap()
+    };
+    let of_both = fly(&together, &[]);
+    let of_one = fly(&apart, &["--setting", "realistic"]);
+    assert!(of_one.contains("\"realistic\"") && !of_one.contains("\"noise\""), "{of_one}");
+    assert_eq!(fly(&apart, &["--setting", "noise"]), of_both);
+}
+
+#[test]
+fn a_study_keeps_what_was_measured_in_full_flights() {
+    let folder = Folder::new("full-flights");
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    let full = "full.learn = { environments = 3, repeats = 3, healthy = 3 }
+full.judge = { environments = 2, repeats = 1, healthy = 2, foreign = 1 }
+[reactions]";
+    std::fs::write(&study, tiny().replace("[reactions]", full)).unwrap();
+    let read = || std::fs::read_to_string(Path::new(&out).join("flights.json")).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = servotwin(&[arguments, &[&study, "--out", &out]].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    run(&["flights", "--full"]);
+    let measured = read();
+    assert!(run(&["study"]).contains("kept what was measured in the full flights"));
+    assert_eq!(read(), measured);
+    // Of one setting only: the others are missed, so the small ones are flown.
+    std::fs::remove_file(Path::new(&out).join("flights.json")).unwrap();
+    run(&["flights", "--full", "--setting", "noise"]);
+    run(&["study"]);
+    assert!(read().contains("\"is_full\": false") || read().contains("\"is_full\":false"));
+}
+
+#[test]
 fn what_cannot_be_flown_is_told_in_one_line() {
     let folder = Folder::new("not-flown");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));

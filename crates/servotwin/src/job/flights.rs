@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// fitted perfectly), and one that is not.
 pub const SETTINGS: [Setting; 2] = [Setting::Noise, Setting::Realistic];
 
-/// What was measured in flights.
+/// What was measured in flights, of the settings in the order of [`SETTINGS`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightResults {
     /// Whether these are the full sizes of the study.
@@ -37,6 +37,32 @@ pub struct FlightResults {
     pub merits: Vec<Merit>,
     /// For each setting what was said of faults that were never trained on.
     pub foreign: Vec<ForeignMerit>,
+}
+
+impl FlightResults {
+    /// Whether these are the full sizes, measured in every setting of the study.
+    pub fn is_full_of(&self, study: &Study) -> bool {
+        let has =
+            |setting: Setting| self.merits.iter().any(|merit| merit.setting == setting.name());
+        self.is_full && settings(study).into_iter().all(has)
+    }
+
+    /// Adds the settings that only the other ones have, if those were measured in the same flights.
+    fn join(&mut self, other: FlightResults) {
+        let sizes = |of: &Self| (of.is_full, of.learn, of.judge, of.limits, of.windows_s.clone());
+        if sizes(self) != sizes(&other) {
+            return;
+        }
+        for (merit, foreign) in other.merits.into_iter().zip(other.foreign) {
+            if self.merits.iter().all(|own| own.setting != merit.setting) {
+                self.merits.push(merit);
+                self.foreign.push(foreign);
+            }
+        }
+        let place = |name: &str| SETTINGS.iter().position(|setting| setting.name() == name);
+        self.merits.sort_by_key(|merit| place(&merit.setting));
+        self.foreign.sort_by_key(|foreign| place(&foreign.setting));
+    }
 }
 
 /// Who works, and who is told.
@@ -127,7 +153,6 @@ pub fn fly_all(
     is_full: bool,
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
-    let mut measured = vec![];
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
@@ -144,12 +169,13 @@ pub fn fly_all(
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
         let said = foreign::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
         crew.check()?;
-        measured.push((merit, said?));
+        write(folder, flights, is_full, vec![(merit, said?)])?;
     }
-    write(folder, flights, is_full, measured)
+    results(folder)?.ok_or_else(|| JobError::Missing { path: folder.flights(), stage: "flights" })
 }
 
-/// Writes what was measured in every setting.
+/// Writes what was measured in some settings. What lies there of others stays if it was measured in flights of the same
+/// sizes.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -160,7 +186,7 @@ pub fn write(
     measured: Vec<(Merit, ForeignMerit)>,
 ) -> Result<FlightResults, JobError> {
     let (merits, foreign) = measured.into_iter().unzip();
-    let results = FlightResults {
+    let mut all = FlightResults {
         is_full,
         learn: flights.learn,
         judge: flights.judge,
@@ -169,8 +195,12 @@ pub fn write(
         merits,
         foreign,
     };
-    model_file::write(folder.flights(), &results)?;
-    Ok(results)
+    // What cannot be read is of another version, and of no use.
+    if let Ok(Some(before)) = results(folder) {
+        all.join(before);
+    }
+    model_file::write(folder.flights(), &all)?;
+    Ok(all)
 }
 
 /// Reads what was measured in flights; `None` if there were none.
