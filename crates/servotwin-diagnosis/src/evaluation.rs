@@ -248,10 +248,11 @@ pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
 /// `count[i]` successes of `of[i]` trials. The same numbers and seed give the same bits; the order of
 /// the rows does not matter where sums are exact.
 ///
-/// Clusters without trials are left out, for they say nothing. Where every trial succeeded or none
-/// did, drawing again cannot show what was never seen: the interval is then Wilson's, with a trial per
-/// cluster, as it would be if the rows of a cluster stood or fell together. So it is the whole range
-/// without clusters, and wide for a single one.
+/// Clusters without trials are left out, for they say nothing. Where all clusters have one share (every
+/// trial succeeded, none did, or there is one cluster only) drawing again cannot show what was never seen:
+/// the interval is then Wilson's, with a trial per cluster, as it would be if the rows of a cluster stood or
+/// fell together, of the numbers of successes on both sides of the share. So it is the whole range without
+/// clusters, and wide for a single one.
 ///
 /// Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13; drawing
 /// clusters: Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8.
@@ -270,10 +271,12 @@ pub fn cluster_bootstrap(
     let (successes, trials) =
         sums.iter().fold((0.0, 0.0), |(count, of), cluster| (count + cluster.0, of + cluster.1));
     let number = sums.len() as u64;
-    if successes <= 0.0 || successes >= trials {
-        return wilson_interval(if successes <= 0.0 { 0 } else { number }, number, NORMAL_95);
+    if sums.iter().all(|(count, of)| count * trials == successes * of) {
+        let whole = if number > 0 { number as f64 * (successes / trials) } else { 0.0 };
+        let wilson = |successes: f64| wilson_interval(successes as u64, number, NORMAL_95);
+        return (wilson(libm::floor(whole)).0, wilson(libm::ceil(whole)).1);
     }
-    if number == 1 || resamples == 0 {
+    if resamples == 0 {
         return (0.0, 1.0);
     }
     let mut random = Random::new(seed);
@@ -423,6 +426,10 @@ mod tests {
         );
         assert_eq!(cluster_bootstrap(&[], &[], &[], 100, 0), (0.0, 1.0));
         assert_eq!(cluster_bootstrap(&[4, 4], &[1.0, 0.0], &[1.0, 1.0], 100, 0), (0.0, 1.0));
+        // Three clusters that are all half right.
+        let half = [1.0, 0.0, 1.0, 0.0, 1.0, 0.0];
+        let (low, high) = cluster_bootstrap(&[1, 1, 2, 2, 3, 3], &half, &[1.0; 6], 100, 0);
+        assert!(low < 0.1 && high > 0.9, "{low} to {high}");
     }
 
     #[test]

@@ -75,9 +75,10 @@ impl Mul for Complex {
 }
 
 /// The eigenvalues of a square matrix, fastest last, each conjugate pair with
-/// its positive imaginary part first. `None` where the iteration does not end
+/// its positive imaginary part first; what is complex by rounding only is real. `None` where the iteration does not end
 /// (numbers that are not finite).
 pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
+    let norm = matrix.iter().flatten().fold(0.0, |sum: f64, entry| sum.hypot(*entry));
     to_hessenberg(&mut matrix);
     let complex = |row: &Vec<f64>| row.iter().map(|&re| Complex { re, im: 0.0 }).collect();
     let mut h: Vec<Vec<Complex>> = matrix.iter().map(complex).collect();
@@ -87,7 +88,7 @@ pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
     while size > 0 {
         let low = block_begin(&h, size);
         if low + 1 == size {
-            found.push(h[size - 1][size - 1]);
+            found.push(without_rounding(h[size - 1][size - 1], norm));
             size -= 1;
             turns = 0;
             continue;
@@ -102,6 +103,13 @@ pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
     }
     found.sort_by(by_speed);
     Some(found)
+}
+
+/// An eigenvalue of a real matrix, whose imaginary part is none if rounding may have made it.
+fn without_rounding(value: Complex, norm: f64) -> Complex {
+    const ROUNDING: f64 = 1e-9;
+    let is_real = value.im.abs() <= (ROUNDING * value.abs()).max(f64::EPSILON * norm);
+    if is_real { Complex { im: 0.0, ..value } } else { value }
 }
 
 /// Slow before fast; within a pair, whose sizes may differ by rounding, the
@@ -293,6 +301,18 @@ mod tests {
         let square_sum = found.iter().fold(Complex::ZERO, |sum, &value| sum + value * value);
         assert!((sum - Complex { re: trace, im: 0.0 }).abs() < 1e-11);
         assert!((square_sum - Complex { re: squares, im: 0.0 }).abs() < 1e-10);
+    }
+
+    /// Whoever shows one of each pair must not lose a real one.
+    #[test]
+    fn as_many_have_a_positive_imaginary_part_as_a_negative_one() {
+        for name in ["aileron_dual", "press_axis", "valve_and_cylinder"] {
+            let system = crate::system::System::read(name).unwrap();
+            let found = crate::rest::of(&system).unwrap().eigenvalues;
+            let count = |sign: f64| found.iter().filter(|value| value.im * sign > 0.0).count();
+            assert_eq!(count(1.0), count(-1.0), "{name}: {found:?}");
+            assert!(found.iter().any(|value| value.im == 0.0), "{name}");
+        }
     }
 
     #[test]

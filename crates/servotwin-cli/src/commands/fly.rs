@@ -14,11 +14,12 @@ use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
+use servotwin::report::words::{number, spoken};
 use servotwin::signal::{Quantity, Signal};
 use servotwin::study::{FaultCase, Setting, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_model::program::Slot;
+use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -33,13 +34,13 @@ use std::sync::Arc;
 pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// The fault and its intensity from 0 to 1, or 'none' [default: a bias of the stroke sensor of 0.7, or
-    /// the first fault of the study].
+    /// A fault and its intensity from 0 to 1, or 'none'; may be given several times [default: a bias of the
+    /// stroke sensor of 0.7, or the first fault of the study].
     #[arg(long, value_name = "FAULT=INTENSITY")]
-    fault: Option<String>,
-    /// When it begins.
+    fault: Vec<String>,
+    /// When it begins; of several faults each its own, in the same order, or all at the last one given.
     #[arg(long, value_name = "TIME", default_value = "6s")]
-    at: String,
+    at: Vec<String>,
     /// How long the flight is.
     #[arg(long, value_name = "TIME", default_value = "20s")]
     duration: String,
@@ -69,14 +70,42 @@ fn usual_fault(study: &Study) -> String {
     fault.map_or_else(|| "none".into(), |fault| format!("{}=0.7", fault.id))
 }
 
-/// The head of the figure: the fault, and when it begins.
-fn title(fault: &str, onset_s: f64) -> String {
-    match fault.split_once('=') {
-        Some((name, intensity)) => {
-            let name = name.replace('_', " ").replace('.', ": ");
-            format!("{name}, intensity {intensity}, at {onset_s} s")
-        }
-        None => "No fault".into(),
+/// A fault that begins, as it was named.
+struct Begins {
+    name: String,
+    onset_s: f64,
+    fault: FaultAt,
+}
+
+/// The faults of a flight, the one first that begins first.
+fn faults(options: &Options, study: &Study) -> Result<Vec<Begins>, Failure> {
+    let named = match options.fault.as_slice() {
+        [] => vec![usual_fault(study)],
+        [none] if none == "none" => vec![],
+        named => named.to_vec(),
+    };
+    if options.at.len() > named.len().max(1) {
+        return Err(Failure::Options("--at is given more often than --fault"));
+    }
+    let begins = |(place, name): (usize, String)| -> Result<Begins, Failure> {
+        let at = &options.at[place.min(options.at.len() - 1)];
+        let fault = fault(&study.system, &name)?;
+        Ok(Begins { onset_s: seconds("--at", at)?, fault, name })
+    };
+    let mut faults = named.into_iter().enumerate().map(begins).collect::<Result<Vec<_>, _>>()?;
+    faults.sort_by(|a, b| a.onset_s.total_cmp(&b.onset_s));
+    Ok(faults)
+}
+
+/// The head of the figure: the faults, and when they begin.
+fn title(faults: &[Begins]) -> String {
+    let words = |Begins { name, onset_s, .. }: &Begins| {
+        let (name, intensity) = name.split_once('=').unwrap_or((name, "1"));
+        format!("{}, intensity {intensity}, at {onset_s} s", spoken(name))
+    };
+    match faults {
+        [] => "No fault".into(),
+        faults => faults.iter().map(words).collect::<Vec<_>>().join("; "),
     }
 }
 
@@ -95,17 +124,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             .map_err(|error| Failure::Signal { option: "--command".into(), error })?,
         None => study.cases[0].inputs[study.command_input].clone(),
     };
-    let named = options.fault.clone().unwrap_or_else(|| usual_fault(&study));
-    let fault = match named.as_str() {
-        "none" => None,
-        text => Some(fault(&study.system, text)?),
+    let begins = faults(options, &study)?;
+    let onset_s = match begins.first() {
+        Some(first) => first.onset_s,
+        None => seconds("--at", &options.at[0])?,
     };
-    let onset_s = seconds("--at", &options.at)?;
     let diagnoser = diagnoser(&folder, &study, setting, options.study.threads, global)?;
     let kept = Kept::of(&study);
     let fly = |reacts: bool| {
         let inputs = inputs.clone();
-        let faults = fault.map(|fault| (onset_s, fault)).into_iter().collect();
+        let faults = begins.iter().map(|one| (one.onset_s, one.fault)).collect();
         let specimen = options.specimen;
         let scenario = Scenario { study: &study, inputs, faults, duration_s, specimen, reacts };
         closed_loop::fly(&scenario, &diagnoser, &kept.slots).map_err(Failure::Runtime)
@@ -121,7 +149,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     create_folder(&path).map_err(JobError::from)?;
     table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
     table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
-    flown.figure(&title(&named, onset_s)).draw().save(path.join("flight.svg"))?;
+    flown.figure(&title(&begins)).draw().save(path.join("flight.svg"))?;
     Ok(match global {
         Global { json: true, .. } => json(&flown.json(onset_s)),
         Global { quiet: true, .. } => String::new(),
@@ -337,7 +365,7 @@ impl Flown<'_> {
     fn text(&self, onset_s: f64) -> String {
         let mut out = String::new();
         for change in &self.with.changes {
-            let said = self.diagnoser.describe(change.finding);
+            let said = spoken(&self.diagnoser.describe(change.finding));
             let alarm = format!("{:?}", change.alarm).to_lowercase();
             let _ = writeln!(out, "{:8.2} s  {alarm:10} {said}", change.time_s);
         }
@@ -350,8 +378,10 @@ impl Flown<'_> {
             let after = action.time_s - onset_s;
             let _ = writeln!(
                 out,
-                "{:8.2} s  carried out: {command} of {unit}, {after:.2} s after the onset",
-                action.time_s
+                "{:8.2} s  carried out: {} of {}, {after:.2} s after the onset",
+                action.time_s,
+                spoken(command),
+                spoken(unit),
             );
         }
         if self.with.actions.is_empty() {
@@ -367,8 +397,12 @@ impl Flown<'_> {
             (self.numbers(&self.with, onset_s), self.numbers(&self.without, onset_s));
         for (name, (with, without)) in names.iter().zip(with.into_iter().zip(without)) {
             if let (Some(with), Some(without)) = (with, without) {
-                let _ =
-                    writeln!(out, "{name}: {without:.3} without the diagnosis, {with:.3} with it");
+                let _ = writeln!(
+                    out,
+                    "{name}: {} without the diagnosis, {} with it",
+                    number(without),
+                    number(with)
+                );
             }
         }
         out

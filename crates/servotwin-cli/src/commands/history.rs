@@ -432,7 +432,7 @@ fn said(told: &[Option<Told>]) -> Panel<'static> {
         (Phase::Raised | Phase::Recovering, _) => Some(3.0),
         (_, State::Isolated) => Some(2.0),
         (_, State::Detected | State::Unknown) => Some(1.0),
-        (_, State::Healthy) => Some(0.0),
+        (_, State::Healthy | State::Undecided) => Some(0.0),
         (_, State::NoData | State::EnvironmentInvalid) => None,
     };
     let points = told.iter().enumerate();

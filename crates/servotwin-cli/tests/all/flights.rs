@@ -82,6 +82,16 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let head = "actuator 1: servo valve: bias positive, intensity 0.7, at 2 s, reaction at ";
     assert!(drawn.contains(head), "the title says what happens");
     assert!(read("flight/flight-alone.csv").starts_with("time_s"));
+
+    let two = ["--fault", "actuator_2.sensor_pressure_a.bias_positive=0.5", "--fault", fault];
+    let fly = ["fly", &study, "--out", &out, "--duration", "4s", "--at", "3s", "--at", "2s"];
+    let output = servotwin(&[&fly[..], &two[..]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let titles = ["bias positive, intensity 0.7, at 2 s; ", "intensity 0.5, at 3 s"];
+    assert!(titles.iter().all(|title| read("flight/flight.svg").contains(title)));
+    let output = servotwin(&[&fly[..], &two[..2]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("--at is given more often than --fault"));
 }
 
 #[test]

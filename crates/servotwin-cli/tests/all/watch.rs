@@ -82,6 +82,16 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert_eq!((&missing["x_p_1"], &missing["p_a_1"]), (&1.into(), &1.into()));
     assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
 
+    // A row that is lost costs nothing; after more of them the inputs are no longer believed.
+    let without = |lost: std::ops::Range<usize>| {
+        let left = rows.lines().enumerate().filter(|(row, _)| !lost.contains(row));
+        std::fs::write(&spiked, left.map(|(_, line)| line.to_owned() + "\n").collect::<String>())
+            .unwrap();
+        run(&["watch", &spiked, "--map", &map, "--json"])
+    };
+    assert_eq!(without(200..201).lines().count(), text.lines().count());
+    assert!(without(200..215).contains("environment_invalid"));
+
     // The same goes to a socket and into a file at once; one that closes ends nothing.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let target = format!("tcp://{}", listener.local_addr().unwrap());

@@ -26,7 +26,7 @@ fn weight(finding: &Finding) -> u32 {
         (_, State::Isolated) => 4,
         (_, State::Detected | State::Unknown) => 3,
         (_, State::EnvironmentInvalid) => 2,
-        (_, State::Healthy) => 1,
+        (_, State::Healthy | State::Undecided) => 1,
         (_, State::NoData) => 0,
     }
 }

@@ -153,7 +153,7 @@ impl<'s> Watcher<'s> {
         if is_new || self.last.as_ref().map(said) != Some(said(&outcome)) {
             self.say(&outcome);
         }
-        self.finding.confidence = outcome.confidence;
+        self.finding.be_sure(outcome.confidence);
         self.last = Some(outcome);
         Ok(())
     }

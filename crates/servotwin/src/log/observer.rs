@@ -52,6 +52,8 @@ pub enum State {
     NoData,
     /// All is well.
     Healthy,
+    /// All is held for well until there is enough evidence, and it is not likely any more.
+    Undecided,
     /// Something is wrong.
     Detected,
     /// It is known what is wrong.
@@ -64,9 +66,10 @@ pub enum State {
 
 impl State {
     /// All states, in the order of reports.
-    pub const ALL: [State; 6] = [
+    pub const ALL: [State; 7] = [
         State::NoData,
         State::Healthy,
+        State::Undecided,
         State::Detected,
         State::Isolated,
         State::Unknown,
@@ -78,6 +81,7 @@ impl State {
         match self {
             State::NoData => "no data",
             State::Healthy => "healthy",
+            State::Undecided => "undecided",
             State::Detected => "detected, not isolated",
             State::Isolated => "isolated",
             State::Unknown => "unknown",
@@ -90,6 +94,7 @@ impl State {
         match self {
             State::NoData => ' ',
             State::Healthy => '.',
+            State::Undecided => '~',
             State::Detected => '?',
             State::Isolated => '#',
             State::Unknown => 'u',
@@ -152,9 +157,13 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Whether another one differs in nothing but how sure it is and why.
+    /// Whether another one differs in nothing but how sure it is and why. Healthy and undecided differ in nothing else.
     pub fn says_the_same(&self, other: &Finding) -> bool {
-        let said = |f: &Finding| (f.state, f.phase, f.actuator, f.is_outside);
+        let state = |f: &Finding| match f.state {
+            State::Undecided => State::Healthy,
+            state => state,
+        };
+        let said = |f: &Finding| (state(f), f.phase, f.actuator, f.is_outside);
         said(self) == said(other) && self.command == other.command && self.detail == other.detail
     }
 
@@ -174,16 +183,19 @@ impl Finding {
         self.said() + outside
     }
 
-    /// Whether what is held for true until there is enough evidence is not likely any more.
-    pub fn is_undecided(&self) -> bool {
-        self.state == State::Healthy && self.confidence < 0.5
+    /// Says how sure it is, which decides between healthy and undecided.
+    pub fn be_sure(&mut self, confidence: f64) {
+        self.confidence = confidence;
+        if let State::Healthy | State::Undecided = self.state {
+            self.state = if confidence < 0.5 { State::Undecided } else { State::Healthy };
+        }
     }
 
     /// The state and how far the alarm is, in words.
     pub fn state_in_words(&self) -> String {
-        let state = if self.is_undecided() { "undecided" } else { self.state.words() };
+        let state = self.state.words();
         match self.phase {
-            Phase::None => state.to_owned(),
+            Phase::None => state.into(),
             phase => format!("{state}, {}", phase.words()),
         }
     }

@@ -29,10 +29,11 @@ fn severity(state: State) -> usize {
     match state {
         State::NoData => 0,
         State::Healthy => 1,
-        State::EnvironmentInvalid => 2,
-        State::Unknown => 3,
-        State::Detected => 4,
-        State::Isolated => 5,
+        State::Undecided => 2,
+        State::EnvironmentInvalid => 3,
+        State::Unknown => 4,
+        State::Detected => 5,
+        State::Isolated => 6,
     }
 }
 

@@ -138,7 +138,7 @@ impl Timeline {
                 "<tr data-at=\"{at}\"><td class=\"number\">{time_s:.2}</td>\
                  <td><i class=\"{}\"></i>{}</td><td>{unit}</td><td>{}</td><td>{}</td>\
                  <td class=\"number\">{sure}</td><td>{}</td></tr>",
-                class_of(finding),
+                class_of(finding.state),
                 escaped(&state),
                 escaped(&spoken(&finding.command)),
                 escaped(&spoken(&finding.detail)),
@@ -194,10 +194,13 @@ impl Timeline {
             json!({
                 "at": *sample as f64 * self.scene.period_s,
                 "time": time_s,
-                "class": class_of(finding),
+                "class": class_of(finding.state),
                 "words": finding.words(),
+                "state": finding.state_in_words(),
             })
         };
+        let met = |state: &State| self.changes.iter().any(|(_, _, found)| found.state == *state);
+        let legend = State::ALL.into_iter().filter(met);
         let labels = self.scene.sensors.iter().map(|trace| &*trace.label).collect();
         let features = self.scene.features.iter().map(|name| &**name).collect();
         let percent = |band: &f64| band.is_finite().then_some(100.0 * band);
@@ -207,6 +210,7 @@ impl Timeline {
             "bucket": self.width as f64 * self.scene.period_s,
             "length": self.samples as f64 * self.scene.period_s,
             "stretches": self.stretches.iter().map(|(s, t)| json!([at(s), t])).collect::<Vec<_>>(),
+            "legend": legend.map(|state| [class_of(state), state.words()]).collect::<Vec<_>>(),
             "changes": self.changes.iter().map(change).collect::<Vec<_>>(),
             "bands": self.bands.iter()
                 .map(|(s, bands)| json!([at(s), bands.iter().map(percent).collect::<Vec<_>>()]))
@@ -278,12 +282,12 @@ impl Sink for Timeline {
     }
 }
 
-/// The class by which a finding has its colour.
-fn class_of(finding: &Finding) -> &'static str {
-    match finding.state {
+/// The class by which a state has its colour.
+fn class_of(state: State) -> &'static str {
+    match state {
         State::NoData => "nodata",
-        State::Healthy if finding.is_undecided() => "undecided",
         State::Healthy => "healthy",
+        State::Undecided => "undecided",
         State::Detected => "detected",
         State::Isolated => "isolated",
         State::Unknown => "unknown",

@@ -67,7 +67,9 @@ const states = (g, w, h) => {
       g.beginPath(); g.rect(left, 0, right - left - 4, h); g.clip();
       const ink = { nodata: colour("text"), isolated: "#fff", environment: "#fff" };
       g.fillStyle = ink[change.class] || "#000";
-      g.fillText(change.words, left + 5, h / 2 + 4);
+      // Words that do not fit are said by the legend and under the pointer.
+      const fits = [change.words, change.state].find(words => g.measureText(words).width <= right - left - 9);
+      if (fits) g.fillText(fits, left + 5, h / 2 + 4);
       g.restore();
     }
   });
@@ -143,18 +145,40 @@ const curves = (g, w, h, panel) => {
     g.stroke();
     g.setLineDash([]);
   });
+  g.lineWidth = 1;
+  breaks(g, w, h);
   g.restore();
 };
 
+// Each stretch has its own times; where the clock was set there is a line.
 const axis = (g, w, h) => {
   g.fillStyle = colour("soft"); g.textAlign = "center";
-  const from = time(view.from), to = from + view.to - view.from;
-  const begin = data.stretches[0][1], shift = begin > 1e6 ? begin : 0;
-  for (const t of ticks(from - shift, to - shift, w / 90)) {
-    const text = number(+t.toPrecision(12)) + " s", half = g.measureText(text).width / 2;
-    g.fillText(text, Math.min(x(t + shift - from + view.from, w), w - half), h - 4);
-  }
+  let free = 0;
+  data.stretches.forEach(([begin, starts], k) => {
+    const next = data.stretches[k + 1];
+    const from = Math.max(begin, view.from), to = Math.min(next ? next[0] : data.length, view.to);
+    const wide = x(to, w) - x(from, w);
+    if (to <= from || wide < 60) return;
+    const shift = starts > 1e6 ? starts : 0, begins = time(from) - shift;
+    for (const t of ticks(begins, begins + to - from, wide / 90)) {
+      const text = number(+t.toPrecision(12)) + " s", half = g.measureText(text).width / 2;
+      const at = Math.min(x(t - begins + from, w), w - half);
+      if (at - half < free) continue;
+      g.fillText(text, at, h - 4);
+      free = at + half + 8;
+    }
+  });
   g.textAlign = "left";
+  breaks(g, w, h);
+};
+const breaks = (g, w, h) => {
+  g.strokeStyle = colour("text");
+  g.setLineDash([3, 3]);
+  g.beginPath();
+  for (const [begin] of data.stretches.slice(1))
+    if (begin > view.from && begin < view.to) { g.moveTo(x(begin, w), 0); g.lineTo(x(begin, w), h); }
+  g.stroke();
+  g.setLineDash([]);
 };
 
 add("always", "State", "", [], 26, states);
@@ -220,6 +244,13 @@ const hint = document.createElement("span");
 hint.textContent = "Drag: zoom. Shift and drag, or ← →: move. Ctrl and wheel, or + −: zoom. Double click: all."
   + (still.length ? " Constant: " + still.map(s => (s.label + " " + number(s.value(0, 0)) + " " + s.unit).trim()).join(", ") + "." : "");
 tools.append(hint);
+const legend = document.createElement("p");
+for (const [name, words] of data.legend) {
+  const mark = document.createElement("i");
+  mark.className = name;
+  legend.append(mark, " " + words + "  ");
+}
+tools.append(legend);
 
 // Pointer and keys.
 const at = event => {
