@@ -42,7 +42,7 @@ pub(crate) struct Global {
     /// Write the result as JSON (numbers in SI units).
     #[arg(long, global = true)]
     json: bool,
-    /// Write nothing but the result: no progress, no notes.
+    /// Quiet: no progress, no notes, and no summary of what was run, checked or written to files.
     #[arg(long, short, global = true)]
     quiet: bool,
 }

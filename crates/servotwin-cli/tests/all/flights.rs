@@ -109,6 +109,18 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
     let of_one = fly(&apart, &["--setting", "realistic"]);
     assert!(of_one.contains("\"realistic\"") && !of_one.contains("\"noise\""), "{of_one}");
     assert_eq!(fly(&apart, &["--setting", "noise"]), of_both);
+
+    assert_eq!(fly(&apart, &["--missing-sensors", "--setting", "noise"]), of_both);
+    let text = std::fs::read_to_string(Path::new(&apart).join("missing_sensors.json")).unwrap();
+    let merits: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let sensors: Vec<_> = merits.as_array().unwrap().iter().map(|m| &m["sensor"]).collect();
+    assert_eq!(sensors.len(), 8, "{sensors:?}");
+    assert!(
+        merits.as_array().unwrap().iter().all(|m| m["flights"] == 6 && m["wrong_shutdowns"] == 0)
+    );
+    let nothing = folder.file("nothing");
+    let output = servotwin(&["flights", &study, "--out", &nothing, "--missing-sensors"]);
+    assert!(!output.status.success() && stderr(&output).contains("flights"), "{}", stderr(&output));
 }
 
 #[test]

@@ -128,6 +128,25 @@ pub struct Merit {
     pub wrong_kinds: Vec<(String, u64)>,
 }
 
+/// What the diagnosis is worth where a sensor gives nothing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MissingMerit {
+    /// The setting's name.
+    pub setting: String,
+    /// The sensor that is missing from the beginning of every flight.
+    pub sensor: String,
+    /// Flights with a fault.
+    pub flights: u64,
+    /// Visible, strong shutdown faults that are isolated in time, and that are isolated at all.
+    pub in_time: Rate,
+    /// Likewise, at any time.
+    pub isolated: Rate,
+    /// Without a fault.
+    pub healthy: HealthyMerit,
+    /// Shutdowns of the wrong actuator, in all flights.
+    pub wrong_shutdowns: u64,
+}
+
 /// What one session said in one flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Story {
@@ -169,6 +188,9 @@ struct Ended {
 
 struct Watching {
     sessions: Vec<(Session, Story)>,
+    /// A sensor that gives nothing.
+    missing: Option<usize>,
+    measured: Vec<f64>,
     onset: u64,
     /// For each length of a window, how many of them in a row were out of band, and the sample at
     /// which the first of these ended.
@@ -210,9 +232,14 @@ impl Watching {
 
 impl Observer for Watching {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
+        self.measured.clear();
+        self.measured.extend_from_slice(measured);
+        if let Some(sensor) = self.missing {
+            self.measured[sensor] = f64::NAN;
+        }
         for (session, story) in &mut self.sessions {
             let before = story.raised.last().map(|raised| (raised.unit, raised.command));
-            let outcome = session.push(inputs, measured, twin);
+            let outcome = session.push(inputs, &self.measured, twin);
             let is_new = |raised: &Raised| raised.sample == outcome.sample;
             if let Some(raised) = outcome.raised.filter(is_new)
                 && before != Some((raised.unit, raised.command))
@@ -233,24 +260,62 @@ pub fn watch(
     diagnoser: &Diagnoser,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Watched, Error> {
-    let diagnosers: Vec<Arc<Diagnoser>> = asked(diagnoser)
-        .into_iter()
-        .map(|false_alarms_per_h| {
-            let mut other = diagnoser.clone();
-            other.decision.false_alarms_per_h = false_alarms_per_h;
-            Arc::new(other)
-        })
-        .collect();
-    let sessions: Vec<Session> =
-        diagnosers.into_iter().map(Session::new).collect::<Result<_, _>>()?;
+    let with_rate = |false_alarms_per_h| {
+        let mut other = diagnoser.clone();
+        other.decision.false_alarms_per_h = false_alarms_per_h;
+        Session::new(Arc::new(other))
+    };
+    let sessions = asked(diagnoser).into_iter().map(with_rate).collect::<Result<Vec<_>, _>>()?;
+    Ok(watched(flown, &sessions, None, progress))
+}
+
+/// Flies the planned flights of a setting, watched by a diagnoser to which a sensor gives nothing, and judges what
+/// was said.
+///
+/// # Errors
+/// What [`Diagnoser::check`] says.
+pub fn without(
+    study: &Study,
+    flown: &Flown,
+    (setting, limit_s): (&str, f64),
+    diagnoser: &Arc<Diagnoser>,
+    sensor: usize,
+) -> Result<MissingMerit, Error> {
+    let sessions = [Session::new(diagnoser.clone())?];
+    let watched = watched(flown, &sessions, Some(sensor), &|_, _| ());
+    let ended = ended(&flown.plan, watched.ended);
+    let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
+    let off = judged.off_command().unwrap_or_default();
+    let fates = judged.fates(0, |_| true);
+    Ok(MissingMerit {
+        setting: setting.into(),
+        sensor: diagnoser.sensors[sensor].name.clone(),
+        flights: fates.len() as u64,
+        in_time: judged.share(off, &|fate| fate.isolated_s.is_some_and(|time_s| time_s <= limit_s)),
+        isolated: judged.share(off, &|fate| fate.isolated_s.is_some()),
+        healthy: judged.healthy(0),
+        wrong_shutdowns: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
+    })
+}
+
+/// Lets sessions watch the planned flights.
+fn watched(
+    flown: &Flown,
+    sessions: &[Session],
+    missing: Option<usize>,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Watched {
     let period_s = flown.period_s();
+    let lengths = sessions[0].diagnoser().lengths.len();
     let mut watched = Watched::default();
     flown.fly(
         &flown.which,
         |flight| Watching {
             sessions: sessions.iter().map(|s| (s.clone(), Story::default())).collect(),
+            missing,
+            measured: vec![],
             onset: (flight.onset_s / period_s).ceil() as u64,
-            out_of_band: vec![(0, 0); diagnoser.lengths.len()],
+            out_of_band: vec![(0, 0); lengths],
             seen: None,
         },
         |flight, watching, outcome| {
@@ -265,7 +330,14 @@ pub fn watch(
             progress(watched.ended.len() + watched.failed as usize, flown.which.len());
         },
     );
-    Ok(watched)
+    watched
+}
+
+/// What is remembered of flights, by the flights of their plan.
+fn ended(plan: &[Flight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
+    remembered.sort_by_key(|remembered| remembered.number);
+    let of = |Remembered { number, seen, stories }| Ended { flight: plan[number], seen, stories };
+    remembered.into_iter().map(of).collect()
 }
 
 /// Judges what was said in all flights that there are to be judged in, against the latency that is asked
@@ -278,10 +350,8 @@ pub fn merit(
     watched: Watched,
 ) -> Merit {
     let plan = plan::flights(study, flights, Purpose::Judge);
-    let Watched { mut ended, failed } = watched;
-    ended.sort_by_key(|remembered| remembered.number);
-    let of = |Remembered { number, seen, stories }| Ended { flight: plan[number], seen, stories };
-    let ended: Vec<Ended> = ended.into_iter().map(of).collect();
+    let Watched { ended, failed } = watched;
+    let ended = self::ended(&plan, ended);
     let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
     judged.merit((setting, limit_s), failed)
 }

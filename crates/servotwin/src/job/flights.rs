@@ -5,7 +5,7 @@ use crate::evaluation::model_file;
 use crate::evaluation::parallel::Workers;
 use crate::flight::flown::Flown;
 use crate::flight::foreign::{self, ForeignMerit};
-use crate::flight::judge::{self, Merit, Watched};
+use crate::flight::judge::{self, Merit, MissingMerit, Watched};
 use crate::flight::lessons::{self, Lessons};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
@@ -133,11 +133,8 @@ pub fn merit(
     (diagnoser, failed_to_learn): (&Diagnoser, u64),
     watched: Watched,
 ) -> Merit {
-    let limit_s = match setting.has_tolerances() {
-        true => flights.limits.latency_unfitted_s,
-        false => flights.limits.latency_s,
-    };
-    let merit = judge::merit(study, flights, (setting.name(), limit_s), diagnoser, watched);
+    let asked = (setting.name(), limit_s(flights, setting));
+    let merit = judge::merit(study, flights, asked, diagnoser, watched);
     Merit { failed_to_learn, ..merit }
 }
 
@@ -172,6 +169,44 @@ pub fn fly_all(
         write(folder, flights, is_full, vec![(merit, said?)])?;
     }
     results(folder)?.ok_or_else(|| JobError::Missing { path: folder.flights(), stage: "flights" })
+}
+
+/// Flies the judged flights of some settings once more for each sensor that is missing, beside the diagnosers that lie
+/// in the folder, and writes what was measured.
+///
+/// # Errors
+/// A diagnoser is missing; a twin cannot be simulated; the file cannot be written.
+pub fn without_sensors(
+    folder: &Folder,
+    study: &Study,
+    flights: &Flights,
+    settings: &[Setting],
+    crew: &Crew,
+) -> Result<Vec<MissingMerit>, JobError> {
+    let mut merits = vec![];
+    for &setting in settings {
+        let diagnoser = Arc::new(diagnoser(folder, setting)?);
+        let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.workers)?;
+        let asked = (setting.name(), limit_s(flights, setting));
+        for sensor in 0..diagnoser.sensors.len() {
+            let name = &diagnoser.sensors[sensor].name;
+            let share = merits.len() as f64 / (settings.len() * diagnoser.sensors.len()) as f64;
+            (crew.progress)(&format!("{}: flights without {name}", setting.name()), share);
+            let merit = judge::without(study, &flown, asked, &diagnoser, sensor);
+            crew.check()?;
+            merits.push(merit.map_err(|error| JobError::Evaluation(error.into()))?);
+        }
+    }
+    model_file::write(folder.missing_sensors(), &merits)?;
+    Ok(merits)
+}
+
+/// How soon shutdown faults are to be isolated in a setting, s.
+fn limit_s(flights: &Flights, setting: Setting) -> f64 {
+    match setting.has_tolerances() {
+        true => flights.limits.latency_unfitted_s,
+        false => flights.limits.latency_s,
+    }
 }
 
 /// Writes what was measured in some settings. What lies there of others stays if it was measured in flights of the same

@@ -76,6 +76,11 @@ impl Folder {
         self.0.join("flights.json")
     }
 
+    /// What the diagnosis at work is worth without a sensor.
+    pub fn missing_sensors(&self) -> PathBuf {
+        self.0.join("missing_sensors.json")
+    }
+
     /// What was measured of all subjects.
     pub fn results(&self) -> PathBuf {
         self.0.join("evaluation.json")
@@ -108,7 +113,7 @@ impl Folder {
         files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
-        files.extend([self.flights(), self.results(), self.report()]);
+        files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
         files.retain(|file| file.exists());
         files.extend(self.figure_files()?);
         Ok(files)
