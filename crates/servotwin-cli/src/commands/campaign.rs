@@ -167,8 +167,16 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
     );
     if outcome.images > 0 {
         text.push_str(&format!(
-            "  {} variants are shown by simulations of others (--all simulates them)\n",
+            "  {} variants are shown by simulations of the same fault of another unit (--all simulates \
+             them)\n",
             outcome.images
+        ));
+    }
+    if outcome.alike > 0 {
+        text.push_str(&format!(
+            "  {} healthy specimens differ by the noise of their sensors alone from one that is \
+             simulated (--all simulates them)\n",
+            outcome.alike
         ));
     }
     match outcome.statistics.unsettled {
@@ -195,6 +203,7 @@ fn to_json(campaign: &Campaign, outcome: &Outcome) -> serde_json::Value {
         "variants": outcome.variants,
         "resumed": outcome.resumed,
         "images": outcome.images,
+        "alike": outcome.alike,
         "steps": outcome.statistics.steps,
         "rejected": outcome.statistics.rejected,
         "jacobians": outcome.statistics.jacobians,

@@ -11,8 +11,8 @@ use servotwin::evaluation::table_model;
 use servotwin::job::explain::{Answer, Explanation, Verdict, explain};
 use servotwin::job::{self, Folder, Subject};
 use servotwin::nearest::UnknownName;
+use servotwin::report::vocabulary::Vocabulary;
 use servotwin::report::words::{number, of_unit, percent, spoken};
-use servotwin_diagnosis::hierarchy::Question;
 use std::path::{Path, PathBuf};
 
 /// Explain what the trees say about one variant, or a classifier about one row of a table.
@@ -53,7 +53,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match explain(&folder, &study, subject, options.variant)? {
         Some(explanation) => Ok(match global.json {
             true => json(&json!(explanation)),
-            false => people(&explanation),
+            false => people(&explanation, &Vocabulary::of(&study)),
         }),
         None => Err(Failure::OutOfRange {
             option: "VARIANT",
@@ -63,7 +63,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
 }
 
-fn people(explanation: &Explanation) -> String {
+fn people(explanation: &Explanation, words: &Vocabulary) -> String {
     let Explanation { variant, case, fault, intensity, largest_residual, .. } = explanation;
     let mut text = format!(
         "variant {variant}: {fault}, intensity {intensity}, case {case}; largest residual {}\n",
@@ -75,15 +75,18 @@ fn people(explanation: &Explanation) -> String {
     if !explanation.detectable {
         text += "not detected: no residual leaves its band, so nothing would be asked\n";
     }
-    text += &verdict(&explanation.verdict);
-    explanation.stages.iter().for_each(|answer| text += &stage(answer));
+    text += &verdict(&explanation.verdict, words);
+    explanation.stages.iter().for_each(|answer| text += &stage(answer, words));
     text
 }
 
 /// What trees and committee say together.
-fn verdict(verdict: &Verdict) -> String {
-    let name = |name: &Option<String>| name.as_deref().map_or("nothing".into(), spoken);
-    let said = format!("{}, {}", name(&verdict.actuator), name(&verdict.command));
+fn verdict(verdict: &Verdict, words: &Vocabulary) -> String {
+    // One unit alone is not asked for.
+    let unit = verdict.actuator.as_deref().filter(|_| words.has_several());
+    let said: Vec<String> =
+        unit.into_iter().chain(verdict.command.as_deref()).map(spoken).collect();
+    let said = if said.is_empty() { "nothing".into() } else { said.join(", ") };
     let sure = percent(verdict.confidence);
     match verdict.outcome {
         "isolated" => format!("together: {said}; the committee is {sure} sure\n"),
@@ -96,12 +99,8 @@ fn verdict(verdict: &Verdict) -> String {
     }
 }
 
-fn stage(answer: &Answer) -> String {
-    let asks = match answer.question {
-        Question::Actuator => "which actuator?",
-        Question::Command => "what is to be done?",
-        Question::Detail => "what is broken?",
-    };
+fn stage(answer: &Answer, words: &Vocabulary) -> String {
+    let asks = words.asks(answer.question);
     let verdict = match answer.said == answer.truth {
         true => "right".to_owned(),
         false => format!("WRONG, it is {}", spoken(&answer.truth)),

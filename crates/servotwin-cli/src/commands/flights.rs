@@ -11,6 +11,7 @@ use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome};
 use servotwin::flight::judge::{ClassMerit, Latency, Merit, MissingMerit};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, manifest};
+use servotwin::report::vocabulary::Vocabulary;
 use servotwin::report::words::number;
 use servotwin::study::{Flights, Setting, Study};
 use std::fmt::Write;
@@ -67,7 +68,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => text(&results),
+        _ => text(&results, &Vocabulary::of(&study)),
     })
 }
 
@@ -130,19 +131,19 @@ pub fn fly(
 }
 
 /// What was measured, for people.
-pub fn text(results: &FlightResults) -> String {
+pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
     let mut out = String::new();
     for merit in &results.merits {
-        setting(&mut out, merit);
+        setting(&mut out, merit, words);
         for merit in results.foreign.iter().filter(|other| other.setting == merit.setting) {
-            foreign(&mut out, merit);
+            foreign(&mut out, merit, words);
         }
     }
     out
 }
 
 /// Only what was said at all, so that a line stays a line.
-fn foreign(out: &mut String, merit: &ForeignMerit) {
+fn foreign(out: &mut String, merit: &ForeignMerit, vocabulary: &Vocabulary) {
     if merit.outcomes.is_empty() {
         return;
     }
@@ -150,14 +151,16 @@ fn foreign(out: &mut String, merit: &ForeignMerit) {
     for outcome in &merit.outcomes {
         let ForeignOutcome { title, strengths, flights, words, .. } = outcome;
         let said = words.named().into_iter().filter(|(_, count)| *count > 0);
-        let said: Vec<String> = said.map(|(word, count)| format!("{count} {word}")).collect();
+        let said: Vec<String> =
+            said.map(|(word, count)| format!("{count} {}", vocabulary.adapted(word))).collect();
         let strengths =
             if strengths.is_empty() { String::new() } else { format!(" ({strengths})") };
         let first = outcome.first_word.as_ref().map(|l| format!("; median {:.2} s", l.median_s));
         let _ = writeln!(
             out,
-            "    {title}{strengths}: of {flights} {}; shutdowns of an actuator at fault {}, of a \
-             healthy one {}{}",
+            "    {}{strengths}: of {flights} {}; shutdowns of what is at fault {}, of what is \
+             healthy {}{}",
+            vocabulary.adapted(title),
             said.join(", "),
             outcome.shutdowns_at_fault,
             outcome.shutdowns_healthy,
@@ -169,7 +172,7 @@ fn foreign(out: &mut String, merit: &ForeignMerit) {
     }
 }
 
-fn setting(out: &mut String, merit: &Merit) {
+fn setting(out: &mut String, merit: &Merit, words: &Vocabulary) {
     let Merit { setting, flights, failed, failed_to_learn, healthy, .. } = merit;
     let _ = writeln!(
         out,
@@ -177,7 +180,7 @@ fn setting(out: &mut String, merit: &Merit) {
          learn from)"
     );
     for class in &merit.classes {
-        let _ = writeln!(out, "  {}", line(class));
+        let _ = writeln!(out, "  {}", line(class, words));
     }
     let _ = writeln!(
         out,
@@ -187,10 +190,13 @@ fn setting(out: &mut String, merit: &Merit) {
         healthy.hours,
         number(healthy.alarms_per_h_upper)
     );
-    let _ = writeln!(out, "  shutdowns of the wrong actuator: {}", merit.wrong_shutdowns);
+    if words.has_several() {
+        let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);
+        let _ = writeln!(out, "  shutdowns of the wrong {unit}: {wrong}");
+    }
 }
 
-fn line(class: &ClassMerit) -> String {
+fn line(class: &ClassMerit, words: &Vocabulary) -> String {
     let ClassMerit { command, intensities: [low, high], visible, isolated, silent, .. } = class;
     let times = |latency: &Option<Latency>| match latency {
         Some(l) => format!("median {:.2} s, p95 {:.2} s", l.median_s, l.p95_s),
@@ -198,12 +204,15 @@ fn line(class: &ClassMerit) -> String {
     };
     format!(
         "{command}, intensity {low} to {high}: {} of {} visible; of these {} isolated, {} other \
-         command, {} wrong actuator, {} silent; since the onset {}, since visible {}",
+         command, {}{} silent; since the onset {}, since visible {}",
         visible.count,
         visible.of,
         isolated.count,
         class.other_command.count,
-        class.wrong_actuator.count,
+        match words.has_several() {
+            true => format!("{} wrong {}, ", class.wrong_actuator.count, words.unit()),
+            false => String::new(),
+        },
         silent.count,
         times(&class.isolation),
         times(&class.isolation_since_visible),

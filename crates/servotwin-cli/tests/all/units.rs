@@ -41,6 +41,16 @@ fn results(out: &str, name: &str) -> serde_json::Value {
     serde_json::from_str(&text).unwrap()
 }
 
+/// A word with what stands around it.
+fn around<'t>(text: &'t str, word: &str) -> &'t str {
+    let at = text.find(word).unwrap_or(0);
+    let near = |mut at: usize| {
+        at = at.min(text.len());
+        (0..=at).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+    };
+    &text[near(at.saturating_sub(200))..near(at + 100)]
+}
+
 /// Everything that a study gives, and everything that is done with it.
 fn whole_way(units: usize) {
     let folder = Folder::new(&format!("lanes-{units}"));
@@ -59,6 +69,14 @@ fn whole_way(units: usize) {
     let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
     assert_eq!(html.contains("two are then lost"), units == 3);
     assert_eq!(html.contains("both are then lost"), units == 2);
+    let html = html.replace("Like actuators", "").replace("Like servo actuators", "");
+    // Units are called as the study calls them, and of one alone nothing is said of others.
+    assert!(!html.contains("actuator"), "{}", around(&html, "actuator"));
+    for of_several in
+        ["mirror image", "shared trees", "which lane has failed", "signal of each lane"]
+    {
+        assert_eq!(html.to_lowercase().contains(of_several), units > 1, "{of_several}");
+    }
     for merit in results(out, "flights.json")["merits"].as_array().unwrap() {
         assert_eq!(merit["wrong_shutdowns"], 0, "{merit}");
         assert_eq!(merit["flights"], 10 * units, "every fault of every unit is flown");
@@ -66,12 +84,20 @@ fn whole_way(units: usize) {
     }
     // A judged fault of the last unit.
     let variant = (10 * units - 1).to_string();
-    let explained = json(&["explain", &variant, "--out", out, "--json"]);
+    let explained = json(&["explain", &variant, "--out", out, "--subject", "noise", "--json"]);
     assert_eq!(explained["fault"], format!("lane_{units}.sensor_ram.bias_positive"));
     let last = format!("lane_{units}");
-    if units > 1 {
-        assert_eq!(explained["stages"][0]["said"], last);
-    }
+    let said = if units > 1 { last.as_str() } else { "faulty" };
+    assert_eq!(explained["stages"][0]["said"], said);
+    let words = run(&["explain", &variant, "--out", out, "--subject", "noise"]);
+    let asked = if units > 1 {
+        format!("which lane?  lane {units} (")
+    } else {
+        "is something wrong?  faulty (".into()
+    };
+    assert!(words.contains(&asked) && !words.contains("actuator"), "{words}");
+    let together = words.lines().find_map(|line| line.strip_prefix("together: ")).unwrap();
+    assert_eq!(together.starts_with("lane"), units > 1, "{together}");
     for fault in ["servo_valve.bias_positive", "sensor_ram.bias_positive"] {
         let fault = format!("{last}.{fault}=1");
         let command = "noise:rms=3deg,bandwidth=0.8Hz,seed=7";
@@ -121,7 +147,11 @@ fn faults_of_three_units_are_images_of_the_first_ones() {
     };
     // Of five kinds the stronger one of two intensities is a probe in the first of two cases.
     let told = campaign(out, &[]);
-    assert!(told.contains("30 variants are shown by simulations of others"), "{told}");
+    assert!(
+        told.contains("30 variants are shown by simulations of the same fault of another unit"),
+        "{told}"
+    );
+    assert!(!told.contains("healthy specimens"), "{told}");
     assert!(!campaign(all, &["--all"]).contains("are shown"));
     let read = |out: &str| table::read(Path::new(out).join("dataset-ideal.parquet")).unwrap();
     let (shown, simulated) = (read(out), read(all));
@@ -187,6 +217,34 @@ fn three_units_with_unlike_sensors_are_learned_one_by_one() {
     assert!(!table.names().any(|name| name.starts_with("m:") || name.starts_with("m3:")));
     // Nothing takes turns: ten faults of three units under four commands.
     assert_eq!(table.row_count(), 120);
+}
+
+/// The only unit of a system needs no name.
+#[test]
+fn one_unit_without_a_name_is_healthy_or_faulty() {
+    let folder = Folder::new("lanes-nameless");
+    let nameless = |text: String| {
+        let text = text.split("[flights]").next().unwrap().replace("\"lane_1\"", "\"\"");
+        let parts = ["leakage_a", "servo_valve", "sensor_pressure_a", "sensor_ram", "cylinder"];
+        let own =
+            |text: String, part| text.replace(&format!("\"{part}."), &format!("\"lane_1.{part}."));
+        parts.into_iter().fold(text, own)
+    };
+    let [study, out] = &lanes(&folder, 1, nameless);
+    let told = run(&["campaign", study, "--out", out, "--setting", "noise"]);
+    assert!(
+        told.contains("healthy specimens differ by the noise of their sensors alone"),
+        "{told}"
+    );
+    assert!(!told.contains("another unit"), "{told}");
+    run(&["study", study, "--out", out]);
+    let words = run(&["explain", "9", "--out", out, "--subject", "noise"]);
+    assert!(words.contains("is something wrong?  faulty (") && !words.contains(": ,"), "{words}");
+    let explained = json(&["explain", "9", "--out", out, "--subject", "noise", "--json"]);
+    assert_eq!(explained["verdict"]["actuator"], serde_json::Value::Null);
+    assert_eq!(explained["stages"][0]["said"], "faulty");
+    let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
+    assert!(!html.contains("which unit has failed") && !html.contains("mirror image"));
 }
 
 #[test]

@@ -38,7 +38,7 @@ impl Family for Proportion {
     }
 
     fn summary(&self) -> &'static str {
-        "which of an actuator's signals is disturbed most"
+        "which signal of each actuator is disturbed most"
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {

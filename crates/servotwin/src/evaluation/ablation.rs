@@ -57,7 +57,7 @@ pub fn evaluate(
     if splits.is_empty() {
         return Ok(vec![]);
     }
-    let list = variations(&data.families(), settings);
+    let list = variations(&data.families(), data.examples.names().actuators.len(), settings);
     // One split is one training: the variations share the threads then.
     match splits.len() {
         1 => parallel::map(&list, workers, |variation| {
@@ -69,7 +69,7 @@ pub fn evaluate(
     }
 }
 
-fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
+fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Variation> {
     let with = |title: String, families: Vec<String>| Variation {
         title,
         families,
@@ -95,16 +95,19 @@ fn variations(families: &[String], settings: &Settings) -> Vec<Variation> {
             list.push(with(format!("without {family}"), others.collect()));
         }
     }
-    list.push(Variation {
-        all_sensors_below: true,
-        ..with("all sensors below A too".into(), families.to_vec())
-    });
-    list.push(set("without mirror images", &|s| s.mirror = false));
-    list.push(set("a tree for each actuator", &|s| s.pool = false));
-    list.push(set("without mirror images, a tree for each actuator", &|s| {
-        s.mirror = false;
-        s.pool = false;
-    }));
+    // One unit alone has no others to look at, and nothing to share with them.
+    if units > 1 {
+        list.push(Variation {
+            all_sensors_below: true,
+            ..with("all sensors below A too".into(), families.to_vec())
+        });
+        list.push(set("without mirror images", &|s| s.mirror = false));
+        list.push(set("a tree for each actuator", &|s| s.pool = false));
+        list.push(set("without mirror images, a tree for each actuator", &|s| {
+            s.mirror = false;
+            s.pool = false;
+        }));
+    }
     if matches!(settings.actuator, classifiers::Settings::Cart(_)) {
         list.extend(DEPTHS.map(|depth| set(&format!("depth {depth}"), &|s| limit(s, depth))));
     }
@@ -148,4 +151,22 @@ fn one(
         end_to_end: result.end_to_end,
         worst_component: worst.map(|worst| (worst.component.clone(), worst.wrong_actuator)),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_unit_has_nothing_to_share_with_others() {
+        let titles = |units| {
+            let list = variations(&["moments".into()], units, &Settings::default());
+            list.into_iter().map(|variation| variation.title).collect::<Vec<_>>()
+        };
+        let alone = ["all features", "depth 3", "depth 5", "depth 7", "depth 9"];
+        assert_eq!(titles(1), alone);
+        let more = titles(2);
+        assert_eq!(more.len(), alone.len() + 4);
+        assert!(more.contains(&"without mirror images".into()), "{more:?}");
+    }
 }

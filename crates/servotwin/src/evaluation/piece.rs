@@ -241,8 +241,8 @@ impl<'b> Bench<'b> {
             }
             Piece::Committee(_) => ("committee", 0.3),
             Piece::Commands => ("fewer commands", 0.4),
-            Piece::PaperBand => ("the paper's band", 0.45),
-            Piece::Baseline => ("the paper's trees", 0.5),
+            Piece::PaperBand => ("the fixed band", 0.45),
+            Piece::Baseline => ("trees of fewer features", 0.5),
             Piece::Classifiers => ("comparing classifiers", 0.55),
             Piece::Ablation => ("taking parts away", 0.8),
             Piece::Trained => ("moving windows", 0.9),

@@ -2,6 +2,7 @@
 
 use super::{Folder, JobError, Subject, panel};
 use crate::evaluation::EvaluationError;
+use crate::report::vocabulary::Vocabulary;
 use crate::study::campaign::columns::view_column;
 use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
@@ -41,7 +42,7 @@ pub struct Explanation {
 pub struct Verdict {
     /// `healthy`, `not_isolated` or `isolated`.
     pub outcome: &'static str,
-    /// The actuator that the committee names.
+    /// The actuator that the committee names; `None` where the only one has no name.
     pub actuator: Option<String>,
     /// The command that the committee asks for.
     pub command: Option<String>,
@@ -56,7 +57,7 @@ pub struct Answer {
     pub stage: String,
     /// What it decides.
     pub question: Question,
-    /// What it said.
+    /// What it said; whether something is wrong with the only actuator is `faulty` or `healthy`.
     pub said: String,
     /// What is true.
     pub truth: String,
@@ -103,13 +104,14 @@ pub fn explain(
         return Ok(None);
     };
     let features: Vec<Feature> = data_features(study).into_iter().map(|f| f.feature).collect();
-    let truth = truth(study, &explanation.fault);
+    let words = Vocabulary::of(study);
+    let truth = truth(study, &words, &explanation.fault);
     let rows: Vec<&[f64]> = views.iter().map(Vec::as_slice).collect();
     let asked = hierarchy.explain(&rows).map_err(EvaluationError::from)?;
     let mut said_actuator = 0;
     for (stage, nodes) in asked {
         let view = stage.place.view(said_actuator);
-        let answer = answer(hierarchy, stage, &nodes, &views[view], &features, &truth);
+        let answer = answer(hierarchy, stage, &nodes, &views[view], &features, &words, &truth);
         if stage.place.question == Question::Actuator {
             let names = &hierarchy.names.actuators;
             said_actuator = names.iter().position(|name| *name == answer.said).unwrap_or(0) as u32;
@@ -153,7 +155,9 @@ fn verdict(panel: &Panel, largest: &[f64], views: &[Vec<f64>]) -> Result<Verdict
     let command = said.and_then(|said| said.command);
     Ok(Verdict {
         outcome,
-        actuator: actuator.map(|actuator| names.actuators[actuator as usize].clone()),
+        actuator: actuator
+            .map(|actuator| names.actuators[actuator as usize].clone())
+            .filter(|name| !name.is_empty()),
         command: command.map(|command| names.commands[command as usize].clone()),
         confidence: said.map(|said| said.confidence),
     })
@@ -183,11 +187,12 @@ fn views(table: &Table, hierarchy: &Hierarchy, row: usize) -> Result<Vec<Vec<f64
 }
 
 /// Actuator, command and detail of a fault.
-fn truth(study: &Study, fault: &str) -> [String; 3] {
+fn truth(study: &Study, words: &Vocabulary, fault: &str) -> [String; 3] {
     let known = study.faults.iter().find(|known| known.id == fault);
     known.map_or(["healthy"; 3].map(Into::into), |known| {
         let class = &study.classes[known.class];
-        [study.units[known.unit].clone(), class.command.clone(), class.detail.clone()]
+        let unit = words.class(Question::Actuator, &study.units[known.unit]);
+        [unit.to_owned(), class.command.clone(), class.detail.clone()]
     })
 }
 
@@ -197,6 +202,7 @@ fn answer(
     nodes: &[usize],
     row: &[f64],
     features: &[Feature],
+    words: &Vocabulary,
     truth: &[String; 3],
 ) -> Answer {
     let question = stage.place.question;
@@ -214,7 +220,7 @@ fn answer(
             let known = features.iter().find(|known| known.name == *name);
             steps.push(Step {
                 feature: name.clone(),
-                meaning: known.map_or(String::new(), |known| known.meaning.clone()),
+                meaning: known.map_or(String::new(), |known| words.adapted(&known.meaning)),
                 unit: known.map_or(String::new(), |known| known.unit.into()),
                 value: row[place],
                 threshold,
@@ -226,7 +232,7 @@ fn answer(
     Answer {
         stage: stage.id.clone(),
         question,
-        said: hierarchy.names.class_name(question, said).into(),
+        said: words.class(question, hierarchy.names.class_name(question, said)).into(),
         truth: truth.clone(),
         steps,
         purity,

@@ -5,7 +5,7 @@
 
 use crate::evaluation::Evaluation;
 use crate::evaluation::bands::Band;
-use crate::evaluation::protocol::{Protocol, ProtocolResult};
+use crate::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
 use crate::evaluation::score::Rate;
 use crate::job::Results;
 use crate::job::results::SubjectResult;
@@ -83,13 +83,28 @@ pub fn right(words: &Vocabulary) -> Vec<Measure> {
     ]
 }
 
+/// Whether a stage decides anything: whether something is wrong with the only unit is no question where no
+/// healthy one was ever seen.
+pub fn decides(stage: &StageScore) -> bool {
+    let counts = &stage.score.confusion;
+    let is_known = |class: &usize| {
+        counts.iter().enumerate().any(|(truth, said)| {
+            said.iter()
+                .enumerate()
+                .any(|(at, &count)| count > 0 && (truth == *class || at == *class))
+        })
+    };
+    stage.question != Question::Actuator || (0..counts.len()).filter(is_known).count() > 1
+}
+
 /// The stages of the hierarchy over all units that any of some results has: letters and what they find.
 pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, String)> {
     let mut stages: Vec<(String, String)> = vec![];
     let all = results.iter().flat_map(|result| &result.stages);
-    for stage in all.filter(|stage| stage.actuator.is_none()) {
+    for stage in all.filter(|stage| stage.actuator.is_none() && decides(stage)) {
         let finds = match (stage.question, &stage.command) {
-            (Question::Actuator, _) => words.unit().to_owned(),
+            (Question::Actuator, _) if words.has_several() => words.unit().to_owned(),
+            (Question::Actuator, _) => words.question(stage.question),
             (Question::Command, _) => "command".into(),
             (Question::Detail, Some(command)) => format!("details of “{}”", spoken(command)),
             (Question::Detail, None) => "details".into(),

@@ -1,25 +1,42 @@
 //! Trained trees as figures.
 
-use super::words::{number, of_unit};
+use super::vocabulary::Vocabulary;
+use super::words::{number, of_unit, spoken};
 use crate::figure::tree::{Node, Tree as Drawing};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Stage};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 use servotwin_diagnosis::tree::Tree;
 
 /// The tree of a stage; `None` if its classifier is no tree.
-pub fn drawing(hierarchy: &Hierarchy, stage: &Stage, features: &[Feature]) -> Option<Drawing> {
+pub fn drawing(
+    hierarchy: &Hierarchy,
+    stage: &Stage,
+    features: &[Feature],
+    words: &Vocabulary,
+) -> Option<Drawing> {
+    let question = stage.place.question;
     let Model::Cart(tree) = &stage.model else {
         return None;
     };
-    let classes = stage.classes.iter().map(|&class| {
-        super::words::spoken(hierarchy.names.class_name(stage.place.question, class))
-    });
+    let class = |&class: &u32| hierarchy.names.class_name(question, class);
+    let classes = stage.classes.iter().map(class).map(|name| spoken(words.class(question, name)));
     let names: Vec<String> =
         stage.columns.iter().map(|&c| hierarchy.names.features[c as usize].clone()).collect();
     let drawer = Drawer { tree, names, classes: classes.collect(), features };
     let root = drawer.node(0);
     Some(Drawing { title: String::new(), classes: drawer.classes, root, sideways: true })
+}
+
+/// Whether a stage decides anything: the tree that tells whether something is wrong asks nothing where nothing
+/// healthy left the bands. Of several units one is always to be found.
+pub fn decides(stage: &Stage) -> bool {
+    match &stage.model {
+        Model::Cart(tree) if stage.place.question == Question::Actuator => {
+            tree.weights(0).iter().filter(|&&weight| weight > 0.0).count() > 1
+        }
+        _ => true,
+    }
 }
 
 /// The features that a stage asks for, each once, in the order of the nodes.

@@ -6,6 +6,10 @@
 use super::lines::PAPER;
 use super::words::spoken;
 use crate::study::Study;
+use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
+
+/// What the only unit is called where it is asked whether anything is wrong.
+const FAULTY: &str = "faulty";
 
 /// The words of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -119,14 +123,44 @@ impl Vocabulary {
         }
     }
 
-    /// A question of the hierarchy.
-    pub fn question(&self, question: servotwin_diagnosis::hierarchy::Question) -> String {
-        use servotwin_diagnosis::hierarchy::Question;
+    /// What a question of the hierarchy finds: of one unit alone whether anything is wrong with it.
+    pub fn question(&self, question: Question) -> String {
         match question {
-            Question::Actuator => format!("the {}", self.unit),
+            Question::Actuator if self.has_several() => format!("the {}", self.unit),
+            Question::Actuator => "healthy or faulty".into(),
             Question::Command => "the command".into(),
             Question::Detail => "the detail".into(),
         }
+    }
+
+    /// A question of the hierarchy as it is asked.
+    pub fn asks(&self, question: Question) -> String {
+        match question {
+            Question::Actuator if self.has_several() => format!("which {}?", self.unit),
+            Question::Actuator => "is something wrong?".into(),
+            Question::Command => "what is to be done?".into(),
+            Question::Detail => "what is broken?".into(),
+        }
+    }
+
+    /// An answer to a question by its name: the only unit is `faulty` or healthy, whatever its name.
+    pub fn class<'t>(&self, question: Question, name: &'t str) -> &'t str {
+        match question {
+            Question::Actuator if !self.has_several() && name != HEALTHY => FAULTY,
+            _ => name,
+        }
+    }
+
+    /// A text about actuators, as the toolkit says it, in the words of the study: units have its name for them,
+    /// the only one no number, and only the paper's study speaks of the paper.
+    pub fn adapted(&self, text: &str) -> String {
+        let of_paper = " (the paper's)";
+        let text = text.replace(of_paper, self.paper(of_paper));
+        let text = match self.has_several() {
+            true => text,
+            false => text.replace(", actuator 1", "").replace(" of each actuator", ""),
+        };
+        text.replace("actuator", &self.unit)
     }
 }
 
@@ -162,12 +196,45 @@ mod tests {
     }
 
     #[test]
+    fn the_only_unit_is_healthy_or_faulty() {
+        let one = of_units("unit", 1);
+        let names = ["", "lane_1", "healthy"].map(|name| one.class(Question::Actuator, name));
+        assert_eq!(names, ["faulty", "faulty", "healthy"]);
+        assert_eq!(one.class(Question::Command, "halt"), "halt");
+        assert_eq!(one.asks(Question::Actuator), "is something wrong?");
+        let two = of_units("lane", 2);
+        assert_eq!(two.class(Question::Actuator, "lane_1"), "lane_1");
+        assert_eq!(two.asks(Question::Actuator), "which lane?");
+    }
+
+    #[test]
+    fn what_is_said_of_actuators_is_said_of_the_units_of_the_study() {
+        let cases = [
+            (
+                "differential pressure, actuator 1",
+                "differential pressure",
+                "differential pressure, lane 1",
+            ),
+            ("pressure of each actuator", "pressure", "pressure of each lane"),
+            ("a mean (the paper's)", "a mean", "a mean"),
+        ];
+        for (text, one, two) in cases {
+            assert_eq!(of_units("unit", 1).adapted(text), one);
+            assert_eq!(of_units("lane", 2).adapted(text), two);
+            let paper = Vocabulary { is_paper: true, ..of_units("actuator", 2) };
+            assert_eq!(paper.adapted(text), text);
+        }
+    }
+
+    fn of_units(unit: &str, units: usize) -> Vocabulary {
+        Vocabulary { unit: unit.into(), units, off: vec![], is_paper: false }
+    }
+
+    #[test]
     fn commands_keep_their_names() {
         let words = |off: &[&str]| Vocabulary {
-            unit: "unit".into(),
-            units: 1,
             off: off.iter().map(|&one| one.into()).collect(),
-            is_paper: false,
+            ..of_units("unit", 1)
         };
         assert_eq!(words(&["shut_down"]).off(), "shutdown");
         assert_eq!(

@@ -3,7 +3,8 @@
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{NONE, share, spoken, stacked};
 use crate::report::{Material, Section};
-use servotwin_diagnosis::features;
+use crate::study::campaign::data_features;
+use servotwin_diagnosis::features::{self, Family};
 
 /// See the module.
 pub struct Ablation;
@@ -23,10 +24,12 @@ impl Section for Ablation {
 
     fn write(&self, material: &Material, page: &mut Page) {
         let mut families = Grid::new([("family", Side::Left), ("what it computes", Side::Left)]);
-        for family in features::ALL {
-            families.push(vec![family.name().into(), family.summary().into()]);
-        }
         let words = material.words();
+        let known = data_features(material.study);
+        let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
+        for family in features::ALL.iter().filter(has) {
+            families.push(vec![family.name().into(), words.adapted(family.summary())]);
+        }
         let mut tables = vec![];
         for result in &material.results.subjects {
             let mut heads =
@@ -45,7 +48,7 @@ impl Section for Ablation {
                 // Without a feature of one unit alone, only A can be asked.
                 let asked = row.command.is_some_and(|rate| rate.count > 0);
                 let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
-                let mut cells = vec![row.title.clone(), row.features.to_string()];
+                let mut cells = vec![words.adapted(&row.title), row.features.to_string()];
                 cells.extend(words.has_several().then(|| share(row.actuator)));
                 cells.push(share(row.command.filter(|_| asked)));
                 cells.push(stacked(row.end_to_end.filter(|_| asked)));
@@ -67,9 +70,10 @@ impl Section for Ablation {
         for (result, grid) in tables {
             page.table(&grid, &format!(
                 "Setting: {}. New commands (without training commands: faults unseen at their \
-                 intensity) with families of features alone, added one after the other and left out; \
-                 without mirror images and shared trees; and with other depths.",
-                result.title
+                 intensity) with families of features alone, added one after the other and left out{}; \
+                 and with other depths.",
+                result.title,
+                words.several("; without mirror images and shared trees")
             ));
         }
     }

@@ -37,15 +37,24 @@ impl Section for ActuatorTree {
         page.text(&format!(
             "Setting: {}, trained with everything there is to learn from. How often the answer to each \
              question hangs on less than a sensor shows stands under “Answers that hang on less than a \
-             sensor shows”. A tree goes up where the answer is yes; n counts training variants (and their \
-             mirror images), purity is the share of the most frequent class. Large trees are scrolled.",
-            result.title
+             sensor shows”. A tree goes up where the answer is yes; n counts training variants{}, \
+             purity is the share of the most frequent class. Large trees are scrolled.",
+            result.title,
+            words.several(" (and their mirror images)")
         ));
         let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
             for stage in &hierarchy.stages {
-                let Some(drawing) = stages::drawing(hierarchy, stage, &features) else {
+                let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words) else {
                     continue;
                 };
+                if !stages::decides(stage) {
+                    page.text(&format!(
+                        "Setting: {title}. Tree {} asks nothing: where it was learned, nothing healthy left \
+                         the bands.",
+                        stage.id
+                    ));
+                    continue;
+                }
                 let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
                 page.wide_figure(&format!("tree_{name}{}", stage.id), drawing.draw(), &caption);
             }
@@ -58,7 +67,7 @@ impl Section for ActuatorTree {
             });
         }
         page.table(
-            &meanings(hierarchy, &features),
+            &meanings(hierarchy, &features, &words),
             "The features that the trees ask for. “Of \
              scale” means: of the sensor's scale in the table above.",
         );
@@ -84,6 +93,7 @@ impl Section for ActuatorTree {
 
 fn asks(stage: &Stage, words: &Vocabulary) -> String {
     match stage.place.question {
+        Question::Actuator if !words.has_several() => "whether something is wrong".into(),
         Question::Actuator => format!(
             "which {} has failed{}",
             words.unit(),
@@ -94,7 +104,7 @@ fn asks(stage: &Stage, words: &Vocabulary) -> String {
     }
 }
 
-fn meanings(hierarchy: &Hierarchy, features: &[Feature]) -> Grid {
+fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> Grid {
     let mut asked: Vec<&str> = vec![];
     for stage in &hierarchy.stages {
         for name in stages::asked(hierarchy, stage) {
@@ -107,7 +117,7 @@ fn meanings(hierarchy: &Hierarchy, features: &[Feature]) -> Grid {
         Grid::new([("feature", Side::Left), ("unit", Side::Left), ("meaning", Side::Left)]);
     for feature in features.iter().filter(|known| asked.contains(&known.name.as_str())) {
         let unit = unit(feature.unit).to_owned();
-        grid.push(vec![feature.name.clone(), unit, feature.meaning.clone()]);
+        grid.push(vec![feature.name.clone(), unit, words.adapted(&feature.meaning)]);
     }
     grid
 }

@@ -73,7 +73,8 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
         let Some(committee) = result.evaluation.committee(protocol) else { continue };
         for who in Who::ALL {
             let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
-            let title = if who == Who::Trees { committee.title.clone() } else { String::new() };
+            let title =
+                if who == Who::Trees { words.adapted(&committee.title) } else { String::new() };
             let mut row = vec![title, who.title().to_owned()];
             let accuracy = |letter| stacked(judged.stage(letter).map(|score| score.accuracy));
             row.extend(letters.iter().map(|letter| accuracy(letter)));

@@ -2,6 +2,7 @@
 
 use crate::evaluation::protocol::StageScore;
 use crate::figure::heatmap::ConfusionMatrix;
+use crate::report::lines::decides;
 use crate::report::page::Page;
 use crate::report::words::spoken;
 use crate::report::{Material, Section};
@@ -23,17 +24,20 @@ impl Section for Confusion {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
+        let words = material.words();
         for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {
             let Some(judged) = result.evaluation.headline() else {
                 continue;
             };
             page.heading(&format!("Setting: {}", result.title));
             // Stages over all actuators; those of one class cannot be wrong.
-            let shown =
-                |stage: &&StageScore| stage.actuator.is_none() && stage.score.classes.len() > 1;
+            let shown = |stage: &&StageScore| {
+                stage.actuator.is_none() && stage.score.classes.len() > 1 && decides(stage)
+            };
             page.beside(|page| {
                 for stage in judged.stages.iter().filter(shown) {
-                    let classes = stage.score.classes.iter().map(|class| spoken(class)).collect();
+                    let class = |name: &String| spoken(words.class(stage.question, name));
+                    let classes = stage.score.classes.iter().map(class).collect();
                     let counts = stage.score.confusion.clone();
                     let within = match &stage.command {
                         Some(command) => format!(", failures that call for “{}”", spoken(command)),
@@ -44,8 +48,10 @@ impl Section for Confusion {
                     ConfusionMatrix::new("", classes, counts).draw(),
                     &format!(
                         "Tree {}{within}: rows are the truth, columns what was said of variants \
-                         not seen in training ({}; mirror images count once).",
-                        stage.id, judged.title
+                         not seen in training ({}{}).",
+                        stage.id,
+                        judged.title,
+                        words.several("; mirror images count once")
                     ),
                 );
                 }

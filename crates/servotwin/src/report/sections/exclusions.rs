@@ -24,30 +24,29 @@ impl Section for Exclusions {
     }
 
     fn write(&self, material: &Material, page: &mut Page) {
-        let mut grid = Grid::new([
-            ("data set", Side::Left),
-            ("for", Side::Left),
-            ("variants", Side::Right),
-            ("mirror images", Side::Right),
+        let words = material.words();
+        let mut heads =
+            vec![("data set", Side::Left), ("for", Side::Left), ("variants", Side::Right)];
+        heads.extend(words.has_several().then_some(("mirror images", Side::Right)));
+        heads.extend([
             ("without a fault", Side::Right),
             ("undetectable", Side::Right),
             ("not simulated to the end", Side::Right),
             ("faults left", Side::Right),
         ]);
+        let mut grid = Grid::new(heads);
         for set in &material.manifest.data_sets {
             let used = set.variants - set.healthy - set.undetectable - set.failed.len();
-            grid.push(vec![
+            let mut row = vec![
                 set.setting.clone(),
                 if set.is_training { "learning" } else { "judging" }.into(),
                 set.variants.to_string(),
-                set.reflected.to_string(),
-                set.healthy.to_string(),
-                set.undetectable.to_string(),
-                set.failed.len().to_string(),
-                used.to_string(),
-            ]);
+            ];
+            row.extend(words.has_several().then(|| set.reflected.to_string()));
+            let counts = [set.healthy, set.undetectable, set.failed.len(), used];
+            row.extend(counts.map(|count| count.to_string()));
+            grid.push(row);
         }
-        let words = material.words();
         page.table(
             &grid,
             &format!(

@@ -54,8 +54,9 @@ impl Section for Foreign {
                 }
             ));
             let told = merit.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
-            let told: Vec<String> =
-                told.map(|o| format!("{} ({})", o.title, o.wrong.join("; "))).collect();
+            let told: Vec<String> = told
+                .map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; ")))
+                .collect();
             if !told.is_empty() {
                 page.note(&format!("Where that happened: {}.", told.join(", ")));
             }
@@ -74,8 +75,8 @@ impl Section for Foreign {
 
 fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
     let left = [("fault".to_owned(), Side::Left), (format!("{}s", vocabulary.run()), Side::Right)];
-    let name = |word: &str| word.replace("actuator", vocabulary.unit());
-    let words = Words::default().named().map(|(word, _)| (name(word), Side::Right));
+    let words = Words::default().named();
+    let words = words.map(|(word, _)| (vocabulary.adapted(word), Side::Right));
     let right = [
         ("off: at fault".to_owned(), Side::Right),
         ("off: healthy".to_owned(), Side::Right),
@@ -101,7 +102,8 @@ fn row(outcome: &ForeignOutcome, words: &Vocabulary) -> Vec<String> {
         "" => sensible,
         strengths => format!("{strengths}; {sensible}"),
     };
-    let mut row = vec![format!("{}\n{small}", outcome.title), outcome.flights.to_string()];
+    let mut row =
+        vec![format!("{}\n{small}", words.adapted(&outcome.title)), outcome.flights.to_string()];
     row.extend(outcome.words.named().map(|(_, number)| count(number)));
     row.push(count(outcome.shutdowns_at_fault));
     row.push(outcome.shutdowns_healthy.to_string());

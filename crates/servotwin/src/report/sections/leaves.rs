@@ -5,6 +5,7 @@ use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{of_unit, percent, spoken};
 use crate::report::{Material, Section};
 use crate::study::campaign::data_features;
+use servotwin_diagnosis::hierarchy::{Place, Question};
 
 /// See the module.
 pub struct Leaves;
@@ -24,6 +25,12 @@ impl Section for Leaves {
 
     fn write(&self, material: &Material, page: &mut Page) {
         let units = data_features(material.study);
+        let words = material.words();
+        let first = Place { question: Question::Actuator, actuator: None, command: None }.id();
+        let class = |stage: &str, name| match stage == first {
+            true => words.class(Question::Actuator, name),
+            false => name,
+        };
         let condition = |condition: &Condition| {
             let known = units.iter().find(|known| known.feature.name == condition.feature);
             let unit = known.map_or("", |known| known.feature.unit);
@@ -43,11 +50,11 @@ impl Section for Leaves {
                 let because: Vec<String> = leaf.conditions.iter().map(condition).collect();
                 grid.push(vec![
                     leaf.stage.clone(),
-                    spoken(&leaf.class),
+                    spoken(class(&leaf.stage, &leaf.class)),
                     percent(Some(leaf.purity)),
                     leaf.rows.to_string(),
                     because.join(", "),
-                    contents(&leaf.contents),
+                    contents(&leaf.contents, &|name| class(&leaf.stage, name)),
                 ]);
             }
             if grid.is_empty() {
@@ -65,9 +72,10 @@ impl Section for Leaves {
     }
 }
 
-fn contents(contents: &[Content]) -> String {
+fn contents<'c>(contents: &'c [Content], class: &dyn Fn(&'c str) -> &'c str) -> String {
     let shown = contents.iter().take(5);
-    let one = |c: &Content| format!("{} × {} ({})", c.rows, spoken(&c.kind), spoken(&c.class));
+    let one =
+        |c: &'c Content| format!("{} × {} ({})", c.rows, spoken(&c.kind), spoken(class(&c.class)));
     let mut texts: Vec<String> = shown.map(one).collect();
     if contents.len() > texts.len() {
         texts.push(format!("{} more", contents.len() - texts.len()));

@@ -4,7 +4,7 @@ use crate::evaluation::protocol::ProtocolResult;
 use crate::figure::diagram::{Block, Diagram, Wire};
 use crate::report::page::Page;
 use crate::report::words::{share, spoken};
-use crate::report::{Material, Section};
+use crate::report::{Material, Section, stages};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question, Stage};
 
 /// See the module.
@@ -57,10 +57,13 @@ fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>) -> Diagram {
     let names = &hierarchy.names;
     let sensors = Block::new("residuals", "features of\nresiduals", "residuals", "");
     diagram.blocks.push(Block { layer: Some(0), ..sensors });
-    let first = match names.actuators.len() {
-        0 | 1 => "residuals",
-        _ => {
-            let text = format!("A  which one\n{}", accuracy(judged, "A"));
+    let is_first = |stage: &&Stage| stage.place.question == Question::Actuator;
+    let asked = hierarchy.stages.iter().find(is_first).is_some_and(stages::decides);
+    let first = match (asked, names.actuators.len()) {
+        (false, 0 | 1) => "residuals",
+        (_, units) => {
+            let asks = if units > 1 { "which one" } else { "faulty?" };
+            let text = format!("A  {asks}\n{}", accuracy(judged, "A"));
             diagram.blocks.push(Block { layer: Some(1), ..Block::new("A", &text, "tree", "") });
             diagram.wires.push(arrow("residuals", "A"));
             "A"

@@ -87,7 +87,8 @@ fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
             if judged.safety.is_none() {
                 continue;
             }
-            let title = if who == Who::Trees { judged.title.clone() } else { String::new() };
+            let title =
+                if who == Who::Trees { words.adapted(&judged.title) } else { String::new() };
             let mut row = vec![title, who.title().to_owned()];
             row.extend(safety.iter().map(|measure| stacked((measure.rate)(judged))));
             grid.push(row);

@@ -146,9 +146,11 @@ impl Images {
         self.sources.iter().any(|source| source.moved > 0)
     }
 
-    /// Number of variants that are not simulated.
-    pub fn count(&self) -> usize {
-        self.served.len()
+    /// Number of variants that are not simulated, because the same fault of another unit shows them, and of healthy
+    /// specimens, because another one's simulation serves them.
+    pub fn counts(&self) -> [usize; 2] {
+        let mirrored = self.sources.iter().filter(|source| source.moved > 0).count();
+        [mirrored, self.served.len() - mirrored]
     }
 
     /// The probes and what they are compared with.

@@ -91,7 +91,7 @@ impl Campaign<'_> {
         prepared: &Prepared,
         outcome: &mut Outcome,
     ) -> Result<(), CampaignError> {
-        outcome.images = prepared.images.count();
+        [outcome.images, outcome.alike] = prepared.images.counts();
         outcome.failed.clear();
         let shards = self.shards(prepared);
         for (place, shards) in shards.iter().enumerate() {

@@ -99,8 +99,10 @@ pub struct Outcome {
     pub variants: usize,
     /// Variants that were found done.
     pub resumed: usize,
-    /// Variants, in one setting, that are shown by simulations of others.
+    /// Variants, in one setting, that are shown by simulations of the same fault of another unit.
     pub images: usize,
+    /// Healthy specimens, in one setting, that differ from one that is simulated by the noise of their sensors alone.
+    pub alike: usize,
     /// Work of those that ran now.
     pub statistics: Statistics,
     /// Variants that could not be finished, with the reason.
