@@ -116,7 +116,7 @@ impl Bars {
             let bars = group.bars.iter().enumerate();
             let bar = |(index, bar): (usize, &Option<Bar>)| {
                 let series = self.series.get(index).cloned().unwrap_or_default();
-                let [value, interval] = in_words(bar.as_ref());
+                let [value, interval] = self.in_words(bar.as_ref());
                 vec![group.label.clone(), series, value, interval]
             };
             bars.map(bar).collect::<Vec<_>>()
@@ -159,6 +159,23 @@ impl Bars {
         super::axis::signed(format!("{value:.*}", self.digits))
     }
 
+    /// A bar's value and interval in words.
+    fn in_words(&self, bar: Option<&Bar>) -> [String; 2] {
+        let Some(bar) = bar else {
+            return ["no result".to_owned(), String::new()];
+        };
+        let ends = |(low, high)| format!("({} … {})", self.full(low), self.full(high));
+        [self.full(bar.value), bar.interval.map(ends).unwrap_or_default()]
+    }
+
+    /// A value with at least the digits that stand beside the bar.
+    fn full(&self, value: f64) -> String {
+        let text = plain(value);
+        let digits = text.split_once('.').map_or(0, |(_, behind)| behind.len());
+        let is_full = digits >= self.digits || text.contains('e') || !value.is_finite();
+        if is_full { text } else { self.value_text(value) }
+    }
+
     fn draw_group(&self, canvas: &mut Canvas, group: &Group, y: f64, frame: &Frame) {
         let height = self.group_height(group);
         let label = font::fit(&group.label, frame.area.x - MARGIN - 8.0, LABEL_SIZE);
@@ -169,7 +186,7 @@ impl Bars {
             match bar {
                 Some(bar) => {
                     let series = self.series.get(index).map_or("", String::as_str);
-                    let [value, interval] = in_words(Some(bar));
+                    let [value, interval] = self.in_words(Some(bar));
                     let title = format!("{}, {series}: {value} {interval}", group.label);
                     canvas.titled(&title, |canvas| {
                         self.draw_bar(canvas, *bar, index, middle, frame);
@@ -213,19 +230,25 @@ impl Bars {
     }
 }
 
-/// A bar's value and interval in words.
-fn in_words(bar: Option<&Bar>) -> [String; 2] {
-    let Some(bar) = bar else {
-        return ["no result".to_owned(), String::new()];
-    };
-    let ends = bar.interval.map(|(low, high)| format!("({} … {})", plain(low), plain(high)));
-    [plain(bar.value), ends.unwrap_or_default()]
-}
-
 /// The mark of a bar that does not begin at zero: two strokes across its foot.
 fn draw_break(canvas: &mut Canvas, (x, y): (f64, f64)) {
     for shift in [3.0, 7.0] {
         let ends = [(x + shift, y + BAR / 2.0), (x + shift + 4.0, y - BAR / 2.0)];
         canvas.line(ends[0], ends[1], " stroke=\"#ffffff\" stroke-width=\"1.6\"");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_have_at_least_the_digits_of_the_bars_labels() {
+        let bar = Bar::with_interval(600.0 / 7.0, 2.125, 100.0);
+        let mut bars = Bars::new("", "accuracy (%)", &["one"]).with("tree", vec![Some(bar), None]);
+        bars.digits = 2;
+        let values = bars.values();
+        assert_eq!(values[0][2..], ["85.71", "(2.125 … 100.00)"]);
+        assert_eq!(values[1][2..], ["no result", ""]);
     }
 }

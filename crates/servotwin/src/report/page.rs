@@ -318,7 +318,7 @@ mod tests {
         assert_eq!((figures.len(), html.matches("<b>Figure").count()), (2, 2));
         // Every value can be read without pointing at it, and is there where one points.
         assert!(
-            html.contains("<td>0.25</td>") && html.contains("<title>valve, one: 0.25 </title>")
+            html.contains("<td>0.250</td>") && html.contains("<title>valve, one: 0.250 </title>")
         );
         assert_eq!(html.matches("<details").count(), html.matches("</details>").count());
     }

@@ -119,6 +119,7 @@ fn classifiers(material: &TableMaterial, page: &mut Page) {
         grid.push(vec![name, percent(baseline.accuracy), NONE.into()]);
     }
     bars.range = Some((0.0, 100.0));
+    bars.digits = 2;
     let over = match material.results.first().is_some_and(|(_, j)| j.intervals_over_groups) {
         true => "intervals over groups (bootstrap)",
         false => "intervals as if rows were independent (Wilson)",
@@ -126,9 +127,21 @@ fn classifiers(material: &TableMaterial, page: &mut Page) {
     let caption = format!("Accuracy with 95 % {over}; held out: {}.", material.held_out);
     page.figure("classifiers", bars.draw(), &caption);
     page.table(&grid, &caption);
-    for (kind, reason) in material.refused {
-        page.note(&format!("{}: {reason}.", kind.title()));
+    for note in refusals(material.refused) {
+        page.note(&note);
     }
+}
+
+/// Why classifiers could not learn from the table: those of one reason together.
+fn refusals(refused: &[(Kind, String)]) -> Vec<String> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = vec![];
+    for (kind, reason) in refused {
+        match reasons.iter_mut().find(|known| known.0 == reason) {
+            Some((_, kinds)) => kinds.push(kind.title()),
+            None => reasons.push((reason, vec![kind.title()])),
+        }
+    }
+    reasons.iter().map(|(reason, kinds)| format!("{}: {reason}.", kinds.join(", "))).collect()
 }
 
 /// The result that classes and groups are shown of: the most accurate one, of equal ones the first.
@@ -299,5 +312,25 @@ fn node(model: &TableModel, tree: &Tree, at: usize, parts: &[usize], own: usize)
         lines: vec![question, size],
         shares,
         children: vec![branch("yes", left), branch("no", right)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn classifiers_of_one_reason_share_its_sentence() {
+        let [a, b, c] = [0, 1, 2].map(|place| servotwin_diagnosis::classifiers::ALL[place]);
+        let refused = [
+            (a, "no missing values".to_owned()),
+            (b, "too slow".into()),
+            (c, "no missing values".into()),
+        ];
+        let [a, b, c] = [a, b, c].map(Kind::title);
+        assert_eq!(
+            refusals(&refused),
+            [format!("{a}, {c}: no missing values."), format!("{b}: too slow.")]
+        );
     }
 }

@@ -46,11 +46,10 @@ impl Section for Ambiguity {
                 return;
             }
             page.table(&grid, &format!(
-                "Setting: {}, grouped. The {} most frequent of {} confusions: a fault, and the fault \
-                 that fills the leaf in which it ended wrongly.",
+                "Setting: {}, grouped. {}: a fault, and the fault that fills the leaf in which it ended \
+                 wrongly.",
                 result.title,
-                ambiguity.pairs.len().min(SHOWN),
-                ambiguity.pairs.len()
+                most_frequent(ambiguity.pairs.len())
             ));
             for group in &ambiguity.groups {
                 let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
@@ -61,5 +60,26 @@ impl Section for Ambiguity {
             }
         };
         hardest_first(&lines::settings(material.results), page, &show);
+    }
+}
+
+/// Which of so many confusions are shown.
+fn most_frequent(pairs: usize) -> String {
+    match pairs {
+        1 => "The only confusion".into(),
+        all if all <= SHOWN => format!("All {all} confusions, the most frequent first"),
+        more => format!("The {SHOWN} most frequent of {more} confusions"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn some_of_many_confusions_are_the_most_frequent() {
+        assert_eq!(most_frequent(1), "The only confusion");
+        assert_eq!(most_frequent(3), "All 3 confusions, the most frequent first");
+        assert_eq!(most_frequent(21), "The 20 most frequent of 21 confusions");
     }
 }

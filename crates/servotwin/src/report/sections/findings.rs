@@ -124,21 +124,30 @@ fn unseen(material: &Material, result: &SubjectResult) -> Finding {
     let late = all.iter().filter(|seen| seen.rate.share.is_some_and(|share| share < LATE));
     let late: Vec<String> = late.map(Seen::in_words).collect();
     let detected = bracketed(Some(result.evaluation.detection.detected));
-    let text = match late.len() {
-        0 => format!(
-            "{detected} of all faults leave the bands; every one of the {} kinds in at least {} of its tests.",
-            all.len(),
-            percent(Some(LATE))
-        ),
-        count => format!(
-            "{detected} of all faults leave the bands. {count} of {} kinds do so in less than {} % of their \
-             tests: {}.",
-            all.len(),
-            chosen(100.0 * LATE),
-            named(late, "kinds")
-        ),
-    };
+    let detected = format!("{detected} of all faults leave the bands");
+    if late.is_empty() {
+        return ("Detected".into(), detected + &of_every_kind(&all));
+    }
+    let text = format!(
+        "{detected}. {} of {} kinds do so in less than {} % of their tests: {}.",
+        late.len(),
+        all.len(),
+        chosen(100.0 * LATE),
+        named(late, "kinds")
+    );
     ("Not or late detected".into(), text)
+}
+
+/// How often the kind is seen that is seen least, where not all are seen always: the end of a sentence.
+fn of_every_kind(all: &[Seen]) -> String {
+    let least = all.first().filter(|least| least.rate.count < least.rate.of);
+    least.map_or_else(
+        || ".".into(),
+        |least| {
+            let (kinds, share) = (all.len(), percent(least.rate.share));
+            format!("; every one of the {kinds} kinds in at least {share} of its tests.")
+        },
+    )
 }
 
 /// What errors cost: units switched off wrongly, and faults that are not answered.
@@ -287,6 +296,22 @@ mod tests {
         assert_eq!(both(&|_| None), None);
         let trees = both(&|who| (who == Who::Trees).then(|| Rate::new(99, 100)));
         assert_eq!(trees.unwrap(), "99.00 % [94.55 … 99.82] (trees)");
+    }
+
+    #[test]
+    fn the_kind_seen_least_is_spoken_of_where_any_is_missed() {
+        let seen = |count| Seen {
+            kind: "leak",
+            command: String::new(),
+            rate: Rate::new(count, 100),
+            never: vec![],
+            cases: 2,
+            from: 0.0,
+        };
+        assert_eq!(of_every_kind(&[seen(100), seen(100)]), ".");
+        let two = of_every_kind(&[seen(93), seen(100)]);
+        assert_eq!(two, "; every one of the 2 kinds in at least 93.00 % of its tests.");
+        assert_eq!(of_every_kind(&[]), ".");
     }
 
     #[test]

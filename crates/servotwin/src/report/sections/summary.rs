@@ -12,6 +12,7 @@ use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{NONE, bracketed, number, percent, rate, stacked};
 use crate::report::{Material, Section};
+use servotwin_diagnosis::hierarchy::Question;
 
 /// See the module.
 pub struct Summary;
@@ -55,6 +56,7 @@ impl Section for Summary {
              trees says it too, and may be silent.",
             match words.has_several() {
                 true => format!("which {} failed (A), ", words.unit()),
+                false if is_asked(hardest) => "whether something is wrong (A), ".into(),
                 false => String::new(),
             }
         ));
@@ -68,6 +70,14 @@ impl Section for Summary {
         }
         seed_paper(material, page);
     }
+}
+
+/// Whether the only unit is asked whether anything is wrong with it.
+fn is_asked(result: &SubjectResult) -> bool {
+    let mut protocols = result.evaluation.protocols.iter();
+    protocols.any(|judged| {
+        judged.stages.iter().any(|s| s.question == Question::Actuator && lines::decides(s))
+    })
 }
 
 /// How the rows of the headline were kept apart.
@@ -85,7 +95,9 @@ fn held_out(evaluation: &Evaluation) -> &'static str {
 fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
     let mut list = vec![];
     let mut push = |about: &str, text: String| list.push((about.to_owned(), text));
-    if let Some(level) = silent(evaluation).filter(|level| level.right_action.of > 0) {
+    // Of few answers so small a share is none, and nothing can be said of silence.
+    let is_silent = |level: &&Level| level.abstained.count > 0 && level.right_action.of > 0;
+    if let Some(level) = silent(evaluation).filter(is_silent) {
         let mut text = format!(
             "A committee that withholds the least certain {} of its answers is right about {} in {} of \
              the others",
