@@ -52,6 +52,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if settings.is_empty() {
         return Err(Failure::Options("the study has no [realistic] for that setting"));
     }
+    let words = Vocabulary::of(&study);
     if options.missing_sensors {
         let merits =
             without_sensors(&folder, &study, &flights, &settings, options.study.threads, global)?;
@@ -59,7 +60,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         return Ok(match global {
             Global { json: true, .. } => json(&json!(merits)),
             Global { quiet: true, .. } => String::new(),
-            _ => merits.iter().map(of_missing).collect(),
+            _ => merits.iter().map(|merit| of_missing(merit, &words)).collect(),
         });
     }
     let sizes = Sizes { flights: &flights, is_full: options.full };
@@ -68,7 +69,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => text(&results, &Vocabulary::of(&study)),
+        _ => text(&results, &words),
     })
 }
 
@@ -90,12 +91,15 @@ fn without_sensors(
 }
 
 /// A line for a sensor.
-fn of_missing(merit: &MissingMerit) -> String {
+fn of_missing(merit: &MissingMerit, words: &Vocabulary) -> String {
     let MissingMerit { setting, sensor, flights, in_time, isolated, healthy, wrong_shutdowns } =
         merit;
+    let wrong = match words.has_several() {
+        true => format!(", shutdowns of the wrong {} {wrong_shutdowns}", words.unit()),
+        false => String::new(),
+    };
     format!(
-        "{setting} without {sensor}: {flights} flights with a fault, shutdowns of the wrong actuator {wrong_shutdowns}; of \
-         {} visible, strong shutdown faults {} isolated, {} in time; healthy: {} alarms and {} shutdowns in {:.1} h\n",
+        "{setting} without {sensor}: {flights} flights with a fault{wrong}; of {} visible, strong shutdown faults {} isolated, {} in time; healthy: {} alarms and {} shutdowns in {:.1} h\n",
         isolated.of,
         isolated.count,
         in_time.count,

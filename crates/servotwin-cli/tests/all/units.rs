@@ -172,7 +172,8 @@ fn faults_of_three_units_are_images_of_the_first_ones() {
 fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
     let folder = Folder::new("lanes-last");
     let [study, out] = &lanes(&folder, 3, |text| text);
-    run(&["flights", study, "--out", out]);
+    let told = run(&["flights", study, "--out", out]);
+    assert!(told.contains("shutdowns of the wrong lane: ") && !told.contains("actuator"), "{told}");
     let study = Study::read(Path::new(study)).unwrap();
     let text = std::fs::read_to_string(Path::new(out).join("diagnoser-noise.json")).unwrap();
     let diagnoser: Diagnoser = serde_json::from_str(&text).unwrap();
@@ -254,7 +255,8 @@ fn how_many_units_stay_on_is_said_by_the_study() {
         text.replace("windows_s", &format!("least_on = {least_on}\nwindows_s"))
     };
     let [study, out] = &lanes(&folder, 1, |text| keep(text, 1));
-    run(&["flights", study, "--out", out]);
+    let told = run(&["flights", study, "--out", out]);
+    assert!(!told.contains("wrong lane") && !told.contains("actuator"), "{told}");
     let fly = ["fly", study, "--out", out, "--at", "2s", "--duration", "5s", "--fault"];
     let flown = run(&[&fly[..], &["lane_1.servo_valve.bias_positive=1"]].concat());
     assert!(flown.contains("nothing had to be done"), "{flown}");
