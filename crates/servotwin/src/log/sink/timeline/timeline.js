@@ -68,7 +68,8 @@ const states = (g, w, h) => {
       const ink = { nodata: colour("text"), isolated: "#fff", environment: "#fff" };
       g.fillStyle = ink[change.class] || "#000";
       // Words that do not fit are said by the legend and under the pointer.
-      const fits = [change.words, change.state].find(words => g.measureText(words).width <= right - left - 9);
+      const [, plain] = data.legend.find(([name]) => name === change.class);
+      const fits = [change.words, change.state, plain].find(words => g.measureText(words).width <= right - left - 9);
       if (fits) g.fillText(fits, left + 5, h / 2 + 4);
       g.restore();
     }
@@ -245,10 +246,12 @@ hint.textContent = "Drag: zoom. Shift and drag, or ← →: move. Ctrl and wheel
   + (still.length ? " Constant: " + still.map(s => (s.label + " " + number(s.value(0, 0)) + " " + s.unit).trim()).join(", ") + "." : "");
 tools.append(hint);
 const legend = document.createElement("p");
+legend.id = "legend";
 for (const [name, words] of data.legend) {
-  const mark = document.createElement("i");
+  const entry = document.createElement("span"), mark = document.createElement("i");
   mark.className = name;
-  legend.append(mark, " " + words + "  ");
+  entry.append(mark, words);
+  legend.append(entry);
 }
 tools.append(legend);
 
