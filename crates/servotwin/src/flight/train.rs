@@ -70,13 +70,23 @@ pub fn diagnoser(
     Ok(diagnoser)
 }
 
+/// The cost of switching off the healthy actuator where every window counts in full: the same evidence then counts more
+/// than twice as much, so the limit is twice as high (`ln 1e3 + ln 1e9 = 2 (ln 1e3 + ln 1e3)`).
+const WRONG_ACTUATOR_COST: f64 = 1e9;
+
 /// How sure a decision must be. Noise is new in every pane, so that beside a twin of the specimen every window counts in
 /// full; tolerances stay.
 fn decision(setting: Setting, names: &Names, off_commands: &[&str]) -> decision::Settings {
     let usual = decision::Settings::usual(names, off_commands);
     match setting.has_tolerances() {
         true => decision::Settings { health_allowance_nats: HEALTH_ALLOWANCE_NATS, ..usual },
-        false => decision::Settings { overlap_exponent: 0.0, ..usual },
+        false => {
+            let mut costs = usual.costs.clone();
+            let of_off = costs.other_actuator.iter_mut().zip(&names.commands);
+            let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
+            of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
+            decision::Settings { overlap_exponent: 0.0, costs, ..usual }
+        }
     }
 }
 
