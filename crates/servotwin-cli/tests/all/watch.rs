@@ -82,15 +82,23 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert_eq!((&missing["x_p_1"], &missing["p_a_1"]), (&1.into(), &1.into()));
     assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
 
-    // A row that is lost costs nothing; after more of them the inputs are no longer believed.
-    let without = |lost: std::ops::Range<usize>| {
-        let left = rows.lines().enumerate().filter(|(row, _)| !lost.contains(row));
-        std::fs::write(&spiked, left.map(|(_, line)| line.to_owned() + "\n").collect::<String>())
-            .unwrap();
-        run(&["watch", &spiked, "--map", &map, "--json"])
+    // After a row that is lost nothing is judged, unless the inputs are to stand for it.
+    let lost = |map: &str| {
+        let left = rows.lines().enumerate().filter(|(row, _)| *row != 200);
+        let left = left.map(|(_, line)| line.to_owned() + "\n").collect::<String>();
+        std::fs::write(&spiked, left).unwrap();
+        run(&["watch", &spiked, "--map", map, "--json"])
     };
-    assert_eq!(without(200..201).lines().count(), text.lines().count());
-    assert!(without(200..215).contains("environment_invalid"));
+    assert!(lost(&map).contains("environment_invalid"));
+    let holding = folder.file("holding.toml");
+    let text_of_map = std::fs::read_to_string(&map).unwrap();
+    std::fs::write(&holding, text_of_map.replace(r#""rad" }"#, r#""rad", hold_s = 0.1 }"#))
+        .unwrap();
+    let told = lost(&holding);
+    assert!(
+        ["environment_invalid", "no_data", "raised"].iter().all(|word| !told.contains(word)),
+        "{told}"
+    );
 
     // The same goes to a socket and into a file at once; one that closes ends nothing.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -32,10 +32,6 @@ struct Reader<'s> {
     places: Vec<Span>,
 }
 
-/// How long an input stands for values that are missing behind it where nothing else is said, s: a bus loses a message
-/// now and then.
-const INPUT_HOLD_S: f64 = 0.1;
-
 /// What a section may hold.
 const SECTIONS: [&str; 5] = ["format", "time", "inputs", "sensors", "samples"];
 const TIME: [&str; 3] = ["column", "unit", "rate_hz"];
@@ -198,8 +194,7 @@ impl<'s> Reader<'s> {
         let factor = self.number(entries, "factor", all, "before the unit").unwrap_or(1.0);
         let shift = self.number(entries, "offset", all, "behind the factor").unwrap_or(0.0);
         let hold_s = self.number(entries, "hold_s", (0.0, 1e9), "how long a value stands, s");
-        let usual = if index < self.inputs { INPUT_HOLD_S } else { 0.0 };
-        self.channels[index].hold_s = hold_s.unwrap_or(usual);
+        self.channels[index].hold_s = hold_s.unwrap_or(0.0);
         let value = self.number(entries, "value", all, "the same always");
         match (get(entries, "column"), get(entries, "value")) {
             (Some(column), None) => {
