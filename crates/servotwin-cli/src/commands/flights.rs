@@ -10,10 +10,10 @@ use serde_json::json;
 use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome};
 use servotwin::flight::judge::{ClassMerit, Latency, Merit, MissingMerit};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
-use servotwin::job::{Folder, manifest};
+use servotwin::job::{Folder, JobError, manifest};
 use servotwin::report::vocabulary::Vocabulary;
 use servotwin::report::words::number;
-use servotwin::study::{Flights, Setting, Study};
+use servotwin::study::Setting;
 use std::fmt::Write;
 
 /// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.
@@ -39,23 +39,25 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
-    let flights = if options.full { study.full_flights()? } else { study.flights()? };
-    let Some(flights) = flights else {
+    let sizes = if options.full { study.full_flights()? } else { study.flights()? };
+    let Some(sizes) = sizes else {
         return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
     };
-    stop::heed();
-    let folder = Folder::new(&options.study.out);
-    folder.keep_study(&study)?;
     let named =
         |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());
     let settings: Vec<Setting> = settings(&study).into_iter().filter(named).collect();
     if settings.is_empty() {
         return Err(Failure::Options("the study has no [realistic] for that setting"));
     }
+    stop::heed();
+    let folder = Folder::new(&options.study.out);
+    folder.keep_study(&study)?;
+    let threads = options.study.threads;
     let words = Vocabulary::of(&study);
     if options.missing_sensors {
-        let merits =
-            without_sensors(&folder, &study, &flights, &settings, options.study.threads, global)?;
+        let merits = with_crew(threads, global, |crew| {
+            flights::without_sensors(&folder, &study, &sizes, &settings, crew)
+        })?;
         manifest::write(&folder, &study)?;
         return Ok(match global {
             Global { json: true, .. } => json(&json!(merits)),
@@ -63,8 +65,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             _ => merits.iter().map(|merit| of_missing(merit, &words)).collect(),
         });
     }
-    let sizes = Sizes { flights: &flights, is_full: options.full };
-    let results = fly(&folder, &study, &sizes, &settings, options.study.threads, global)?;
+    let results = with_crew(threads, global, |crew| {
+        flights::fly_all(&folder, &study, &sizes, &settings, options.full, crew)
+    })?;
     manifest::write(&folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
@@ -73,21 +76,19 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-fn without_sensors(
-    folder: &Folder,
-    study: &Study,
-    flights: &Flights,
-    settings: &[Setting],
+/// What flies and judges, with the progress on a terminal; Ctrl-C stops it.
+pub fn with_crew<T>(
     threads: Option<usize>,
     global: Global,
-) -> Result<Vec<MissingMerit>, Failure> {
+    work: impl FnOnce(&Crew) -> Result<T, JobError>,
+) -> Result<T, Failure> {
     let stages = Stages::new(global);
     let crew =
         Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
-    let merits = flights::without_sensors(folder, study, flights, settings, &crew);
+    let done = work(&crew);
     stages.end();
     stop::check()?;
-    Ok(merits?)
+    Ok(done?)
 }
 
 /// A line for a sensor.
@@ -99,7 +100,8 @@ fn of_missing(merit: &MissingMerit, words: &Vocabulary) -> String {
         false => String::new(),
     };
     format!(
-        "{setting} without {sensor}: {flights} flights with a fault{wrong}; of {} visible, strong shutdown faults {} isolated, {} in time; healthy: {} alarms and {} shutdowns in {:.1} h\n",
+        "{setting} without {sensor}: {flights} flights with a fault{wrong}; of {} visible, strong shutdown \
+         faults {} isolated, {} in time; healthy: {} alarms and {} shutdowns in {:.1} h\n",
         isolated.of,
         isolated.count,
         in_time.count,
@@ -107,31 +109,6 @@ fn of_missing(merit: &MissingMerit, words: &Vocabulary) -> String {
         healthy.shutdowns,
         healthy.hours
     )
-}
-
-/// Which of a study's flights are flown.
-pub struct Sizes<'s> {
-    pub flights: &'s Flights,
-    pub is_full: bool,
-}
-
-/// Learns and judges, with the progress on a terminal.
-pub fn fly(
-    folder: &Folder,
-    study: &Study,
-    sizes: &Sizes,
-    settings: &[Setting],
-    threads: Option<usize>,
-    global: Global,
-) -> Result<FlightResults, Failure> {
-    let stages = Stages::new(global);
-    let crew =
-        Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
-    let Sizes { flights, is_full } = *sizes;
-    let results = flights::fly_all(folder, study, flights, settings, is_full, &crew);
-    stages.end();
-    stop::check()?;
-    Ok(results?)
 }
 
 /// What was measured, for people.

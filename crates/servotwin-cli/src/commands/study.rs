@@ -3,7 +3,7 @@
 use super::StudyOptions;
 use super::campaign::{campaign, describe, simulate};
 use super::evaluate::measure;
-use super::flights::{Sizes, fly};
+use super::flights::with_crew;
 use super::progress::Notes;
 use super::summary;
 use crate::failure::Failure;
@@ -57,8 +57,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         notes.write("kept what was measured in the full flights (without flights.json the small ones are flown)");
     } else if let Some(flights) = &flights {
         let flying = Instant::now();
-        let sizes = Sizes { flights, is_full: false };
-        fly(&folder, &study, &sizes, &settings(&study), options.study.threads, global)?;
+        with_crew(options.study.threads, global, |crew| {
+            job::flights::fly_all(&folder, &study, flights, &settings(&study), false, crew)
+        })?;
         notes.write(&format!("flown in {:.1} s", flying.elapsed().as_secs_f64()));
     }
     let judging = Instant::now();

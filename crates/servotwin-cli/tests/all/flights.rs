@@ -145,7 +145,8 @@ full.judge = { environments = 2, repeats = 1, healthy = 2, foreign = 1 }
     std::fs::remove_file(Path::new(&out).join("flights.json")).unwrap();
     run(&["flights", "--full", "--setting", "noise"]);
     run(&["study"]);
-    assert!(read().contains("\"is_full\": false") || read().contains("\"is_full\":false"));
+    let results: serde_json::Value = serde_json::from_str(&read()).unwrap();
+    assert_eq!(results["is_full"], false);
 }
 
 #[test]

@@ -190,6 +190,7 @@ struct Watching {
     sessions: Vec<(Session, Story)>,
     /// A sensor that gives nothing.
     missing: Option<usize>,
+    /// What it leaves of a sample.
     measured: Vec<f64>,
     onset: u64,
     /// For each length of a window, how many of them in a row were out of band, and the sample at
@@ -232,14 +233,18 @@ impl Watching {
 
 impl Observer for Watching {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        self.measured.clear();
-        self.measured.extend_from_slice(measured);
-        if let Some(sensor) = self.missing {
-            self.measured[sensor] = f64::NAN;
-        }
+        let measured = match self.missing {
+            None => measured,
+            Some(sensor) => {
+                self.measured.clear();
+                self.measured.extend_from_slice(measured);
+                self.measured[sensor] = f64::NAN;
+                &self.measured
+            }
+        };
         for (session, story) in &mut self.sessions {
             let before = story.raised.last().map(|raised| (raised.unit, raised.command));
-            let outcome = session.push(inputs, &self.measured, twin);
+            let outcome = session.push(inputs, measured, twin);
             let is_new = |raised: &Raised| raised.sample == outcome.sample;
             if let Some(raised) = outcome.raised.filter(is_new)
                 && before != Some((raised.unit, raised.command))
@@ -294,7 +299,7 @@ pub fn without(
         in_time: judged.share(off, &|fate| fate.isolated_s.is_some_and(|time_s| time_s <= limit_s)),
         isolated: judged.share(off, &|fate| fate.isolated_s.is_some()),
         healthy: judged.healthy(0),
-        wrong_shutdowns: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
+        wrong_shutdowns: wrong_shutdowns(&fates),
     })
 }
 
@@ -521,7 +526,7 @@ impl Judged<'_> {
             isolated: rate(&|fate| fate.first == Some((true, true))),
             other_command: rate(&|fate| fate.first == Some((true, false))),
             wrong_actuator: rate(&|fate| fate.first == Some((false, false))),
-            wrong_shutdown: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
+            wrong_shutdown: wrong_shutdowns(&fates),
             silent: rate(&|fate| fate.first.is_none()),
             detection: latency(visible.iter().filter_map(|fate| fate.seen_s), of),
             isolation: latency(visible.iter().filter_map(|fate| fate.isolated_s), of),
@@ -573,9 +578,14 @@ impl Judged<'_> {
             healthy: self.healthy(session),
             isolation: class.and_then(|class| class.isolation),
             missed: Rate::new(of - isolated, of),
-            wrong_shutdowns: fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64,
+            wrong_shutdowns: wrong_shutdowns(&fates),
         }
     }
+}
+
+/// In how many flights the wrong actuator was to be shut down.
+fn wrong_shutdowns(fates: &[Fate]) -> u64 {
+    fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64
 }
 
 /// The share of flights of which something holds; its interval is that of whole clusters.
