@@ -6,7 +6,7 @@
 //! only rounding, scaling and splitting by powers of two are written out below.
 //! Compiled without fused or reassociated arithmetic (`-ffp-contract=off`, no
 //! `-ffast-math`) it gives the same numbers as [`Program::evaluate`] to the last
-//! bit, but for the sign of a zero.
+//! bit.
 //!
 //! The functions that [`write`] makes, named after a prefix, here `p`:
 //!
@@ -22,8 +22,7 @@
 //! ([`Program::parameters`]).
 
 use crate::program::{Observable, Program};
-use crate::scalar::Scalar;
-use crate::symbol::{Binary, Expression, Function, Graph, Operand, Symbol, Unary};
+use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
 use alloc::collections::BTreeSet;
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -96,27 +95,9 @@ impl CFunction {
         Self { name, summary, arguments, result, expressions: graph.expressions(), values }
     }
 
-    /// Which expressions the stored values need.
-    fn needed(&self) -> Vec<bool> {
-        let mut needed = vec![false; self.expressions.len()];
-        for value in &self.values {
-            if let Operand::Node(node) = *value {
-                needed[node as usize] = true;
-            }
-        }
-        for node in (0..needed.len()).rev() {
-            if needed[node] {
-                for other in self.expressions[node].needs() {
-                    needed[other as usize] = true;
-                }
-            }
-        }
-        needed
-    }
-
     /// The needed expressions with their numbers.
     fn live(&self) -> impl Iterator<Item = (usize, Expression)> {
-        let needed = self.needed();
+        let needed = symbol::needed(&self.expressions, &self.values);
         let all = self.expressions.iter().copied().enumerate();
         all.filter(move |(node, _)| needed[*node])
     }
@@ -219,7 +200,7 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
 
 /// All variables of the program after an evaluation.
 fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> Vec<Symbol<'g>> {
-    let mut variables = vec![Symbol::constant(0.0); program.memory()];
+    let mut variables = program.blank();
     let places = [
         ("states", 0..program.states().len()),
         ("inputs", program.externals()),
@@ -482,6 +463,8 @@ impl Phrases<'_> {
             Binary::Product => format!("{a} * {b}"),
             Binary::Quotient => format!("{a} / {b}"),
             Binary::Scaled => format!("{}_scaled({a}, {b})", self.prefix),
+            Binary::Smaller => format!("{a} < {b} ? {a} : {b}"),
+            Binary::Larger => format!("{b} < {a} ? {a} : {b}"),
         }
     }
 

@@ -11,7 +11,7 @@ use crate::dual::Partial;
 use crate::lu::Plan;
 use crate::place::Place;
 use crate::runs::{Run, in_runs, runs, unrolled};
-use crate::scalar::{Lanes, Work};
+use crate::scalar::{Lanes, Scalar, Work};
 use crate::sequence::{Dependence, Sequence, Target};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
@@ -215,6 +215,12 @@ impl Rows {
         self.jacobian.iter().map(|&(i, j, _)| (i, j)).collect()
     }
 
+    /// The places of the rows that a step reads: those of the Jacobian and of the time derivatives.
+    pub(crate) fn read_places(&self) -> BTreeSet<usize> {
+        let entries = self.jacobian.iter().map(|entry| entry.2);
+        entries.chain(self.time.iter().map(|entry| entry.1)).map(Place::index).collect()
+    }
+
     /// Number of values that gradients need, with the blocks' partial derivatives.
     pub fn slots(&self) -> usize {
         self.slots
@@ -243,11 +249,18 @@ impl Rows {
         V::outline(Chain { rows: self, gradients });
     }
 
+    /// The one and the zero.
     #[inline(always)]
-    fn multiply<V: Lanes>(&self, gradients: &mut [V]) {
-        assert!(gradients.len() >= self.slots);
+    pub(crate) fn set_fixed<V: Scalar<Base = V>>(&self, gradients: &mut [V]) {
         gradients[ONE.index()] = V::constant(1.0);
         gradients[ZERO.index()] = V::constant(0.0);
+    }
+
+    /// [`Rows::chain`], inlined.
+    #[inline(always)]
+    pub(crate) fn multiply<V: Scalar<Base = V>>(&self, gradients: &mut [V]) {
+        assert!(gradients.len() >= self.slots);
+        self.set_fixed(gradients);
         let mut lists = Multiplying {
             gradients: gradients.as_mut_ptr(),
             targets: self.targets.as_ptr(),
@@ -277,7 +290,12 @@ impl Rows {
 
     /// Adds `factor · ∂f/∂t` to a vector over the states.
     #[inline(always)]
-    pub fn add_time_derivative<V: Lanes>(&self, factor: V, gradients: &[V], x: &mut [V]) {
+    pub fn add_time_derivative<V: Scalar<Base = V>>(
+        &self,
+        factor: V,
+        gradients: &[V],
+        x: &mut [V],
+    ) {
         for &(row, place) in &self.time {
             x[row as usize] = x[row as usize] + factor * gradients[place.index()];
         }
@@ -305,7 +323,7 @@ struct Multiplying<V> {
     terms: *const Term,
 }
 
-impl<V: Lanes> Multiplying<V> {
+impl<V: Scalar<Base = V>> Multiplying<V> {
     /// Makes a run of entries.
     ///
     /// # Safety
@@ -315,7 +333,7 @@ impl<V: Lanes> Multiplying<V> {
         // SAFETY: promised by the caller.
         unsafe {
             for _ in 0..count {
-                let mut sum = V::constant(0.0);
+                let mut sum = V::constant(-0.0);
                 for _ in 0..add {
                     sum = sum + self.next_term();
                 }
@@ -345,7 +363,7 @@ impl Term {
     /// # Safety
     /// There must be a number at both places.
     #[inline(always)]
-    unsafe fn value<V: Lanes>(self, gradients: *mut V) -> V {
+    unsafe fn value<V: Scalar<Base = V>>(self, gradients: *mut V) -> V {
         // SAFETY: promised by the caller.
         unsafe { *self.partial.among(gradients) * *self.source.among(gradients) }
     }

@@ -10,7 +10,7 @@
 
 use crate::place::Place;
 use crate::runs::{Run, in_runs, runs, unrolled};
-use crate::scalar::Lanes;
+use crate::scalar::Scalar;
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -216,7 +216,7 @@ impl Plan {
     ///
     /// A zero pivot gives infinities or NaN in its own lane only.
     #[inline(always)]
-    pub fn factor<V: Lanes>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
+    pub fn factor<V: Scalar<Base = V>>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
         assert!(gradients.len() >= self.gradients && values.len() >= self.slots());
         let mut lists = Factoring {
             diagonal,
@@ -240,7 +240,7 @@ impl Plan {
 
     /// Solves in place with the factors of [`Plan::factor`].
     #[inline(always)]
-    pub fn solve<V: Lanes>(&self, values: &[V], x: &mut [V]) {
+    pub fn solve<V: Scalar<Base = V>>(&self, values: &[V], x: &mut [V]) {
         assert!(values.len() >= self.slots() && x.len() >= self.size);
         let mut values = values.as_ptr();
         let x = x.as_mut_ptr();
@@ -278,7 +278,7 @@ struct Factoring<V> {
     products: *const Product,
 }
 
-impl<V: Lanes> Factoring<V> {
+impl<V: Scalar<Base = V>> Factoring<V> {
     /// Makes a run of entries of as many products.
     ///
     /// # Safety
@@ -290,7 +290,7 @@ impl<V: Lanes> Factoring<V> {
             for _ in 0..count {
                 let entry = *self.entries;
                 self.entries = self.entries.add(1);
-                let mut sum = V::constant(0.0) - *entry.source.among(self.gradients.cast_mut());
+                let mut sum = V::constant(-0.0) - *entry.source.among(self.gradients.cast_mut());
                 if PART == DIAGONAL {
                     sum = self.diagonal + sum;
                 }
@@ -316,7 +316,11 @@ impl Substitution {
     /// There must be a factor for every product and, where the sums are `SCALED`,
     /// behind those of every unknown one for the diagonal; and all unknowns in `x`.
     #[inline(always)]
-    unsafe fn run<V: Lanes, const SCALED: bool>(&self, values: *const V, x: *mut V) -> *const V {
+    unsafe fn run<V: Scalar<Base = V>, const SCALED: bool>(
+        &self,
+        values: *const V,
+        x: *mut V,
+    ) -> *const V {
         let mut lists = Substituting {
             values,
             targets: self.targets.as_ptr(),
@@ -339,7 +343,7 @@ struct Substituting<V> {
     x: *mut V,
 }
 
-impl<V: Lanes> Substituting<V> {
+impl<V: Scalar<Base = V>> Substituting<V> {
     /// Solves for a run of unknowns of as many products.
     ///
     /// # Safety

@@ -21,6 +21,7 @@ use crate::spec::{Start, Unit};
 use crate::symbol::Symbol;
 use crate::wiring::Role;
 use alloc::string::String;
+use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
@@ -105,9 +106,16 @@ impl Program {
         self.slots
     }
     /// Length of the variable array: one more for outputs that go nowhere, and
-    /// one that is always zero. To be filled with zeros at first.
+    /// one that is always zero.
     pub fn memory(&self) -> usize {
         memory(self.slots)
+    }
+    /// A variable array of zeros. The one that stays zero is negative: sums begin with it, and only so a sum of
+    /// one term is that term, also where it is a negative zero.
+    pub fn blank<S: Scalar<Base = S>>(&self) -> Vec<S> {
+        let mut variables = vec![S::constant(0.0); self.memory()];
+        variables[self.memory() - 1] = S::constant(-0.0);
+        variables
     }
     /// Number of constants.
     pub fn constants(&self) -> usize {
@@ -129,6 +137,10 @@ impl Program {
     /// Which of the stand-ins clocks hold: what they are is the run's, not the variant's.
     pub(crate) fn is_held(&self, stand_in: usize) -> bool {
         matches!(self.stand_ins[stand_in], Role::Held)
+    }
+    /// Where everything stands that an evaluation fills.
+    pub(crate) fn sums(&self) -> Range<usize> {
+        self.sums.clone()
     }
     /// Where the derivatives of the states stand.
     pub fn derivatives(&self) -> Range<usize> {
@@ -181,6 +193,36 @@ impl Program {
         self.motion.differentiate(constants, variables, partials);
         self.rows.chain(gradients);
         self.readings.run(constants, variables);
+    }
+
+    /// As [`Program::evaluate_with_jacobian`], with symbols.
+    pub(crate) fn trace_with_jacobian<'g>(
+        &self,
+        constants: &[Symbol<'g>],
+        variables: &mut [Symbol<'g>],
+        gradients: &mut [Symbol<'g>],
+    ) {
+        let partials = self.rows.partials(gradients);
+        self.motion.trace_with_partials(constants, variables, partials);
+        self.rows.multiply(gradients);
+        self.readings.trace(constants, variables);
+    }
+
+    /// Adds the derivatives and `slope_factor · ∂f/∂t` to the right side of a stage, then solves in place.
+    #[inline(always)]
+    pub(crate) fn solve_stage<V: Scalar<Base = V>>(
+        &self,
+        derivatives: &[V],
+        slope_factor: V,
+        gradients: &[V],
+        factors: &[V],
+        right: &mut [V],
+    ) {
+        for (r, &derivative) in right.iter_mut().zip(derivatives) {
+            *r = *r + derivative;
+        }
+        self.rows.add_time_derivative(slope_factor, gradients, right);
+        self.plan.solve(factors, right);
     }
 
     /// The effective parameters of a variant, component by component: the

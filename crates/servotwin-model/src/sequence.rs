@@ -104,6 +104,24 @@ impl Sequence {
         }
     }
 
+    /// As [`Sequence::differentiate`], with symbols.
+    pub fn trace_with_partials<'g>(
+        &self,
+        constants: &[Symbol<'g>],
+        variables: &mut [Symbol<'g>],
+        mut partials: &mut [Symbol<'g>],
+    ) {
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        for group in &self.groups {
+            let count = group.count * group.kind.visit(Partials);
+            let (own, later) = partials.split_at_mut(count);
+            partials = later;
+            let variables = &mut *variables;
+            let evaluate = Evaluate { group, sequence: self, constants, variables };
+            group.kind.visit(TraceDuals(Differentiate { evaluate, partials: own }));
+        }
+    }
+
     /// Runs all blocks once, with their partial derivatives: block by block, by output, then input.
     pub fn differentiate<V: Lanes>(
         &self,
@@ -280,6 +298,36 @@ impl Visitor for Trace<'_, '_> {
         E: Equation<I, O, C>,
     {
         OfKind::<_, E, I, O, C>(self.0, PhantomData).evaluate();
+    }
+}
+
+/// As [`Differentiate`], with symbols.
+struct TraceDuals<'a, 'g>(Differentiate<'a, Symbol<'g>>);
+
+impl Visitor for TraceDuals<'_, '_> {
+    type Output = ();
+    #[inline(never)]
+    fn visit<E, const I: usize, const O: usize, const C: usize>(self)
+    where
+        E: Equation<I, O, C>,
+    {
+        let Differentiate { evaluate, partials } = self.0;
+        let Evaluate { group, sequence, constants, variables } = evaluate;
+        // SAFETY: `Sequence::trace_with_partials` asserts the constants.
+        let blocks = unsafe { lists::<Symbol, I, O, C>(group, sequence, constants) };
+        for ((inputs, outputs, constants), own) in blocks.zip(partials.chunks_mut(I * O)) {
+            let values = core::array::from_fn(|i| Dual::input(variables[inputs[i].index()], i));
+            let results = E::evaluate::<Dual<Symbol, I>>(constants, values);
+            let all = results.iter().flat_map(|result| result.partials);
+            for (place, partial) in own.iter_mut().zip(all) {
+                *place = partial.number();
+            }
+            let first = variables.as_mut_ptr();
+            // SAFETY: all slots of a sequence are below the length that is asserted.
+            let at = |place: Place| unsafe { place.among(first) };
+            // SAFETY: as above.
+            unsafe { scatter(group, outputs, &results.map(|result| result.value), at) };
+        }
     }
 }
 

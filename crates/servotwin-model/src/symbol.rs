@@ -9,16 +9,16 @@
 //! beyond that leaves every number as it is:
 //!
 //! ```text
-//! 0 + x = x,   0 − x = −x,   x − 0 = x,   1 x = x,   x/1 = x                (Y1)
+//! −0 + x = x,   −0 − x = −x,   x − 0 = x,   1 x = x,   x/1 = x             (Y1)
 //! −(−x) = x,   (−x) + y = y − x,   x − (−y) = x + y                        (Y2)
 //! ```
 //!
-//! Only the first two of (Y1) are not exact to the last bit: they can turn the
-//! sign of a zero.
+//! The zero of a sum is the negative one: the other would turn the sign of `x = −0`.
 
 use crate::math;
 use crate::scalar::{Primitive, Scalar};
 use alloc::collections::BTreeMap;
+use alloc::vec;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -98,6 +98,10 @@ pub enum Binary {
     Quotient,
     /// [`Primitive::scale_by_power_of_two`].
     Scaled,
+    /// [`Scalar::min`].
+    Smaller,
+    /// [`Scalar::max`].
+    Larger,
 }
 
 /// What an expression is made of.
@@ -145,6 +149,24 @@ impl Expression {
         };
         truth.into_iter().chain(node(a)).chain(node(b))
     }
+}
+
+/// Which expressions are needed for these values, by their numbers.
+pub(crate) fn needed(expressions: &[Expression], values: &[Operand]) -> Vec<bool> {
+    let mut needed = vec![false; expressions.len()];
+    for value in values {
+        if let Operand::Node(node) = *value {
+            needed[node as usize] = true;
+        }
+    }
+    for node in (0..needed.len()).rev() {
+        if needed[node] {
+            for other in expressions[node].needs() {
+                needed[other as usize] = true;
+            }
+        }
+    }
+    needed
 }
 
 #[derive(Default)]
@@ -227,7 +249,7 @@ impl<'g> Symbol<'g> {
     }
 
     fn is(self, number: f64) -> bool {
-        matches!(self, Symbol::Constant(value) if value == number)
+        matches!(self, Symbol::Constant(value) if value.to_bits() == number.to_bits())
     }
 
     /// `x` where this is `−x`.
@@ -287,10 +309,10 @@ impl<'g> Symbol<'g> {
 impl Add for Symbol<'_> {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        if self.is(0.0) {
+        if self.is(-0.0) {
             return other;
         }
-        if other.is(0.0) {
+        if other.is(-0.0) {
             return self;
         }
         match (self.negated(), other.negated()) {
@@ -304,7 +326,7 @@ impl Add for Symbol<'_> {
 impl Sub for Symbol<'_> {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
-        if self.is(0.0) {
+        if self.is(-0.0) {
             return -other;
         }
         if other.is(0.0) {
@@ -384,6 +406,18 @@ impl<'g> Scalar for Symbol<'g> {
             }
         }
     }
+    fn min(self, other: Self) -> Self {
+        match self.operand() == other.operand() {
+            true => self,
+            false => self.binary(Binary::Smaller, other, Scalar::min),
+        }
+    }
+    fn max(self, other: Self) -> Self {
+        match self.operand() == other.operand() {
+            true => self,
+            false => self.binary(Binary::Larger, other, Scalar::max),
+        }
+    }
     fn exp(self) -> Self {
         self.call(Function::Exp)
     }
@@ -426,7 +460,7 @@ mod tests {
         assert_eq!((x + y).operand(), (y + x).operand());
         assert_ne!((x - y).operand(), (y - x).operand());
         assert_eq!((x + -y).operand(), (x - y).operand());
-        assert_eq!((Symbol::constant(0.0) + x).operand(), x.operand());
+        assert_eq!((Symbol::constant(-0.0) + x).operand(), x.operand());
         assert_eq!((two * two).operand(), Symbol::constant(4.0).operand());
         assert_eq!(two.exp().operand(), Operand::Constant(math::exp(2.0).to_bits()));
         assert_eq!(x.clamp(x, x).operand(), x.operand());

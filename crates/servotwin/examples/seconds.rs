@@ -2,7 +2,7 @@
 //!
 //! `seconds [STRIDE] [DURATION_S]` (defaults 2, 90): every `STRIDE`-th of the study's
 //! faults under its second command at full load, in one thread. What is sampled is
-//! what a campaign samples, and goes into a sum only. Prints the seconds.
+//! what a campaign samples, and goes into a sum only. Prints the seconds, and those of compilers.
 
 use servotwin::ensemble::{Sink, Variant};
 use servotwin::study::{Study, campaign};
@@ -16,13 +16,13 @@ impl Sink for Sum {
     }
 }
 
-/// Of all threads, those that have ended included.
-fn processor_seconds() -> f64 {
+/// Of all threads, those that have ended included; and of compilers.
+fn processor_seconds() -> [f64; 2] {
     let text = std::fs::read_to_string("/proc/self/stat").expect("Linux");
     let after_name = text.rsplit(')').next().unwrap_or_default();
     let fields: Vec<f64> =
         after_name.split_whitespace().map(|field| field.parse().unwrap_or(0.0)).collect();
-    (fields[11] + fields[12]) / 100.0
+    [(fields[11] + fields[12]) / 100.0, (fields[13] + fields[14]) / 100.0]
 }
 
 fn main() {
@@ -52,5 +52,6 @@ fn main() {
             sum += samples.0;
         },
     );
-    println!("{} {total:?} {sum:e}", processor_seconds() - begin);
+    let [own, compilers] = processor_seconds();
+    println!("{:.2} {compilers:.2} {total:?} {sum:e}", own - begin[0]);
 }

@@ -5,6 +5,8 @@
 //! are the same bits for any number of threads and any instruction set; only
 //! the order in which variants finish differs.
 
+use crate::compiled::Compiled;
+use crate::system::System;
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
@@ -16,6 +18,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 pub struct Ensemble<'p> {
     /// The system.
     pub program: &'p Program,
+    /// Its compiled step, for those who have much to do.
+    pub compiled: Option<&'p Compiled>,
     /// The solver's settings.
     pub settings: Settings,
     /// The lanes for few variants; see [`Level::for_many`].
@@ -97,6 +101,7 @@ impl<'p> Ensemble<'p> {
     pub fn new(program: &'p Program) -> Self {
         Self {
             program,
+            compiled: None,
             settings: Settings::campaign(),
             level: Level::best(),
             threads: processors(),
@@ -105,6 +110,11 @@ impl<'p> Ensemble<'p> {
             sample_period_s: 0.01,
             cancel: None,
         }
+    }
+
+    /// As [`Ensemble::new`], of a system's program, which is compiled where that is worth it.
+    pub fn of(system: &'p System) -> Self {
+        Self { compiled: Some(&system.compiled), ..Self::new(&system.program) }
     }
 
     /// Number of samples of every run.
@@ -127,7 +137,13 @@ impl<'p> Ensemble<'p> {
         let next = AtomicUsize::new(0);
         let done = Mutex::new(done);
         let threads = self.threads.clamp(1, count.max(1));
-        let level = self.level.for_many(count / threads);
+        let simulated_s = count as f64 * self.duration_s;
+        let kernels =
+            self.compiled.and_then(|c| c.when_worth(self.program, self.level, simulated_s));
+        let level = match kernels {
+            Some(_) => self.level,
+            None => self.level.for_many(count / threads),
+        };
         std::thread::scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(|| {
@@ -140,7 +156,7 @@ impl<'p> Ensemble<'p> {
                         done: &done,
                         open: Vec::new(),
                     };
-                    run(self.program, self.settings, &self.record, level, &mut worker);
+                    run(self.program, kernels, self.settings, &self.record, level, &mut worker);
                 });
             }
         });

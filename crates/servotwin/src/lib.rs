@@ -2,6 +2,7 @@
 
 pub mod built_in;
 pub mod catalogue;
+pub mod compiled;
 pub mod document;
 pub mod eigenvalues;
 pub mod ensemble;

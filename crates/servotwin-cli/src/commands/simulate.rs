@@ -445,7 +445,7 @@ impl<'s> Plan<'s> {
             duration_s: self.duration_s,
             sample_period_s: self.period_s,
             cancel: Some(stop::flag()),
-            ..Ensemble::new(&self.system.program)
+            ..Ensemble::of(self.system)
         };
         let bar = progress(ensemble.samples() * self.runs(), global);
         let values =

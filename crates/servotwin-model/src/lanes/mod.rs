@@ -24,6 +24,8 @@ use {avx2::Avx2, avx512::Avx512, pair::Pair};
 pub enum Level {
     /// Plain arrays of four: every machine.
     Portable,
+    /// Four lanes of 256 bits.
+    Avx2Once,
     /// Two times four lanes of 256 bits.
     Avx2,
     /// Eight lanes of 512 bits.
@@ -33,7 +35,8 @@ pub enum Level {
 }
 
 /// Every level, slowest first.
-pub const ALL: [Level; 4] = [Level::Portable, Level::Avx2, Level::Avx512, Level::Avx512Twice];
+pub const ALL: [Level; 5] =
+    [Level::Portable, Level::Avx2Once, Level::Avx2, Level::Avx512, Level::Avx512Twice];
 
 /// Variants for each of sixteen lanes from which on these are faster in all: a step of
 /// theirs takes longer, and at the end most of them have nothing to do.
@@ -44,6 +47,7 @@ impl Level {
     pub fn name(self) -> &'static str {
         match self {
             Level::Portable => "portable",
+            Level::Avx2Once => "avx2x1",
             Level::Avx2 => "avx2",
             Level::Avx512 => "avx512",
             Level::Avx512Twice => "avx512x2",
@@ -53,9 +57,18 @@ impl Level {
     /// Variants side by side.
     pub fn width(self) -> usize {
         match self {
-            Level::Portable => 4,
+            Level::Portable | Level::Avx2Once => 4,
             Level::Avx2 | Level::Avx512 => 8,
             Level::Avx512Twice => 16,
+        }
+    }
+
+    /// How many of them a register has.
+    pub fn register_width(self) -> usize {
+        match self {
+            Level::Portable => 1,
+            Level::Avx2Once | Level::Avx2 => 4,
+            Level::Avx512 | Level::Avx512Twice => 8,
         }
     }
 
@@ -66,7 +79,7 @@ impl Level {
         match self {
             Level::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => detected::AVX2.get(detected::avx2),
+            Level::Avx2Once | Level::Avx2 => detected::AVX2.get(detected::avx2),
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 | Level::Avx512Twice => detected::AVX512.get(detected::avx512),
             #[cfg(not(target_arch = "x86_64"))]
@@ -85,9 +98,13 @@ impl Level {
         best
     }
 
-    /// The level that takes a step sooner, of fewer variants.
+    /// The level that takes a step sooner, of fewer variants. Half as many lanes are not so much sooner that they
+    /// would be worth another change.
     pub fn narrower(self) -> Option<Level> {
-        (self == Level::Avx512Twice).then_some(Level::Avx512)
+        match self {
+            Level::Avx512Twice | Level::Avx512 | Level::Avx2 => Some(Level::Avx2Once),
+            Level::Avx2Once | Level::Portable => None,
+        }
     }
 
     /// The level that is through with as many variants soonest, where this one is the
@@ -170,6 +187,9 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
         Level::Portable => kernel.run::<Portable>(),
         // SAFETY: the level is available.
         #[cfg(target_arch = "x86_64")]
+        Level::Avx2Once => unsafe { run_avx2_once(kernel) },
+        // SAFETY: the level is available.
+        #[cfg(target_arch = "x86_64")]
         Level::Avx2 => unsafe { run_avx2(kernel) },
         // SAFETY: the level is available.
         #[cfg(target_arch = "x86_64")]
@@ -180,6 +200,12 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
         #[cfg(not(target_arch = "x86_64"))]
         _ => unreachable!(),
     }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2_once<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Avx2>()
 }
 
 #[cfg(target_arch = "x86_64")]

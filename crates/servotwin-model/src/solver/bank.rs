@@ -8,6 +8,7 @@
 
 use super::batch::{Batch, MOST_LANES};
 use super::course::{Course, Phase};
+use super::kernels::Kernels;
 use super::tableau::Tableau;
 use super::{Cause, Control, Failure, SMALLEST_STEP_S, Settings};
 use crate::math;
@@ -54,12 +55,12 @@ impl<'p, V: Lanes> Bank<'p, V> {
     }
 
     /// Idle lanes.
-    pub fn new(program: &'p Program, settings: Settings) -> Self {
+    pub fn new(program: &'p Program, settings: Settings, kernels: Option<&'p Kernels>) -> Self {
         let periods_s: Vec<f64> = program.clock_periods_s().collect();
         Self {
             program,
             settings,
-            batch: Batch::new(program),
+            batch: Batch::with(program, kernels.and_then(|k| k.of(settings.method, V::WIDTH))),
             courses: (0..V::WIDTH).map(|_| Course::idle(periods_s.len())).collect(),
             moving: Vec::with_capacity(program.externals().len()),
             periods_s,

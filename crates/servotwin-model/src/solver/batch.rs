@@ -1,5 +1,6 @@
 //! The memory of a few variants side by side, and one step of them.
 
+use super::kernels::Functions;
 use super::tableau::Tableau;
 use crate::program::Program;
 use crate::scalar::{Lanes, Work};
@@ -28,22 +29,30 @@ pub struct Batch<'p, V> {
     /// For every external input that changes in some lane: its place and its
     /// cubic from the beginning of the step.
     moving: Vec<(usize, [V; 4])>,
+    /// What does the same as the lists, for lanes of this width.
+    compiled: Option<&'p Functions>,
 }
 
 /// The largest number of lanes of any level.
 pub(super) const MOST_LANES: usize = 16;
 /// The largest number of stages of any method.
-const MOST_STAGES: usize = 8;
+pub(super) const MOST_STAGES: usize = 8;
 
 impl<'p, V: Lanes> Batch<'p, V> {
     /// Memory for a program; every lane is zero.
     pub fn new(program: &'p Program) -> Self {
+        Self::with(program, None)
+    }
+
+    /// As [`Batch::new`]; with functions that were compiled for the program, the method that is used and as many
+    /// lanes.
+    pub(super) fn with(program: &'p Program, compiled: Option<&'p Functions>) -> Self {
         let n = program.states().len();
         let zeros = |count: usize| vec![V::constant(0.0); count];
         Self {
             program,
             constants: zeros(program.constants()),
-            variables: zeros(program.memory()),
+            variables: program.blank(),
             gradients: zeros(program.rows().slots()),
             factors: zeros(program.plan().slots()),
             y: zeros(n),
@@ -53,6 +62,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
             reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
             lowest: program.states().iter().map(|s| s.lowest).collect(),
             moving: Vec::new(),
+            compiled,
         }
     }
 
@@ -135,7 +145,10 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
-        let Self { program, constants, variables, gradients, .. } = self;
+        let Self { program, constants, variables, gradients, compiled, .. } = self;
+        if let Some(compiled) = compiled {
+            return compiled.begin(constants, variables, gradients);
+        }
         program.evaluate_with_jacobian(constants, variables, gradients);
     }
 
@@ -170,16 +183,29 @@ impl<'p, V: Lanes> Batch<'p, V> {
             self.stage_sums(method, stage, reciprocal);
             if stage > 0 {
                 self.load_inputs(h * V::constant(method.alpha[stage]));
-                self.program.motion().run(&self.constants, &mut self.variables);
+                self.evaluate_motion();
             }
             self.solve_stage(h * V::constant(method.gamma_sum[stage]), stage);
         }
         self.combine(method)
     }
 
+    /// What the derivatives depend on; nothing else is known after it.
+    #[inline(always)]
+    fn evaluate_motion(&mut self) {
+        let Self { program, constants, variables, compiled, .. } = self;
+        match compiled {
+            Some(compiled) => compiled.motion(constants, variables),
+            None => program.motion().run(constants, variables),
+        }
+    }
+
     #[inline(always)]
     fn factorise(&mut self, method: &Tableau, reciprocal: V) {
         let diagonal = reciprocal * V::constant(1.0 / method.gamma);
+        if let Some(compiled) = self.compiled {
+            return compiled.factor(diagonal, &self.gradients, &mut self.factors);
+        }
         factorise(self.program, diagonal, &self.gradients, &mut self.factors);
     }
 
@@ -190,16 +216,22 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let n = self.y.len();
         let (before, right) = self.stages.split_at_mut(stage * n);
         let (states, right) = (&mut self.variables[..n], &mut right[..n]);
-        let (a, c) = (method.a[stage], method.c[stage]);
-        stage_sums(states, &self.y, a, right, c, reciprocal, before);
+        match self.compiled {
+            Some(compiled) => compiled.sums(stage, reciprocal, &self.y, before, states, right),
+            None => stage_sums(method, stage, states, &self.y, right, reciprocal, before),
+        }
     }
 
     /// The solution of (R1) in the place of its sum.
     #[inline(always)]
     fn solve_stage(&mut self, slope_factor: V, stage: usize) {
         let n = self.y.len();
-        let derivatives = &self.variables[self.program.derivatives()];
         let right = &mut self.stages[stage * n..][..n];
+        let Self { program, variables, gradients, factors, .. } = self;
+        if let Some(compiled) = self.compiled {
+            return compiled.solve(variables, slope_factor, gradients, factors, right);
+        }
+        let derivatives = &variables[program.derivatives()];
         solve(self.program, derivatives, slope_factor, &self.gradients, &self.factors, right);
     }
 
@@ -254,7 +286,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
                     self.variables[k] = self.y[k] + self.stages[(stage - 1) * n + k] * offset;
                 }
                 self.load_inputs(offset);
-                self.program.motion().run(&self.constants, &mut self.variables);
+                self.evaluate_motion();
             }
             let derivatives = &self.variables[self.program.derivatives()];
             self.stages[stage * n..][..n].copy_from_slice(derivatives);
@@ -386,78 +418,26 @@ outlined! {
         factors: &'a [V],
         right: &'a mut [V],
     ) {
-        for (r, &derivative) in right.iter_mut().zip(derivatives) {
-            *r = *r + derivative;
-        }
-        program.rows().add_time_derivative(slope_factor, gradients, right);
-        program.plan().solve(factors, right);
+        program.solve_stage(derivatives, slope_factor, gradients, factors, right);
     }
 
-    /// The arguments of the equations in a stage, and the rest of its right side:
-    /// `states = y + Σ a_j U_j`, `right = factor Σ c_j U_j`.
+    /// [`Tableau::stage_sums`].
     fn stage_sums<'a, V>(
+        method: &'a Tableau,
+        stage: usize,
         states: &'a mut [V],
         y: &'a [V],
-        a: &'a [f64],
         right: &'a mut [V],
-        c: &'a [f64],
-        factor: V,
+        reciprocal: V,
         stages: &'a [V],
     ) {
-        let sums = StageSums { states, y, right, stages };
-        match c.len() {
-            0 => sums.of::<0>(a, c, factor),
-            1 => sums.of::<1>(a, c, factor),
-            2 => sums.of::<2>(a, c, factor),
-            3 => sums.of::<3>(a, c, factor),
-            4 => sums.of::<4>(a, c, factor),
-            5 => sums.of::<5>(a, c, factor),
-            6 => sums.of::<6>(a, c, factor),
-            7 => sums.of::<7>(a, c, factor),
-            _ => unreachable!("no method has more stages"),
-        }
+        method.stage_sums(stage, states, y, right, reciprocal, stages);
     }
 
     /// `target += vector`.
     fn add<'a, V>(target: &'a mut [V], vector: &'a [V]) {
         for (t, &v) in target.iter_mut().zip(vector) {
             *t = *t + v;
-        }
-    }
-}
-
-/// What a stage's sums are made of and where they go.
-struct StageSums<'a, V> {
-    states: &'a mut [V],
-    y: &'a [V],
-    right: &'a mut [V],
-    stages: &'a [V],
-}
-
-impl<V: Lanes> StageSums<'_, V> {
-    /// Both sums at once, so that the stages are read once; their number is known, so
-    /// that sums and weights stay in registers.
-    #[inline(always)]
-    fn of<const N: usize>(self, a: &[f64], c: &[f64], factor: V) {
-        let Self { states, y, right, stages } = self;
-        let n = y.len();
-        assert!(states.len() == n && right.len() == n && stages.len() >= N * n);
-        let mut of_states = [V::constant(0.0); N];
-        let mut of_right = [V::constant(0.0); N];
-        for j in 0..N {
-            of_states[j] = V::constant(a[j]);
-            of_right[j] = V::constant(c[j]) * factor;
-        }
-        for (k, ((state, right), &y)) in states.iter_mut().zip(right).zip(y).enumerate() {
-            let (mut argument, mut sum) = (y, V::constant(0.0));
-            for j in 0..N {
-                // SAFETY: j < N and k < n; the length is asserted above.
-                let stage = unsafe { *stages.get_unchecked(j * n + k) };
-                argument = argument + stage * of_states[j];
-                sum = if j == 0 { stage * of_right[j] } else { sum + stage * of_right[j] };
-            }
-            *state = argument;
-            *right = sum;
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::bank::{Bank, Numbers};
 use super::course::{Course, Moving, Phase};
+use super::kernels::Kernels;
 use super::tableau::Tableau;
 use super::{Failure, SAME_TIME_S, Settings, Statistics};
 use crate::lanes::{Kernel, Level, dispatch};
@@ -60,9 +61,10 @@ pub trait Feed<'a> {
     }
 }
 
-/// Runs everything that the feed gives, with the lanes of a level.
+/// Runs everything that the feed gives, with the lanes of a level, and with compiled functions where there are some.
 pub fn run<'a>(
     program: &Program,
+    kernels: Option<&Kernels>,
     settings: Settings,
     record: &[Slot],
     level: Level,
@@ -70,6 +72,7 @@ pub fn run<'a>(
 ) {
     struct All<'w, 'a> {
         program: &'w Program,
+        kernels: Option<&'w Kernels>,
         settings: Settings,
         record: &'w [Slot],
         feed: &'w mut dyn Feed<'a>,
@@ -81,15 +84,16 @@ pub fn run<'a>(
         type Output = Vec<UnderWay<'a>>;
         #[inline(always)]
         fn run<V: Lanes>(self) -> Vec<UnderWay<'a>> {
-            Ensemble::<V>::new(self.program, self.settings, self.record, self.feed)
-                .run(self.under_way, self.narrower)
+            let bank = Bank::new(self.program, self.settings, self.kernels);
+            Ensemble::<V>::new(bank, self.record, self.feed).run(self.under_way, self.narrower)
         }
     }
     let mut under_way = Vec::new();
-    for level in [Some(level), level.narrower()].into_iter().flatten() {
+    for level in core::iter::successors(Some(level), |level| level.narrower()) {
         let narrower = level.narrower().map_or(0, Level::width);
         let feed = &mut *feed;
-        under_way = dispatch(level, All { program, settings, record, feed, under_way, narrower });
+        let all = All { program, kernels, settings, record, feed, under_way, narrower };
+        under_way = dispatch(level, all);
         if under_way.is_empty() {
             return;
         }
@@ -170,15 +174,10 @@ struct Ensemble<'p, 'f, 'a, V> {
 }
 
 impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
-    fn new(
-        program: &'p Program,
-        settings: Settings,
-        record: &'p [Slot],
-        feed: &'f mut dyn Feed<'a>,
-    ) -> Self {
+    fn new(bank: Bank<'p, V>, record: &'p [Slot], feed: &'f mut dyn Feed<'a>) -> Self {
         let values = vec![0.0; record.len()];
         let jobs = Vec::with_capacity(V::WIDTH);
-        Self { record, feed, bank: Bank::new(program, settings), jobs, values }
+        Self { record, feed, bank, jobs, values }
     }
 
     /// Goes on with what is under way, then runs what the feed gives. When that is

@@ -17,12 +17,14 @@ mod bank;
 mod batch;
 mod course;
 mod ensemble;
+mod kernels;
 pub mod tableau;
 mod trim;
 mod twin;
 
 pub use batch::Batch;
 pub use ensemble::{Case, Change, Feed, run};
+pub use kernels::{Functions, Kernels};
 pub use trim::settle;
 pub use twin::{Between, Knot, Snapshot, Twin};
 
@@ -271,7 +273,7 @@ mod tests {
             samples: vec![Vec::new(); jobs],
             outcomes: vec![None; jobs],
         };
-        run(&program, settings, &[0], level, &mut record);
+        run(&program, None, settings, &[0], level, &mut record);
         assert!(record.outcomes.iter().all(|o| matches!(o, Some(Ok(_)))), "{:?}", record.outcomes);
         record.samples
     }

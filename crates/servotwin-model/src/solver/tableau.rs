@@ -10,6 +10,8 @@
 //!
 //! All are L-stable and stiffly accurate (the last stage is the error).
 
+use crate::scalar::Scalar;
+
 /// A Rosenbrock method.
 #[derive(Clone, Copy, Debug)]
 pub struct Tableau {
@@ -33,6 +35,86 @@ impl Tableau {
     /// Number of stages.
     pub fn stages(&self) -> usize {
         self.a.len()
+    }
+
+    /// Whether a stage's argument is that of the stage before and its `U`, as in the last stages of stiffly accurate
+    /// methods.
+    #[inline(always)]
+    pub fn continues(&self, stage: usize) -> bool {
+        match self.a[stage].split_last() {
+            Some((&last, others)) => last == 1.0 && others == self.a[stage - 1],
+            None => false,
+        }
+    }
+
+    /// The argument of the equations in a stage, `states = y + Σ a_j U_j`, and the rest of its right side,
+    /// `right = (Σ c_j U_j)/h`. `states` still holds the argument of the stage before.
+    #[inline(always)]
+    pub(crate) fn stage_sums<V: Scalar<Base = V>>(
+        &self,
+        stage: usize,
+        states: &mut [V],
+        y: &[V],
+        right: &mut [V],
+        reciprocal: V,
+        stages: &[V],
+    ) {
+        let sums = StageSums { states, y, right, stages };
+        let (a, c) = (self.a[stage], self.c[stage]);
+        match (stage, self.continues(stage)) {
+            (0, _) => sums.of::<0, false>(a, c, reciprocal),
+            (1, _) => sums.of::<1, false>(a, c, reciprocal),
+            (2, false) => sums.of::<2, false>(a, c, reciprocal),
+            (3, false) => sums.of::<3, false>(a, c, reciprocal),
+            (4, false) => sums.of::<4, false>(a, c, reciprocal),
+            (5, false) => sums.of::<5, false>(a, c, reciprocal),
+            (3, true) => sums.of::<3, true>(a, c, reciprocal),
+            (5, true) => sums.of::<5, true>(a, c, reciprocal),
+            (6, _) => sums.of::<6, true>(a, c, reciprocal),
+            (7, _) => sums.of::<7, true>(a, c, reciprocal),
+            _ => unreachable!("no method has such stages"),
+        }
+    }
+}
+
+/// What a stage's sums are made of and where they go.
+struct StageSums<'a, V> {
+    states: &'a mut [V],
+    y: &'a [V],
+    right: &'a mut [V],
+    stages: &'a [V],
+}
+
+impl<V: Scalar<Base = V>> StageSums<'_, V> {
+    /// Both sums at once, so that the stages are read once; their number is known, so
+    /// that sums and weights stay in registers.
+    #[inline(always)]
+    fn of<const N: usize, const CONTINUES: bool>(self, a: &[f64], c: &[f64], factor: V) {
+        let Self { states, y, right, stages } = self;
+        let n = y.len();
+        assert!(states.len() == n && right.len() == n && stages.len() >= N * n);
+        let mut of_states = [V::constant(0.0); N];
+        let mut of_right = [V::constant(0.0); N];
+        for j in 0..N {
+            of_states[j] = V::constant(a[j]);
+            of_right[j] = V::constant(c[j]) * factor;
+        }
+        for (k, ((state, right), &y)) in states.iter_mut().zip(right).zip(y).enumerate() {
+            let mut argument = if CONTINUES { *state } else { y };
+            let mut sum = V::constant(0.0);
+            for j in 0..N {
+                // SAFETY: j < N and k < n; the length is asserted above.
+                let stage = unsafe { *stages.get_unchecked(j * n + k) };
+                match CONTINUES {
+                    false => argument = argument + stage * of_states[j],
+                    true if j == N - 1 => argument = argument + stage,
+                    true => {}
+                }
+                sum = if j == 0 { stage * of_right[j] } else { sum + stage * of_right[j] };
+            }
+            *state = argument;
+            *right = sum;
+        }
     }
 }
 

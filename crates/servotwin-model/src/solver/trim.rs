@@ -33,6 +33,6 @@ pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
     let case = Case { settle: true, duration_s: 0.0, ..case };
     let mut catch =
         Catch { case: Some(case), states: Vec::new(), outcome: Ok(Statistics::default()) };
-    run(program, Settings::campaign(), &record, Level::best(), &mut catch);
+    run(program, None, Settings::campaign(), &record, Level::best(), &mut catch);
     catch.outcome.map(|_| catch.states)
 }

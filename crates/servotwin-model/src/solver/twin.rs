@@ -94,7 +94,7 @@ impl<'p> Twin<'p> {
         assert!(settings.method.tableau().is_some(), "the method is implicit");
         let settings = Settings { land_on_samples: true, ..settings };
         let inputs = alloc::vec![Knot::default(); between.len()];
-        let bank = Bank::new(program, settings);
+        let bank = Bank::new(program, settings, None);
         let mut twin = Self { bank, between, period_s, inputs, loaded: None };
         twin.restart(false);
         twin

@@ -77,7 +77,7 @@ fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level
         changes: later.into_iter().map(change).collect(),
     };
     let mut one = One { case: Some(case), samples: Vec::new() };
-    run(program, Settings::campaign(), &record(program), level, &mut one);
+    run(program, None, Settings::campaign(), &record(program), level, &mut one);
     one.samples
 }
 

@@ -93,7 +93,7 @@ impl<'s> Problem<'s> {
             record: record.sensors.iter().map(slot).collect(),
             duration_s: record.duration_s(),
             sample_period_s: record.period_s,
-            ..Ensemble::new(program)
+            ..Ensemble::of(self.system)
         }
     }
 

@@ -42,6 +42,7 @@ pub(crate) use read::FLUID;
 pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
+use crate::compiled::Compiled;
 use crate::document::{Located, Quantities, Quantity, write_mistakes};
 use crate::files::FileError;
 use crate::kind::Kind;
@@ -89,6 +90,8 @@ pub struct System {
     pub sensors: Vec<Sensor>,
     /// The file's text, to be kept beside results.
     pub text: String,
+    /// Its program's compiled step.
+    pub compiled: Compiled,
 }
 
 /// Why there is no system.
@@ -142,6 +145,7 @@ impl System {
                 name: reader.name,
                 title: reader.title,
                 program,
+                compiled: Compiled::default(),
                 sensors: reader.sensors,
                 text: text.into(),
             }),

@@ -1,6 +1,7 @@
 //! The one integration test binary of this crate: one module per room.
 
 mod aileron;
+mod compiled;
 mod effort;
 mod errors;
 mod evaluating;

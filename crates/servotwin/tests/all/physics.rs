@@ -580,7 +580,7 @@ fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
     };
     let record: Vec<u16> = (0..start.len() as u16).collect();
     let mut one = One(Some(case), Vec::new());
-    solver::run(program(), Settings::real_time(), &record, Level::best(), &mut one);
+    solver::run(program(), None, Settings::real_time(), &record, Level::best(), &mut one);
     one.1
 }
 

@@ -208,7 +208,7 @@ pub fn ensemble(study: &Study) -> Ensemble<'_> {
         record: study.measured.iter().map(slot).collect(),
         duration_s: study.duration_s,
         sample_period_s: study.sample_period_s,
-        ..Ensemble::new(program)
+        ..Ensemble::of(&study.system)
     }
 }
 

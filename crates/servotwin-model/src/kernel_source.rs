@@ -1,0 +1,271 @@
+//! The C source of a step: what a [`crate::solver::Batch`] does in lists, as straight lines of C.
+//!
+//! Half of a step's instructions find numbers through lists, because the lists stand for any system. A C compiler that
+//! is given one system needs none: it keeps numbers in registers, and makes machine code of a second's compiling that
+//! takes a third of the time. The text is traced from the functions that walk the lists, so it is the same arithmetic
+//! in the same order, and gives the same bits.
+//!
+//! One text serves every width. Compiled with `-DWIDTH=8` a register holds eight lanes (AVX-512), with 4 four
+//! (AVX2), with 1 one; `-DSTRIDE` is the number of lanes in the arrays. Neither fused nor reassociated arithmetic is
+//! allowed (`-ffp-contract=off`). What is called how stands in [`crate::solver::Functions`].
+
+use crate::program::Program;
+use crate::scalar::Scalar;
+use crate::solver::Method;
+use crate::solver::tableau::Tableau;
+use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
+use alloc::collections::BTreeMap;
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt::Write;
+
+/// The C source of the steps of a method. `None` for an explicit method.
+pub fn write(program: &Program, method: Method) -> Option<String> {
+    let tableau = method.tableau()?;
+    let mut c = PRELUDE.to_string();
+    for function in Function::ALL {
+        kernel(&mut c, function);
+    }
+    begin(&mut c, program);
+    motion(&mut c, program);
+    factor(&mut c, program);
+    solve(&mut c, program);
+    for stage in 0..tableau.stages() {
+        sums(&mut c, program, tableau, stage);
+    }
+    Some(c)
+}
+
+/// The only argument of a kernel, which is no array.
+const ARGUMENT: &str = "x";
+
+/// A transcendental function.
+fn kernel(c: &mut String, function: Function) {
+    let graph = Graph::new();
+    let value = function.kernel(graph.variable(ARGUMENT, 0));
+    line(c, format_args!("INLINE LANES {}_of(LANES x)\n{{", function.name()));
+    let text = Text { expressions: graph.expressions(), stores: BTreeMap::new() };
+    text.statements(c, &[value.operand()]);
+    line(c, format_args!("    return {};\n}}\n", text.operand(value.operand())));
+}
+
+/// A function that fills places of arrays.
+struct CFunction<'g> {
+    head: String,
+    /// (array, place, value).
+    stores: Vec<(&'static str, usize, Symbol<'g>)>,
+}
+
+impl CFunction<'_> {
+    fn write(self, c: &mut String, graph: &Graph) {
+        let mut stores: BTreeMap<Operand, Vec<(&str, usize)>> = BTreeMap::new();
+        for (array, place, value) in self.stores {
+            // What stays where it is.
+            if value.expression() != Some(Expression::Variable(array, place as u32)) {
+                stores.entry(value.operand()).or_default().push((array, place));
+            }
+        }
+        let values: Vec<Operand> = stores.keys().copied().collect();
+        let text = Text { expressions: graph.expressions(), stores };
+        line(c, format_args!("void {}\n{{", self.head));
+        line(c, format_args!("    for (int lane = 0; lane < STRIDE; lane += WIDTH) {{"));
+        text.statements(c, &values);
+        line(c, format_args!("    }}\n}}\n"));
+    }
+}
+
+/// An array from outside.
+fn array<'g>(graph: &'g Graph, name: &'static str, length: usize) -> Vec<Symbol<'g>> {
+    (0..length).map(|index| graph.variable(name, index)).collect()
+}
+
+/// The variable array before an evaluation: what is no sum comes from outside.
+fn variables<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
+    let mut variables = program.blank();
+    let given = array(graph, "variables", program.sums().start);
+    variables[..given.len()].copy_from_slice(&given);
+    variables
+}
+
+/// Gradients from outside, and the two places that never change.
+fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
+    let mut gradients = array(graph, "gradients", program.rows().slots());
+    program.rows().set_fixed(&mut gradients);
+    gradients
+}
+
+fn begin(c: &mut String, program: &Program) {
+    let graph = Graph::new();
+    let constants = array(&graph, "constants", program.constants());
+    let mut variables = variables(&graph, program);
+    let mut gradients = gradients(&graph, program);
+    program.trace_with_jacobian(&constants, &mut variables, &mut gradients);
+    let sums = program.sums().map(|place| ("variables", place, variables[place]));
+    let rows = program.rows().read_places();
+    let rows = rows.into_iter().map(|place| ("gradients", place, gradients[place]));
+    CFunction {
+        head: "begin(IN constants, OUT variables, OUT gradients)".into(),
+        stores: sums.chain(rows).collect(),
+    }
+    .write(c, &graph);
+}
+
+fn motion(c: &mut String, program: &Program) {
+    let graph = Graph::new();
+    let constants = array(&graph, "constants", program.constants());
+    let mut variables = variables(&graph, program);
+    program.motion().trace(&constants, &mut variables);
+    let stores = program.derivatives().map(|place| ("variables", place, variables[place]));
+    CFunction { head: "motion(IN constants, OUT variables)".into(), stores: stores.collect() }
+        .write(c, &graph);
+}
+
+fn factor(c: &mut String, program: &Program) {
+    let graph = Graph::new();
+    let gradients = gradients(&graph, program);
+    let mut factors = vec![Symbol::constant(0.0); program.plan().slots()];
+    program.plan().factor(graph.variable("diagonal", 0), &gradients, &mut factors);
+    let stores = factors.into_iter().enumerate().map(|(place, value)| ("factors", place, value));
+    CFunction {
+        head: "factor(IN diagonal, IN gradients, OUT factors)".into(),
+        stores: stores.collect(),
+    }
+    .write(c, &graph);
+}
+
+fn solve(c: &mut String, program: &Program) {
+    let graph = Graph::new();
+    let derivatives = variables_at(&graph, program);
+    let factors = array(&graph, "factors", program.plan().slots());
+    let mut right = array(&graph, "right", program.states().len());
+    let slope_factor = graph.variable("slope_factor", 0);
+    let gradients = gradients(&graph, program);
+    program.solve_stage(&derivatives, slope_factor, &gradients, &factors, &mut right);
+    let stores = right.into_iter().enumerate().map(|(place, value)| ("right", place, value));
+    CFunction {
+        head: "solve(IN variables, IN slope_factor, IN gradients, IN factors, OUT right)".into(),
+        stores: stores.collect(),
+    }
+    .write(c, &graph);
+}
+
+/// The derivatives of the states from outside.
+fn variables_at<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
+    program.derivatives().map(|place| graph.variable("variables", place)).collect()
+}
+
+fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
+    let graph = Graph::new();
+    let n = program.states().len();
+    let mut states = array(&graph, "variables", n);
+    let mut right = vec![Symbol::constant(0.0); n];
+    let stages = array(&graph, "stages", stage * n);
+    let y = array(&graph, "y", n);
+    tableau.stage_sums(
+        stage,
+        &mut states,
+        &y,
+        &mut right,
+        graph.variable("reciprocal", 0),
+        &stages,
+    );
+    let states = states.into_iter().enumerate().map(|(place, value)| ("variables", place, value));
+    let right = right.into_iter().enumerate().map(|(place, value)| ("right", place, value));
+    let stores = states.chain(right).collect();
+    let head = format!("sums_{stage}(IN reciprocal, IN y, IN stages, OUT variables, OUT right)");
+    CFunction { head, stores }.write(c, &graph);
+}
+
+/// Writes expressions as C.
+struct Text<'a> {
+    expressions: Vec<Expression>,
+    /// (array, place) where a value is put.
+    stores: BTreeMap<Operand, Vec<(&'a str, usize)>>,
+}
+
+impl Text<'_> {
+    /// What the values need, each put where it belongs as soon as it is known.
+    fn statements(&self, c: &mut String, values: &[Operand]) {
+        let needed = symbol::needed(&self.expressions, values);
+        for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
+            self.put(c, *value);
+        }
+        for (node, &expression) in self.expressions.iter().enumerate() {
+            if !needed[node] {
+                continue;
+            }
+            if !matches!(expression, Expression::Variable(..)) {
+                let kind = if expression.is_truth() { "TRUTH" } else { "LANES" };
+                line(c, format_args!("    const {kind} v{node} = {};", self.value(expression)));
+            }
+            self.put(c, Operand::Node(node as u32));
+        }
+    }
+
+    fn put(&self, c: &mut String, value: Operand) {
+        for &(array, place) in self.stores.get(&value).into_iter().flatten() {
+            line(c, format_args!("    PUT({array}, {place}, {});", self.operand(value)));
+        }
+    }
+
+    fn value(&self, expression: Expression) -> String {
+        let of = |operand| self.operand(operand);
+        match expression {
+            Expression::Variable(ARGUMENT, _) => ARGUMENT.to_string(),
+            Expression::Variable(array, index) => format!("AT({array}, {index})"),
+            Expression::Unary(operation, a) => format!("{}({})", unary(operation), of(a)),
+            Expression::Binary(operation, a, b) => match operation {
+                Binary::Sum => format!("{} + {}", of(a), of(b)),
+                Binary::Difference => format!("{} - {}", of(a), of(b)),
+                Binary::Product => format!("{} * {}", of(a), of(b)),
+                Binary::Quotient => format!("{} / {}", of(a), of(b)),
+                Binary::Scaled => format!("scaled({}, {})", of(a), of(b)),
+                Binary::Smaller => format!("smaller({}, {})", of(a), of(b)),
+                Binary::Larger => format!("larger({}, {})", of(a), of(b)),
+            },
+            Expression::Less(a, b) => format!("less({}, {})", of(a), of(b)),
+            Expression::Select(truth, a, b) => format!("chosen(v{truth}, {}, {})", of(a), of(b)),
+        }
+    }
+
+    fn operand(&self, operand: Operand) -> String {
+        match operand {
+            Operand::Constant(bits) => number(f64::from_bits(bits)),
+            Operand::Node(node) => match self.expressions[node as usize] {
+                variable @ Expression::Variable(..) => self.value(variable),
+                _ => format!("v{node}"),
+            },
+        }
+    }
+}
+
+fn unary(operation: Unary) -> String {
+    match operation {
+        Unary::Negative => "negative".to_string(),
+        Unary::SquareRoot => "root".to_string(),
+        Unary::Absolute => "absolute".to_string(),
+        Unary::Round => "rounded".to_string(),
+        Unary::Mantissa => "mantissa".to_string(),
+        Unary::Exponent => "exponent".to_string(),
+        Unary::Call(function) => format!("{}_of", function.name()),
+    }
+}
+
+/// The same number in every lane.
+fn number(value: f64) -> String {
+    let sign = if value.is_sign_negative() { "-" } else { "" };
+    match value.is_nan() || value.is_infinite() {
+        true if value.is_nan() => "ALL(__builtin_nan(\"\"))".to_string(),
+        true => format!("ALL({sign}__builtin_inf())"),
+        false => format!("ALL({value:?})"),
+    }
+}
+
+fn line(c: &mut String, text: core::fmt::Arguments) {
+    writeln!(c, "{text}").expect("a string takes any text");
+}
+
+/// What the lanes can do, by their number; the same as `lanes`.
+const PRELUDE: &str = include_str!("kernel_source.h");

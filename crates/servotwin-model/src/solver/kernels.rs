@@ -1,0 +1,156 @@
+//! Compiled functions that do what a step's lists say.
+
+use super::Method;
+use super::batch::MOST_STAGES;
+use crate::scalar::Lanes;
+use alloc::format;
+use alloc::vec::Vec;
+
+type Begin = unsafe extern "C" fn(*const f64, *mut f64, *mut f64);
+type Motion = unsafe extern "C" fn(*const f64, *mut f64);
+type Factor = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
+type Solve = unsafe extern "C" fn(*const f64, *const f64, *const f64, *const f64, *mut f64);
+type Sums = unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *mut f64);
+
+/// The functions of [`crate::kernel_source`] for arrays of so many lanes.
+#[derive(Clone, Debug)]
+pub struct Functions {
+    /// Number of lanes in the arrays.
+    stride: usize,
+    begin: Begin,
+    motion: Motion,
+    factor: Factor,
+    solve: Solve,
+    sums: Vec<Sums>,
+}
+
+/// What stands at an address that is a function.
+///
+/// # Safety
+/// It must be one of this type.
+unsafe fn function<F: Copy>(address: *const ()) -> F {
+    assert_eq!(size_of::<F>(), size_of::<*const ()>());
+    // SAFETY: promised by the caller.
+    unsafe { core::mem::transmute_copy(&address) }
+}
+
+impl Functions {
+    /// Takes the functions by their names; `None` where one is missing.
+    ///
+    /// # Safety
+    /// `find` must give the functions of a text of [`crate::kernel_source::write`], compiled with this stride for an
+    /// instruction set that the processor has, and they must stay where they are.
+    pub unsafe fn find(
+        method: Method,
+        stride: usize,
+        find: impl Fn(&str) -> Option<*const ()>,
+    ) -> Option<Self> {
+        let stages = method.tableau()?.stages();
+        assert!(stages <= MOST_STAGES);
+        // SAFETY: promised by the caller.
+        unsafe {
+            let sums = (0..stages).map(|stage| Some(function(find(&format!("sums_{stage}"))?)));
+            Some(Self {
+                stride,
+                begin: function(find("begin")?),
+                motion: function(find("motion")?),
+                factor: function(find("factor")?),
+                solve: function(find("solve")?),
+                sums: sums.collect::<Option<_>>()?,
+            })
+        }
+    }
+}
+
+/// Where the numbers of lanes begin.
+fn first<V: Lanes>(lanes: &[V]) -> *const f64 {
+    lanes.as_ptr().cast()
+}
+
+fn first_mut<V: Lanes>(lanes: &mut [V]) -> *mut f64 {
+    lanes.as_mut_ptr().cast()
+}
+
+// SAFETY of all: [`Kernels::new`] promises that the functions fit the program, and `Kernels::of` that they fit the
+// lanes; the arrays are those of a batch of the program, as long as its lists need them.
+impl Functions {
+    /// [`Program::evaluate_with_jacobian`](crate::program::Program::evaluate_with_jacobian), but partial derivatives.
+    #[inline(always)]
+    pub(super) fn begin<V: Lanes>(
+        &self,
+        constants: &[V],
+        variables: &mut [V],
+        gradients: &mut [V],
+    ) {
+        // SAFETY: see above.
+        unsafe { (self.begin)(first(constants), first_mut(variables), first_mut(gradients)) }
+    }
+
+    /// The derivatives, and nothing else.
+    #[inline(always)]
+    pub(super) fn motion<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
+        // SAFETY: see above.
+        unsafe { (self.motion)(first(constants), first_mut(variables)) }
+    }
+
+    /// [`Plan::factor`](crate::lu::Plan::factor).
+    #[inline(always)]
+    pub(super) fn factor<V: Lanes>(&self, diagonal: V, gradients: &[V], factors: &mut [V]) {
+        // SAFETY: see above.
+        unsafe { (self.factor)(first(&[diagonal]), first(gradients), first_mut(factors)) }
+    }
+
+    /// [`Program::solve_stage`](crate::program::Program::solve_stage).
+    #[inline(always)]
+    pub(super) fn solve<V: Lanes>(
+        &self,
+        variables: &[V],
+        slope_factor: V,
+        gradients: &[V],
+        factors: &[V],
+        right: &mut [V],
+    ) {
+        let (variables, gradients) = (first(variables), first(gradients));
+        let (factors, right) = (first(factors), first_mut(right));
+        // SAFETY: see above.
+        unsafe { (self.solve)(variables, first(&[slope_factor]), gradients, factors, right) }
+    }
+
+    /// [`Tableau::stage_sums`](super::tableau::Tableau::stage_sums).
+    #[inline(always)]
+    pub(super) fn sums<V: Lanes>(
+        &self,
+        stage: usize,
+        reciprocal: V,
+        y: &[V],
+        stages: &[V],
+        states: &mut [V],
+        right: &mut [V],
+    ) {
+        let (states, right) = (first_mut(states), first_mut(right));
+        let (y, stages) = (first(y), first(stages));
+        // SAFETY: see above.
+        unsafe { (self.sums[stage])(first(&[reciprocal]), y, stages, states, right) }
+    }
+}
+
+/// The compiled functions of a program and a method, for lanes of several numbers.
+#[derive(Clone, Debug)]
+pub struct Kernels {
+    method: Method,
+    functions: Vec<Functions>,
+}
+
+impl Kernels {
+    /// # Safety
+    /// They must be used with no other program than that whose text was compiled.
+    pub unsafe fn new(method: Method, functions: Vec<Functions>) -> Self {
+        Self { method, functions }
+    }
+
+    /// Those for arrays of as many lanes.
+    pub(super) fn of(&self, method: Method, stride: usize) -> Option<&Functions> {
+        let fits = |functions: &&Functions| method == self.method && functions.stride == stride;
+        self.functions.iter().find(fits)
+    }
+}
