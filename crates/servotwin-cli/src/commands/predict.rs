@@ -1,12 +1,12 @@
 //! `servotwin predict`: what a trained classifier says about rows without a class.
 
-use super::{note, read_table};
+use super::{note, read_table, warn};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use serde_json::json;
 use servotwin::evaluation::model_file;
-use servotwin::evaluation::table_model::{TableModel, predict};
+use servotwin::evaluation::table_model::{Predicted, TableModel, predict};
 use servotwin::table::{self, Table, csv};
 use std::path::PathBuf;
 
@@ -40,7 +40,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let model = model_file::read_table_model(&options.model)?;
     let mixed: Vec<&str> = options.keep.iter().map(String::as_str).collect();
     let input = read_table(&options.table, &mixed, global)?;
-    let result = predict(input, &model, &options.keep, options.abstain_below)?;
+    let Predicted { table: result, doubts } =
+        predict(input, &model, &options.keep, options.abstain_below)?;
+    warn(global, &doubts);
     let counts = counts(&model, &result)?;
     match &options.out {
         Some(path) => table::write(path, &result)?,
@@ -57,7 +59,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         (true, _) => {
             let predicted: serde_json::Map<_, _> =
                 counts.iter().map(|(name, count)| (name.to_string(), json!(count))).collect();
-            json(&json!({ "rows": result.row_count(), "predicted": predicted }))
+            json(&json!({ "rows": result.row_count(), "predicted": predicted, "doubts": doubts }))
         }
         (false, true) => String::new(),
         (false, false) => {

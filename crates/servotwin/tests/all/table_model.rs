@@ -398,10 +398,22 @@ fn texts_and_missing_values_are_learnt_from() {
     let text = prepared.train(&classifier(Kind::NaiveBayes)).unwrap_err().to_string();
     assert!(text.contains("row 1, column 'z': no value, and only cart"), "{text}");
     let cart = prepared.train(&classifier(Kind::Cart)).unwrap();
-    let said = predict(table.clone(), &cart, &["colour".into()], None).unwrap();
+    let said = predict(table.clone(), &cart, &["colour".into()], None).unwrap().table;
     let paths = said.text("path").unwrap();
     assert!(paths.iter().any(|path| path.contains("colour is 'green'")), "{paths:?}");
     assert!(paths.iter().any(|path| path.contains("z is missing")), "{paths:?}");
+    let strange = Table::from_columns(vec![
+        Column::new("colour", "", vec!["red".to_string(), "pink".into(), String::new()]),
+        Column::new("z", "", vec![1.0, 1.0, f64::NAN]),
+    ])
+    .unwrap();
+    let doubts = predict(strange, &cart, &[], None).unwrap().doubts;
+    let expected = [
+        "1 row has no value in any column that the model reads",
+        "2 rows have in 'colour' none of the texts that were learned",
+    ];
+    assert_eq!(doubts, expected);
+    assert!(predict(table.clone(), &cart, &[], None).unwrap().doubts.is_empty());
     let complete = trained(small(), Kind::Cart);
     let hole = with(small(), Column::new("y", "", vec![f64::NAN; 40]));
     let text = predict(hole, &complete, &[], None).unwrap_err().to_string();
@@ -413,10 +425,10 @@ fn predictions_carry_probabilities_paths_and_abstention() {
     let model = trained(small(), Kind::RandomForest);
     let mut unlabelled = small();
     unlabelled.take("class").unwrap();
-    let all = predict(unlabelled.clone(), &model, &["batch".into()], None).unwrap();
+    let all = predict(unlabelled.clone(), &model, &["batch".into()], None).unwrap().table;
     let names: Vec<&str> = all.names().collect();
     assert_eq!(names, ["row", "batch", "predicted", "p:high", "p:low"]);
-    let some = predict(unlabelled.clone(), &model, &[], Some(0.9)).unwrap();
+    let some = predict(unlabelled.clone(), &model, &[], Some(0.9)).unwrap().table;
     let (high, low) = (some.f64("p:high").unwrap(), some.f64("p:low").unwrap());
     for (row, said) in some.text("predicted").unwrap().iter().enumerate() {
         assert!((high[row] + low[row] - 1.0).abs() < 1e-12);
@@ -453,7 +465,7 @@ fn weights_move_the_decision_and_balance_the_classes() {
             .unwrap()
             .train(&classifier(Kind::Cart))
             .unwrap();
-        predict(table.clone(), &model, &[], None).unwrap()
+        predict(table.clone(), &model, &[], None).unwrap().table
     };
     assert!((said(ClassWeights::Equal).f64("p:bad").unwrap()[0] - 0.2).abs() < 1e-12);
     assert!((said(ClassWeights::Balanced).f64("p:bad").unwrap()[0] - 0.5).abs() < 1e-12);

@@ -17,7 +17,7 @@ pub use error::TableModelError;
 pub use hold_out::HoldOut;
 pub use judge::{Baseline, ClassResult, GroupResult, Judged};
 pub use labels::Coded;
-pub use predict::{Explanation, Step, evaluate_table, explain, predict, question};
+pub use predict::{Explanation, Predicted, Step, evaluate_table, explain, predict, question};
 
 pub(crate) use columns::texts;
 

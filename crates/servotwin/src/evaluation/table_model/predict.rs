@@ -9,6 +9,7 @@ use serde::Serialize;
 use servotwin_diagnosis::Samples;
 use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
 use servotwin_diagnosis::tree::Tree;
+use std::collections::BTreeMap;
 
 /// Judges a trained classifier with a table; the intervals are over groups where there are some.
 ///
@@ -74,6 +75,60 @@ fn samples(
     Ok(samples)
 }
 
+/// What a model says about a table.
+#[derive(Debug, Clone)]
+pub struct Predicted {
+    /// A row for each of its rows.
+    pub table: Table,
+    /// Where little speaks for what is said, in words.
+    pub doubts: Vec<String>,
+}
+
+/// Rows about which a model has little to go by.
+struct Doubts<'m> {
+    inputs: &'m [Input],
+    /// Rows without any value.
+    blank: usize,
+    /// For each column with texts, rows with none of those that were learned.
+    unseen: BTreeMap<&'m str, usize>,
+}
+
+impl<'m> Doubts<'m> {
+    fn new(inputs: &'m [Input]) -> Self {
+        Self { inputs, blank: 0, unseen: BTreeMap::new() }
+    }
+
+    /// Looks at the features of a row.
+    fn look(&mut self, values: &[f64]) {
+        let mut known: BTreeMap<&str, bool> = BTreeMap::new();
+        let mut has_number = false;
+        for (input, &value) in self.inputs.iter().zip(values) {
+            match input {
+                Input::Category { column, .. } => {
+                    *known.entry(column).or_default() |= value == 1.0;
+                }
+                Input::Number { .. } | Input::Time { .. } => has_number |= !value.is_nan(),
+            }
+        }
+        self.blank += usize::from(!has_number && known.values().all(|known| !known));
+        for (column, _) in known.into_iter().filter(|(_, known)| !known) {
+            *self.unseen.entry(column).or_default() += 1;
+        }
+    }
+
+    fn said(self) -> Vec<String> {
+        let blank = (self.blank > 0).then(|| match self.blank {
+            1 => "1 row has no value in any column that the model reads".to_string(),
+            rows => format!("{rows} rows have no value in any column that the model reads"),
+        });
+        let unseen = self.unseen.iter().map(|(column, rows)| match rows {
+            1 => format!("1 row has in '{column}' none of the texts that were learned"),
+            rows => format!("{rows} rows have in '{column}' none of the texts that were learned"),
+        });
+        blank.into_iter().chain(unseen).collect()
+    }
+}
+
 /// What a model says about every row of a table, which needs no classes. The result has a column
 /// `row` (from 1), those to `keep`, `predicted` (empty where the highest probability is below
 /// `abstain_below`), a column for each class with its probability (`p:CLASS`, or `score:CLASS` where
@@ -86,7 +141,7 @@ pub fn predict(
     model: &TableModel,
     keep: &[String],
     abstain_below: Option<f64>,
-) -> Result<Table, EvaluationError> {
+) -> Result<Predicted, EvaluationError> {
     let shares = model.model.scores() == Scores::Shares;
     if abstain_below.is_some() && !shares {
         let classifier = model.model.kind().title();
@@ -101,8 +156,10 @@ pub fn predict(
     let mut scores: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); model.classes.len()];
     let mut said: Vec<String> = Vec::with_capacity(rows);
     let (mut leaves, mut paths): (Vec<u32>, Vec<String>) = (vec![], vec![]);
+    let mut doubts = Doubts::new(&model.inputs);
     for row in 0..rows {
         samples.row_into(row, &mut values);
+        doubts.look(&values);
         let class = model.model.predict_row(&values) as usize;
         model.model.scores_into(&values, &mut scratch);
         scores.iter_mut().zip(&scratch).for_each(|(column, score)| column.push(*score));
@@ -126,7 +183,7 @@ pub fn predict(
         result.push(Column::new("leaf", "", leaves))?;
         result.push(Column::new("path", "", paths))?;
     }
-    Ok(result)
+    Ok(Predicted { table: result, doubts: doubts.said() })
 }
 
 /// One question of a tree with its answer.
