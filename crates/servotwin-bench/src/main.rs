@@ -8,21 +8,26 @@
 //! tolerance is the loosest of a few that gives no larger error than ours on the
 //! same variants; variants on which ours is over 1e-2 are named and left out.
 //! Seconds are of the processor, so that other work on the machine disturbs
-//! little. Needs `cc` and `libsundials-dev`.
+//! little; without those of compilers, which make our equations and CVODE's. Needs `cc` and `libsundials-dev`.
 
 mod cvode;
 mod diffsol_bdf;
 
+use servotwin::compiled::Compiled;
 use servotwin::ensemble::{Ensemble, Sink, Variant};
 use servotwin::study::{FaultCase, Study};
+use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{Settings, Statistics};
+use std::time::Instant;
 
 /// Everything that all solvers are given.
 pub struct Task<'a> {
     /// The aileron.
     pub program: &'a Program,
+    /// Its step in machine code, as campaigns have it.
+    pub compiled: &'a Compiled,
     /// One per external input; only the command moves.
     pub inputs: Vec<&'a Piecewise>,
     /// The command's place among them.
@@ -92,6 +97,7 @@ impl Sink for Flat {
 
 fn ours(task: &Task, settings: Settings) -> (Work, Statistics) {
     let mut ensemble = Ensemble::new(task.program);
+    ensemble.compiled = Some(task.compiled);
     ensemble.settings = settings;
     ensemble.duration_s = task.duration_s;
     ensemble.sample_period_s = task.period_s;
@@ -135,6 +141,7 @@ fn largest(errors: &[f64]) -> f64 {
 /// What all tasks share.
 struct Setup<'a> {
     study: &'a Study,
+    compiled: &'a Compiled,
     inputs: Vec<&'a Piecewise>,
     moving: usize,
 }
@@ -150,6 +157,7 @@ impl<'a> Setup<'a> {
         };
         Task {
             program,
+            compiled: self.compiled,
             inputs: self.inputs.clone(),
             moving: self.moving,
             faults: faults.iter().map(|fault| fault.at).collect(),
@@ -288,15 +296,22 @@ fn main() {
     let case = study.cases.iter().find(|case| case.name == "S2/100").expect("a case of the study");
     let inputs = study.system.network().inputs.iter();
     let moving = inputs.clone().position(|input| input.id == "command").expect("a command");
-    let setup = Setup { study: &study, inputs: case.inputs.iter().collect(), moving };
+    let compiled = Compiled::at_once();
+    let begin = Instant::now();
+    let steps = match compiled.kernels(&study.system.program, Level::best()) {
+        Some(_) => format!("steps compiled in {:.1} s", begin.elapsed().as_secs_f64()),
+        None => "steps walk lists (no C compiler)".into(),
+    };
+    let inputs = case.inputs.iter().collect();
+    let setup = Setup { study: &study, compiled: &compiled, inputs, moving };
     let every = |stride: usize| study.faults.iter().step_by(stride).collect::<Vec<_>>();
     let (many, few) = (every(stride), every(peer_stride));
     println!(
-        "{} of {} faults, {duration_s} s of white noise each, {} states, lanes {}",
+        "{} of {} faults, {duration_s} s of white noise each, {} states, lanes {}, {steps}",
         many.len(),
         study.faults.len(),
         study.system.program.states().len(),
-        Ensemble::new(&study.system.program).level.name(),
+        Level::best().name(),
     );
     report(&many, duration_s, measure(&setup, &many, duration_s));
     let (task, exact, wanted) = comparable(&setup, &few, peer_duration_s);

@@ -10,7 +10,7 @@ use libloading::Library;
 use servotwin_model::kernel_source;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::Program;
-use servotwin_model::solver::{Functions, Kernels, Settings};
+use servotwin_model::solver::{Functions, Kernels, Method, Settings};
 use std::env;
 use std::ffi::OsString;
 use std::fs;
@@ -44,13 +44,18 @@ impl Compiled {
         Self { asked_s: AtomicU64::new(WORTH_S), ..Self::default() }
     }
 
-    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it.
+    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it, for the method that they were
+    /// made for.
     pub(crate) fn when_worth(
         &self,
         program: &Program,
+        method: Method,
         level: Level,
         simulated_s: f64,
     ) -> Option<&Kernels> {
+        if method != Settings::campaign().method {
+            return None;
+        }
         let before_s = self.asked_s.fetch_add(simulated_s as u64, Ordering::Relaxed);
         let is_worth = before_s.saturating_add(simulated_s as u64) >= WORTH_S;
         if is_worth { self.kernels(program, level) } else { None }
@@ -171,8 +176,8 @@ mod tests {
     #[test]
     fn little_work_is_not_worth_it() {
         let compiled = Compiled::default();
-        let program = System::default().program;
-        assert!(compiled.when_worth(&program, Level::Portable, 1.0).is_none());
+        let (program, method) = (System::default().program, Settings::campaign().method);
+        assert!(compiled.when_worth(&program, method, Level::Portable, 1.0).is_none());
         assert!(compiled.loaded.iter().all(|loaded| loaded.get().is_none()));
     }
 }

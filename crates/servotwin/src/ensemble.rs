@@ -10,7 +10,9 @@ use crate::system::System;
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{Case, Change, Failure, Feed, Settings, Statistics, run, settle};
+use servotwin_model::solver::{
+    Case, Change, Failure, Feed, Kernels, Settings, Statistics, run, settle,
+};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -137,9 +139,7 @@ impl<'p> Ensemble<'p> {
         let next = AtomicUsize::new(0);
         let done = Mutex::new(done);
         let threads = self.threads.clamp(1, count.max(1));
-        let simulated_s = count as f64 * self.duration_s;
-        let kernels =
-            self.compiled.and_then(|c| c.when_worth(self.program, self.level, simulated_s));
+        let kernels = self.kernels(count as f64 * self.duration_s);
         let level = match kernels {
             Some(_) => self.level,
             None => self.level.for_many(count / threads),
@@ -160,6 +160,12 @@ impl<'p> Ensemble<'p> {
                 });
             }
         });
+    }
+
+    /// The compiled step, where it is worth it for so much.
+    fn kernels(&self, simulated_s: f64) -> Option<&'p Kernels> {
+        let compiled = self.compiled?;
+        compiled.when_worth(self.program, self.settings.method, self.level, simulated_s)
     }
 
     /// Runs one variant and gives its samples, one vector per recorded slot. It
