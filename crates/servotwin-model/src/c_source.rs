@@ -22,6 +22,7 @@
 //! ([`Program::parameters`]).
 
 use crate::program::{Observable, Program};
+use crate::scalar::Scalar;
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
 use alloc::collections::BTreeSet;
 use alloc::format;
@@ -200,7 +201,7 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
 
 /// All variables of the program after an evaluation.
 fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> Vec<Symbol<'g>> {
-    let mut variables = program.blank();
+    let mut variables = vec![Symbol::constant(0.0); program.memory()];
     let places = [
         ("states", 0..program.states().len()),
         ("inputs", program.externals()),

@@ -59,6 +59,9 @@ typedef __m256d TRUTH;
 #define UP(x) _mm256_slli_epi64(x, 52)
 
 #else
+#ifdef __SSE4_1__
+#include <immintrin.h>
+#endif
 typedef double LANES;
 #define ALL(x) (x)
 #define AT(array, place) array[STRIDE * place + lane]
@@ -85,7 +88,6 @@ INLINE double NUMBER(uint64_t bits)
     return x;
 }
 #ifdef __SSE4_1__
-#include <immintrin.h>
 /* Without a branch, that would be guessed wrong as often as not. */
 typedef __m128d TRUTH;
 #define less(a, b) _mm_cmplt_sd(_mm_set_sd(a), _mm_set_sd(b))

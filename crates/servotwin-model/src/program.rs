@@ -21,7 +21,6 @@ use crate::spec::{Start, Unit};
 use crate::symbol::Symbol;
 use crate::wiring::Role;
 use alloc::string::String;
-use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
@@ -106,16 +105,9 @@ impl Program {
         self.slots
     }
     /// Length of the variable array: one more for outputs that go nowhere, and
-    /// one that is always zero.
+    /// one for the zero that sums begin with. To be filled with zeros at first.
     pub fn memory(&self) -> usize {
         memory(self.slots)
-    }
-    /// A variable array of zeros. The one that stays zero is negative: sums begin with it, and only so a sum of
-    /// one term is that term, also where it is a negative zero.
-    pub fn blank<S: Scalar<Base = S>>(&self) -> Vec<S> {
-        let mut variables = vec![S::constant(0.0); self.memory()];
-        variables[self.memory() - 1] = S::constant(-0.0);
-        variables
     }
     /// Number of constants.
     pub fn constants(&self) -> usize {

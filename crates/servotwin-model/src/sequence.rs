@@ -34,7 +34,7 @@ pub(crate) struct Group {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Target {
     /// The sum that it is added to, and where the sum so far stands: in the same
-    /// slot, or in the one that is always zero for the sum's first block. So
+    /// slot, or in the one that holds (negative) zero for the sum's first block. So
     /// sums need not be cleared.
     pub add: Place,
     pub add_so_far: Place,
@@ -88,9 +88,17 @@ impl Sequence {
         sequence
     }
 
+    /// Puts the zero in its place. It is negative: only so a sum of one term is that term, also where that is a
+    /// negative zero.
+    #[inline(always)]
+    fn prepare<V: Scalar<Base = V>>(&self, constants: &[V], variables: &mut [V]) {
+        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        variables[self.memory - 1] = V::constant(-0.0);
+    }
+
     /// Runs all blocks once.
     pub fn run<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
-        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        self.prepare(constants, variables);
         for group in &self.groups {
             group.kind.visit(Evaluate { group, sequence: self, constants, variables });
         }
@@ -98,7 +106,7 @@ impl Sequence {
 
     /// As [`Sequence::run`], with symbols.
     pub fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
-        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        self.prepare(constants, variables);
         for group in &self.groups {
             group.kind.visit(Trace(Evaluate { group, sequence: self, constants, variables }));
         }
@@ -111,7 +119,7 @@ impl Sequence {
         variables: &mut [Symbol<'g>],
         mut partials: &mut [Symbol<'g>],
     ) {
-        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        self.prepare(constants, variables);
         for group in &self.groups {
             let count = group.count * group.kind.visit(Partials);
             let (own, later) = partials.split_at_mut(count);
@@ -129,7 +137,7 @@ impl Sequence {
         variables: &mut [V],
         mut partials: &mut [V],
     ) {
-        assert!(variables.len() >= self.memory && constants.len() >= self.constants);
+        self.prepare(constants, variables);
         for group in &self.groups {
             let count = group.count * group.kind.visit(Partials);
             let (own, later) = partials.split_at_mut(count);

@@ -1,24 +1,27 @@
 //! Steps that the machine's C compiler has made faster.
 //!
 //! Where there is a compiler and enough to do, the system's equations and their Jacobian become machine code
-//! ([`servotwin_model::kernel_source`]) in a second or two; where there is none the solver walks its lists, which takes
-//! half as long again. The bits are the same.
+//! ([`servotwin_model::kernel_source`]), which takes some seconds; where there is none the solver walks its lists, which
+//! takes half as long again. The bits are the same, or else what was compiled is not used: it runs beside the lists once.
 //!
 //! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none.
 
 use libloading::Library;
 use servotwin_model::kernel_source;
 use servotwin_model::lanes::{self, Level};
-use servotwin_model::program::Program;
-use servotwin_model::solver::{Functions, Kernels, Method, Settings};
+use servotwin_model::program::{Program, Slot};
+use servotwin_model::signal::Piecewise;
+use servotwin_model::solver::{
+    Case, Failure, Feed, Functions, Kernels, Method, Settings, Statistics, run,
+};
 use std::env;
-use std::ffi::OsString;
 use std::fs;
 use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::{self, Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Simulated time, s, from which on compiling costs less than it saves.
 const WORTH_S: u64 = 60_000;
@@ -44,8 +47,7 @@ impl Compiled {
         Self { asked_s: AtomicU64::new(WORTH_S), ..Self::default() }
     }
 
-    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it, for the method that they were
-    /// made for.
+    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it.
     pub(crate) fn when_worth(
         &self,
         program: &Program,
@@ -56,13 +58,13 @@ impl Compiled {
         if method != Settings::campaign().method {
             return None;
         }
-        let before_s = self.asked_s.fetch_add(simulated_s as u64, Ordering::Relaxed);
-        let is_worth = before_s.saturating_add(simulated_s as u64) >= WORTH_S;
-        if is_worth { self.kernels(program, level) } else { None }
+        let more_s = simulated_s.ceil() as u64;
+        let asked_s = self.asked_s.fetch_add(more_s, Ordering::Relaxed).saturating_add(more_s);
+        if asked_s >= WORTH_S { self.kernels(program, level) } else { None }
     }
 
-    /// The functions for a program, which must always be the same, for runs that begin with the lanes of a level.
-    /// `None` without a compiler.
+    /// The functions for a program, which must always be the same, for runs by the method of campaigns that begin with
+    /// the lanes of a level. `None` without a compiler.
     pub fn kernels(&self, program: &Program, level: Level) -> Option<&Kernels> {
         let place = lanes::ALL.iter().position(|known| *known == level).expect("a level");
         let loaded = self.loaded[place].get_or_init(|| Loaded::new(program, level, &compiler()?));
@@ -70,33 +72,35 @@ impl Compiled {
     }
 }
 
-/// The compiler, if one is wanted.
-fn compiler() -> Option<OsString> {
-    let named = env::var_os("SERVOTWIN_CC").or_else(|| env::var_os("CC"));
-    named.or_else(|| Some("cc".into())).filter(|cc| !cc.is_empty())
+/// The compiler, if one is wanted: a program and its first arguments.
+fn compiler() -> Option<String> {
+    let named = env::var("SERVOTWIN_CC").or_else(|_| env::var("CC"));
+    Some(named.unwrap_or_else(|_| "cc".into())).filter(|named| !named.trim().is_empty())
 }
 
+/// Flags that some compilers do not know: without them loads stand long before what they are for, and go to memory
+/// again.
+const SCHEDULING: &[&str] = &["-fschedule-insns", "-fsched-pressure"];
+
 impl Loaded {
-    fn new(program: &Program, level: Level, compiler: &OsString) -> Option<Self> {
+    fn new(program: &Program, level: Level, compiler: &str) -> Option<Self> {
         let method = Settings::campaign().method;
-        let text = kernel_source::write(program, method)?;
         let folder = Folder::new()?;
         let source = folder.0.join("step.c");
-        fs::write(&source, text).ok()?;
-        let levels = iter::successors(Some(level), |level| level.narrower());
-        let compiling: Vec<_> = levels
-            .map(|level| (level, folder.0.join(level.name())))
-            .map(|(level, library)| (level, compile(compiler, level, &source, &library), library))
-            .collect();
-        // All of them, so that none goes on when one has failed.
-        let compiled: Vec<_> = (compiling.into_iter())
-            .map(|(level, child, library)| (level, child.and_then(ended), library))
-            .collect();
-        let (mut functions, mut libraries) = (Vec::new(), Vec::new());
-        for (level, success, library) in compiled {
-            success?;
+        fs::write(&source, kernel_source::write(program, method)?).ok()?;
+        let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
+        let libraries = [SCHEDULING, &[]].iter().find_map(|flags| {
+            let start = |level: &Level| compile(compiler, flags, *level, &source, &folder);
+            let started: Vec<Option<Child>> = levels.iter().map(start).collect();
+            // All of them, so that none goes on when one has failed.
+            let ended: Vec<Option<()>> = started.into_iter().map(ended).collect();
+            ended.into_iter().collect::<Option<Vec<()>>>()?;
             // SAFETY: a library of straight lines, which does nothing when it is loaded.
-            let library = unsafe { Library::new(&library) }.ok()?;
+            let load = |level: &Level| unsafe { Library::new(folder.library(*level)) }.ok();
+            levels.iter().map(load).collect::<Option<Vec<Library>>>()
+        })?;
+        let mut functions = Vec::new();
+        for (level, library) in levels.iter().zip(&libraries) {
             // SAFETY: the text's functions, compiled for lanes of this level, which is available; the library stays
             // loaded as long as they are there.
             functions.push(unsafe {
@@ -105,31 +109,44 @@ impl Loaded {
                     symbol.try_as_raw_ptr().map(|address| address.cast_const().cast())
                 })
             }?);
-            libraries.push(library);
         }
-        // SAFETY: made of this program; `Compiled` is that of one system.
-        let kernels = unsafe { Kernels::new(method, functions) };
-        Some(Self { kernels, _libraries: libraries })
+        // SAFETY: made of this program and method.
+        let kernels = unsafe { Kernels::new(program, method, functions) };
+        let is_good =
+            first_moments(program, level, Some(&kernels)) == first_moments(program, level, None);
+        is_good.then_some(Self { kernels, _libraries: libraries })
     }
 }
 
 /// Starts to compile for the lanes of a level.
-fn compile(compiler: &OsString, level: Level, source: &Path, library: &Path) -> Option<Child> {
+fn compile(
+    compiler: &str,
+    flags: &[&str],
+    level: Level,
+    source: &Path,
+    folder: &Folder,
+) -> Option<Child> {
     let wide: &[&str] = match level.register_width() {
         8 => &["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"],
         4 => &["-mavx2"],
-        _ if Level::Avx2.available() => &["-mavx2"],
         _ => &[],
     };
-    Command::new(compiler)
-        .args(["-std=gnu99", "-O2", "-ffp-contract=off", "-fno-math-errno"])
-        // Without it loads stand long before what they are for, and go to memory again.
-        .args(["-fschedule-insns", "-fsched-pressure", "-shared", "-fPIC"])
+    let mut words = compiler.split_whitespace();
+    let mut command = Command::new(words.next()?);
+    // Ctrl-C is for us, who go on with the lists or end as we should.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    command
+        .args(words)
+        .args(["-std=gnu99", "-O2", "-fno-fast-math", "-ffp-contract=off", "-fno-math-errno"])
+        .args(["-shared", "-fPIC"])
+        .args(flags)
         .args(wide)
         .arg(format!("-DWIDTH={}", level.register_width()))
         .arg(format!("-DSTRIDE={}", level.width()))
         .arg("-o")
-        .args([library, source])
+        .arg(folder.library(level))
+        .arg(source)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -138,18 +155,77 @@ fn compile(compiler: &OsString, level: Level, source: &Path, library: &Path) -> 
 }
 
 /// Waits for the end; `None` where it was no good one.
-fn ended(mut compiling: Child) -> Option<()> {
-    compiling.wait().ok()?.success().then_some(())
+fn ended(compiling: Option<Child>) -> Option<()> {
+    compiling?.wait().ok()?.success().then_some(())
 }
 
-/// A folder that is removed when it is no longer needed; a loaded library is not.
+/// The bits of what a full set of lanes does at first, at the inputs that are declared.
+fn first_moments(
+    program: &Program,
+    level: Level,
+    kernels: Option<&Kernels>,
+) -> Vec<(usize, Result<Statistics, Failure>, Vec<u64>)> {
+    const DURATION_S: f64 = 0.05;
+    struct Moments<'a> {
+        cases: Vec<Case<'a>>,
+        samples: Vec<Vec<u64>>,
+        ended: Vec<(usize, Result<Statistics, Failure>, Vec<u64>)>,
+    }
+    impl<'a> Feed<'a> for Moments<'a> {
+        fn next(&mut self) -> Option<Case<'a>> {
+            self.cases.pop()
+        }
+        fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
+            self.samples[job].extend(values.iter().map(|value| value.to_bits()));
+        }
+        fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+            self.ended.push((job, outcome, std::mem::take(&mut self.samples[job])));
+        }
+    }
+    let swing = |default: f64| [default, 0.1 * default + 1e-3, 0.0, 0.0];
+    let inputs: Vec<Piecewise> = (program.network().inputs.iter())
+        .map(|input| Piecewise::new(vec![0.0], vec![swing(input.default)]).expect("one piece"))
+        .collect();
+    let parameters = program.parameters(&[]);
+    let case = |job: usize| Case {
+        job,
+        constants: program.block_constants(&parameters),
+        stand_ins: program.stand_in_values(&parameters),
+        inputs: inputs.iter().collect(),
+        start: program.first_guess(&parameters),
+        settle: true,
+        // The last ones go on in fewer lanes.
+        duration_s: DURATION_S * (1 + job % 2) as f64,
+        sample_period_s: 0.01,
+        changes: Vec::new(),
+    };
+    let mut moments = Moments {
+        cases: (0..level.width()).map(case).collect(),
+        samples: vec![Vec::new(); level.width()],
+        ended: Vec::new(),
+    };
+    let record: Vec<Slot> = program.observables().iter().map(|o| o.slot).collect();
+    run(program, kernels, Settings::campaign(), &record, level, &mut moments);
+    moments.ended.sort_by_key(|(job, ..)| *job);
+    moments.ended
+}
+
+/// A folder for this user alone, removed when it is no longer needed: what is loaded stays in memory.
 struct Folder(PathBuf);
 
 impl Folder {
     fn new() -> Option<Self> {
-        let name = |number| format!("servotwin-{}-{number}", process::id());
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |now| now.as_nanos());
+        let name = |number: u128| format!("servotwin-{}-{}", process::id(), now + number);
         let mut folders = (0..100).map(|number| env::temp_dir().join(name(number)));
-        folders.find(|folder| fs::create_dir(folder).is_ok()).map(Self)
+        let mut builder = fs::DirBuilder::new();
+        #[cfg(unix)]
+        std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+        folders.find(|folder| builder.create(folder).is_ok()).map(Self)
+    }
+
+    fn library(&self, level: Level) -> PathBuf {
+        self.0.join(format!("{}.so", level.name()))
     }
 }
 
@@ -169,7 +245,7 @@ mod tests {
     fn without_a_compiler_or_with_a_broken_one_there_is_none() {
         let program = System::default().program;
         for broken in ["/no/such/compiler", "false", "true"] {
-            assert!(Loaded::new(&program, Level::Portable, &broken.into()).is_none(), "{broken}");
+            assert!(Loaded::new(&program, Level::Portable, broken).is_none(), "{broken}");
         }
     }
 

@@ -38,7 +38,7 @@ pub enum Level {
 pub const ALL: [Level; 5] =
     [Level::Portable, Level::Avx2Once, Level::Avx2, Level::Avx512, Level::Avx512Twice];
 
-/// Variants for each of sixteen lanes from which on these are faster in all: a step of
+/// Variants for each of sixteen lanes from which on these are faster in all where lists are walked: a step of
 /// theirs takes longer, and at the end most of them have nothing to do.
 const MANY_PER_LANE: usize = 8;
 
@@ -74,7 +74,7 @@ impl Level {
 
     /// Whether this processor can run it.
     ///
-    /// Without `std` the answer is what the crate was compiled for.
+    /// The processor itself is asked; on others than x86-64 only portable lanes are there.
     pub fn available(self) -> bool {
         match self {
             Level::Portable => true,
@@ -102,7 +102,9 @@ impl Level {
     /// would be worth another change.
     pub fn narrower(self) -> Option<Level> {
         match self {
-            Level::Avx512Twice | Level::Avx512 | Level::Avx2 => Some(Level::Avx2Once),
+            Level::Avx512Twice | Level::Avx512 | Level::Avx2 => {
+                Some(Level::Avx2Once).filter(|level| level.available())
+            }
             Level::Avx2Once | Level::Portable => None,
         }
     }

@@ -60,7 +60,10 @@ impl<'p, V: Lanes> Bank<'p, V> {
         Self {
             program,
             settings,
-            batch: Batch::with(program, kernels.and_then(|k| k.of(settings.method, V::WIDTH))),
+            batch: Batch::with(
+                program,
+                kernels.and_then(|k| k.of(program, settings.method, V::WIDTH)),
+            ),
             courses: (0..V::WIDTH).map(|_| Course::idle(periods_s.len())).collect(),
             moving: Vec::with_capacity(program.externals().len()),
             periods_s,
@@ -177,9 +180,9 @@ impl<'p, V: Lanes> Bank<'p, V> {
             let due = |i: usize| if self.courses[i].is_due(clock, period) { 1.0 } else { 0.0 };
             let mask = V::constant(0.0).less(V::from_fn(due));
             self.batch.tick(clock, mask);
-            for course in &mut self.courses {
+            for course in self.courses.iter_mut().filter(|course| course.is_due(clock, period)) {
                 course.statistics.evaluations += 1;
-                if course.phase == Phase::Running && course.is_due(clock, period) {
+                if course.phase == Phase::Running {
                     course.next_tick[clock] += 1;
                 }
             }

@@ -52,7 +52,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         Self {
             program,
             constants: zeros(program.constants()),
-            variables: program.blank(),
+            variables: zeros(program.memory()),
             gradients: zeros(program.rows().slots()),
             factors: zeros(program.plan().slots()),
             y: zeros(n),

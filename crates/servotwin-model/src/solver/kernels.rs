@@ -2,6 +2,7 @@
 
 use super::Method;
 use super::batch::MOST_STAGES;
+use crate::program::Program;
 use crate::scalar::Lanes;
 use alloc::format;
 use alloc::vec::Vec;
@@ -13,7 +14,7 @@ type Solve = unsafe extern "C" fn(*const f64, *const f64, *const f64, *const f64
 type Sums = unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *mut f64);
 
 /// The functions of [`crate::kernel_source`] for arrays of so many lanes.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Functions {
     /// Number of lanes in the arrays.
     stride: usize,
@@ -74,7 +75,7 @@ fn first_mut<V: Lanes>(lanes: &mut [V]) -> *mut f64 {
 // SAFETY of all: [`Kernels::new`] promises that the functions fit the program, and `Kernels::of` that they fit the
 // lanes; the arrays are those of a batch of the program, as long as its lists need them.
 impl Functions {
-    /// [`Program::evaluate_with_jacobian`](crate::program::Program::evaluate_with_jacobian), but partial derivatives.
+    /// [`Program::evaluate_with_jacobian`]; of the gradients only what a step reads.
     #[inline(always)]
     pub(super) fn begin<V: Lanes>(
         &self,
@@ -100,7 +101,7 @@ impl Functions {
         unsafe { (self.factor)(first(&[diagonal]), first(gradients), first_mut(factors)) }
     }
 
-    /// [`Program::solve_stage`](crate::program::Program::solve_stage).
+    /// [`Program::solve_stage`].
     #[inline(always)]
     pub(super) fn solve<V: Lanes>(
         &self,
@@ -135,21 +136,38 @@ impl Functions {
 }
 
 /// The compiled functions of a program and a method, for lanes of several numbers.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Kernels {
     method: Method,
+    /// The lengths of the program's arrays, which the functions rely on.
+    lengths: [usize; 5],
     functions: Vec<Functions>,
+}
+
+fn lengths(program: &Program) -> [usize; 5] {
+    let (states, memory) = (program.states().len(), program.memory());
+    let (gradients, factors) = (program.rows().slots(), program.plan().slots());
+    [program.constants(), states, memory, gradients, factors]
 }
 
 impl Kernels {
     /// # Safety
-    /// They must be used with no other program than that whose text was compiled.
-    pub unsafe fn new(method: Method, functions: Vec<Functions>) -> Self {
-        Self { method, functions }
+    /// They must be made of this program and method.
+    pub unsafe fn new(program: &Program, method: Method, functions: Vec<Functions>) -> Self {
+        Self { method, lengths: lengths(program), functions }
     }
 
     /// Those for arrays of as many lanes.
-    pub(super) fn of(&self, method: Method, stride: usize) -> Option<&Functions> {
+    ///
+    /// # Panics
+    /// Where they were made of another program, as far as can be seen.
+    pub(super) fn of(
+        &self,
+        program: &Program,
+        method: Method,
+        stride: usize,
+    ) -> Option<&Functions> {
+        assert_eq!(self.lengths, lengths(program), "compiled from another program");
         let fits = |functions: &&Functions| method == self.method && functions.stride == stride;
         self.functions.iter().find(fits)
     }

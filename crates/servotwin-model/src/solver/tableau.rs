@@ -40,7 +40,7 @@ impl Tableau {
     /// Whether a stage's argument is that of the stage before and its `U`, as in the last stages of stiffly accurate
     /// methods.
     #[inline(always)]
-    pub fn continues(&self, stage: usize) -> bool {
+    fn continues(&self, stage: usize) -> bool {
         match self.a[stage].split_last() {
             Some((&last, others)) => last == 1.0 && others == self.a[stage - 1],
             None => false,
@@ -70,8 +70,8 @@ impl Tableau {
             (5, false) => sums.of::<5, false>(a, c, reciprocal),
             (3, true) => sums.of::<3, true>(a, c, reciprocal),
             (5, true) => sums.of::<5, true>(a, c, reciprocal),
-            (6, _) => sums.of::<6, true>(a, c, reciprocal),
-            (7, _) => sums.of::<7, true>(a, c, reciprocal),
+            (6, true) => sums.of::<6, true>(a, c, reciprocal),
+            (7, true) => sums.of::<7, true>(a, c, reciprocal),
             _ => unreachable!("no method has such stages"),
         }
     }

@@ -52,9 +52,8 @@ fn expected(program: &Program, parameters: &[Vec<f64>], points: &[Point]) -> Vec
     let mut numbers = constants.clone();
     numbers.extend(program.stand_in_values(parameters));
     for point in points {
-        let mut variables = program.blank();
-        let given = [&point.states[..], &point.inputs, &point.held].concat();
-        variables[..given.len()].copy_from_slice(&given);
+        let mut variables = [&point.states[..], &point.inputs, &point.held].concat();
+        variables.resize(program.memory(), 0.0);
         program.evaluate(&constants, &mut variables);
         numbers.extend(&variables[program.derivatives()]);
         numbers.extend(program.observables().iter().map(|o| variables[o.slot as usize]));

@@ -2,10 +2,10 @@
 
 use servotwin::built_in;
 use servotwin::compiled::Compiled;
-use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::ensemble::{Ensemble, Later, Variant};
 use servotwin::system::System;
 use servotwin_model::lanes::{self, Level};
-use servotwin_model::program::{FaultAt, Slot};
+use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{Failure, Statistics};
 
@@ -13,17 +13,16 @@ const VARIANTS: usize = 21;
 
 type Run = Result<(Statistics, Vec<Vec<u64>>), Failure>;
 
-/// Faults of all kinds at growing intensity while every input swings; all that can be recorded.
+/// Faults of all kinds at growing intensity, some of them healed on the way, while every input swings and then
+/// stays; all that can be recorded.
 fn runs(system: &System, level: Level, compiled: Option<&Compiled>) -> Vec<Run> {
     let program = &system.program;
     let inputs: Vec<Piecewise> = (program.network().inputs.iter())
         .map(|input| {
-            let swing = 0.05 * input.default + if input.default == 0.0 { 1e-3 } else { 0.0 };
-            Piecewise::new(
-                vec![0.0],
-                vec![[input.default, 10.0 * swing, -60.0 * swing, 50.0 * swing]],
-            )
-            .expect("one piece")
+            let swing = if input.default == 0.0 { 1e-3 } else { 0.05 * input.default };
+            let there = [input.default, 10.0 * swing, -60.0 * swing, 50.0 * swing];
+            let stay = [input.default + 0.45 * swing, 0.0, 0.0, 0.0];
+            Piecewise::new(vec![0.0, 0.1], vec![there, stay]).expect("two pieces")
         })
         .collect();
     let faults: Vec<(usize, usize)> = (program.network().components.iter().enumerate())
@@ -31,14 +30,14 @@ fn runs(system: &System, level: Level, compiled: Option<&Compiled>) -> Vec<Run> 
             (0..instance.component.spec().faults.len()).map(move |fault| (c, fault))
         })
         .collect();
+    let fault = |job: usize| {
+        let (component, fault) = faults[job * faults.len() / VARIANTS];
+        FaultAt { component, fault, intensity: job as f64 / VARIANTS as f64 }
+    };
+    let healed = Later { time_s: 0.12, ..Later::default() };
     let variant = |job: usize| Variant {
-        faults: (job > 0 && !faults.is_empty())
-            .then(|| {
-                let (component, fault) = faults[job * faults.len() / VARIANTS];
-                FaultAt { component, fault, intensity: job as f64 / VARIANTS as f64 }
-            })
-            .into_iter()
-            .collect(),
+        faults: if job == 0 { vec![] } else { vec![fault(job)] },
+        later: if job.is_multiple_of(3) { vec![healed.clone()] } else { vec![] },
         inputs: inputs.iter().collect(),
         ..Variant::default()
     };
@@ -46,7 +45,7 @@ fn runs(system: &System, level: Level, compiled: Option<&Compiled>) -> Vec<Run> 
         compiled,
         level,
         threads: 1,
-        record: (0..program.slots() as Slot).collect(),
+        record: program.observables().iter().map(|observable| observable.slot).collect(),
         duration_s: 0.2,
         ..Ensemble::new(program)
     };
@@ -78,9 +77,13 @@ fn it_gives_the_bits_of_the_lists_in_every_built_in_system() {
 }
 
 #[test]
-fn it_gives_the_bits_of_the_lists_in_lanes_of_every_kind() {
+fn it_gives_the_bits_of_the_lists_in_lanes_of_every_kind_and_beside_a_clock() {
     let (name, text) = built_in::SYSTEMS[1];
-    let system = System::parse(text, name).unwrap();
+    let controller = "kind = \"position_controller\"";
+    assert!(text.contains(controller));
+    let text = text.replace(controller, "kind = \"sampled_position_controller\"");
+    let system = System::parse(&text, name).unwrap();
+    assert_eq!(system.program.clock_periods_s().count(), 1);
     let lists = runs(&system, Level::Portable, None);
     for level in lanes::ALL.into_iter().filter(|level| level.available()) {
         let compiled = Compiled::at_once();

@@ -409,11 +409,17 @@ fn texts_and_missing_values_are_learnt_from() {
     .unwrap();
     let doubts = predict(strange, &cart, &[], None).unwrap().doubts;
     let expected = [
-        "1 row has no value in any column that the model reads",
-        "2 rows have in 'colour' none of the texts that were learned",
+        "1 row has nothing in any column that was learned from",
+        "1 row has in 'colour' none of the texts that were learned",
     ];
     assert_eq!(doubts, expected);
     assert!(predict(table.clone(), &cart, &[], None).unwrap().doubts.is_empty());
+    // Of two texts the other one is no stranger.
+    let side: Vec<String> = (0..60).map(|k| ["left", "right"][k % 2].to_owned()).collect();
+    let sided = with(table.clone(), Column::new("side", "", side));
+    let model =
+        prepare(sided.clone(), None, &plain).unwrap().train(&classifier(Kind::Cart)).unwrap();
+    assert!(predict(sided, &model, &[], None).unwrap().doubts.is_empty());
     let complete = trained(small(), Kind::Cart);
     let hole = with(small(), Column::new("y", "", vec![f64::NAN; 40]));
     let text = predict(hole, &complete, &[], None).unwrap_err().to_string();

@@ -86,46 +86,57 @@ pub struct Predicted {
 
 /// Rows about which a model has little to go by.
 struct Doubts<'m> {
-    inputs: &'m [Input],
-    /// Rows without any value.
+    /// The features that are numbers.
+    numbers: Vec<usize>,
+    /// For each column of three texts or more their features: of two texts only one has a feature, so that it cannot be
+    /// told whether a row has the other one.
+    texts: BTreeMap<&'m str, Vec<usize>>,
+    /// Rows with nothing that is known.
     blank: usize,
-    /// For each column with texts, rows with none of those that were learned.
+    /// Others, by a column with none of the texts that were learned.
     unseen: BTreeMap<&'m str, usize>,
 }
 
 impl<'m> Doubts<'m> {
     fn new(inputs: &'m [Input]) -> Self {
-        Self { inputs, blank: 0, unseen: BTreeMap::new() }
+        let (mut numbers, mut texts) = (vec![], BTreeMap::<&str, Vec<usize>>::new());
+        for (feature, input) in inputs.iter().enumerate() {
+            match input {
+                Input::Category { column, .. } => texts.entry(column).or_default().push(feature),
+                Input::Number { .. } | Input::Time { .. } => numbers.push(feature),
+            }
+        }
+        // It is one of the two, whatever else the row has.
+        numbers.extend(texts.values().filter(|features| features.len() == 1).flatten());
+        texts.retain(|_, features| features.len() > 1);
+        Self { numbers, texts, blank: 0, unseen: BTreeMap::new() }
     }
 
     /// Looks at the features of a row.
     fn look(&mut self, values: &[f64]) {
-        let mut known: BTreeMap<&str, bool> = BTreeMap::new();
-        let mut has_number = false;
-        for (input, &value) in self.inputs.iter().zip(values) {
-            match input {
-                Input::Category { column, .. } => {
-                    *known.entry(column).or_default() |= value == 1.0;
-                }
-                Input::Number { .. } | Input::Time { .. } => has_number |= !value.is_nan(),
-            }
+        let has_number = self.numbers.iter().any(|&feature| !values[feature].is_nan());
+        let is_unseen = |features: &Vec<usize>| features.iter().all(|&f| values[f] != 1.0);
+        let unseen = self.texts.iter().filter(|(_, features)| is_unseen(features));
+        let unseen: Vec<&str> = unseen.map(|(&column, _)| column).collect();
+        if !has_number && unseen.len() == self.texts.len() {
+            self.blank += 1;
+            return;
         }
-        self.blank += usize::from(!has_number && known.values().all(|known| !known));
-        for (column, _) in known.into_iter().filter(|(_, known)| !known) {
+        for column in unseen {
             *self.unseen.entry(column).or_default() += 1;
         }
     }
 
     fn said(self) -> Vec<String> {
-        let blank = (self.blank > 0).then(|| match self.blank {
-            1 => "1 row has no value in any column that the model reads".to_string(),
-            rows => format!("{rows} rows have no value in any column that the model reads"),
+        let rows = |count: usize| match count {
+            1 => "1 row has".to_string(),
+            count => format!("{count} rows have"),
+        };
+        let blank = format!("{} nothing in any column that was learned from", rows(self.blank));
+        let unseen = self.unseen.iter().map(|(column, &count)| {
+            format!("{} in '{column}' none of the texts that were learned", rows(count))
         });
-        let unseen = self.unseen.iter().map(|(column, rows)| match rows {
-            1 => format!("1 row has in '{column}' none of the texts that were learned"),
-            rows => format!("{rows} rows have in '{column}' none of the texts that were learned"),
-        });
-        blank.into_iter().chain(unseen).collect()
+        (self.blank > 0).then_some(blank).into_iter().chain(unseen).collect()
     }
 }
 
