@@ -20,6 +20,7 @@ use servotwin::study::StudyError;
 use servotwin::study::campaign::CampaignError;
 use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
+use std::borrow::Cow;
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
@@ -86,7 +87,7 @@ pub enum Failure {
         /// What was written.
         given: String,
         /// The range in words.
-        range: &'static str,
+        range: Cow<'static, str>,
     },
     /// Options that do not go together.
     Options(&'static str),
@@ -118,12 +119,12 @@ pub enum Failure {
         /// What is wrong.
         error: TraceError,
     },
-    /// A table is not as a study file for traces says.
-    OfTraces {
+    /// A table is not as a study file for traces, or a model, says.
+    NotAs {
         /// The table.
         path: PathBuf,
-        /// The study file.
-        study: PathBuf,
+        /// The study file or the model.
+        rule: PathBuf,
         /// What is wrong.
         error: Box<EvaluationError>,
     },
@@ -196,7 +197,7 @@ impl Failure {
             Failure::System(_)
             | Failure::Study(_)
             | Failure::Trace { .. }
-            | Failure::OfTraces { .. }
+            | Failure::NotAs { .. }
             | Failure::NoLogs { .. }
             | Failure::NoSample { .. }
             | Failure::Unjudged { .. } => 3,
@@ -325,9 +326,9 @@ impl fmt::Display for Failure {
             Failure::Evaluation(error) => write!(out, "error: {error}"),
             Failure::Job(error) => write!(out, "error: {error}"),
             Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
-            Failure::OfTraces { path, study, error } => {
-                let (path, study) = (path.display(), study.display());
-                write!(out, "error: {path} is not as {study} says: {error}")
+            Failure::NotAs { path, rule, error } => {
+                let (path, rule) = (path.display(), rule.display());
+                write!(out, "error: {path} is not as {rule} says: {error}")
             }
             Failure::Runtime(error) => write!(out, "error: {error}"),
             Failure::Diagnoser { path, error } => write!(out, "error: {}: {error}", path.display()),

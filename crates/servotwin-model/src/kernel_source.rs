@@ -1,8 +1,9 @@
 //! The C source of a step: what a [`crate::solver::Batch`] does in lists, as straight lines of C.
 //!
 //! Half of a step's instructions find numbers through lists, because the lists stand for any system. A C compiler that
-//! is given one system needs none: it keeps numbers in registers, and what it makes takes two thirds of the time. The text is traced from the functions that walk the lists, so it is the same arithmetic
-//! in the same order, and gives the same bits.
+//! is given one system needs none: it keeps numbers in registers, and what it makes takes two thirds of the time. The
+//! text is traced from the functions that walk the lists, so it is the same arithmetic in the same order, and gives the
+//! same bits.
 //!
 //! One text serves every width. Compiled with `-DWIDTH=8` a register holds eight lanes (AVX-512), with 4 four
 //! (AVX2), with 1 one; `-DSTRIDE` is the number of lanes in the arrays. Neither fused nor reassociated arithmetic is
@@ -19,6 +20,7 @@ use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt::Write;
+use core::num::FpCategory;
 
 /// The C source of the steps of a method. `None` for an explicit method.
 pub fn write(program: &Program, method: Method) -> Option<String> {
@@ -258,10 +260,10 @@ fn unary(operation: Unary) -> String {
 /// The same number in every lane.
 fn number(value: f64) -> String {
     let sign = if value.is_sign_negative() { "-" } else { "" };
-    match value.is_nan() || value.is_infinite() {
-        true if value.is_nan() => "ALL(__builtin_nan(\"\"))".to_string(),
-        true => format!("ALL({sign}__builtin_inf())"),
-        false => format!("ALL({value:?})"),
+    match value.classify() {
+        FpCategory::Nan => "ALL(__builtin_nan(\"\"))".to_string(),
+        FpCategory::Infinite => format!("ALL({sign}__builtin_inf())"),
+        _ => format!("ALL({value:?})"),
     }
 }
 

@@ -117,16 +117,13 @@ impl Sequence {
         &self,
         constants: &[Symbol<'g>],
         variables: &mut [Symbol<'g>],
-        mut partials: &mut [Symbol<'g>],
+        partials: &mut [Symbol<'g>],
     ) {
         self.prepare(constants, variables);
-        for group in &self.groups {
-            let count = group.count * group.kind.visit(Partials);
-            let (own, later) = partials.split_at_mut(count);
-            partials = later;
+        for (group, partials) in self.groups_with(partials) {
             let variables = &mut *variables;
             let evaluate = Evaluate { group, sequence: self, constants, variables };
-            group.kind.visit(TraceDuals(Differentiate { evaluate, partials: own }));
+            group.kind.visit(TraceDuals(Differentiate { evaluate, partials }));
         }
     }
 
@@ -135,17 +132,28 @@ impl Sequence {
         &self,
         constants: &[V],
         variables: &mut [V],
-        mut partials: &mut [V],
+        partials: &mut [V],
     ) {
         self.prepare(constants, variables);
-        for group in &self.groups {
-            let count = group.count * group.kind.visit(Partials);
-            let (own, later) = partials.split_at_mut(count);
-            partials = later;
+        for (group, partials) in self.groups_with(partials) {
             let variables = &mut *variables;
             let evaluate = Evaluate { group, sequence: self, constants, variables };
-            group.kind.visit(Differentiate { evaluate, partials: own });
+            group.kind.visit(Differentiate { evaluate, partials });
         }
+    }
+
+    /// The groups, each with the places of its partial derivatives.
+    #[inline(always)]
+    fn groups_with<'a, V>(
+        &'a self,
+        mut partials: &'a mut [V],
+    ) -> impl Iterator<Item = (&'a Group, &'a mut [V])> {
+        self.groups.iter().map(move |group| {
+            let count = group.count * group.kind.visit(Partials);
+            let (own, later) = core::mem::take(&mut partials).split_at_mut(count);
+            partials = later;
+            (group, own)
+        })
     }
 
     /// The blocks with the places of their inputs and outputs.

@@ -21,10 +21,14 @@ use std::path::{Path, PathBuf};
 use std::process::{self, Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Simulated time, s, from which on compiling costs less than it saves.
 const WORTH_S: u64 = 60_000;
+
+/// A compiler that takes longer, hangs.
+const LONGEST: Duration = Duration::from_secs(120);
 
 /// The compiled step of one system.
 #[derive(Default)]
@@ -63,11 +67,20 @@ impl Compiled {
         if asked_s >= WORTH_S { self.kernels(program, level) } else { None }
     }
 
+    /// What [`Compiled::kernels`] has found before, somewhere else.
+    pub fn ready(&self, level: Level) -> Option<&Kernels> {
+        self.of(level).get()?.as_ref().map(|loaded| &loaded.kernels)
+    }
+
+    fn of(&self, level: Level) -> &OnceLock<Option<Loaded>> {
+        let place = lanes::ALL.iter().position(|known| *known == level);
+        &self.loaded[place.expect("a level")]
+    }
+
     /// The functions for a program, which must always be the same, for runs by the method of campaigns that begin with
     /// the lanes of a level. `None` without a compiler.
     pub fn kernels(&self, program: &Program, level: Level) -> Option<&Kernels> {
-        let place = lanes::ALL.iter().position(|known| *known == level).expect("a level");
-        let loaded = self.loaded[place].get_or_init(|| Loaded::new(program, level, &compiler()?));
+        let loaded = self.of(level).get_or_init(|| Loaded::new(program, level, &compiler()?));
         loaded.as_ref().map(|loaded| &loaded.kernels)
     }
 }
@@ -89,33 +102,44 @@ impl Loaded {
         let source = folder.0.join("step.c");
         fs::write(&source, kernel_source::write(program, method)?).ok()?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
-        let libraries = [SCHEDULING, &[]].iter().find_map(|flags| {
-            let start = |level: &Level| compile(compiler, flags, *level, &source, &folder);
-            let started: Vec<Option<Child>> = levels.iter().map(start).collect();
-            // All of them, so that none goes on when one has failed.
-            let ended: Vec<Option<()>> = started.into_iter().map(ended).collect();
-            ended.into_iter().collect::<Option<Vec<()>>>()?;
-            // SAFETY: a library of straight lines, which does nothing when it is loaded.
-            let load = |level: &Level| unsafe { Library::new(folder.library(*level)) }.ok();
-            levels.iter().map(load).collect::<Option<Vec<Library>>>()
-        })?;
-        let mut functions = Vec::new();
-        for (level, library) in levels.iter().zip(&libraries) {
+        let libraries = [SCHEDULING, &[]]
+            .iter()
+            .find_map(|flags| libraries(compiler, flags, &levels, &source, &folder))?;
+        let functions = levels.iter().zip(&libraries).map(|(level, library)| {
             // SAFETY: the text's functions, compiled for lanes of this level, which is available; the library stays
             // loaded as long as they are there.
-            functions.push(unsafe {
+            unsafe {
                 Functions::find(method, level.width(), |name| {
                     let symbol = library.get::<*const ()>(name.as_bytes()).ok()?;
                     symbol.try_as_raw_ptr().map(|address| address.cast_const().cast())
                 })
-            }?);
-        }
+            }
+        });
+        let functions = functions.collect::<Option<Vec<Functions>>>()?;
         // SAFETY: made of this program and method.
         let kernels = unsafe { Kernels::new(program, method, functions) };
         let is_good =
             first_moments(program, level, Some(&kernels)) == first_moments(program, level, None);
         is_good.then_some(Self { kernels, _libraries: libraries })
     }
+}
+
+/// The text compiled for the lanes of all levels, side by side, and loaded.
+fn libraries(
+    compiler: &str,
+    flags: &[&str],
+    levels: &[Level],
+    source: &Path,
+    folder: &Folder,
+) -> Option<Vec<Library>> {
+    let start = |level: &Level| compile(compiler, flags, *level, source, folder);
+    let started: Vec<Option<Child>> = levels.iter().map(start).collect();
+    // All of them, so that none goes on when one has failed.
+    let ended: Vec<Option<()>> = started.into_iter().map(ended).collect();
+    ended.into_iter().collect::<Option<Vec<()>>>()?;
+    // SAFETY: a library of straight lines, which does nothing when it is loaded.
+    let load = |level: &Level| unsafe { Library::new(folder.library(*level)) }.ok();
+    levels.iter().map(load).collect()
 }
 
 /// Starts to compile for the lanes of a level.
@@ -129,6 +153,8 @@ fn compile(
     let wide: &[&str] = match level.register_width() {
         8 => &["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"],
         4 => &["-mavx2"],
+        // Without branches where there is a choice.
+        _ if Level::Avx2Once.available() => &["-mavx2"],
         _ => &[],
     };
     let mut words = compiler.split_whitespace();
@@ -154,34 +180,24 @@ fn compile(
         .ok()
 }
 
-/// Waits for the end; `None` where it was no good one.
+/// Waits for the end; `None` where it was no good one, or where there was none for a long time.
 fn ended(compiling: Option<Child>) -> Option<()> {
-    compiling?.wait().ok()?.success().then_some(())
+    let mut compiling = compiling?;
+    let begun = Instant::now();
+    while begun.elapsed() < LONGEST {
+        match compiling.try_wait().ok()? {
+            Some(status) => return status.success().then_some(()),
+            None => thread::sleep(Duration::from_millis(5)),
+        }
+    }
+    compiling.kill().ok()?;
+    compiling.wait().ok()?;
+    None
 }
 
 /// The bits of what a full set of lanes does at first, at the inputs that are declared.
-fn first_moments(
-    program: &Program,
-    level: Level,
-    kernels: Option<&Kernels>,
-) -> Vec<(usize, Result<Statistics, Failure>, Vec<u64>)> {
+fn first_moments(program: &Program, level: Level, kernels: Option<&Kernels>) -> Vec<Moment> {
     const DURATION_S: f64 = 0.05;
-    struct Moments<'a> {
-        cases: Vec<Case<'a>>,
-        samples: Vec<Vec<u64>>,
-        ended: Vec<(usize, Result<Statistics, Failure>, Vec<u64>)>,
-    }
-    impl<'a> Feed<'a> for Moments<'a> {
-        fn next(&mut self) -> Option<Case<'a>> {
-            self.cases.pop()
-        }
-        fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
-            self.samples[job].extend(values.iter().map(|value| value.to_bits()));
-        }
-        fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
-            self.ended.push((job, outcome, std::mem::take(&mut self.samples[job])));
-        }
-    }
     let swing = |default: f64| [default, 0.1 * default + 1e-3, 0.0, 0.0];
     let inputs: Vec<Piecewise> = (program.network().inputs.iter())
         .map(|input| Piecewise::new(vec![0.0], vec![swing(input.default)]).expect("one piece"))
@@ -201,13 +217,39 @@ fn first_moments(
     };
     let mut moments = Moments {
         cases: (0..level.width()).map(case).collect(),
-        samples: vec![Vec::new(); level.width()],
-        ended: Vec::new(),
+        of_jobs: vec![Moment::default(); level.width()],
     };
     let record: Vec<Slot> = program.observables().iter().map(|o| o.slot).collect();
     run(program, kernels, Settings::campaign(), &record, level, &mut moments);
-    moments.ended.sort_by_key(|(job, ..)| *job);
-    moments.ended
+    moments.of_jobs
+}
+
+/// What became of one variant.
+#[derive(Clone, Default, PartialEq)]
+struct Moment {
+    /// The bits of all samples.
+    samples: Vec<u64>,
+    outcome: Option<Result<Statistics, Failure>>,
+}
+
+/// Gives out cases and notes what becomes of them.
+struct Moments<'a> {
+    cases: Vec<Case<'a>>,
+    of_jobs: Vec<Moment>,
+}
+
+impl<'a> Feed<'a> for Moments<'a> {
+    fn next(&mut self) -> Option<Case<'a>> {
+        self.cases.pop()
+    }
+
+    fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
+        self.of_jobs[job].samples.extend(values.iter().map(|value| value.to_bits()));
+    }
+
+    fn finish(&mut self, job: usize, outcome: Result<Statistics, Failure>) {
+        self.of_jobs[job].outcome = Some(outcome);
+    }
 }
 
 /// A folder for this user alone, removed when it is no longer needed: what is loaded stays in memory.

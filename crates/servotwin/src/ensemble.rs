@@ -141,7 +141,7 @@ impl<'p> Ensemble<'p> {
         let threads = self.threads.clamp(1, count.max(1));
         let kernels = self.kernels(count as f64 * self.duration_s);
         let level = match kernels {
-            Some(_) => self.level,
+            Some(_) => self.level.compiled(),
             None => self.level.for_many(count / threads),
         };
         std::thread::scope(|scope| {
@@ -165,7 +165,8 @@ impl<'p> Ensemble<'p> {
     /// The compiled step, where it is worth it for so much.
     fn kernels(&self, simulated_s: f64) -> Option<&'p Kernels> {
         let compiled = self.compiled?;
-        compiled.when_worth(self.program, self.settings.method, self.level, simulated_s)
+        let level = self.level.compiled();
+        compiled.when_worth(self.program, self.settings.method, level, simulated_s)
     }
 
     /// Runs one variant and gives its samples, one vector per recorded slot. It

@@ -49,7 +49,7 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if !(options.share > 0.0 && options.share < 1.0) {
         let (option, given) = ("--share", options.share.to_string());
-        return Err(Failure::OutOfRange { option, given, range: "between 0 and 1" });
+        return Err(Failure::OutOfRange { option, given, range: "between 0 and 1".into() });
     }
     let study = match &options.study {
         Some(path) => Study::read(path)?,

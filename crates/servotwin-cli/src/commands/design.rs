@@ -46,7 +46,7 @@ pub fn run(
     };
     if !(5.0..=3600.0).contains(&limits.duration_s) {
         let (option, given) = ("--duration", format!("{} s", limits.duration_s));
-        return Err(Failure::OutOfRange { option, given, range: "5 s to 3600 s" });
+        return Err(Failure::OutOfRange { option, given, range: "5 s to 3600 s".into() });
     }
     let rig = Rig {
         input: study.command_input,
@@ -71,7 +71,9 @@ fn positive(option: &'static str, text: &str, unit: Unit) -> Result<f64, Failure
     let value = Quantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
     match value > 0.0 && value.is_finite() {
         true => Ok(value),
-        false => Err(Failure::OutOfRange { option, given: text.into(), range: "greater than 0" }),
+        false => {
+            Err(Failure::OutOfRange { option, given: text.into(), range: "greater than 0".into() })
+        }
     }
 }
 

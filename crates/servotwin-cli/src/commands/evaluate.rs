@@ -4,7 +4,7 @@
 use super::progress::Stages;
 use super::summary;
 use super::train::{join, people};
-use super::{read_table, warn};
+use super::{not_as, read_table, warn};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
@@ -14,7 +14,7 @@ use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::table_model::evaluate_table;
 use servotwin::job::{self, Folder, JobError, Results, manifest};
 use servotwin::study::Study;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Say how good the diagnosis of a campaign is, or judge a classifier with a table.
 ///
@@ -83,12 +83,13 @@ pub fn measure(
     Ok(results)
 }
 
-fn of_table(options: &Options, model: &PathBuf, global: Global) -> Result<String, Failure> {
-    let model = model_file::read_table_model(model)?;
+fn of_table(options: &Options, rule: &Path, global: Global) -> Result<String, Failure> {
+    let model = model_file::read_table_model(rule)?;
     let mixed: Vec<&str> =
         std::iter::once(model.label.as_str()).chain(options.group.as_deref()).collect();
     let table = read_table(&options.input, &mixed, global)?;
-    let judged = evaluate_table(table, &model, options.group.as_deref())?;
+    let judged = evaluate_table(table, &model, options.group.as_deref())
+        .map_err(|error| not_as(&options.input, rule, error))?;
     warn(global, &judged.warnings);
     let kind = model.model.kind();
     Ok(match global.json {

@@ -1,14 +1,14 @@
 //! `servotwin explain`: why the trees say what they say about one variant, or a classifier about one
 //! row of a table.
 
-use super::read_table;
+use super::{not_as, read_table};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
 use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model;
-use servotwin::job::explain::{Answer, Explanation, Verdict, explain};
+use servotwin::job::explain::{Answer, Explanation, Verdict, explain, variants};
 use servotwin::job::{self, Folder, Subject};
 use servotwin::nearest::UnknownName;
 use servotwin::report::vocabulary::Vocabulary;
@@ -55,11 +55,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             true => json(&json!(explanation)),
             false => people(&explanation, &Vocabulary::of(&study)),
         }),
-        None => Err(Failure::OutOfRange {
-            option: "VARIANT",
-            given: options.variant.to_string(),
-            range: "a number in the column 'variant' of the data set",
-        }),
+        None => {
+            let last = variants(&folder, subject)?.saturating_sub(1);
+            let range = format!("0 to {last} in this data set").into();
+            Err(Failure::OutOfRange {
+                option: "VARIANT",
+                given: options.variant.to_string(),
+                range,
+            })
+        }
     }
 }
 
@@ -136,10 +140,11 @@ fn stage(answer: &Answer, words: &Vocabulary) -> String {
     text
 }
 
-fn of_table(table: &Path, model: &Path, row: usize, global: Global) -> Result<String, Failure> {
-    let model = model_file::read_table_model(model)?;
-    let table = read_table(table, &[&model.label], global)?;
-    let explanation = table_model::explain(table, &model, row)?;
+fn of_table(path: &Path, rule: &Path, row: usize, global: Global) -> Result<String, Failure> {
+    let model = model_file::read_table_model(rule)?;
+    let table = read_table(path, &[&model.label], global)?;
+    let explanation = table_model::explain(table, &model, row);
+    let explanation = explanation.map_err(|error| not_as(path, rule, error))?;
     Ok(match global.json {
         true => json(&json!(explanation)),
         false => of_row(&explanation, &model.label),

@@ -1,7 +1,7 @@
 //! `servotwin features`: the features of a campaign computed anew, or those of windows of any
 //! measured and nominal signals.
 
-use super::read_table;
+use super::{not_as, read_table};
 use crate::Global;
 use crate::failure::Failure;
 use serde_json::json;
@@ -134,11 +134,7 @@ fn of_traces(
     global: Global,
 ) -> Result<String, Failure> {
     let parsed = read_traces_study(study)?;
-    let of = |path: &Path, error| Failure::OfTraces {
-        path: path.into(),
-        study: study.clone(),
-        error: Box::new(error),
-    };
+    let of = |path: &Path, error| not_as(path, study, error);
     let told = |error| match (error, &options.healthy) {
         (TraceError::Healthy(error), Some(path)) => of(path, error),
         (TraceError::Evaluation(error) | TraceError::Healthy(error), _) => of(traces, error),

@@ -202,7 +202,7 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
     let value = read.map_err(|error| Failure::Number { option: "--parameters", error })?;
     if !(value > 0.0 && value.is_finite()) {
         let (option, range) = ("--parameters", "a standard deviation is greater than 0");
-        return Err(Failure::OutOfRange { option, given: sigma.into(), range });
+        return Err(Failure::OutOfRange { option, given: sigma.into(), range: range.into() });
     }
     let tolerance = Tolerance { parameters: vec![place], sigma: value, absolute: !relative };
     Ok(Unknown::tolerance(&study.system, &tolerance))

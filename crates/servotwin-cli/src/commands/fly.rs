@@ -59,7 +59,9 @@ fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
         Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
     match (0.0..=1e4).contains(&value) {
         true => Ok(value),
-        false => Err(Failure::OutOfRange { option, given: text.into(), range: "0 to 10,000 s" }),
+        false => {
+            Err(Failure::OutOfRange { option, given: text.into(), range: "0 to 10,000 s".into() })
+        }
     }
 }
 

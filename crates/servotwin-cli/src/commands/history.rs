@@ -70,7 +70,7 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if !(options.threshold > 0.0 && options.threshold <= 1.0) {
         let (option, given) = ("--threshold", options.threshold.to_string());
-        return Err(Failure::OutOfRange { option, given, range: "above 0, at most 1" });
+        return Err(Failure::OutOfRange { option, given, range: "above 0, at most 1".into() });
     }
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let paths = logs(&options.folder)?;

@@ -30,6 +30,7 @@ pub mod watch;
 
 use crate::Global;
 use crate::failure::Failure;
+use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::{
     ClassWeights, HoldOut, Prepared, Selection, Unused, prepare,
 };
@@ -171,7 +172,11 @@ impl TableOptions {
 
     /// Whether anything can be held out as it is asked for.
     fn check(&self) -> Result<(), Failure> {
-        let wrong = |option, given, range| Failure::OutOfRange { option, given, range };
+        let wrong = |option, given, range: &'static str| Failure::OutOfRange {
+            option,
+            given,
+            range: range.into(),
+        };
         match self.hold_out() {
             HoldOut::Folds { folds, .. } if folds < 2 => {
                 Err(wrong("--folds", folds.to_string(), "at least 2"))
@@ -246,6 +251,11 @@ fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Fail
         note(global, &format!("{}: read with {dialect}", path.display()));
     }
     Ok(table)
+}
+
+/// What is wrong with a table that is to be as a study file or a model says.
+fn not_as(path: &Path, rule: &Path, error: EvaluationError) -> Failure {
+    Failure::NotAs { path: path.into(), rule: rule.into(), error: Box::new(error) }
 }
 
 /// Writes a note to standard error, unless nothing but results is wanted.

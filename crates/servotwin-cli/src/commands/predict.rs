@@ -1,6 +1,6 @@
 //! `servotwin predict`: what a trained classifier says about rows without a class.
 
-use super::{note, read_table, warn};
+use super::{not_as, note, read_table, warn};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
@@ -35,13 +35,17 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if let Some(limit) = options.abstain_below.filter(|limit| !(0.0..=1.0).contains(limit)) {
         let (option, range) = ("--abstain-below", "0 to 1");
-        return Err(Failure::OutOfRange { option, given: limit.to_string(), range });
+        return Err(Failure::OutOfRange { option, given: limit.to_string(), range: range.into() });
     }
     let model = model_file::read_table_model(&options.model)?;
     let mixed: Vec<&str> = options.keep.iter().map(String::as_str).collect();
     let input = read_table(&options.table, &mixed, global)?;
+    for name in &options.keep {
+        input.column(name)?;
+    }
     let Predicted { table: result, doubts } =
-        predict(input, &model, &options.keep, options.abstain_below)?;
+        predict(input, &model, &options.keep, options.abstain_below)
+            .map_err(|error| not_as(&options.table, &options.model, error))?;
     warn(global, &doubts);
     let counts = counts(&model, &result)?;
     match &options.out {

@@ -206,7 +206,7 @@ fn positive(
     if value > 0.0 && value <= largest {
         return Ok(value);
     }
-    Err(Failure::OutOfRange { option, given: text.into(), range })
+    Err(Failure::OutOfRange { option, given: text.into(), range: range.into() })
 }
 
 fn settings(options: &Options) -> Result<Settings, Failure> {
@@ -258,7 +258,11 @@ pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
         .map_err(|error| Failure::Number { option: "--fault", error })?;
     if !(0.0..=1.0).contains(&intensity) {
         let range = "an intensity goes from 0 to 1";
-        return Err(Failure::OutOfRange { option: "--fault", given: text.into(), range });
+        return Err(Failure::OutOfRange {
+            option: "--fault",
+            given: text.into(),
+            range: range.into(),
+        });
     }
     Ok(FaultAt { component, fault, intensity })
 }
@@ -309,7 +313,11 @@ fn sweep(system: &System, text: &str, set: &[(usize, usize, f64)]) -> Result<Swe
         given: id.into(),
         known: [system.all_parameters(), system.all_faults()].concat(),
     })?;
-    let wrong = |range| Failure::OutOfRange { option: "--sweep", given: text.into(), range };
+    let wrong = |range: &'static str| Failure::OutOfRange {
+        option: "--sweep",
+        given: text.into(),
+        range: range.into(),
+    };
     let parts: Vec<&str> = range.split(':').collect();
     let [from, to, count] = parts[..] else {
         return Err(wrong("two values and their number are needed, such as 0:1:5"));

@@ -25,10 +25,12 @@ use servotwin::log::{Checkpoints, End, Observer, State, Watch};
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::lanes::Level;
 use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::thread;
 
 /// Watch an actuator: a log, or a live stream, beside its twin.
 ///
@@ -119,7 +121,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let bar = outputs.bar.clone();
     watch.sink(&mut outputs);
-    let end = watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share));
+    let end = thread::scope(|scope| {
+        // A log is mostly read before a compiler would be done.
+        if address.is_live() {
+            scope.spawn(|| system.compiled.kernels(&system.program, Level::Single));
+        }
+        watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share))
+    });
     bar.finish_and_clear();
     let end = end?;
     let counts = watch.counts().clone();

@@ -22,6 +22,8 @@ use {avx2::Avx2, avx512::Avx512, pair::Pair};
 /// An instruction set that lanes can be made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
+    /// One lane, as of the twin beside an actuator: every machine.
+    Single,
     /// Plain arrays of four: every machine.
     Portable,
     /// Four lanes of 256 bits.
@@ -34,9 +36,15 @@ pub enum Level {
     Avx512Twice,
 }
 
-/// Every level, slowest first.
-pub const ALL: [Level; 5] =
-    [Level::Portable, Level::Avx2Once, Level::Avx2, Level::Avx512, Level::Avx512Twice];
+/// Every level, that of the slowest campaign first.
+pub const ALL: [Level; 6] = [
+    Level::Single,
+    Level::Portable,
+    Level::Avx2Once,
+    Level::Avx2,
+    Level::Avx512,
+    Level::Avx512Twice,
+];
 
 /// Variants for each of sixteen lanes from which on these are faster in all where lists are walked: a step of
 /// theirs takes longer, and at the end most of them have nothing to do.
@@ -46,6 +54,7 @@ impl Level {
     /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
+            Level::Single => "single",
             Level::Portable => "portable",
             Level::Avx2Once => "avx2x1",
             Level::Avx2 => "avx2",
@@ -57,6 +66,7 @@ impl Level {
     /// Variants side by side.
     pub fn width(self) -> usize {
         match self {
+            Level::Single => 1,
             Level::Portable | Level::Avx2Once => 4,
             Level::Avx2 | Level::Avx512 => 8,
             Level::Avx512Twice => 16,
@@ -66,7 +76,7 @@ impl Level {
     /// How many of them a register has.
     pub fn register_width(self) -> usize {
         match self {
-            Level::Portable => 1,
+            Level::Single | Level::Portable => 1,
             Level::Avx2Once | Level::Avx2 => 4,
             Level::Avx512 | Level::Avx512Twice => 8,
         }
@@ -77,7 +87,7 @@ impl Level {
     /// The processor itself is asked; on others than x86-64 only portable lanes are there.
     pub fn available(self) -> bool {
         match self {
-            Level::Portable => true,
+            Level::Single | Level::Portable => true,
             #[cfg(target_arch = "x86_64")]
             Level::Avx2Once | Level::Avx2 => detected::AVX2.get(detected::avx2),
             #[cfg(target_arch = "x86_64")]
@@ -105,7 +115,16 @@ impl Level {
             Level::Avx512Twice | Level::Avx512 | Level::Avx2 => {
                 Some(Level::Avx2Once).filter(|level| level.available())
             }
-            Level::Avx2Once | Level::Portable => None,
+            Level::Avx2Once | Level::Portable | Level::Single => None,
+        }
+    }
+
+    /// The level that is soonest where steps are compiled and this one is where lists are walked: two registers share
+    /// the time that it takes to walk a list, but straight lines of C do with half the memory in one.
+    pub fn compiled(self) -> Level {
+        match self {
+            Level::Avx2 => Level::Avx2Once,
+            level => level,
         }
     }
 
@@ -186,6 +205,7 @@ pub trait Kernel {
 pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
     assert!(level.available(), "this processor has no {} lanes", level.name());
     match level {
+        Level::Single => kernel.run::<f64>(),
         Level::Portable => kernel.run::<Portable>(),
         // SAFETY: the level is available.
         #[cfg(target_arch = "x86_64")]

@@ -70,6 +70,11 @@ impl<'p, V: Lanes> Bank<'p, V> {
         }
     }
 
+    /// Takes steps by compiled functions from now on.
+    pub fn use_kernels(&mut self, kernels: &'p Kernels) {
+        self.batch.use_compiled(kernels.of(self.program, self.settings.method, V::WIDTH));
+    }
+
     /// Makes a lane another variant, on its way: states and what clocks hold stay.
     pub fn set_numbers(&mut self, lane: usize, numbers: Numbers) {
         self.batch.set_constants(lane, numbers.constants);

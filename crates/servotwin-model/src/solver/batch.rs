@@ -66,6 +66,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
         }
     }
 
+    /// From now on these functions, which must be as those of [`Batch::with`].
+    pub(super) fn use_compiled(&mut self, compiled: Option<&'p Functions>) {
+        self.compiled = compiled;
+    }
+
     /// Puts a variant's constants into a lane.
     pub fn set_constants(&mut self, lane: usize, constants: &[f64]) {
         for (place, &value) in self.constants.iter_mut().zip(constants) {
@@ -226,13 +231,13 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     fn solve_stage(&mut self, slope_factor: V, stage: usize) {
         let n = self.y.len();
-        let right = &mut self.stages[stage * n..][..n];
-        let Self { program, variables, gradients, factors, .. } = self;
-        if let Some(compiled) = self.compiled {
+        let Self { program, variables, gradients, factors, stages, compiled, .. } = self;
+        let right = &mut stages[stage * n..][..n];
+        if let Some(compiled) = compiled {
             return compiled.solve(variables, slope_factor, gradients, factors, right);
         }
         let derivatives = &variables[program.derivatives()];
-        solve(self.program, derivatives, slope_factor, &self.gradients, &self.factors, right);
+        solve(program, derivatives, slope_factor, gradients, factors, right);
     }
 
     /// (R2): the variable array still holds the argument of the last stage.

@@ -13,6 +13,7 @@
 
 use super::bank::{Bank, Numbers};
 use super::course::{Course, Moving, Phase};
+use super::kernels::Kernels;
 use super::{Failure, Settings, Statistics};
 use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
@@ -103,6 +104,11 @@ impl<'p> Twin<'p> {
     /// The system.
     pub fn program(&self) -> &'p Program {
         self.bank.program
+    }
+
+    /// Takes steps by compiled functions from now on, of [`Level::Single`](crate::lanes::Level): the same bits, sooner.
+    pub fn use_kernels(&mut self, kernels: &'p Kernels) {
+        self.bank.use_kernels(kernels);
     }
 
     /// Puts the parameters of a variant in ([`Program::parameters`]). On the way they hold from the

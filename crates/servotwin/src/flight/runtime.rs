@@ -4,6 +4,7 @@ use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, State};
 use servotwin_diagnosis::error::Error;
+use servotwin_model::lanes::Level;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
 use std::fmt;
@@ -82,6 +83,8 @@ pub struct Runtime<'s> {
     study: &'s Study,
     twin: Twin<'s>,
     is_settled: bool,
+    /// Whether the twin takes compiled steps.
+    is_compiled: bool,
     session: Session,
     /// Where the sensors of the diagnoser stand in the system.
     slots: Vec<Slot>,
@@ -145,6 +148,7 @@ impl<'s> Runtime<'s> {
             study,
             twin,
             is_settled: false,
+            is_compiled: false,
             session,
             expected: vec![0.0; slots.len()],
             slots,
@@ -162,6 +166,7 @@ impl<'s> Runtime<'s> {
     /// # Errors
     /// [`RuntimeError::Twin`]; the next sample starts the twin anew.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
+        self.take_compiled();
         self.believe(inputs);
         let inputs = &self.believed;
         let stepped = if self.is_settled {
@@ -180,6 +185,17 @@ impl<'s> Runtime<'s> {
             *value = self.twin.value(slot);
         }
         Ok(self.session.push(&self.values, measured, &self.expected))
+    }
+
+    /// Takes the compiled step as soon as somebody has compiled it: nobody waits for a compiler here.
+    fn take_compiled(&mut self) {
+        if self.is_compiled {
+            return;
+        }
+        if let Some(kernels) = self.study.system.compiled.ready(Level::Single) {
+            self.twin.use_kernels(kernels);
+            self.is_compiled = true;
+        }
     }
 
     fn believe(&mut self, inputs: &[f64]) {

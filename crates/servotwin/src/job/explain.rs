@@ -121,6 +121,18 @@ pub fn explain(
     Ok(Some(explanation))
 }
 
+/// How many variants a subject's data set has; they are numbered from 0.
+///
+/// # Errors
+/// The data set is missing or cannot be read.
+pub fn variants(folder: &Folder, subject: Subject) -> Result<usize, JobError> {
+    let path = folder.data_set(subject.setting(), Role::Judged);
+    match table::read(&path) {
+        Ok(table) => Ok(table.row_count()),
+        Err(error) => Err(JobError::DataSet { path, error: error.into() }),
+    }
+}
+
 /// A variant, and its features in every view.
 type Found = (Explanation, Vec<Vec<f64>>);
 

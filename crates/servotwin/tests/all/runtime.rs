@@ -12,6 +12,7 @@ use servotwin::log::{Finding, Observer, Phase, State};
 use servotwin::study::Setting;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::field::{Covariate, Field, Source};
+use servotwin_model::lanes::Level;
 use servotwin_model::signal::Piecewise;
 use std::sync::Arc;
 
@@ -42,10 +43,15 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
         },
     );
     assert_eq!(logs.len(), 3);
-    for (flight, log) in logs {
+    for (number, (flight, log)) in logs.into_iter().enumerate() {
         // The twin is told the environment's parameters; here there are none.
         let mut runtime = Runtime::new(study(), diagnoser().clone(), vec![]).unwrap();
         for (k, [measured, twin, inputs]) in log.samples.iter().enumerate() {
+            if (number, k) == (2, 100) {
+                // From here on the step is compiled.
+                let system = &study().system;
+                assert!(system.compiled.kernels(&system.program, Level::Single).is_some());
+            }
             runtime.push(inputs, measured).unwrap();
             assert_eq!(runtime.expected(), twin, "flight {}, sample {k}", flight.number);
         }
