@@ -165,11 +165,12 @@ fn setting(out: &mut String, merit: &Merit, words: &Vocabulary) {
     }
     let _ = writeln!(
         out,
-        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour)",
+        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour); {} times a fault seemed visible",
         healthy.alarms,
         healthy.shutdowns,
         healthy.hours,
-        number(healthy.alarms_per_h_upper)
+        number(healthy.alarms_per_h_upper),
+        healthy.visible_by_chance
     );
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);

@@ -77,6 +77,9 @@ pub struct HealthyMerit {
     pub alarms_per_h: f64,
     /// The upper end of the 95 % interval of that (one-sided, Poisson).
     pub alarms_per_h_upper: f64,
+    /// How often windows left their bands as if a fault was visible.
+    #[serde(default)]
+    pub visible_by_chance: u64,
 }
 
 /// One point of the trade.
@@ -175,6 +178,8 @@ struct Remembered {
     /// The flight's number.
     number: usize,
     seen: Option<u64>,
+    #[serde(default)]
+    by_chance: u64,
     stories: Vec<Story>,
 }
 
@@ -183,6 +188,8 @@ struct Ended {
     flight: Flight,
     /// The sample since which the fault is visible.
     seen: Option<u64>,
+    /// How often one would have been called visible before there was one.
+    by_chance: u64,
     stories: Vec<Story>,
 }
 
@@ -197,16 +204,21 @@ struct Watching {
     /// which the first of these ended.
     out_of_band: Vec<(u32, u64)>,
     seen: Option<u64>,
+    /// How often one was before the onset.
+    by_chance: u64,
 }
 
 impl Watching {
-    /// A fault is visible from the first of so many windows, which together are one window's length
-    /// of samples, that all left a band: a single one may do so by chance.
+    /// A fault is visible from the first of so many windows in a row that all left a band. The first and the last of
+    /// them have no sample in common: by chance one sample does, and that is in every window for a window's length.
     fn look(&mut self, index: u64) {
         let Some((session, _)) = self.sessions.first() else { return };
         let diagnoser = session.diagnoser();
+        if index == self.onset {
+            self.out_of_band.fill((0, 0));
+        }
         for (place, (count, first)) in self.out_of_band.iter_mut().enumerate() {
-            if index < self.onset || !session.has_new_window(place) || !session.is_full(place) {
+            if !session.has_new_window(place) || !session.is_full(place) {
                 continue;
             }
             let (window, length) = (session.window(place), &diagnoser.lengths[place]);
@@ -223,8 +235,12 @@ impl Watching {
             } else {
                 *count = 0;
             }
-            let needed = length.span.panes.unwrap_or(1);
-            if *count >= needed && self.seen.is_none_or(|seen| *first < seen) {
+            if *count != length.span.panes.map_or(1, |panes| panes + 1) {
+                continue;
+            }
+            if index < self.onset {
+                self.by_chance += 1;
+            } else if self.seen.is_none_or(|seen| *first < seen) {
                 self.seen = Some(*first);
             }
         }
@@ -322,13 +338,15 @@ fn watched(
             onset: (flight.onset_s / period_s).ceil() as u64,
             out_of_band: vec![(0, 0); lengths],
             seen: None,
+            by_chance: 0,
         },
         |flight, watching, outcome| {
             match outcome {
                 Ok(_) => {
-                    let (number, seen) = (flight.number, watching.seen);
-                    let stories = watching.sessions.into_iter().map(|(_, story)| story).collect();
-                    watched.ended.push(Remembered { number, seen, stories });
+                    let Watching { seen, by_chance, sessions, .. } = watching;
+                    let stories = sessions.into_iter().map(|(_, story)| story).collect();
+                    let number = flight.number;
+                    watched.ended.push(Remembered { number, seen, by_chance, stories });
                 }
                 Err(_) => watched.failed += 1,
             }
@@ -341,7 +359,12 @@ fn watched(
 /// What is remembered of flights, by the flights of their plan.
 fn ended(plan: &[Flight], mut remembered: Vec<Remembered>) -> Vec<Ended> {
     remembered.sort_by_key(|remembered| remembered.number);
-    let of = |Remembered { number, seen, stories }| Ended { flight: plan[number], seen, stories };
+    let of = |Remembered { number, seen, by_chance, stories }| Ended {
+        flight: plan[number],
+        seen,
+        by_chance,
+        stories,
+    };
     remembered.into_iter().map(of).collect()
 }
 
@@ -563,6 +586,7 @@ impl Judged<'_> {
             shutdowns,
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
+            visible_by_chance: self.ended.iter().map(|ended| ended.by_chance).sum(),
         }
     }
 

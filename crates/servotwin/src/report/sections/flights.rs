@@ -46,8 +46,8 @@ impl Section for Flights {
         page.note(&sizes(results, material.study, words));
         page.heading("How soon a fault is isolated");
         page.text(&format!(
-            "A fault is visible once windows leave the bands, not by chance but all along; it is \
-             isolated when the right command{} is raised. The curves show which \
+            "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
+             makes it so by chance; it is isolated when the right command{} is raised. The curves show which \
              share of the visible faults of intensity {STRONG} and more is isolated how long after the \
              onset. What is never isolated is why a curve stays below 100 %.",
             match words.has_several() {
