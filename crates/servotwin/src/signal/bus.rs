@@ -6,7 +6,8 @@
 //!
 //! the slope of the parabola through three samples, so that a smooth signal comes out with hardly a corner in its
 //! acceleration, which would excite the valve a hundred times a second; bounded, so that a step or the begin of a
-//! ramp arrives without swinging over. Whoever has the samples has the curve, to the bit.
+//! ramp arrives without swinging over. Where a ramp ends, which no slope can know before, it swings over by a seventh of
+//! its last rise. Whoever has the samples has the curve, to the bit.
 
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::solver::Knot;
