@@ -106,6 +106,7 @@ def test_slips_in_names_are_told_with_the_nearest(system, options, word):
         {"inputs": {"command": float("nan")}},
         {"inputs": {"command": [[0.0]]}},
         {"inputs": {"command": []}},
+        {"inputs": {"command": [0.0, float("nan"), 0.0]}},
         {"duration_s": -1},
         {"duration_s": float("inf")},
         {"sample_period_s": 0},

@@ -1,6 +1,6 @@
 //! Steps that the machine's C compiler has made faster.
 //!
-//! Where there is a compiler and enough to do, the system's equations and their Jacobian become machine code
+//! Where there is a compiler and enough to do, or a live stream to watch, the system's equations and their Jacobian become machine code
 //! ([`servotwin_model::kernel_source`]), which takes some seconds; where there is none the solver walks its lists, which
 //! takes half as long again. The bits are the same, or else what was compiled is not used: it runs beside the lists once.
 //!
@@ -20,7 +20,7 @@ use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::{self, Child, Command, Stdio};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -37,6 +37,8 @@ pub struct Compiled {
     loaded: [OnceLock<Option<Loaded>>; lanes::ALL.len()],
     /// What was asked for so far, s of simulated time.
     asked_s: AtomicU64,
+    /// Whether nobody waits for compilers any more.
+    given_up: AtomicBool,
 }
 
 struct Loaded {
@@ -72,6 +74,11 @@ impl Compiled {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.kernels)
     }
 
+    /// Ends compilers that run, and starts none: nobody needs what they make any more.
+    pub fn give_up(&self) {
+        self.given_up.store(true, Ordering::Relaxed);
+    }
+
     fn of(&self, level: Level) -> &OnceLock<Option<Loaded>> {
         let place = lanes::ALL.iter().position(|known| *known == level);
         &self.loaded[place.expect("a level")]
@@ -80,7 +87,9 @@ impl Compiled {
     /// The functions for a program, which must always be the same, for runs by the method of campaigns that begin with
     /// the lanes of a level. `None` without a compiler.
     pub fn kernels(&self, program: &Program, level: Level) -> Option<&Kernels> {
-        let loaded = self.of(level).get_or_init(|| Loaded::new(program, level, &compiler()?));
+        let patience = Patience { until: Instant::now() + LONGEST, given_up: &self.given_up };
+        let load = || Loaded::new(program, level, &compiler()?, &patience);
+        let loaded = self.of(level).get_or_init(load);
         loaded.as_ref().map(|loaded| &loaded.kernels)
     }
 }
@@ -96,7 +105,7 @@ fn compiler() -> Option<String> {
 const SCHEDULING: &[&str] = &["-fschedule-insns", "-fsched-pressure"];
 
 impl Loaded {
-    fn new(program: &Program, level: Level, compiler: &str) -> Option<Self> {
+    fn new(program: &Program, level: Level, compiler: &str, patience: &Patience) -> Option<Self> {
         let method = Settings::campaign().method;
         let folder = Folder::new()?;
         let source = folder.0.join("step.c");
@@ -104,7 +113,7 @@ impl Loaded {
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let libraries = [SCHEDULING, &[]]
             .iter()
-            .find_map(|flags| libraries(compiler, flags, &levels, &source, &folder))?;
+            .find_map(|flags| libraries(compiler, flags, &levels, (&source, &folder), patience))?;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
             // SAFETY: the text's functions, compiled for lanes of this level, which is available; the library stays
             // loaded as long as they are there.
@@ -129,13 +138,17 @@ fn libraries(
     compiler: &str,
     flags: &[&str],
     levels: &[Level],
-    source: &Path,
-    folder: &Folder,
+    (source, folder): (&Path, &Folder),
+    patience: &Patience,
 ) -> Option<Vec<Library>> {
+    if patience.is_over() {
+        return None;
+    }
     let start = |level: &Level| compile(compiler, flags, *level, source, folder);
     let started: Vec<Option<Child>> = levels.iter().map(start).collect();
     // All of them, so that none goes on when one has failed.
-    let ended: Vec<Option<()>> = started.into_iter().map(ended).collect();
+    let ended: Vec<Option<()>> =
+        started.into_iter().map(|compiling| ended(compiling, patience)).collect();
     ended.into_iter().collect::<Option<Vec<()>>>()?;
     // SAFETY: a library of straight lines, which does nothing when it is loaded.
     let load = |level: &Level| unsafe { Library::new(folder.library(*level)) }.ok();
@@ -180,17 +193,31 @@ fn compile(
         .ok()
 }
 
-/// Waits for the end; `None` where it was no good one, or where there was none for a long time.
-fn ended(compiling: Option<Child>) -> Option<()> {
+/// How long compilers may take.
+struct Patience<'p> {
+    until: Instant,
+    given_up: &'p AtomicBool,
+}
+
+impl Patience<'_> {
+    fn is_over(&self) -> bool {
+        self.given_up.load(Ordering::Relaxed) || Instant::now() >= self.until
+    }
+}
+
+/// Waits for the end; `None` where it was no good one, or did not come in time.
+fn ended(compiling: Option<Child>, patience: &Patience) -> Option<()> {
     let mut compiling = compiling?;
-    let begun = Instant::now();
-    while begun.elapsed() < LONGEST {
+    while !patience.is_over() {
         match compiling.try_wait().ok()? {
             Some(status) => return status.success().then_some(()),
             None => thread::sleep(Duration::from_millis(5)),
         }
     }
-    compiling.kill().ok()?;
+    // A compiler is several processes, which have a group of their own.
+    let group = format!("-{}", compiling.id());
+    let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
+    let _ = compiling.kill();
     compiling.wait().ok()?;
     None
 }
@@ -287,7 +314,25 @@ mod tests {
     fn without_a_compiler_or_with_a_broken_one_there_is_none() {
         let program = System::default().program;
         for broken in ["/no/such/compiler", "false", "true"] {
-            assert!(Loaded::new(&program, Level::Portable, broken).is_none(), "{broken}");
+            let given_up = AtomicBool::new(false);
+            let patience = Patience { until: Instant::now() + LONGEST, given_up: &given_up };
+            assert!(
+                Loaded::new(&program, Level::Portable, broken, &patience).is_none(),
+                "{broken}"
+            );
+        }
+    }
+
+    #[test]
+    fn nobody_waits_for_one_that_hangs() {
+        let program = System::default().program;
+        let given_up = AtomicBool::new(false);
+        for (until, is_given_up) in [(Duration::from_millis(50), false), (LONGEST, true)] {
+            given_up.store(is_given_up, Ordering::Relaxed);
+            let patience = Patience { until: Instant::now() + until, given_up: &given_up };
+            // Flags that follow are arguments that it does not look at.
+            let hanging = "sh -c cat</dev/zero>/dev/null";
+            assert!(Loaded::new(&program, Level::Portable, hanging, &patience).is_none());
         }
     }
 

@@ -4,7 +4,7 @@
 use super::progress::Stages;
 use super::summary;
 use super::train::{join, people};
-use super::{not_as, read_table, warn};
+use super::{not_as_model, read_table, warn};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
@@ -88,8 +88,11 @@ fn of_table(options: &Options, rule: &Path, global: Global) -> Result<String, Fa
     let mixed: Vec<&str> =
         std::iter::once(model.label.as_str()).chain(options.group.as_deref()).collect();
     let table = read_table(&options.input, &mixed, global)?;
+    if let Some(group) = &options.group {
+        table.column(group)?;
+    }
     let judged = evaluate_table(table, &model, options.group.as_deref())
-        .map_err(|error| not_as(&options.input, rule, error))?;
+        .map_err(|error| not_as_model(&options.input, rule, error))?;
     warn(global, &judged.warnings);
     let kind = model.model.kind();
     Ok(match global.json {

@@ -165,12 +165,15 @@ fn setting(out: &mut String, merit: &Merit, words: &Vocabulary) {
     }
     let _ = writeln!(
         out,
-        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour); {} times a fault seemed visible",
+        "  healthy: {} alarms and {} shutdowns in {:.1} h (at most {} alarms per hour){}",
         healthy.alarms,
         healthy.shutdowns,
         healthy.hours,
         number(healthy.alarms_per_h_upper),
-        healthy.visible_by_chance
+        match healthy.visible_by_chance {
+            Some(count) => format!("; a fault seemed visible {count} times"),
+            None => String::new(),
+        }
     );
     if words.has_several() {
         let (unit, wrong) = (words.unit(), merit.wrong_shutdowns);

@@ -258,6 +258,18 @@ fn not_as(path: &Path, rule: &Path, error: EvaluationError) -> Failure {
     Failure::NotAs { path: path.into(), rule: rule.into(), error: Box::new(error) }
 }
 
+/// The same of a table and a model, where a column is missing or of another kind; what else may be wrong is not the
+/// table's fault.
+fn not_as_model(path: &Path, model: &Path, error: EvaluationError) -> Failure {
+    use table::TableError::{UnknownColumn, WrongKind};
+    match error {
+        EvaluationError::Table(UnknownColumn { .. } | WrongKind { .. }) => {
+            not_as(path, model, error)
+        }
+        error => error.into(),
+    }
+}
+
 /// Writes a note to standard error, unless nothing but results is wanted.
 fn note(global: Global, text: &str) {
     if !global.quiet {

@@ -1,6 +1,6 @@
 //! `servotwin predict`: what a trained classifier says about rows without a class.
 
-use super::{not_as, note, read_table, warn};
+use super::{not_as_model, note, read_table, warn};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
@@ -45,7 +45,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let Predicted { table: result, doubts } =
         predict(input, &model, &options.keep, options.abstain_below)
-            .map_err(|error| not_as(&options.table, &options.model, error))?;
+            .map_err(|error| not_as_model(&options.table, &options.model, error))?;
     warn(global, &doubts);
     let counts = counts(&model, &result)?;
     match &options.out {

@@ -126,7 +126,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         if address.is_live() {
             scope.spawn(|| system.compiled.kernels(&system.program, Level::Single));
         }
-        watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share))
+        let end = watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share));
+        system.compiled.give_up();
+        end
     });
     bar.finish_and_clear();
     let end = end?;

@@ -76,7 +76,8 @@ impl Memory {
     }
 
     /// Whether a hypothesis may be raised at all: its actuator is judged, and if it is to be switched
-    /// off, enough others are on and were never to be switched off.
+    /// off, enough others are on and were never to be switched off, and nothing is raised of another one: two failures
+    /// within seconds are less likely than one that looks otherwise now.
     pub fn allows(&self, rules: &Rules, hypothesis: usize) -> bool {
         let Some((unit, command)) = rules.hypotheses.split(hypothesis) else { return false };
         if self.is_masked(unit) {
@@ -85,7 +86,8 @@ impl Memory {
         let stays_on =
             |other: &usize| *other != unit && !self.is_off[*other] && !self.was_claimed_off[*other];
         let others = (0..self.is_off.len()).filter(stays_on).count();
-        !rules.switches_off[command] || others >= rules.least_on
+        let is_another_raised = self.raised.is_some_and(|raised| raised.unit as usize != unit);
+        !rules.switches_off[command] || (others >= rules.least_on && !is_another_raised)
     }
 
     /// Whether what is raised stays whatever comes: it switches off.
@@ -236,6 +238,27 @@ mod tests {
             }
             assert_eq!(fewest, least_on, "of {actuators}");
         }
+    }
+
+    /// What looks like a second failure soon after the first is the first, seen otherwise.
+    #[test]
+    fn nothing_is_switched_off_while_another_actuator_has_an_alarm() {
+        let rules = rules(2);
+        let mut memory = Memory::new(2);
+        memory.raise(&rules, raised(0, 1, 10));
+        memory.raise(&rules, raised(1, 0, 20));
+        assert_eq!(memory.raised, Some(raised(0, 1, 10)));
+        // A milder command of the other, or this one's shutdown, may be raised.
+        memory.raise(&rules, raised(1, 2, 30));
+        assert_eq!(memory.raised, Some(raised(1, 2, 30)));
+        memory.raise(&rules, raised(1, 0, 40));
+        assert_eq!(memory.raised, Some(raised(1, 0, 40)));
+        // So may the other's, once the alarm is over.
+        let mut memory = Memory::new(2);
+        memory.raise(&rules, raised(0, 1, 10));
+        (10..=10 + rules.recover_samples + 1).for_each(|sample| memory.hold(&rules, false, sample));
+        memory.raise(&rules, raised(1, 0, 2000));
+        assert_eq!(memory.raised, Some(raised(1, 0, 2000)));
     }
 
     /// There is none that could take over, and none that must be kept for it.

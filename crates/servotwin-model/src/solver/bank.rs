@@ -70,9 +70,9 @@ impl<'p, V: Lanes> Bank<'p, V> {
         }
     }
 
-    /// Takes steps by compiled functions from now on.
-    pub fn use_kernels(&mut self, kernels: &'p Kernels) {
-        self.batch.use_compiled(kernels.of(self.program, self.settings.method, V::WIDTH));
+    /// Takes steps by compiled functions from now on, if they are for as many lanes; whether they are.
+    pub fn use_kernels(&mut self, kernels: &'p Kernels) -> bool {
+        self.batch.use_compiled(kernels.of(self.program, self.settings.method, V::WIDTH))
     }
 
     /// Makes a lane another variant, on its way: states and what clocks hold stay.

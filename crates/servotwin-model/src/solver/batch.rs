@@ -66,9 +66,10 @@ impl<'p, V: Lanes> Batch<'p, V> {
         }
     }
 
-    /// From now on these functions, which must be as those of [`Batch::with`].
-    pub(super) fn use_compiled(&mut self, compiled: Option<&'p Functions>) {
+    /// From now on these functions, which must be as those of [`Batch::with`]; whether there are any.
+    pub(super) fn use_compiled(&mut self, compiled: Option<&'p Functions>) -> bool {
         self.compiled = compiled;
+        compiled.is_some()
     }
 
     /// Puts a variant's constants into a lane.

@@ -107,8 +107,9 @@ impl<'p> Twin<'p> {
     }
 
     /// Takes steps by compiled functions from now on, of [`Level::Single`](crate::lanes::Level): the same bits, sooner.
-    pub fn use_kernels(&mut self, kernels: &'p Kernels) {
-        self.bank.use_kernels(kernels);
+    /// Whether they are of that level, and are taken.
+    pub fn use_kernels(&mut self, kernels: &'p Kernels) -> bool {
+        self.bank.use_kernels(kernels)
     }
 
     /// Puts the parameters of a variant in ([`Program::parameters`]). On the way they hold from the

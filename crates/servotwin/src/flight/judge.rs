@@ -44,7 +44,7 @@ pub struct ClassMerit {
     pub intensities: [f64; 2],
     /// Flights.
     pub flown: u64,
-    /// Those in which the fault left a band at all.
+    /// Those in which the fault was visible at all.
     pub visible: Rate,
     /// Of the visible ones: the right command for the right actuator was raised first.
     pub isolated: Rate,
@@ -56,7 +56,7 @@ pub struct ClassMerit {
     pub wrong_shutdown: u64,
     /// No command was ever raised.
     pub silent: Rate,
-    /// From the onset to the first window that left its band.
+    /// From the onset to the first of the windows that made it visible.
     pub detection: Option<Latency>,
     /// From the onset to the right command.
     pub isolation: Option<Latency>,
@@ -77,9 +77,9 @@ pub struct HealthyMerit {
     pub alarms_per_h: f64,
     /// The upper end of the 95 % interval of that (one-sided, Poisson).
     pub alarms_per_h_upper: f64,
-    /// How often windows left their bands as if a fault was visible.
+    /// How often windows left their bands as if a fault was visible; `None` of results from before this was counted.
     #[serde(default)]
-    pub visible_by_chance: u64,
+    pub visible_by_chance: Option<u64>,
 }
 
 /// One point of the trade.
@@ -113,7 +113,7 @@ pub struct Merit {
     pub limit_s: f64,
     /// How many of them are.
     pub in_time: Rate,
-    /// How many of them have left a band by then: nothing could isolate the others.
+    /// How many of them were visible by then: little could isolate the others.
     pub visible_in_time: Rate,
     /// How many of them are isolated within that time from when they were visible.
     pub in_time_since_visible: Rate,
@@ -178,7 +178,6 @@ struct Remembered {
     /// The flight's number.
     number: usize,
     seen: Option<u64>,
-    #[serde(default)]
     by_chance: u64,
     stories: Vec<Story>,
 }
@@ -397,7 +396,7 @@ struct Fate {
     /// Faults of one kind at one intensity hang together, and so do those of one kind.
     cluster: u32,
     kind_number: u32,
-    /// Seconds from the onset to the first window out of band, and to the right command.
+    /// Seconds from the onset to the first of the windows that made it visible, and to the right command.
     seen_s: Option<f64>,
     isolated_s: Option<f64>,
     /// Actuator and command raised first after the onset, against those of the fault.
@@ -586,7 +585,7 @@ impl Judged<'_> {
             shutdowns,
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: most_of_poisson(alarms) / hours.max(f64::MIN_POSITIVE),
-            visible_by_chance: self.ended.iter().map(|ended| ended.by_chance).sum(),
+            visible_by_chance: Some(self.ended.iter().map(|ended| ended.by_chance).sum()),
         }
     }
 

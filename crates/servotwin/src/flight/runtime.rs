@@ -193,8 +193,7 @@ impl<'s> Runtime<'s> {
             return;
         }
         if let Some(kernels) = self.study.system.compiled.ready(Level::Single) {
-            self.twin.use_kernels(kernels);
-            self.is_compiled = true;
+            self.is_compiled = self.twin.use_kernels(kernels);
         }
     }
 
@@ -207,6 +206,11 @@ impl<'s> Runtime<'s> {
             let value = if told.is_finite() && fits { told } else { self.believed[place].value };
             self.believed[place] = self.buses[place].next(value, diagnoser.period_s);
         }
+    }
+
+    /// Whether the twin takes compiled steps by now.
+    pub fn is_compiled(&self) -> bool {
+        self.is_compiled
     }
 
     /// What the twin says that the sensors should show, as of the last sample.

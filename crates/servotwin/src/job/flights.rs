@@ -47,14 +47,16 @@ impl FlightResults {
         self.is_full && settings(study).into_iter().all(has)
     }
 
-    /// Adds the settings that only the other ones have, if those were measured in the same flights.
+    /// Adds the settings that only the other ones have, if those were measured in the same flights and by the same
+    /// rule of what is visible.
     fn join(&mut self, other: FlightResults) {
         let sizes = |of: &Self| (of.is_full, of.learn, of.judge, of.limits, of.windows_s.clone());
         if sizes(self) != sizes(&other) {
             return;
         }
         for (merit, foreign) in other.merits.into_iter().zip(other.foreign) {
-            if self.merits.iter().all(|own| own.setting != merit.setting) {
+            let is_of_now = merit.healthy.visible_by_chance.is_some();
+            if is_of_now && self.merits.iter().all(|own| own.setting != merit.setting) {
                 self.merits.push(merit);
                 self.foreign.push(foreign);
             }
