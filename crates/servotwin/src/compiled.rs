@@ -1,8 +1,9 @@
 //! Steps that the machine's C compiler has made faster.
 //!
-//! Where there is a compiler and enough to do, or a live stream to watch, the system's equations and their Jacobian become machine code
-//! ([`servotwin_model::kernel_source`]), which takes some seconds; where there is none the solver walks its lists, which
-//! takes half as long again. The bits are the same, or else what was compiled is not used: it runs beside the lists once.
+//! Where there is a compiler and enough to do, or a live stream to watch, the system's equations and their Jacobian
+//! become machine code ([`servotwin_model::kernel_source`]), which takes some seconds; where there is none the solver
+//! walks its lists, which takes half as long again. The bits are the same, or else what was compiled is not used: it runs
+//! beside the lists once.
 //!
 //! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none.
 

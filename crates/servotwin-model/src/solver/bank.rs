@@ -57,17 +57,18 @@ impl<'p, V: Lanes> Bank<'p, V> {
     /// Idle lanes.
     pub fn new(program: &'p Program, settings: Settings, kernels: Option<&'p Kernels>) -> Self {
         let periods_s: Vec<f64> = program.clock_periods_s().collect();
-        Self {
+        let mut bank = Self {
             program,
             settings,
-            batch: Batch::with(
-                program,
-                kernels.and_then(|k| k.of(program, settings.method, V::WIDTH)),
-            ),
+            batch: Batch::new(program),
             courses: (0..V::WIDTH).map(|_| Course::idle(periods_s.len())).collect(),
             moving: Vec::with_capacity(program.externals().len()),
             periods_s,
+        };
+        if let Some(kernels) = kernels {
+            bank.use_kernels(kernels);
         }
+        bank
     }
 
     /// Takes steps by compiled functions from now on, if they are for as many lanes; whether they are.

@@ -41,12 +41,6 @@ pub(super) const MOST_STAGES: usize = 8;
 impl<'p, V: Lanes> Batch<'p, V> {
     /// Memory for a program; every lane is zero.
     pub fn new(program: &'p Program) -> Self {
-        Self::with(program, None)
-    }
-
-    /// As [`Batch::new`]; with functions that were compiled for the program, the method that is used and as many
-    /// lanes.
-    pub(super) fn with(program: &'p Program, compiled: Option<&'p Functions>) -> Self {
         let n = program.states().len();
         let zeros = |count: usize| vec![V::constant(0.0); count];
         Self {
@@ -62,11 +56,12 @@ impl<'p, V: Lanes> Batch<'p, V> {
             reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
             lowest: program.states().iter().map(|s| s.lowest).collect(),
             moving: Vec::new(),
-            compiled,
+            compiled: None,
         }
     }
 
-    /// From now on these functions, which must be as those of [`Batch::with`]; whether there are any.
+    /// Takes steps by functions that were compiled for the program, the method that is used and as many lanes, from
+    /// now on; whether there are any.
     pub(super) fn use_compiled(&mut self, compiled: Option<&'p Functions>) -> bool {
         self.compiled = compiled;
         compiled.is_some()
