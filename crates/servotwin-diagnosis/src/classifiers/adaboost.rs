@@ -161,6 +161,10 @@ impl Classifier for Model {
         self.classes
     }
 
+    fn reads(&self, feature: usize) -> bool {
+        self.trees.iter().any(|tree| tree.branches.reads(feature))
+    }
+
     /// The shares of the votes.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         scores.fill(0.0);

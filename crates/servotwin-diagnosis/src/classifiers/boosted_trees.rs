@@ -449,6 +449,10 @@ impl Classifier for Model {
         self.classes
     }
 
+    fn reads(&self, feature: usize) -> bool {
+        self.trees.iter().any(|tree| tree.branches.reads(feature))
+    }
+
     /// The probabilities; 0 for a class without training rows.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         scores.fill(f64::NEG_INFINITY);

@@ -64,6 +64,11 @@ pub trait Classifier {
         Scores::Shares
     }
 
+    /// Whether any answer depends on a feature: no tree need ask for all of them.
+    fn reads(&self, _feature: usize) -> bool {
+        true
+    }
+
     /// Writes one score per class, the largest for the class predicted. Does not allocate.
     ///
     /// # Panics
@@ -215,6 +220,10 @@ impl Classifier for Model {
 
     fn scores(&self) -> Scores {
         self.inner().scores()
+    }
+
+    fn reads(&self, feature: usize) -> bool {
+        self.inner().reads(feature)
     }
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {

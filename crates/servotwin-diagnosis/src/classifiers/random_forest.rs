@@ -210,6 +210,10 @@ impl Classifier for Model {
         self.classes
     }
 
+    fn reads(&self, feature: usize) -> bool {
+        self.trees.iter().any(|tree| tree.branches.reads(feature))
+    }
+
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         scores.fill(0.0);
         let factor = 1.0 / self.trees.len() as f64;

@@ -101,6 +101,12 @@ impl Branches {
         self.missing_left.get(node).copied().unwrap_or(false)
     }
 
+    /// Whether any node asks for a feature.
+    pub fn reads(&self, feature: usize) -> bool {
+        (0..self.len())
+            .any(|node| self.feature[node] != LEAF && self.feature[node] as usize == feature)
+    }
+
     /// Whether the tree was trained with rows without a value.
     pub fn knows_missing(&self) -> bool {
         !self.missing_left.is_empty()

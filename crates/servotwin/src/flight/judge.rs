@@ -199,24 +199,46 @@ struct Watching {
     /// What it leaves of a sample.
     measured: Vec<f64>,
     onset: u64,
-    /// For each length of a window, how many of them in a row were out of band, and the sample at
-    /// which the first of these ended.
-    out_of_band: Vec<(u32, u64)>,
+    /// For each length of a window.
+    out_of_band: Vec<OutOfBand>,
     seen: Option<u64>,
     /// How often one was before the onset.
     by_chance: u64,
 }
 
+/// Windows in a row that left a band.
+#[derive(Clone, Copy, Default)]
+struct OutOfBand {
+    windows: u32,
+    /// The sample at which the first of them ended.
+    first: u64,
+}
+
+impl OutOfBand {
+    /// Takes the window of so many panes that ends at a sample (`None`: all that was ever measured). When there are
+    /// enough in a row, once, the sample at which the first of them ended: the first and the last have no sample in
+    /// common, for by chance one sample leaves a band, and that is in every window for a window's length.
+    fn take(&mut self, index: u64, has_left: bool, panes: Option<u32>) -> Option<u64> {
+        if !has_left {
+            self.windows = 0;
+            return None;
+        }
+        self.first = if self.windows == 0 { index } else { self.first };
+        self.windows += 1;
+        let enough = panes.map_or(1, |panes| panes + 1);
+        (self.windows == enough).then_some(self.first)
+    }
+}
+
 impl Watching {
-    /// A fault is visible from the first of so many windows in a row that all left a band. The first and the last of
-    /// them have no sample in common: by chance one sample does, and that is in every window for a window's length.
+    /// A fault is visible from the first of windows in a row that left a band.
     fn look(&mut self, index: u64) {
         let Some((session, _)) = self.sessions.first() else { return };
         let diagnoser = session.diagnoser();
         if index == self.onset {
-            self.out_of_band.fill((0, 0));
+            self.out_of_band.fill(OutOfBand::default());
         }
-        for (place, (count, first)) in self.out_of_band.iter_mut().enumerate() {
+        for (place, out_of_band) in self.out_of_band.iter_mut().enumerate() {
             if !session.has_new_window(place) || !session.is_full(place) {
                 continue;
             }
@@ -228,19 +250,13 @@ impl Watching {
                 Some(excess) => excess.iter().any(|excess| *excess > 1.0),
                 None => bands.into_iter().any(is_out),
             };
-            if has_left {
-                *first = if *count == 0 { index } else { *first };
-                *count += 1;
-            } else {
-                *count = 0;
-            }
-            if *count != length.span.panes.map_or(1, |panes| panes + 1) {
+            let Some(first) = out_of_band.take(index, has_left, length.span.panes) else {
                 continue;
-            }
+            };
             if index < self.onset {
                 self.by_chance += 1;
-            } else if self.seen.is_none_or(|seen| *first < seen) {
-                self.seen = Some(*first);
+            } else if self.seen.is_none_or(|seen| first < seen) {
+                self.seen = Some(first);
             }
         }
     }
@@ -335,7 +351,7 @@ fn watched(
             missing,
             measured: vec![],
             onset: (flight.onset_s / period_s).ceil() as u64,
-            out_of_band: vec![(0, 0); lengths],
+            out_of_band: vec![OutOfBand::default(); lengths],
             seen: None,
             by_chance: 0,
         },
@@ -661,6 +677,24 @@ fn most_of_poisson(count: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn windows_in_a_row_are_enough_where_the_first_and_the_last_share_no_sample() {
+        // One sample leaves a band, in the last of five panes: it is in five windows.
+        let mut by_chance = OutOfBand::default();
+        for index in 0..20 {
+            let has_left = (4..9).contains(&index);
+            assert_eq!(by_chance.take(index, has_left, Some(5)), None, "{index}");
+        }
+        // Since the tenth one they all do; a gap makes the count begin anew.
+        let mut lasts = OutOfBand::default();
+        let taken = (0..30).map(|index| lasts.take(index, index >= 10 && index != 14, Some(5)));
+        let seen: Vec<(u64, u64)> =
+            (0..).zip(taken).filter_map(|(index, first)| Some((index, first?))).collect();
+        assert_eq!(seen, [(20, 15)]);
+        // What never forgets needs no second window.
+        assert_eq!(OutOfBand::default().take(7, true, None), Some(7));
+    }
 
     #[test]
     fn nothing_seen_bounds_the_rate_by_three_over_the_time() {

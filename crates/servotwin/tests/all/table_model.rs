@@ -427,6 +427,30 @@ fn texts_and_missing_values_are_learnt_from() {
 }
 
 #[test]
+fn what_a_model_never_asks_for_need_not_be_there() {
+    let noise: Vec<f64> = (0..40).map(|k| f64::from(k * 7 % 13)).collect();
+    let table = with(small(), Column::new("noise", "", noise));
+    for kind in [Kind::Cart, Kind::BoostedTrees, Kind::Adaboost] {
+        let model = trained(table.clone(), kind);
+        let read: Vec<bool> = (0..model.inputs.len()).map(|f| model.model.reads(f)).collect();
+        let expected = predict(table.clone(), &model, &[], None).unwrap().table;
+        for (input, is_read) in model.inputs.iter().zip(read) {
+            let mut without = table.clone();
+            without.take(input.column()).unwrap();
+            match predict(without, &model, &[], None) {
+                Ok(said) => assert!(!is_read && said.table == expected, "{kind:?} {input:?}"),
+                Err(error) => assert!(is_read && error.to_string().contains(input.column())),
+            }
+        }
+    }
+    let tree = trained(table.clone(), Kind::Cart);
+    assert!((0..tree.inputs.len()).any(|feature| !tree.model.reads(feature)));
+    // What is linear asks for everything.
+    let linear = trained(table, Kind::LogisticRegression);
+    assert!((0..linear.inputs.len()).all(|feature| linear.model.reads(feature)));
+}
+
+#[test]
 fn predictions_carry_probabilities_paths_and_abstention() {
     let model = trained(small(), Kind::RandomForest);
     let mut unlabelled = small();

@@ -9,7 +9,7 @@ use serde::Serialize;
 use servotwin_diagnosis::Samples;
 use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
 use servotwin_diagnosis::tree::Tree;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Judges a trained classifier with a table; the intervals are over groups where there are some.
 ///
@@ -56,20 +56,34 @@ pub fn evaluate_table(
     Ok(prepared.judged(&[predictions], None))
 }
 
-/// The features of a table as a model reads them.
+/// The columns that an answer of a model may depend on.
+fn columns_read(model: &TableModel) -> BTreeSet<&str> {
+    let read = model.inputs.iter().enumerate().filter(|(feature, _)| model.model.reads(*feature));
+    read.map(|(_, input)| input.column()).collect()
+}
+
+/// The features of a table as a model reads them; what it does not read need not be there.
 fn samples(
     mut table: Table,
     model: &TableModel,
     codes: Vec<u32>,
 ) -> Result<Samples, EvaluationError> {
-    let origin: Origin = table.origin().clone();
+    let (origin, rows): (Origin, usize) = (table.origin().clone(), table.row_count());
+    let read = columns_read(model);
+    for input in model.inputs.iter().filter(|input| !read.contains(input.column())) {
+        if table.column(input.column()).is_err() {
+            table.push(Column::new(input.column(), "", vec![f64::NAN; rows]))?;
+        }
+    }
     let values = encode(std::slice::from_mut(&mut table), &model.inputs)?;
     let samples = Samples::with_missing(model.features(), model.classes.clone(), values, codes)?;
-    if !model.model.knows_missing()
-        && let Err(servotwin_diagnosis::Error::Missing { column, row }) = samples.complete()
-    {
+    let missing = |feature: usize| samples.column(feature).iter().position(|value| value.is_nan());
+    let first = (0..samples.features())
+        .filter(|feature| !model.model.knows_missing() && model.model.reads(*feature))
+        .find_map(|feature| Some((feature, missing(feature)?)));
+    if let Some((feature, row)) = first {
+        let (column, place) = (model.inputs[feature].name(), origin.place(row));
         let reason = "the model was trained with a value in every row";
-        let place = origin.place(row);
         return Err(TableModelError::Missing { column, place, reason }.into());
     }
     Ok(samples)
@@ -98,9 +112,11 @@ struct Doubts<'m> {
 }
 
 impl<'m> Doubts<'m> {
-    fn new(inputs: &'m [Input]) -> Self {
+    fn new(model: &'m TableModel) -> Self {
         let (mut numbers, mut texts) = (vec![], BTreeMap::<&str, Vec<usize>>::new());
-        for (feature, input) in inputs.iter().enumerate() {
+        let read = columns_read(model);
+        let inputs = model.inputs.iter().enumerate();
+        for (feature, input) in inputs.filter(|(_, input)| read.contains(input.column())) {
             match input {
                 Input::Category { column, .. } => texts.entry(column).or_default().push(feature),
                 Input::Number { .. } | Input::Time { .. } => numbers.push(feature),
@@ -167,7 +183,7 @@ pub fn predict(
     let mut scores: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); model.classes.len()];
     let mut said: Vec<String> = Vec::with_capacity(rows);
     let (mut leaves, mut paths): (Vec<u32>, Vec<String>) = (vec![], vec![]);
-    let mut doubts = Doubts::new(&model.inputs);
+    let mut doubts = Doubts::new(model);
     for row in 0..rows {
         samples.row_into(row, &mut values);
         doubts.look(&values);
