@@ -11,7 +11,7 @@ use servotwin::evaluation::table_model::{
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
 use servotwin::table::{self, Column, Table};
-use servotwin_diagnosis::classifiers::{Kind, Settings};
+use servotwin_diagnosis::classifiers::{Classifier, Kind, Settings};
 use servotwin_diagnosis::residual::Window;
 use std::io::BufReader;
 use std::path::PathBuf;
