@@ -88,6 +88,32 @@ pub fn train(
     Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
 }
 
+/// What a row of a fault says against health, in nats: the median of `ln((1 − p)/p)` over rows that show a fault, with p
+/// the probability that nothing is wrong. Infinite without such rows.
+///
+/// # Errors
+/// None for a hierarchy that fits the data.
+pub fn sureness(
+    data: &DataSet,
+    hierarchy: &Hierarchy,
+    rows: &[usize],
+) -> Result<f64, EvaluationError> {
+    let mut scratch = hierarchy.scratch();
+    let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
+    let names = &hierarchy.names;
+    let mut shares = vec![0.0; 1 + names.actuators.len() * names.commands.len()];
+    let mut nats = vec![];
+    for &row in rows.iter().filter(|&&row| !data.rows[row].is_healthy) {
+        for (view, values) in views.iter_mut().enumerate() {
+            data.examples.row_into(view, row, values);
+        }
+        hierarchy.probabilities_into(&views, &mut scratch, &mut shares)?;
+        nats.push(((1.0 - shares[0]) / shares[0].max(f64::MIN_POSITIVE)).ln());
+    }
+    nats.sort_by(f64::total_cmp);
+    Ok(nats.get(nats.len() / 2).copied().unwrap_or(f64::INFINITY))
+}
+
 /// Scores and true classes of rows for every stage that is asked about them.
 type Seen = BTreeMap<String, (Vec<f64>, Vec<u32>)>;
 

@@ -1,7 +1,7 @@
 //! Trees, committee and bands for each length of a window, learned from flights.
 
 use crate::evaluation::parallel::{self, Workers};
-use crate::evaluation::{self, DataSet, EvaluationError, FeatureInfo, Settings};
+use crate::evaluation::{self, DataSet, EvaluationError, FeatureInfo, Settings, committee};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
@@ -24,6 +24,10 @@ const DEPTH: usize = 11;
 /// hours of 1,200 healthy specimens of tuning flights the most that any gathered was then 0.28 of its limit, and the next
 /// 0.00; with 5 it was 0.50 and 0.11.
 const HEALTH_ALLOWANCE_NATS: f64 = 6.0;
+
+/// So much is left of what every second window of a fault says against health: a diagnosis that learned from few flights is
+/// never as sure as one that learned from many, and would raise nothing.
+const LEFT_NATS: f64 = 2.0;
 
 /// The same beside a twin of the specimen, where the most was 0.02 with nothing at all; and what is then enough between
 /// two commands.
@@ -54,7 +58,9 @@ pub fn diagnoser(
     let lengths = parallel::map(&lessons, workers, |(window_s, tables)| {
         length(study, **window_s, tables, pools, workers)
     });
-    let lengths = lengths?.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let lengths: Vec<(Length, f64)> = lengths?.into_iter().collect::<Result<_, _>>()?;
+    let sureness = lengths.iter().map(|(_, nats)| *nats).fold(f64::INFINITY, f64::min);
+    let lengths: Vec<Length> = lengths.into_iter().map(|(length, _)| length).collect();
     let names = &lengths[0].panel.trees.names;
     let commands = names.commands.iter().map(String::as_str);
     let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
@@ -65,7 +71,7 @@ pub fn diagnoser(
         environment: environment(study, flights),
         decision: decision::Settings {
             least_on: study.least_on(),
-            ..decision(setting, names, &off)
+            ..decision(setting, names, &off, sureness)
         },
         lengths,
         field: None,
@@ -80,14 +86,19 @@ const WRONG_ACTUATOR_COST: f64 = 1e9;
 
 /// How sure a decision must be. Every window counts in full: noise is new in every pane, and what tolerances show
 /// again and again is the allowance's.
-fn decision(setting: Setting, names: &Names, off_commands: &[&str]) -> decision::Settings {
+fn decision(
+    setting: Setting,
+    names: &Names,
+    off_commands: &[&str],
+    sureness: f64,
+) -> decision::Settings {
     let mut settings = decision::Settings::usual(names, off_commands);
     settings.overlap_exponent = 0.0;
     let of_off = settings.costs.other_actuator.iter_mut().zip(&names.commands);
     let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
     of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
     if setting.has_tolerances() {
-        settings.health_allowance_nats = HEALTH_ALLOWANCE_NATS;
+        settings.health_allowance_nats = (sureness - LEFT_NATS).clamp(0.0, HEALTH_ALLOWANCE_NATS);
     } else {
         (settings.health_allowance_nats, settings.allowance_nats) = NOISE_ALLOWANCES_NATS;
     }
@@ -100,7 +111,7 @@ fn length(
     tables: &[(Role, Table)],
     pools: &[usize],
     workers: Workers,
-) -> Result<Length, EvaluationError> {
+) -> Result<(Length, f64), EvaluationError> {
     let features = FeatureInfo::of_study(study, false);
     let data = DataSet::new(tables, features, &study.units, &study.commands())?.taught()?;
     let settings = settings();
@@ -113,7 +124,8 @@ fn length(
         half_width: band.half_width,
     };
     let samples = (window_s / study.sample_period_s).round() as u32;
-    Ok(Length {
+    let sureness = committee::sureness(&data, &trained.committee.hierarchy, pools)?;
+    let length = Length {
         span: Span { pane_samples: (samples / PANES).max(1), panes: Some(PANES) },
         novelty: Novelty::learn(&data.examples, &known, &groups, novelty::QUANTILE)?,
         panel: Panel {
@@ -123,7 +135,8 @@ fn length(
             committee: trained.committee.hierarchy,
             ..Panel::default()
         },
-    })
+    };
+    Ok((length, sureness))
 }
 
 fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
