@@ -111,6 +111,9 @@ pub struct Settings {
     /// a fault for ever.
     #[serde(default)]
     pub health_allowance_nats: f64,
+    /// What is taken off besides for a command that switches off, in nats.
+    #[serde(default)]
+    pub off_allowance_nats: f64,
     /// What a window in which every residual stays in its band counts for health, in nats.
     pub in_band_nats: f64,
     /// How much overlapping windows count: the exponent q of the share that is new. 1 counts every
@@ -159,6 +162,7 @@ impl Settings {
             clip_nats: 8.0,
             allowance_nats: 0.5,
             health_allowance_nats: 0.0,
+            off_allowance_nats: 0.0,
             in_band_nats: 4.0,
             overlap_exponent: 0.5,
             most_alike: most_alike(),
@@ -191,6 +195,7 @@ impl Settings {
         let numbers = [
             ("allowance_nats", self.allowance_nats),
             ("health_allowance_nats", self.health_allowance_nats),
+            ("off_allowance_nats", self.off_allowance_nats),
             ("in_band_nats", self.in_band_nats),
             ("overlap_exponent", self.overlap_exponent),
             ("recover_s", self.recover_s),
@@ -248,12 +253,20 @@ impl Hypotheses {
 pub(super) struct Limits {
     hypotheses: Hypotheses,
     of_pairs: Vec<f64>,
+    /// What is taken off the evidence of each hypothesis against health.
+    allowances_nats: Vec<f64>,
     /// The limit against health of an error of cost 1.
     pub of_change: f64,
 }
 
 impl Limits {
-    pub fn new(settings: &Settings, hypotheses: Hypotheses, window_s: f64) -> Self {
+    /// `is_off` says of each command whether it switches off.
+    pub fn new(
+        settings: &Settings,
+        hypotheses: Hypotheses,
+        is_off: &[bool],
+        window_s: f64,
+    ) -> Self {
         let of_change = libm::log(3600.0 / (settings.false_alarms_per_h * window_s));
         let of_isolation = -libm::log(settings.wrong_isolation);
         let count = hypotheses.count();
@@ -264,7 +277,19 @@ impl Limits {
         };
         let of_pairs = (0..count * count).map(|place| limit(place / count, place % count));
         let of_change = of_change.max(LEAST_LIMIT);
-        Limits { hypotheses, of_pairs: of_pairs.collect(), of_change }
+        let allowance = |claim: usize| match hypotheses.split(claim) {
+            None => 0.0,
+            Some((_, command)) if is_off[command] => {
+                settings.health_allowance_nats + settings.off_allowance_nats
+            }
+            Some(_) => settings.health_allowance_nats,
+        };
+        Limits {
+            hypotheses,
+            of_pairs: of_pairs.collect(),
+            allowances_nats: (0..count).map(allowance).collect(),
+            of_change,
+        }
     }
 
     fn row(&self, claim: usize) -> &[f64] {
@@ -348,8 +373,7 @@ impl Evidence {
             let (own, row) = (log(claim), limits.row(claim));
             let statistics = &mut self.of_pairs[claim * count..(claim + 1) * count];
             for (other, (statistic, limit)) in statistics.iter_mut().zip(row).enumerate() {
-                let is_against_health = claim > 0 && other == 0;
-                let allowed = if is_against_health { settings.health_allowance_nats } else { 0.0 };
+                let allowed = if other == 0 { limits.allowances_nats[claim] } else { 0.0 };
                 *statistic = add(*statistic, weigh(own - log(other) - allowed), *limit);
             }
             if claim > 0 && statistics[0] == 0.0 {
@@ -359,7 +383,8 @@ impl Evidence {
         let (change, unknown) = match said {
             Said::InBand => (-settings.in_band_nats, -settings.in_band_nats),
             Said::Probabilities(p, novelty) => {
-                (log_odds(1.0 - p[0]) - settings.health_allowance_nats, novelty.nats())
+                let allowed = settings.health_allowance_nats + settings.off_allowance_nats;
+                (log_odds(1.0 - p[0]) - allowed, novelty.nats())
             }
         };
         self.change = add(self.change, weigh(change), limits.of_change);
@@ -431,12 +456,15 @@ mod tests {
         }
     }
 
+    /// Of `c0`, `c1`, ...: the first.
+    const IS_OFF: [bool; 8] = [true, false, false, false, false, false, false, false];
+
     fn setup() -> (Settings, Hypotheses, Limits) {
         let names = names();
         let settings = Settings::usual(&names, &["c0"]);
         settings.check(&names).unwrap();
         let hypotheses = Hypotheses::of(&names);
-        let limits = Limits::new(&settings, hypotheses, 0.5);
+        let limits = Limits::new(&settings, hypotheses, &IS_OFF, 0.5);
         (settings, hypotheses, limits)
     }
 
@@ -510,9 +538,10 @@ mod tests {
     /// A specimen's tolerances say the same in every window.
     #[test]
     fn what_is_a_little_likelier_than_health_is_raised_unless_it_is_allowed_for() {
-        let (usual, hypotheses, limits) = setup();
+        let (usual, hypotheses, _) = setup();
         let windows_to_raise = |allowance: f64, share: f64| {
             let settings = Settings { health_allowance_nats: allowance, ..usual.clone() };
+            let limits = Limits::new(&settings, hypotheses, &IS_OFF, 0.5);
             let mut evidence = Evidence::new(hypotheses);
             let mut said = sure_of(2, share);
             (said[0], said[1]) = (0.9 * (1.0 - share), 0.1 * (1.0 - share));
@@ -526,6 +555,31 @@ mod tests {
         assert_eq!(windows_to_raise(3.0, 0.9), None);
         let (before, after) = (windows_to_raise(0.0, 0.9999), windows_to_raise(3.0, 0.9999));
         assert!(before < after && after.unwrap() <= 2 * before.unwrap(), "{before:?} {after:?}");
+    }
+
+    #[test]
+    fn what_switches_off_pays_more_against_health() {
+        let (usual, hypotheses, _) = setup();
+        let settings =
+            Settings { health_allowance_nats: 1.0, off_allowance_nats: 6.0, ..usual.clone() };
+        let limits = Limits::new(&settings, hypotheses, &IS_OFF, 0.5);
+        let mut evidence = Evidence::new(hypotheses);
+        for _ in 0..1000 {
+            for claim in [1, 2] {
+                let mut said = sure_of(claim, 0.99);
+                (said[0], said[3 - claim]) = (0.01, 1e-9);
+                evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &settings, &limits);
+            }
+        }
+        // Both are as likely, four and a half nats against health.
+        assert_eq!(evidence.of_pairs[hypotheses.count()], 0.0);
+        let mut evidence = Evidence::new(hypotheses);
+        for _ in 0..1000 {
+            let mut said = sure_of(2, 0.99);
+            said[0] = 0.01;
+            evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &settings, &limits);
+        }
+        assert!(evidence.of_pairs[2 * hypotheses.count()] > 0.0);
     }
 
     #[test]

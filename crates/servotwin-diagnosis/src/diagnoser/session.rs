@@ -735,7 +735,9 @@ fn patience(diagnoser: &Diagnoser) -> Patience {
 fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
     let hypotheses = Hypotheses::of(diagnoser.names());
-    Limits::new(&diagnoser.decision, hypotheses, samples as f64 * diagnoser.period_s)
+    let is_off = |command: &String| diagnoser.decision.off_commands.contains(command);
+    let is_off: Vec<bool> = diagnoser.names().commands.iter().map(is_off).collect();
+    Limits::new(&diagnoser.decision, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve even ones.
