@@ -39,10 +39,10 @@ impl Bus {
     }
 }
 
-/// (SB1) from the last two differences.
+/// (SB1) from the last two differences. Nothing is bounded by what is no number: who reads the values tells it.
 fn slope(now: f64, before: f64) -> f64 {
     let most = 3.0 * now.abs().min(before.abs());
-    (1.5 * now - 0.5 * before).clamp(-most, most)
+    (1.5 * now - 0.5 * before).max(-most).min(most)
 }
 
 /// A signal as it comes out of a bus that samples it.
@@ -88,6 +88,19 @@ mod tests {
             assert!((0.0..=1.0).contains(&sent.value(t)), "{t}: {}", sent.value(t));
             assert!(t > 0.4 || sent.value(t) == 0.0, "nothing of the future: {t}");
             assert!(t < 0.5 || sent.value(t) == 1.0);
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_sent_as_it_is_and_stops_nothing() {
+        let mut bus = Bus::default();
+        for value in [0.0, 1.0, f64::NAN, f64::INFINITY, -f64::INFINITY, f64::NAN] {
+            let sent = bus.next(value, 0.01).value;
+            assert!(sent == value || sent.is_nan() && value.is_nan(), "{value}: {sent}");
+        }
+        for k in 0..3 {
+            let knot = bus.next(f64::from(k), 0.01);
+            assert!(k < 2 || knot.slope_per_s.is_finite(), "healed after two numbers: {knot:?}");
         }
     }
 
