@@ -46,7 +46,7 @@ struct Moves {
 /// Those of the training windows. The later ones go farther than windows are uncertain, so that
 /// questions keep their distance from what is learned; farthest where no noise makes them do so.
 fn learned(subject: Subject) -> Moves {
-    let reaches: &[f64] = if subject.setting().has_noise() { &[1.0, 2.0] } else { &[1.0, 3.0] };
+    let reaches: &[f64] = if subject.setting().has_noise() { &[1.0, 2.0] } else { &[1.0, 8.0] };
     Moves { draws: 9, seed: 1, reaches }
 }
 
