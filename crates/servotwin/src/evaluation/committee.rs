@@ -4,7 +4,7 @@
 //! Both come from rows that were left out of training, whole commands at a time: the temperature of
 //! every stage ([`calibration`]), and the confidence that the least certain answers do not reach.
 
-use super::data_set::{DataSet, Row};
+use super::data_set::{DataSet, Lessons, Row};
 use super::error::EvaluationError;
 use super::parallel::{self, Workers};
 use super::run::{self, Outcome, settled};
@@ -88,16 +88,17 @@ pub fn train(
     Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
 }
 
-/// What a row of a fault says against health, in nats: the median of `ln((1 − p)/p)` over rows that show a fault, with p
-/// the probability that nothing is wrong. Infinite without such rows.
+/// What a row of a fault says against health, in nats: the median of `ln((1 − p)/p)` over the faults that taught, with p
+/// the probability that nothing is wrong.
 ///
 /// # Errors
-/// None for a hierarchy that fits the data.
+/// [`EvaluationError::NothingDetectable`] where nothing taught.
 pub fn sureness(
     data: &DataSet,
     hierarchy: &Hierarchy,
-    rows: &[usize],
+    lessons: Lessons,
 ) -> Result<f64, EvaluationError> {
+    let rows = data.learnt_from(lessons)?;
     let mut scratch = hierarchy.scratch();
     let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
     let names = &hierarchy.names;
@@ -111,7 +112,7 @@ pub fn sureness(
         nats.push(((1.0 - shares[0]) / shares[0].max(f64::MIN_POSITIVE)).ln());
     }
     nats.sort_by(f64::total_cmp);
-    Ok(nats.get(nats.len() / 2).copied().unwrap_or(f64::INFINITY))
+    Ok(nats[nats.len() / 2])
 }
 
 /// Scores and true classes of rows for every stage that is asked about them.
