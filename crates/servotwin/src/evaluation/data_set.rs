@@ -96,11 +96,13 @@ impl Row {
 pub struct Lessons {
     /// Faults above this teach.
     pub faults: f64,
+    /// Copies with a weaker fault above this do.
+    pub weaker: f64,
     /// Healthy specimens above this do.
     pub healthy: f64,
     /// How many moves of each window teach beside it.
     pub moves: usize,
-    /// Whether those with a stronger fault do; those with a weaker one always do.
+    /// Whether those with a stronger fault do.
     pub stronger: bool,
 }
 
@@ -108,13 +110,17 @@ impl Default for Lessons {
     /// Detected faults, and healthy specimens that nearly were, with all their moves but those with
     /// stronger faults.
     fn default() -> Self {
-        Lessons { faults: 1.0, healthy: 0.8, moves: usize::MAX, stronger: false }
+        Lessons { faults: 1.0, weaker: 1.0, healthy: 0.8, moves: usize::MAX, stronger: false }
     }
 }
 
 impl Lessons {
     fn teaches(self, row: &Row) -> bool {
-        let least = if row.is_healthy { self.healthy } else { self.faults };
+        let least = match row.is_healthy {
+            true => self.healthy,
+            false if row.factor < 1.0 => self.weaker,
+            false => self.faults,
+        };
         let is_asked = row.factor <= 1.0 || self.stronger;
         row.excess > least && row.moved <= self.moves && is_asked
     }
@@ -580,4 +586,39 @@ fn constant_features(values: &[f64], features: &[FeatureInfo], counts: &[bool]) 
     let columns = values.chunks_exact(counts.len()).zip(features);
     let constant = columns.filter(|(column, _)| is_constant(column));
     constant.map(|(_, feature)| feature.name.clone()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(excess: f64, factor: f64) -> Row {
+        Row {
+            role: Role::Training,
+            variant: 0,
+            case: 0,
+            flown: 0,
+            fault: 0,
+            kind: 0,
+            intensity: 0,
+            own_intensity: 0.5,
+            moved: usize::from(factor != 1.0),
+            factor,
+            is_healthy: false,
+            reflected: false,
+            largest: vec![],
+            excess,
+        }
+    }
+
+    #[test]
+    fn copies_of_a_fault_teach_by_a_limit_of_their_own() {
+        let lessons = Lessons { weaker: 0.25, ..Lessons::default() };
+        assert!(lessons.teaches(&row(1.1, 1.0)) && lessons.teaches(&row(0.3, 0.4)));
+        assert!(!lessons.teaches(&row(0.9, 1.0)) && !lessons.teaches(&row(0.2, 0.4)));
+        assert!(!lessons.teaches(&row(2.0, 1.5)), "stronger ones where they are asked for only");
+        assert!(Lessons { stronger: true, ..lessons }.teaches(&row(2.0, 1.5)));
+        let healthy = |excess| Row { is_healthy: true, ..row(excess, 1.0) };
+        assert!(lessons.teaches(&healthy(0.9)) && !lessons.teaches(&healthy(0.7)));
+    }
 }

@@ -86,6 +86,7 @@ impl Default for Settings {
             committee: Training::all(boosted),
             committee_lessons: Lessons {
                 faults: 0.8,
+                weaker: 0.8,
                 healthy: 0.0,
                 moves: 3,
                 ..Lessons::default()

@@ -197,9 +197,13 @@ impl Protocol {
         if !data.has_training() {
             return Ok(vec![]);
         }
-        // Where only weak faults are known, stronger ones are guessed from them.
-        let stronger = self == Protocol::WeakToStrong;
-        let lessons = Lessons { stronger, ..holding.lessons };
+        // Where only weak faults are known, stronger ones are guessed from them, and still weaker ones are too many.
+        let lessons = match self {
+            Protocol::WeakToStrong => {
+                Lessons { stronger: true, weaker: holding.lessons.faults, ..holding.lessons }
+            }
+            _ => holding.lessons,
+        };
         let (train, test) = (data.learnt_from(lessons)?, data.detectable()?);
         let strong = |row: usize| data.intensities[data.rows[row].intensity as usize] > WEAK;
         let split = |is_train: &dyn Fn(&Row, usize) -> bool, is_test: &dyn Fn(usize) -> bool| {

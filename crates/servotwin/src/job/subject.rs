@@ -107,22 +107,24 @@ impl Subject {
     /// bands do. Trees are as deep as the paper's; where specimens differ from their twins they need two
     /// questions more, and three where bands are as narrow as noise allows, so that weaker faults are
     /// diagnosed. There every healthy specimen nearly leaves them, and only those that do teach. Depth,
-    /// criterion and lessons were chosen on training commands left out of training (`job::tests`).
+    /// criterion and lessons were chosen on training commands left out of training (`job::tests`). Judged
+    /// records are longer than those that teach and so show weaker faults: beside perfect specimens, where
+    /// these are still like themselves, copies of a fault teach down to a quarter of the band.
     fn usual(self) -> Settings {
         let defaults = Settings::default();
+        let usually = defaults.holding.lessons;
+        let lessons = match self.setting().plants() {
+            Plants::Pool => Lessons { healthy: 1.0, ..usually },
+            Plants::Specimens => usually,
+            Plants::Twin => Lessons { weaker: 0.25, ..usually },
+        };
         let settings = Settings {
             training: match self.setting().plants() {
                 Plants::Specimens => evaluation::trees(Criterion::Gini, 9),
                 Plants::Pool => evaluation::trees(Criterion::Entropy, 10),
                 Plants::Twin => defaults.training,
             },
-            holding: match self.setting().plants() {
-                Plants::Pool => {
-                    let lessons = Lessons { healthy: 1.0, ..defaults.holding.lessons };
-                    Holding { lessons, ..defaults.holding }
-                }
-                _ => defaults.holding,
-            },
+            holding: Holding { lessons, ..defaults.holding },
             learned_bands: self.setting().has_tolerances(),
             ablation: self == Subject::Realistic,
             ..defaults
