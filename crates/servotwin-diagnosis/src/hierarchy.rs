@@ -25,6 +25,7 @@
 
 use alloc::format;
 use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
@@ -126,8 +127,10 @@ pub struct Examples {
     names: Names,
     /// For each actuator the columns that its stages may read.
     read: Vec<Vec<usize>>,
+    /// The columns that no stage may read.
+    hidden: Vec<usize>,
     /// Column-major features of all rows, one table per view.
-    views: Vec<Vec<f64>>,
+    views: Arc<Vec<Vec<f64>>>,
     labels: Vec<Label>,
     /// For each command the details that occur with it, ascending.
     details: Vec<Vec<u32>>,
@@ -154,13 +157,10 @@ impl Examples {
         for view in &views {
             same_length("values", length * labels.len(), view.len())?;
         }
-        if let Some(&index) = read.iter().flatten().find(|&&column| column >= length) {
-            let what = "column";
-            return Err(Error::IndexOutOfRange { what, index, length });
-        }
+        check_columns(read.iter().flatten(), length)?;
         check_labels(&names, &labels)?;
         let details = details_of_commands(&names, &labels);
-        Ok(Examples { names, read, views, labels, details })
+        Ok(Examples { names, read, hidden: vec![], views: Arc::new(views), labels, details })
     }
 
     /// The names.
@@ -194,11 +194,8 @@ impl Examples {
     /// # Errors
     /// [`Error::IndexOutOfRange`].
     pub fn select_columns(&self, columns: &[usize]) -> Result<Self, Error> {
-        let (length, rows) = (self.names.features.len(), self.labels.len());
-        if let Some(&index) = columns.iter().find(|&&column| column >= length) {
-            let what = "column";
-            return Err(Error::IndexOutOfRange { what, index, length });
-        }
+        check_columns(columns.iter(), self.names.features.len())?;
+        let rows = self.labels.len();
         let of_view = |view: &Vec<f64>| {
             let mut values = Vec::with_capacity(columns.len() * rows);
             for &column in columns {
@@ -206,7 +203,7 @@ impl Examples {
             }
             values
         };
-        let kept = |read: &Vec<usize>| {
+        let kept = |read: &Vec<usize>| -> Vec<usize> {
             let place = |column: &usize| columns.iter().position(|kept| kept == column);
             read.iter().filter_map(place).collect()
         };
@@ -215,7 +212,8 @@ impl Examples {
         Ok(Examples {
             names,
             read: self.read.iter().map(kept).collect(),
-            views: self.views.iter().map(of_view).collect(),
+            hidden: kept(&self.hidden),
+            views: Arc::new(self.views.iter().map(of_view).collect()),
             labels: self.labels.clone(),
             details: self.details.clone(),
         })
@@ -242,10 +240,11 @@ impl Examples {
         };
         let more = origins.iter().map(|&row| self.labels[row]);
         Examples {
-            views: self.views.iter().enumerate().map(of_view).collect(),
+            views: Arc::new(self.views.iter().enumerate().map(of_view).collect()),
             labels: self.labels.iter().copied().chain(more).collect(),
             names: self.names.clone(),
             read: self.read.clone(),
+            hidden: self.hidden.clone(),
             details: self.details.clone(),
         }
     }
@@ -263,7 +262,8 @@ impl Examples {
         Examples {
             names: self.names.clone(),
             read: self.read.clone(),
-            views: self.views.iter().map(of_view).collect(),
+            hidden: self.hidden.clone(),
+            views: Arc::new(self.views.iter().map(of_view).collect()),
             details: details_of_commands(&self.names, &labels),
             labels,
         }
@@ -274,8 +274,18 @@ impl Examples {
     /// # Errors
     /// [`Error::LengthMismatch`] and [`Error::IndexOutOfRange`].
     pub fn reading(&self, read: Vec<Vec<usize>>) -> Result<Self, Error> {
-        let Examples { names, views, labels, .. } = self.clone();
-        Self::new(names, read, views, labels)
+        same_length("columns to read", self.names.actuators.len(), read.len())?;
+        check_columns(read.iter().flatten(), self.names.features.len())?;
+        Ok(Examples { read, ..self.clone() })
+    }
+
+    /// The same examples with columns that no stage may read.
+    ///
+    /// # Errors
+    /// [`Error::IndexOutOfRange`].
+    pub fn hiding(&self, hidden: Vec<usize>) -> Result<Self, Error> {
+        check_columns(hidden.iter(), self.names.features.len())?;
+        Ok(Examples { hidden, ..self.clone() })
     }
 
     /// The classes a stage chooses from: places in the names that its question is about.
@@ -301,10 +311,12 @@ impl Examples {
 
     /// The columns a stage may read.
     pub fn columns(&self, place: &Place) -> Vec<usize> {
-        match place.question {
+        let mut columns: Vec<usize> = match place.question {
             Question::Actuator => (0..self.names.features.len()).collect(),
             _ => self.read[place.actuator.unwrap_or(0) as usize].clone(),
-        }
+        };
+        columns.retain(|column| !self.hidden.contains(column));
+        columns
     }
 
     /// Samples of a stage from those of the rows that it is asked about, each in its view, and with
@@ -415,6 +427,16 @@ impl Names {
             Question::Detail => &self.details,
         };
         &names[class as usize]
+    }
+}
+
+fn check_columns<'c>(
+    mut columns: impl Iterator<Item = &'c usize>,
+    length: usize,
+) -> Result<(), Error> {
+    match columns.find(|&&column| column >= length) {
+        Some(&index) => Err(Error::IndexOutOfRange { what: "column", index, length }),
+        None => Ok(()),
     }
 }
 

@@ -20,8 +20,8 @@
 //! others.
 
 use super::{
-    Family, Feature, MOST_UNITS, Quantity, Sensors, compared, correlation, log_deviation, name_of,
-    ratio,
+    Family, Feature, MOST_UNITS, Quantity, Sensors, Teaches, compared, correlation, log_deviation,
+    name_of, ratio,
 };
 use crate::residual::Window;
 use alloc::format;
@@ -100,7 +100,13 @@ impl Family for Balance {
         for own in 0..compared(units.len()) {
             let [sum, fight, gap] = words(&units, own);
             let mut push = |name: String, unit, meaning: String| {
-                features.push(Feature { name, unit, meaning, units: units.clone(), teaches: true });
+                features.push(Feature {
+                    name,
+                    unit,
+                    meaning,
+                    units: units.clone(),
+                    teaches: Teaches::Everybody,
+                });
             };
             let of = |name: &str| name_of(name, &units, own);
             // All have one sum.

@@ -5,8 +5,8 @@
 //! second, of more each with the largest of the others.
 
 use super::{
-    Family, Feature, MOST_UNITS, Quantity, Sensors, against, compared, contrast, largest_other,
-    log_deviation, name_of,
+    Family, Feature, MOST_UNITS, Quantity, Sensors, Teaches, against, compared, contrast,
+    largest_other, log_deviation, name_of,
 };
 use crate::residual::Window;
 use alloc::format;
@@ -42,7 +42,7 @@ impl Family for Comparison {
                         unit,
                         meaning: format!("{meaning} of {name}, actuator {}", against(units, own)),
                         units: units.to_vec(),
-                        teaches: true,
+                        teaches: Teaches::Everybody,
                     });
                 };
                 push("mean_excess", "of scale", "|mean| difference");

@@ -2,7 +2,7 @@
 //! the largest excursion. A tree splits a logarithm more evenly than the
 //! variance, whose interesting part is squeezed against zero.
 
-use super::{Family, Feature, Sensors, log_deviation};
+use super::{Family, Feature, Sensors, Teaches, log_deviation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
@@ -30,14 +30,14 @@ impl Family for Deviation {
                         s.name
                     ),
                     units: s.unit.into_iter().collect(),
-                    teaches: true,
+                    teaches: Teaches::Everybody,
                 },
                 Feature {
                     name: format!("largest_{}", s.name),
                     unit: "of scale",
                     meaning: format!("largest size of the residual of {}", s.name),
                     units: s.unit.into_iter().collect(),
-                    teaches: false,
+                    teaches: Teaches::Nobody,
                 },
             ]
         };

@@ -3,7 +3,7 @@
 //! A calibration error of a sensor has a gain and a correlation near ±1; a bias
 //! has an offset and no correlation; a hydraulic fault has neither cleanly.
 
-use super::{Family, Feature, Noise, Sensors, correlation};
+use super::{Family, Feature, Noise, Sensors, Teaches, correlation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
@@ -30,7 +30,7 @@ impl Family for Gain {
                 unit,
                 meaning: format!("{meaning} {}", s.name),
                 units: s.unit.into_iter().collect(),
-                teaches: true,
+                teaches: Teaches::Everybody,
             };
             [
                 feature("gain", "1", "slope of the residual over the twin's signal of"),

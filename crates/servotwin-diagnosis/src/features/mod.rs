@@ -12,6 +12,7 @@
 
 mod balance;
 mod comparison;
+mod crest;
 mod deviation;
 mod gain;
 mod moments;
@@ -210,9 +211,23 @@ pub struct Feature {
     pub meaning: String,
     /// The units (actuators) that the feature looks at.
     pub units: Vec<usize>,
-    /// Whether a diagnosis should learn from it. The seed paper's variances and indicators say what
-    /// logarithms say better, and the largest size grows with the length of a record.
-    pub teaches: bool,
+    /// Who should learn from it.
+    pub teaches: Teaches,
+}
+
+/// Who should learn from a feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Teaches {
+    /// Nobody: the seed paper's variances and indicators say what logarithms say better, and the
+    /// largest size grows with the length of a record.
+    Nobody,
+    /// The nine trees that judge records: not the committee, which has other ways to know and guesses
+    /// worse beyond the intensities it has met; not windows that slide, which are shorter than what
+    /// lies between two bursts.
+    TreesOfRecords,
+    /// Everybody.
+    Everybody,
 }
 
 /// A family of features.
@@ -238,6 +253,7 @@ pub static ALL: &[&dyn Family] = &[
     &comparison::Comparison,
     &balance::Balance,
     &vote::Vote,
+    &crest::Crest,
 ];
 
 /// The family of a name.
@@ -316,6 +332,11 @@ impl Noise {
     /// real sensors give the same.
     fn shown(self, variance: f64) -> f64 {
         variance.max(0.0) + (self.resolved - self.carried) + square(FLOOR)
+    }
+
+    /// The standard deviation that a real sensor shows where there is nothing.
+    fn least_deviation(self) -> f64 {
+        libm::sqrt(self.resolved + square(FLOOR))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The paper's features: mean (5), variance (6) and indicator (7) of each
 //! scaled residual.
 
-use super::{Family, Feature, Sensors};
+use super::{Family, Feature, Sensors, Teaches};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
@@ -27,21 +27,21 @@ impl Family for Moments {
                     unit: "of scale",
                     meaning: format!("mean of the residual of {}", s.name),
                     units: units.clone(),
-                    teaches: true,
+                    teaches: Teaches::Everybody,
                 },
                 Feature {
                     name: format!("var_{}", s.name),
                     unit: "of scale²",
                     meaning: format!("variance of the residual of {}", s.name),
                     units: units.clone(),
-                    teaches: false,
+                    teaches: Teaches::Nobody,
                 },
                 Feature {
                     name: format!("no_dev_{}", s.name),
                     unit: "0 or 1",
                     meaning: format!("one where {} stays inside ±3 % and 1 % deviation", s.name),
                     units,
-                    teaches: false,
+                    teaches: Teaches::Nobody,
                 },
             ]
         };

@@ -5,7 +5,9 @@
 //! a force moves them apart (differential); a pressure sensor moves one alone.
 //! The ratios say which it is without regard to the intensity.
 
-use super::{Family, Feature, Noise, Quantity, Sensors, correlation, log_deviation, ratio};
+use super::{
+    Family, Feature, Noise, Quantity, Sensors, Teaches, correlation, log_deviation, ratio,
+};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec;
@@ -34,7 +36,7 @@ impl Family for Pressure {
                     unit: in_unit,
                     meaning: format!("{meaning}, actuator {}", unit + 1),
                     units: vec![unit],
-                    teaches: true,
+                    teaches: Teaches::Everybody,
                 });
             };
             push("mean_common", "of scale", "mean of (r_pA + r_pB)/2");

@@ -9,7 +9,7 @@
 //! chambers far more than the supply, whatever the intensity: the logarithm of
 //! the ratio is the fault's direction without its size.
 
-use super::{Family, Feature, Quantity, Sensors, log_deviation};
+use super::{Family, Feature, Quantity, Sensors, Teaches, log_deviation};
 use crate::residual::Window;
 use alloc::format;
 use alloc::vec::Vec;
@@ -49,7 +49,7 @@ impl Family for Proportion {
                 unit: "log10",
                 meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
                 units: a.unit.into_iter().collect(),
-                teaches: true,
+                teaches: Teaches::Everybody,
             }
         };
         pairs(sensors).map(feature).collect()

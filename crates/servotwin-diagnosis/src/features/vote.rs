@@ -5,8 +5,8 @@
 //! where all are large, that of the surface errs.
 
 use super::{
-    Family, Feature, MOST_UNITS, Quantity, Sensors, against, compared, contrast, largest_other,
-    log_deviation, name_of,
+    Family, Feature, MOST_UNITS, Quantity, Sensors, Teaches, against, compared, contrast,
+    largest_other, log_deviation, name_of,
 };
 use crate::residual::Window;
 use alloc::format;
@@ -45,7 +45,7 @@ impl Family for Vote {
                     unit: in_unit,
                     meaning: format!("{meaning} of ram sensor {number} from {surface}"),
                     units: vec![unit],
-                    teaches: true,
+                    teaches: Teaches::Everybody,
                 });
             };
             push("mean_vote", "of scale", "mean disagreement");
@@ -54,7 +54,7 @@ impl Family for Vote {
         for own in 0..compared(units.len()) {
             let mut push = |name: &str, unit, meaning| {
                 let (name, units) = (name_of(name, units, own), units.to_vec());
-                features.push(Feature { name, unit, meaning, units, teaches: true });
+                features.push(Feature { name, unit, meaning, units, teaches: Teaches::Everybody });
             };
             let rams = against(units, own);
             let sensor = if units.len() > 2 { surface } else { "the third sensor" };

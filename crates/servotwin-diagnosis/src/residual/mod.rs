@@ -17,6 +17,8 @@ mod disturbed;
 mod merge;
 mod scaled;
 
+pub(crate) use scaled::LARGEST_OF_NOISE;
+
 use alloc::vec;
 use alloc::vec::Vec;
 

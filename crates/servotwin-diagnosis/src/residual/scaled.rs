@@ -5,7 +5,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// The largest of some thousand samples of noise, in standard deviations.
-const LARGEST_OF_NOISE: f64 = 4.0;
+pub(crate) const LARGEST_OF_NOISE: f64 = 4.0;
 
 impl Window {
     /// The window as it might have been if its fault had been `factor` times as large. Where it

@@ -16,6 +16,7 @@ use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::features::Teaches;
 use servotwin_diagnosis::hierarchy::{Examples, HEALTHY, Label, Names};
 use std::sync::Arc;
 
@@ -30,8 +31,8 @@ pub struct FeatureInfo {
     pub units: Vec<usize>,
     /// Its unit.
     pub unit: String,
-    /// Whether a diagnosis should learn from it ([`servotwin_diagnosis::features::Feature::teaches`]).
-    pub teaches: bool,
+    /// Who should learn from it.
+    pub teaches: Teaches,
 }
 
 impl FeatureInfo {
@@ -387,12 +388,30 @@ impl DataSet {
         })
     }
 
-    /// The same data set with the features only that a diagnosis should learn from.
+    /// The same data set with the features only that a diagnosis of records should learn from.
     ///
     /// # Errors
     /// [`EvaluationError::NoFeatures`].
     pub fn taught(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| feature.teaches)
+        self.with_features(|feature| feature.teaches != Teaches::Nobody)
+    }
+
+    /// The same data set with the features only that everybody should learn from.
+    ///
+    /// # Errors
+    /// [`EvaluationError::NoFeatures`].
+    pub fn taught_to_everybody(&self) -> Result<Self, EvaluationError> {
+        self.with_features(|feature| feature.teaches == Teaches::Everybody)
+    }
+
+    /// The same data set, of which a committee reads what it should learn from.
+    ///
+    /// # Errors
+    /// None for a data set that could be read.
+    pub fn for_committee(&self) -> Result<Self, EvaluationError> {
+        let columns = 0..self.features.len();
+        let hidden = columns.filter(|&column| self.features[column].teaches != Teaches::Everybody);
+        Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
     }
 
     /// The same data set with the stages below A reading the sensors of all

@@ -268,7 +268,7 @@ pub fn train(
     let rows = data.learnt_from(settings.holding.lessons)?;
     let trees = run::fit(&data, &run::settled(&data, &settings.training), &rows, workers)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
-    let committee = committee::train(&data, &settings.committee, &rows, workers)?;
+    let committee = committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
     Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
 }
 

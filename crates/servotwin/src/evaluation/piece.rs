@@ -151,15 +151,19 @@ impl<'b> Bench<'b> {
                 Found::Committee(self.judged_trained(of, of_boosted)?)
             }
             Piece::Committee(protocol) => {
+                let data = &data.for_committee()?;
                 let found = self.judged(protocol, data, &settings.committee, of_boosted)?;
                 Found::Committee(found.map(|(result, _)| result))
             }
             Piece::Commands => Found::Commands(commands(data, settings, workers)?),
             Piece::PaperBand if self.bands.is_none() => Found::PaperBand(vec![]),
             Piece::PaperBand => {
-                let both = [(&settings.training, of_trees), (&settings.committee, of_boosted)];
-                let of = |(training, lessons)| {
-                    self.judged(Protocol::NewCommand, &self.unbanded, training, lessons)
+                let both = [
+                    (&self.unbanded, &settings.training, of_trees),
+                    (&self.unbanded.for_committee()?, &settings.committee, of_boosted),
+                ];
+                let of = |(data, training, lessons)| {
+                    self.judged(Protocol::NewCommand, data, training, lessons)
                 };
                 let found: Result<Vec<_>, _> = both.into_iter().map(of).collect();
                 Found::PaperBand(found?.into_iter().flatten().map(|(result, _)| result).collect())

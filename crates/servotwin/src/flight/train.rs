@@ -125,7 +125,8 @@ fn length(
     workers: Workers,
 ) -> Result<(Length, f64), EvaluationError> {
     let features = FeatureInfo::of_study(study, false);
-    let data = DataSet::new(tables, features, &study.units, &study.commands())?.taught()?;
+    let data =
+        DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_everybody()?;
     let settings = settings();
     let trained = evaluation::train(&data, &settings, pools, workers)?;
     let (data, bands) = evaluation::banded(&data, &settings, pools);

@@ -11,6 +11,8 @@ use servotwin::evaluation::{bands, evaluate, model_file, train};
 use servotwin::study::Role;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::Kind;
+use servotwin_diagnosis::features::Teaches;
+use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::random::Random;
 
 /// Kind, detail, command, and the two own features that the fault moves.
@@ -33,7 +35,7 @@ fn infos() -> Vec<FeatureInfo> {
         family: family.into(),
         units: units.into(),
         unit: "1".into(),
-        teaches: true,
+        teaches: Teaches::Everybody,
     };
     vec![
         info("x_1", "moments", &[0]),
@@ -162,6 +164,30 @@ fn evaluated_with(data: &DataSet, settings: &Settings, threads: usize) -> (Evalu
 
 fn share(rate: Option<servotwin::evaluation::score::Rate>) -> f64 {
     rate.and_then(|rate| rate.share).unwrap()
+}
+
+/// What is for the trees alone keeps its column, so that trees and committee read the same rows.
+#[test]
+fn a_committee_reads_what_teaches_everybody() {
+    let mut features = infos();
+    for info in features.iter_mut().filter(|info| info.name.starts_with('x')) {
+        info.teaches = Teaches::TreesOfRecords;
+    }
+    let tables = [(Role::Judged, campaign(0.01)), (Role::Training, flown(0.01, TRAINING, 6))];
+    let data = DataSet::new(&tables, features, &[], &urgency()).unwrap();
+    let (evaluation, trained) = evaluated_with(&data, &settings(), 1);
+    let (trees, committee) = (&trained.trees, &trained.committee.hierarchy);
+    assert_eq!(trees.names, committee.names);
+    let reads = |hierarchy: &Hierarchy, column: u32| {
+        hierarchy.stages.iter().any(|stage| stage.columns.contains(&column))
+    };
+    assert!([0, 1, 2, 3].iter().all(|&column| reads(trees, column)));
+    assert_eq!([0, 1, 2, 3].map(|column| reads(committee, column)), [false, true, false, true]);
+    // Where it learns anew it does not read them either.
+    let unseen = Protocol::NewCommandAndFault;
+    let of_trees = share(evaluation.protocol(unseen).unwrap().end_to_end);
+    let of_committee = share(evaluation.committee(unseen).unwrap().end_to_end);
+    assert!(of_committee < 0.8 && of_trees > 0.9, "{of_committee} {of_trees}");
 }
 
 /// What flights may take off the evidence of a fault is less than this.

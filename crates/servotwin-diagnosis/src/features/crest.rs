@@ -1,0 +1,100 @@
+//! Whether a residual is there all the time or comes in bursts.
+//!
+//! ```text
+//! K_i = log10 ( peak_i / rms_i ),   peak = max(largest |r'_i|, 4 noise_i),   rms² = mean² + variance
+//! ```
+//!
+//! the crest factor. A bias has 0, a sine 0.15, noise 0.6; a valve that has lost its damping and rings for a
+//! tenth of a second after a quick command has more than 1, though its moments are those of a healthy one. Below four
+//! standard deviations of a sample the largest of many is noise: how many there were must not show.
+
+use super::{Family, Feature, Sensors, Teaches, log_deviation};
+use crate::residual::{LARGEST_OF_NOISE, Window};
+use alloc::format;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Crest;
+
+impl Family for Crest {
+    fn name(&self) -> &'static str {
+        "crest"
+    }
+
+    fn summary(&self) -> &'static str {
+        "whether each residual is there all the time or comes in bursts"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let of_sensor = |s: &super::Sensor| Feature {
+            name: format!("crest_{}", s.name),
+            unit: "log10",
+            meaning: format!(
+                "log10 of the largest size of the residual of {} over its rms",
+                s.name
+            ),
+            units: s.unit.into_iter().collect(),
+            teaches: Teaches::TreesOfRecords,
+        };
+        sensors.0.iter().map(of_sensor).collect()
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        for i in 0..sensors.0.len() {
+            let noise = sensors.noise(&[(i, 1.0)]);
+            let peak = window.largest(i).max(LARGEST_OF_NOISE * noise.least_deviation());
+            let mean = window.mean(i);
+            let mean_square = mean * mean + window.covariance(i, i);
+            values.push(libm::log10(peak) - log_deviation(mean_square, noise));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::{Quantity, Sensor};
+    use crate::random::Random;
+
+    const NOISE: f64 = 0.002;
+
+    /// The crest factor of a residual with noise, of so many samples.
+    fn crest(samples: u32, residual: impl Fn(f64) -> f64) -> f64 {
+        let sensors = Sensors(alloc::vec![Sensor {
+            name: "x_v1".into(),
+            quantity: Quantity::Spool,
+            unit: Some(0),
+            noise: NOISE,
+            is_noisy: true,
+        }]);
+        let mut random = Random::new(7);
+        let mut window = Window::new(1);
+        for sample in 0..samples {
+            let normal = (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
+            window.add(&[residual(f64::from(sample) * 0.01) + NOISE * normal], &[0.0], &[1.0]);
+        }
+        let mut values = Vec::new();
+        Crest.compute(&sensors, &window, &mut values);
+        values[0]
+    }
+
+    #[test]
+    fn what_is_there_all_the_time_has_a_small_crest_and_what_bursts_a_large_one() {
+        let bias = crest(2000, |_| 0.2);
+        let sine = crest(2000, |t| 0.2 * libm::sin(6.0 * t));
+        let burst = crest(2000, |t| match t {
+            3.0..3.1 => 0.2 * libm::sin(60.0 * t),
+            _ => 0.0,
+        });
+        assert!(bias.abs() < 0.02, "{bias}");
+        assert!((sine - 0.15).abs() < 0.02, "{sine}");
+        assert!(burst > 1.0, "{burst}");
+    }
+
+    #[test]
+    fn of_noise_the_number_of_samples_does_not_show() {
+        let [short, long] = [500, 9000].map(|samples| crest(samples, |_| 0.0));
+        assert!((short - libm::log10(LARGEST_OF_NOISE)).abs() < 0.02, "{short}");
+        assert!((long - short).abs() < 0.02, "{long} against {short}");
+    }
+}
