@@ -144,7 +144,8 @@ pub fn fly_all(
         folder.keep_study(study)?;
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let crew = Crew { workers: watch.workers(threads), progress: &told };
-        let results = flights::fly_all(&folder, study, &flights, &flights::settings(study), full, &crew)?;
+        let results =
+            flights::fly_all(&folder, study, &flights, &flights::settings(study), full, &crew)?;
         manifest::write(&folder, study)?;
         Ok(to_text(&results))
     })?;

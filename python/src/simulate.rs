@@ -206,7 +206,7 @@ impl Plan {
                 duration_s,
                 sample_period_s: period_s,
                 cancel: Some(&watch.cancel),
-                ..Ensemble::of(&system)
+                ..Ensemble::of(system)
             };
             ensemble.threads = threads.unwrap_or(ensemble.threads).max(1);
             let mut runs: Vec<Option<Vec<Vec<f64>>>> = vec![None; variants.len()];
