@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
-use servotwin::job::{Folder, manifest};
+use servotwin::job::{Folder, JobError, manifest};
 use servotwin::study::campaign::Campaign;
 use servotwin::study::{Setting, Study};
 use servotwin::{files, table};
@@ -113,6 +113,9 @@ fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure>
             }
             list.push((path, table.row_count(), table.columns().len()));
         }
+    }
+    if list.is_empty() {
+        return Err(JobError::NoDataSet { folder: folder.path().into() }.into());
     }
     manifest::write(folder, &study)?;
     let line = |(path, rows, columns): &(PathBuf, usize, usize)| {

@@ -244,6 +244,9 @@ fn broken_and_foreign_data_sets_are_named() {
         std::fs::write(&data_set, bytes).unwrap();
         fails(&["train", &out], 3, "dataset-ideal.parquet");
     }
+    std::fs::remove_file(&data_set).unwrap();
+    std::fs::remove_file(Path::new(&out).join("dataset-ideal-training.parquet")).unwrap();
+    fails(&["features", &out], 3, "there is no data set here; 'servotwin campaign");
     let csv = folder.file("foreign.csv");
     std::fs::write(&csv, "x,y,label\n1,2,a\n2,NaN,b\n3,1,a\n").unwrap();
     // A missing value is a branch for a tree; a classifier that has none names the place.
