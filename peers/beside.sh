@@ -1,11 +1,11 @@
 #!/bin/sh
 # The solver's processor time beside that of another commit, both built and run here,
 # in turns, because a shared machine changes its speed.
-# peers/beside.sh COMMIT [STRIDE] [DURATION_S]
+# peers/beside.sh COMMIT [STRIDE] [DURATION_S] (defaults 1, 90: enough for a compiled step to be worth it)
 set -eu
 cd "$(dirname "$0")/.."
 commit=$1
-stride=${2:-2}
+stride=${2:-1}
 duration_s=${3:-90}
 before=target/beside/$commit
 example=crates/servotwin/examples/seconds.rs

@@ -164,7 +164,7 @@ impl Relative {
     fn add(&mut self, sample: &Sample) -> bool {
         let is_settled = self.reference.is_settled();
         if !is_settled || sample.is_trusted {
-            self.reference.learn(sample.measured, sample.twin);
+            self.reference.learn(sample.measured, sample.twin, sample.scales);
         }
         if !is_settled {
             return false;

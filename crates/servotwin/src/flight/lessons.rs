@@ -97,9 +97,9 @@ impl Beyond {
         Self { reference, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
     }
 
-    fn take(&mut self, index: usize, measured: &[f64], twin: &[f64]) {
+    fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
         if index < self.onset {
-            self.reference.learn(measured, twin);
+            self.reference.learn(measured, twin, scales);
         }
         self.reference.subtract(measured, &self.stands_in, &mut self.measured);
     }
@@ -108,7 +108,7 @@ impl Beyond {
 impl Observer for Cutter<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
         if let Some(beyond) = &mut self.beyond {
-            beyond.take(index, measured, twin);
+            beyond.take(index, measured, twin, &self.scales);
         }
         for (cut, window) in self.cuts.iter().zip(&mut self.windows) {
             if (cut.from..cut.to).contains(&index) {
