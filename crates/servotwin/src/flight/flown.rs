@@ -34,8 +34,7 @@ pub struct Flown<'s> {
     environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
-    /// In which they are flown.
-    pub setting: Setting,
+    setting: Setting,
     ensemble: Ensemble<'s>,
     /// The flights.
     pub plan: Vec<Flight>,
