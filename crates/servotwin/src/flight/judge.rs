@@ -204,6 +204,8 @@ struct Watching {
     seen: Option<u64>,
     /// How often one was before the onset.
     by_chance: u64,
+    most: Vec<(f64, usize, usize, usize, u64)>,
+    number: usize,
 }
 
 /// Windows in a row that left a band.
@@ -283,6 +285,28 @@ impl Observer for Watching {
                 story.raised.push(raised);
             }
         }
+        if self.onset == u64::MAX {
+            for (k, (session, _)) in self.sessions.iter().enumerate() {
+                for l in 0..session.diagnoser().lengths.len() {
+                    if !session.has_new_window(l) { continue; }
+                    let off = &session.diagnoser().decision.off_commands[0];
+                    for u in 0..2 { for (c, name) in session.diagnoser().names().commands.iter().enumerate() {
+                        let e = session.evidence(l, u, c);
+                        let place = 2 * k + usize::from(name == off);
+                        if e > self.most[place].0 + 0.1 && e > 0.3 && k == 0 {
+                            let d = session.diagnoser();
+                            let w = session.window(l);
+                            let mut r: Vec<(f64, String)> = (0..d.sensors.len()).map(|s| (w.largest(s) / d.lengths[l].panel.bands[s].half_width, format!("{}:{:.2}/{:.4}", d.sensors[s].name, w.largest(s) / d.lengths[l].panel.bands[s].half_width, w.largest(s)))).collect();
+                            r.sort_by(|a, b| b.0.total_cmp(&a.0));
+                            let r: Vec<String> = r.into_iter().take(4).map(|x| x.1).collect();
+                            let p: Vec<String> = (0..2).flat_map(|u| (0..3).map(move |c| (u, c))).map(|(u, c)| format!("{:.1e}", session.probability(l, Some((u, c))))).collect();
+                            eprintln!("TRACE {} t {:.2} l{l} u{u} c{c} e {e:.2} health {:.1e} [{}] {}", self.number, index as f64 * 0.01, session.probability(l, None), p.join(" "), r.join(" "));
+                        }
+                        if e > self.most[place].0 { self.most[place] = (e, l, u, c, index as u64); }
+                    } }
+                }
+            }
+        }
         self.look(index as u64);
     }
 }
@@ -301,7 +325,19 @@ pub fn watch(
         other.decision.false_alarms_per_h = false_alarms_per_h;
         Session::new(Arc::new(other))
     };
-    let sessions = asked(diagnoser).into_iter().map(with_rate).collect::<Result<Vec<_>, _>>()?;
+    let sessions = if let Ok(tune) = std::env::var("TUNE") {
+        tune.split(';').map(|t| {
+            let n: Vec<f64> = t.split(',').map(|x| x.parse().unwrap()).collect();
+            let mut other = diagnoser.clone();
+            for l in &mut other.lengths {
+                if let Some(r) = &mut l.relative {
+                    (r.health_nats, r.off_nats, r.of_pairs_nats) = (n[0], n[1], n[2]); if l.span.pane_samples > 20 { if let Some(o) = n.get(4) { r.off_nats = *o; if let Some(h) = n.get(5) { r.health_nats = *h; } } }
+                }
+            }
+            if let Some(m) = n.get(3) { other.reference.as_mut().unwrap().memory_samples = (*m * 100.0) as u32; }
+            Session::new(Arc::new(other))
+        }).collect::<Result<Vec<_>, _>>()?
+    } else { asked(diagnoser).into_iter().map(with_rate).collect::<Result<Vec<_>, _>>()? };
     Ok(watched(flown, &sessions, None, progress))
 }
 
@@ -354,11 +390,16 @@ fn watched(
             out_of_band: vec![OutOfBand::default(); lengths],
             seen: None,
             by_chance: 0,
+            most: vec![(0.0, 0, 0, 0, 0); 2 * sessions.len()], number: flight.number,
         },
         |flight, watching, outcome| {
             match outcome {
                 Ok(_) => {
-                    let Watching { seen, by_chance, sessions, .. } = watching;
+                    let Watching { seen, by_chance, sessions, most, .. } = watching;
+                    if flight.fault.is_none() && std::env::var_os("TUNE").is_some() {
+                        let m: Vec<String> = most.iter().map(|(e, l, u, c, t)| format!("{e:.2}@{l}u{u}c{c}t{}", *t as f64 * 0.01)).collect();
+                        eprintln!("MOST {} env {} {}", flight.number, flight.environment, m.join(" "));
+                    }
                     let stories = sessions.into_iter().map(|(_, story)| story).collect();
                     let number = flight.number;
                     watched.ended.push(Remembered { number, seen, by_chance, stories });
@@ -396,6 +437,30 @@ pub fn merit(
     let Watched { ended, failed } = watched;
     let ended = self::ended(&plan, ended);
     let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
+    if let Ok(tune) = std::env::var("TUNE") {
+        for (s, t) in tune.split(';').enumerate() {
+            let off = judged.off_command().unwrap_or_default().to_owned();
+            let share = |h: &dyn Fn(&Fate) -> bool| {
+                let fates = judged.fates(s, |f: &Flight| f.intensity >= STRONG && f.fault.is_some_and(|f| study.classes[study.faults[f].class].command == off));
+                let v: Vec<&Fate> = fates.iter().filter(|f| f.seen_s.is_some()).collect();
+                (v.iter().filter(|f| h(f)).count(), v.len())
+            };
+            let since = share(&|f| f.waited_s().is_some_and(|t| t <= limit_s));
+            let onset = share(&|f| f.isolated_s.is_some_and(|t| t <= limit_s));
+            let h = judged.healthy(s);
+            let all = judged.fates(s, |_| true);
+            let warn: Vec<&Fate> = all.iter().filter(|f| f.seen_s.is_some()).collect();
+            let named = warn.iter().filter(|f| f.first == Some((true, true))).count();
+            eprintln!("TUNE {t}: since {} {:?} onset {:?} healthy {:.1} h alarms {} off {} wrong {} named {}/{}", since.0 as f64 / since.1 as f64, since, onset, h.hours, h.alarms, h.shutdowns, wrong_shutdowns(&all), named, warn.len());
+            if s == 0 {
+                let mut late: std::collections::BTreeMap<String, (usize, usize)> = Default::default();
+                for f in judged.fates(0, |f: &Flight| f.intensity >= STRONG && f.fault.is_some_and(|f| study.classes[study.faults[f].class].command == off)) {
+                    if f.seen_s.is_some() { let e = late.entry(f.kind.clone()).or_default(); e.1 += 1; if !f.waited_s().is_some_and(|t| t <= limit_s) { e.0 += 1; } }
+                }
+                for (k, (l, n)) in late { if l > 0 { eprintln!("LATE {k} {l}/{n}"); } }
+            }
+        }
+    }
     judged.merit((setting, limit_s), failed)
 }
 
