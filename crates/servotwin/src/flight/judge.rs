@@ -335,6 +335,7 @@ pub fn watch(
                 }
             }
             if let Some(m) = n.get(3) { other.reference.as_mut().unwrap().memory_samples = (*m * 100.0) as u32; }
+            if let Some(h) = n.get(6) { other.decision.no_data_after_s = *h; }
             Session::new(Arc::new(other))
         }).collect::<Result<Vec<_>, _>>()?
     } else { asked(diagnoser).into_iter().map(with_rate).collect::<Result<Vec<_>, _>>()? };
