@@ -32,8 +32,9 @@ pub fn write(program: &Program, method: Method) -> Option<String> {
     begin(&mut c, program);
     motion(&mut c, program);
     factor(&mut c, program);
+    solve_first(&mut c, program);
     solve(&mut c, program);
-    for stage in 0..tableau.stages() {
+    for stage in 1..tableau.stages() {
         sums(&mut c, program, tableau, stage);
     }
     Some(c)
@@ -139,20 +140,39 @@ fn factor(c: &mut String, program: &Program) {
     .write(c, &graph);
 }
 
+/// The first stage, which has nothing on the right side before.
+fn solve_first(c: &mut String, program: &Program) {
+    let graph = Graph::new();
+    let right = vec![Symbol::constant(0.0); program.states().len()];
+    solution(c, program, &graph, "solve_first", right);
+}
+
 fn solve(c: &mut String, program: &Program) {
     let graph = Graph::new();
-    let derivatives = derivatives(&graph, program);
-    let factors = array(&graph, "factors", program.plan().slots());
-    let mut right = array(&graph, "right", program.states().len());
+    let right = array(&graph, "right", program.states().len());
+    solution(c, program, &graph, "solve", right);
+}
+
+fn solution<'g>(
+    c: &mut String,
+    program: &Program,
+    graph: &'g Graph,
+    name: &str,
+    mut right: Vec<Symbol<'g>>,
+) {
+    let derivatives = derivatives(graph, program);
+    let factors = array(graph, "factors", program.plan().slots());
     let slope_factor = graph.variable("slope_factor", 0);
-    let gradients = gradients(&graph, program);
+    let gradients = gradients(graph, program);
     program.solve_stage(&derivatives, slope_factor, &gradients, &factors, &mut right);
     let stores = right.into_iter().enumerate().map(|(place, value)| ("right", place, value));
     CFunction {
-        head: "solve(IN variables, IN slope_factor, IN gradients, IN factors, OUT right)".into(),
+        head: format!(
+            "{name}(IN variables, IN slope_factor, IN gradients, IN factors, OUT right)"
+        ),
         stores: stores.collect(),
     }
-    .write(c, &graph);
+    .write(c, graph);
 }
 
 /// The derivatives of the states from outside.

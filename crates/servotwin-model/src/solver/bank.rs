@@ -239,10 +239,10 @@ impl<'p, V: Lanes> Bank<'p, V> {
     }
 
     #[inline(always)]
-    pub fn accepts(&self, error: f64) -> bool {
-        match self.settings.control {
-            Control::Adaptive { tolerance, .. } => error <= tolerance,
-            Control::Fixed { .. } => error.is_finite(),
+    pub fn accepts(&self, lane: usize, error: f64) -> bool {
+        match self.courses[lane].allowed(&self.settings) {
+            Some((allowed, _)) => error <= allowed,
+            None => error.is_finite(),
         }
     }
 
@@ -270,10 +270,11 @@ impl<'p, V: Lanes> Bank<'p, V> {
         for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
             let (error, growth) = (error.lane(index), growth.lane(index));
             // A poisoned value shows in the error, except without an estimate.
-            let good = self.accepts(error) && (jacobians > 0 || self.batch.finite(index));
+            let good = self.accepts(index, error) && (jacobians > 0 || self.batch.finite(index));
             let course = &mut self.courses[index];
             course.statistics.evaluations += evaluations;
             course.statistics.jacobians += jacobians;
+            course.effort += 1.0;
             if matches!(course.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }

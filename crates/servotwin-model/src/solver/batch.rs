@@ -180,12 +180,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
     pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
         let reciprocal = V::constant(1.0) / h;
         self.factorise(method, reciprocal);
-        for stage in 0..method.stages() {
+        self.solve_first_stage(h * V::constant(method.gamma_sum[0]));
+        for stage in 1..method.stages() {
             self.stage_sums(method, stage, reciprocal);
-            if stage > 0 {
-                self.load_inputs(h * V::constant(method.alpha[stage]));
-                self.evaluate_motion();
-            }
+            self.load_inputs(h * V::constant(method.alpha[stage]));
+            self.evaluate_motion();
             self.solve_stage(h * V::constant(method.gamma_sum[stage]), stage);
         }
         self.combine(method)
@@ -223,6 +222,20 @@ impl<'p, V: Lanes> Batch<'p, V> {
         }
     }
 
+    /// The first stage, which has no sum: its argument is where the step begins.
+    #[inline(always)]
+    fn solve_first_stage(&mut self, slope_factor: V) {
+        let n = self.y.len();
+        let Self { program, variables, gradients, factors, stages, compiled, .. } = self;
+        let right = &mut stages[..n];
+        if let Some(compiled) = compiled {
+            return compiled.solve_first(variables, slope_factor, gradients, factors, right);
+        }
+        right.fill(V::constant(0.0));
+        let derivatives = &variables[program.derivatives()];
+        solve(program, derivatives, slope_factor, gradients, factors, right);
+    }
+
     /// The solution of (R1) in the place of its sum.
     #[inline(always)]
     fn solve_stage(&mut self, slope_factor: V, stage: usize) {
@@ -241,10 +254,15 @@ impl<'p, V: Lanes> Batch<'p, V> {
     fn combine(&mut self, method: &Tableau) -> V {
         let n = self.y.len();
         let last = &self.stages[(method.stages() - 1) * n..][..n];
-        self.error.copy_from_slice(last);
-        self.y_new.copy_from_slice(&self.variables[..n]);
-        add(&mut self.y_new, last);
-        self.largest_error()
+        let numbers = self.variables[..n].iter().zip(last).zip(&self.reciprocal_scales);
+        let targets = self.y_new.iter_mut().zip(&mut self.error);
+        let mut largest = Largest::default();
+        for (((&argument, &last), &scale), (new, error)) in numbers.zip(targets) {
+            *new = argument + last;
+            *error = last;
+            largest.consider(last, scale);
+        }
+        largest.value()
     }
 
     /// Makes the last step one of the linearly implicit Euler method over `γ h`
@@ -264,16 +282,11 @@ impl<'p, V: Lanes> Batch<'p, V> {
     /// The largest error over scale; NaN where any error is NaN.
     #[inline(always)]
     fn largest_error(&self) -> V {
-        let zero = V::constant(0.0);
-        let mut largest = zero;
-        // Zero, unless some error is not finite: comparisons would lose a NaN.
-        let mut poison = zero;
-        for (e, &scale) in self.error.iter().zip(&self.reciprocal_scales) {
-            let relative = e.abs() * V::constant(scale);
-            largest = relative.max(largest);
-            poison = poison + relative * zero;
+        let mut largest = Largest::default();
+        for (&error, &scale) in self.error.iter().zip(&self.reciprocal_scales) {
+            largest.consider(error, scale);
         }
-        largest + poison
+        largest.value()
     }
 
     /// One step of the classical Runge–Kutta method from the last evaluation.
@@ -375,6 +388,34 @@ impl<'p, V: Lanes> Batch<'p, V> {
     }
 }
 
+/// The largest error over scale so far.
+struct Largest<V> {
+    largest: V,
+    /// Zero, unless some error is not finite: comparisons would lose a NaN.
+    poison: V,
+}
+
+impl<V: Lanes> Default for Largest<V> {
+    #[inline(always)]
+    fn default() -> Self {
+        Self { largest: V::constant(0.0), poison: V::constant(0.0) }
+    }
+}
+
+impl<V: Lanes> Largest<V> {
+    #[inline(always)]
+    fn consider(&mut self, error: V, reciprocal_scale: f64) {
+        let relative = error.abs() * V::constant(reciprocal_scale);
+        self.largest = relative.max(self.largest);
+        self.poison = self.poison + relative * V::constant(0.0);
+    }
+
+    #[inline(always)]
+    fn value(self) -> V {
+        self.largest + self.poison
+    }
+}
+
 /// Declares functions that are compiled for the instruction set each on its own
 /// (see [`Lanes::outline`]): a step made of one inlined whole takes the compiler
 /// minutes.
@@ -433,12 +474,5 @@ outlined! {
         stages: &'a [V],
     ) {
         method.stage_sums(stage, states, y, right, reciprocal, stages);
-    }
-
-    /// `target += vector`.
-    fn add<'a, V>(target: &'a mut [V], vector: &'a [V]) {
-        for (t, &v) in target.iter_mut().zip(vector) {
-            *t = *t + v;
-        }
     }
 }

@@ -12,6 +12,12 @@ const WANTED_SETTLING_CHANGE: f64 = 0.1;
 /// The longest step on the way to rest, s.
 const LONGEST_SETTLING_STEP_S: f64 = 1e4;
 
+/// How long an attempt counts as effort, s.
+const MEMORY_S: f64 = 1.0;
+/// The error grows by so much at most where a lane is busy. By 64 a valve that rings for ever takes two fifths of the
+/// steps; at 256 times the tolerance the method damps what it should follow.
+const MOST_RELAXED: f64 = 64.0;
+
 /// What a lane is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
@@ -85,6 +91,8 @@ pub(super) struct Course {
     /// For each clock, the number of its next tick.
     pub next_tick: Vec<u64>,
     pub rejections: u32,
+    /// Attempts within about [`MEMORY_S`].
+    pub effort: f64,
     pub statistics: Statistics,
     /// Why it could not go on.
     pub failure: Option<Failure>,
@@ -104,6 +112,7 @@ impl Course {
             halt_s: f64::INFINITY,
             next_tick: vec![0; clocks],
             rejections: 0,
+            effort: 0.0,
             statistics: Statistics::default(),
             failure: None,
         }
@@ -120,6 +129,7 @@ impl Course {
         self.time_s = 0.0;
         self.wanted_s = FIRST_STEP_S;
         self.rejections = 0;
+        self.effort = 0.0;
     }
 
     pub fn sample_time_s(&self) -> f64 {
@@ -214,6 +224,7 @@ impl Course {
     #[inline(always)]
     pub fn accept(&mut self) {
         self.statistics.steps += 1;
+        self.effort *= (1.0 - self.step_s / MEMORY_S).max(0.0);
         self.time_s = self.end_s;
         self.rejections = 0;
         if self.phase == Phase::Settling {
@@ -227,9 +238,19 @@ impl Course {
     pub fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
         match (self.phase, settings.control) {
             (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, LONGEST_SETTLING_STEP_S)),
-            (_, Control::Adaptive { tolerance, max_step_s }) => Some((tolerance, max_step_s)),
+            (_, Control::Adaptive { tolerance, max_step_s, busy_per_s }) => {
+                Some((tolerance * self.relaxed(busy_per_s), max_step_s))
+            }
             (_, Control::Fixed { .. }) => None,
         }
+    }
+
+    /// By how much the error may be larger because the lane is busy: at order four as much as takes it back.
+    #[inline(always)]
+    fn relaxed(&self, busy_per_s: f64) -> f64 {
+        let busy = self.effort / (busy_per_s * MEMORY_S);
+        let squared = busy * busy;
+        (squared * squared).clamp(1.0, MOST_RELAXED)
     }
 
     /// The step for the next time, by a factor from the error of this one.

@@ -372,6 +372,6 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         let course = &self.bank.courses[lane];
         let time = course.sample_time_s();
         let inside = course.phase == Phase::Running && time < course.end_s - SAME_TIME_S;
-        (self.bank.accepts(error) && inside).then(|| (time - course.time_s) / course.step_s)
+        (self.bank.accepts(lane, error) && inside).then(|| (time - course.time_s) / course.step_s)
     }
 }

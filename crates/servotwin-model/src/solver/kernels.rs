@@ -21,7 +21,9 @@ pub struct Functions {
     begin: Begin,
     motion: Motion,
     factor: Factor,
+    solve_first: Solve,
     solve: Solve,
+    /// From the second stage on.
     sums: Vec<Sums>,
 }
 
@@ -50,12 +52,13 @@ impl Functions {
         assert!(stages <= MOST_STAGES);
         // SAFETY: promised by the caller.
         unsafe {
-            let sums = (0..stages).map(|stage| Some(function(find(&format!("sums_{stage}"))?)));
+            let sums = (1..stages).map(|stage| Some(function(find(&format!("sums_{stage}"))?)));
             Some(Self {
                 stride,
                 begin: function(find("begin")?),
                 motion: function(find("motion")?),
                 factor: function(find("factor")?),
+                solve_first: function(find("solve_first")?),
                 solve: function(find("solve")?),
                 sums: sums.collect::<Option<_>>()?,
             })
@@ -101,6 +104,22 @@ impl Functions {
         unsafe { (self.factor)(first(&[diagonal]), first(gradients), first_mut(factors)) }
     }
 
+    /// As [`Functions::solve`] where the right side is zero.
+    #[inline(always)]
+    pub(super) fn solve_first<V: Lanes>(
+        &self,
+        variables: &[V],
+        slope_factor: V,
+        gradients: &[V],
+        factors: &[V],
+        right: &mut [V],
+    ) {
+        let (variables, gradients) = (first(variables), first(gradients));
+        let (factors, right) = (first(factors), first_mut(right));
+        // SAFETY: see above.
+        unsafe { (self.solve_first)(variables, first(&[slope_factor]), gradients, factors, right) }
+    }
+
     /// [`Program::solve_stage`].
     #[inline(always)]
     pub(super) fn solve<V: Lanes>(
@@ -131,7 +150,7 @@ impl Functions {
         let (states, right) = (first_mut(states), first_mut(right));
         let (y, stages) = (first(y), first(stages));
         // SAFETY: see above.
-        unsafe { (self.sums[stage])(first(&[reciprocal]), y, stages, states, right) }
+        unsafe { (self.sums[stage - 1])(first(&[reciprocal]), y, stages, states, right) }
     }
 }
 

@@ -53,6 +53,8 @@ pub struct Snapshot {
     pub sample: u64,
     /// The step that the error control wants, s.
     pub wanted_s: f64,
+    /// How much work it took lately.
+    pub effort: f64,
     /// The states.
     pub states: Vec<f64>,
     /// The external inputs, the stand-ins and what clocks hold.
@@ -189,6 +191,7 @@ impl<'p> Twin<'p> {
         let course = self.course();
         snapshot.sample = self.sample();
         snapshot.wanted_s = course.wanted_s;
+        snapshot.effort = course.effort;
         snapshot.states.clear();
         snapshot.states.extend(self.bank.states(LANE));
         snapshot.held.clear();
@@ -213,6 +216,7 @@ impl<'p> Twin<'p> {
         self.restart(false);
         let course = &mut self.bank.courses[LANE];
         course.wanted_s = snapshot.wanted_s;
+        course.effort = snapshot.effort;
         course.next_sample = snapshot.sample;
         course.time_s = course.sample_time_s();
         course.next_tick.copy_from_slice(&snapshot.next_tick);

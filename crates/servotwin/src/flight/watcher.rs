@@ -51,6 +51,8 @@ struct Stored {
 struct StoredTwin {
     sample: u64,
     wanted_s: f64,
+    #[serde(default)]
+    effort: f64,
     states: Vec<f64>,
     held: Vec<f64>,
     next_tick: Vec<u64>,
@@ -254,6 +256,7 @@ impl Observer for Watcher<'_> {
         let twin = twin.map(|twin| StoredTwin {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
+            effort: twin.effort,
             states: twin.states,
             held: twin.held,
             next_tick: twin.next_tick,
@@ -274,6 +277,7 @@ impl Observer for Watcher<'_> {
         let twin = stored.twin.map(|twin| Snapshot {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
+            effort: twin.effort,
             states: twin.states,
             held: twin.held,
             next_tick: twin.next_tick,
