@@ -48,13 +48,14 @@ pub struct Air<S> {
 pub fn standard_air<S: Scalar>(altitude_m: S) -> Air<S> {
     const EXPONENT: f64 = GRAVITY / (GAS_CONSTANT * LAPSE_K_M);
     const STRATOSPHERE_K: f64 = SEA_LEVEL_K - LAPSE_K_M * TROPOPAUSE_M;
-    const FADE_PER_M: f64 = GRAVITY / (GAS_CONSTANT * STRATOSPHERE_K);
+    const FADE_PER_M: f64 =
+        GRAVITY / (GAS_CONSTANT * STRATOSPHERE_K) * core::f64::consts::LOG2_E;
     let altitude = altitude_m.clamp(S::constant(RANGE_M.0), S::constant(RANGE_M.1));
     let tropopause = S::constant(TROPOPAUSE_M);
     let temperature_k = -(altitude.min(tropopause) * lit::<S>(LAPSE_K_M)) + lit::<S>(SEA_LEVEL_K);
     let fade = (altitude.max(tropopause) - tropopause) * lit::<S>(FADE_PER_M);
-    let fall = (temperature_k * lit::<S>(1.0 / SEA_LEVEL_K)).ln() * lit::<S>(EXPONENT) - fade;
-    let pressure_pa = fall.exp() * lit::<S>(SEA_LEVEL_PA);
+    let octaves = (temperature_k * lit::<S>(1.0 / SEA_LEVEL_K)).log2() * lit::<S>(EXPONENT);
+    let pressure_pa = (octaves - fade).exp2() * lit::<S>(SEA_LEVEL_PA);
     Air {
         temperature_k,
         pressure_pa,

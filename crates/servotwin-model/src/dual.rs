@@ -252,8 +252,13 @@ impl<V: Scalar<Base = V>, const N: usize> Scalar for Dual<V, N> {
         self.chain(value, value)
     }
     #[inline(always)]
-    fn ln(self) -> Self {
-        self.chain(self.value.ln(), V::constant(1.0) / self.value)
+    fn exp2(self) -> Self {
+        let value = self.value.exp2();
+        self.chain(value, value * lit::<V>(core::f64::consts::LN_2))
+    }
+    #[inline(always)]
+    fn log2(self) -> Self {
+        self.chain(self.value.log2(), lit::<V>(core::f64::consts::LOG2_E) / self.value)
     }
     #[inline(always)]
     fn tanh(self) -> Self {

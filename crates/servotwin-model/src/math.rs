@@ -2,94 +2,104 @@
 //!
 //! Branch-free and made of correctly rounded primitives only, so that all lane
 //! types and the generated C agree to the last bit. They are as exact as the
-//! tightest tolerance of the solver needs a thousand times over, not as `libm`:
+//! tightest tolerance of the solver needs some hundred times over, not as `libm`:
 //! every further digit would cost each chamber and each friction a few operations
-//! more. The polynomials interpolate at Chebyshev's points, which is within a
-//! little of the best of their degree. The errors below were measured against
-//! `libm` (see the tests).
+//! more, and these functions are two fifths of an evaluation. The polynomials interpolate
+//! at Chebyshev's points, which is within a little of the best of their degree. The errors
+//! below were measured against `libm` (see the tests).
 //!
 //! | function | method | error |
 //! |---|---|---|
-//! | [`exp`] | k = round(x/ln 2), polynomial of degree 9 on ±ln 2 / 2 | 4e-14 relative for \|x\| ≤ 1, 1.2e-13 for \|x\| ≤ 700 |
-//! | [`ln`] | x = m·2^e, odd polynomial in (m − 1)/(m + 1) to the 11th power | 4e-14 of max(1, result) |
-//! | [`tanh`] | 1 − 2/(e^{2\|x\|} + 1), odd by construction | 2e-14 absolute |
+//! | [`exp2`] | k = round(x), polynomial of degree 8 on ±½ | 2.2e-12 relative |
+//! | [`exp`] | 2^(x/ln 2) | 2.3e-12 relative for \|x\| ≤ 700 |
+//! | [`log2`] | x = m·2^e, odd polynomial in (m − 1)/(m + 1) to the 9th power | 2.2e-12 absolute |
+//! | [`ln`] | ln 2 · log₂ x | 1.6e-12 absolute |
+//! | [`tanh`] | 1 − 2/(e^{2\|x\|} + 1), odd by construction | 1.2e-12 absolute |
 //! | [`sin_cos`] | reduction by π/2, polynomials to the 11th/10th power | 2.3e-13 absolute for \|x\| ≤ π |
 
 use crate::scalar::{Primitive, lit};
 
-/// A polynomial, highest coefficient first: four interleaved Horner schemes in
-/// x⁴, because one alone is a chain of which every link waits for the last.
+/// A polynomial, highest coefficient first: two Horner schemes in x², because one alone is a chain of which every
+/// link waits for the last.
 #[inline(always)]
 fn polynomial<P: Primitive, const N: usize>(x: P, coefficients: &[f64; N]) -> P {
     let square = x * x;
-    let fourth = square * square;
-    let high = every_fourth(fourth, coefficients, 3) * x + every_fourth(fourth, coefficients, 2);
-    let low = every_fourth(fourth, coefficients, 1) * x + every_fourth(fourth, coefficients, 0);
-    high * square + low
+    every_second(square, coefficients, 1) * x + every_second(square, coefficients, 0)
 }
 
-/// Horner's scheme in x⁴ over the coefficients of x^power, x^(power + 4) …
+/// Horner's scheme in x² over the coefficients of x^power, x^(power + 2) …
 #[inline(always)]
-fn every_fourth<P: Primitive, const N: usize>(
-    fourth: P,
+fn every_second<P: Primitive, const N: usize>(
+    square: P,
     coefficients: &[f64; N],
     power: usize,
 ) -> P {
-    let mut i = (N - 1 - power) % 4;
+    let mut i = (N - 1 - power) % 2;
     let mut sum = P::constant(coefficients[i]);
-    while i + 4 < N {
-        i += 4;
-        sum = sum * fourth + P::constant(coefficients[i]);
+    while i + 2 < N {
+        i += 2;
+        sum = sum * square + P::constant(coefficients[i]);
     }
     sum
 }
 
-/// `e^x`, with x limited to ±700.
+/// Beyond this, powers of two are not numbers of the usual kind.
+const LARGEST_EXPONENT: f64 = 1000.0;
+
+/// `2^x` for |x| ≤ 1000.
 #[inline(always)]
-pub fn exp<P: Primitive>(x: P) -> P {
-    const COEFFICIENTS: [f64; 10] = [
-        2.7625102005388108e-06,
-        2.4876164022625967e-05,
-        0.0001984120875699232,
-        0.0013888821677630362,
-        0.008333333353717156,
-        0.041666666890957,
-        0.16666666666648303,
-        0.49999999999797934,
-        1.0,
+pub fn exp2<P: Primitive>(x: P) -> P {
+    const COEFFICIENTS: [f64; 9] = [
+        1.325080551750225e-6,
+        1.5303700711365693e-5,
+        0.00015403475186530786,
+        0.0013333478473685416,
+        0.00961812913523614,
+        0.055504109063258665,
+        0.24022650695888503,
+        0.6931471805568324,
         1.0,
     ];
-    let x = x.clamp(P::constant(-700.0), P::constant(700.0));
-    let k = (x * lit::<P>(core::f64::consts::LOG2_E)).round();
-    let r = x - k * lit::<P>(core::f64::consts::LN_2);
-    polynomial(r, &COEFFICIENTS).scale_by_power_of_two(k)
+    let k = x.round();
+    polynomial(x - k, &COEFFICIENTS).scale_by_power_of_two(k)
+}
+
+/// Binary logarithm of a positive, normal number.
+#[inline(always)]
+pub fn log2<P: Primitive>(x: P) -> P {
+    const COEFFICIENTS: [f64; 5] = [
+        0.3407120415619086,
+        0.41167376623771057,
+        0.5770835660048659,
+        0.9617966734515485,
+        2.885390081789987,
+    ];
+    let (m, e) = x.split_exponent();
+    let one = P::constant(1.0);
+    let s = (m - one) / (m + one);
+    s * polynomial(s * s, &COEFFICIENTS) + e
+}
+
+/// `e^x`, with x limited to ±693.
+#[inline(always)]
+pub fn exp<P: Primitive>(x: P) -> P {
+    let most = P::constant(LARGEST_EXPONENT);
+    exp2((x * lit::<P>(core::f64::consts::LOG2_E)).clamp(-most, most))
 }
 
 /// Natural logarithm of a positive, normal number.
 #[inline(always)]
 pub fn ln<P: Primitive>(x: P) -> P {
-    const COEFFICIENTS: [f64; 5] = [
-        0.19362653714202008,
-        0.22191400830308503,
-        0.2857175453591449,
-        0.3999999879733759,
-        0.6666666666737509,
-    ];
-    let (m, e) = x.split_exponent();
-    let one = P::constant(1.0);
-    let s = (m - one) / (m + one);
-    let z = s * s;
-    let tail = s * z * polynomial(z, &COEFFICIENTS);
-    ((s + s) + tail) + e * lit::<P>(core::f64::consts::LN_2)
+    log2(x) * lit::<P>(core::f64::consts::LN_2)
 }
 
 /// Hyperbolic tangent.
 #[inline(always)]
 pub fn tanh<P: Primitive>(x: P) -> P {
     let one = P::constant(1.0);
-    let two = P::constant(2.0);
-    let magnitude = x.abs();
-    let t = one - two / (exp(magnitude + magnitude) + one);
+    let doubled = x.abs() * lit::<P>(2.0 * core::f64::consts::LOG2_E);
+    let power = exp2(doubled.min(P::constant(LARGEST_EXPONENT)));
+    let t = one - P::constant(2.0) / (power + one);
     P::select(x.less(P::constant(0.0)), -t, t)
 }
 
@@ -130,10 +140,10 @@ pub fn sin_cos<P: Primitive>(x: P) -> (P, P) {
     )
 }
 
-/// `x^exponent` for positive, normal x.
+/// `x^exponent` for positive, normal x, where the result is normal too.
 #[inline(always)]
 pub fn power<S: crate::scalar::Scalar>(x: S, exponent: S::Base) -> S {
-    (x.ln() * exponent).exp()
+    (x.log2() * exponent).exp2()
 }
 
 /// A smooth step: 0 below 0, 1 above 1, `x² (3 − 2x)` between; its slope is

@@ -61,8 +61,10 @@ pub trait Scalar:
 
     /// `e^self`.
     fn exp(self) -> Self;
-    /// Natural logarithm of a positive, normal number.
-    fn ln(self) -> Self;
+    /// `2^self` for |self| ≤ 1000.
+    fn exp2(self) -> Self;
+    /// Binary logarithm of a positive, normal number.
+    fn log2(self) -> Self;
     /// Hyperbolic tangent.
     fn tanh(self) -> Self;
     /// Sine of an angle within ±π.
@@ -76,6 +78,13 @@ pub trait Scalar:
         let number = <Self::Base as Scalar>::constant;
         let negative = self.base().less(number(0.0));
         <Self::Base as Scalar>::select(negative, number(-1.0), number(1.0))
+    }
+
+    /// A magnitude with the sign of [`Scalar::sign`].
+    #[inline(always)]
+    fn signed(self, magnitude: Self::Base) -> Self::Base {
+        let negative = self.base().less(<Self::Base as Scalar>::constant(0.0));
+        <Self::Base as Scalar>::select(negative, -magnitude, magnitude)
     }
 
     /// The smaller of two numbers; `other` where they are equal.

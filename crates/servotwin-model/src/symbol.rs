@@ -47,8 +47,10 @@ pub enum Unary {
 pub enum Function {
     /// `e^x`.
     Exp,
-    /// Natural logarithm.
-    Ln,
+    /// `2^x`.
+    Exp2,
+    /// Binary logarithm.
+    Log2,
     /// Hyperbolic tangent.
     Tanh,
     /// Sine.
@@ -59,14 +61,21 @@ pub enum Function {
 
 impl Function {
     /// Every function.
-    pub const ALL: [Function; 5] =
-        [Function::Exp, Function::Ln, Function::Tanh, Function::Sin, Function::Cos];
+    pub const ALL: [Function; 6] = [
+        Function::Exp,
+        Function::Exp2,
+        Function::Log2,
+        Function::Tanh,
+        Function::Sin,
+        Function::Cos,
+    ];
 
     /// The usual name.
     pub fn name(self) -> &'static str {
         match self {
             Function::Exp => "exp",
-            Function::Ln => "ln",
+            Function::Exp2 => "exp2",
+            Function::Log2 => "log2",
             Function::Tanh => "tanh",
             Function::Sin => "sin",
             Function::Cos => "cos",
@@ -77,7 +86,8 @@ impl Function {
     pub fn kernel<P: Primitive>(self, x: P) -> P {
         match self {
             Function::Exp => math::exp(x),
-            Function::Ln => math::ln(x),
+            Function::Exp2 => math::exp2(x),
+            Function::Log2 => math::log2(x),
             Function::Tanh => math::tanh(x),
             Function::Sin => math::sin_cos(x).0,
             Function::Cos => math::sin_cos(x).1,
@@ -421,8 +431,11 @@ impl<'g> Scalar for Symbol<'g> {
     fn exp(self) -> Self {
         self.call(Function::Exp)
     }
-    fn ln(self) -> Self {
-        self.call(Function::Ln)
+    fn exp2(self) -> Self {
+        self.call(Function::Exp2)
+    }
+    fn log2(self) -> Self {
+        self.call(Function::Log2)
     }
     fn tanh(self) -> Self {
         self.call(Function::Tanh)

@@ -14,7 +14,7 @@
 //! The relief valve is the same valve with a higher spring force and uses the
 //! same equation: its parameters stand in the same order.
 
-use super::orifice::{hole, scaled_velocity_at_pa_s_m};
+use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
@@ -98,6 +98,7 @@ impl Equation<2, 1, 6> for OneWayFlow {
     fn evaluate<S: Scalar>(c: &[S::Base; 6], [p_a, p_b]: [S; 2]) -> [S; 1] {
         let drop = p_a - p_b;
         let factor = smooth_step((drop - c[3]) * c[4]) * c[0] + c[5];
-        [factor * scaled_velocity_at_pa_s_m(drop, c[1], c[2])]
+        let one = S::constant(1.0).base();
+        [factor * scaled_velocity_pa_s_m(drop.abs(), c[1], c[2]) * drop.signed(one)]
     }
 }

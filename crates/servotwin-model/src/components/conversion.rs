@@ -13,7 +13,7 @@
 //! current loop; the sensor's output ends at full scale.
 
 use crate::equation::Given;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
 
 /// Bias of the first conversion.
@@ -69,15 +69,21 @@ pub fn factor<S: Scalar<Base = S>>(given: &Given<S>, gain: usize) -> S {
 pub const ZERO_A: f64 = 4e-3;
 const SPAN_A: f64 = 16e-3;
 
-/// Equation (C2): a share of full scale → current.
-#[inline(always)]
-pub fn to_current_a<S: Scalar>(share: S, factor: S::Base, bias: S::Base) -> S {
-    let limited = (share * factor + bias).clamp(S::constant(0.0), S::constant(1.0));
-    limited * lit::<S>(SPAN_A) + lit::<S>(ZERO_A)
+/// The gain and the offset of [`to_current_a`] for a quantity that is `low` at an empty scale and `range` more at a full
+/// one: (C2) without its limits.
+pub fn to_current_constants<S: Scalar<Base = S>>(factor: S, bias: S, low: S, range: S) -> [S; 2] {
+    let gain = factor * S::constant(SPAN_A) / range;
+    [gain, bias * S::constant(SPAN_A) + S::constant(ZERO_A) - gain * low]
 }
 
-/// Equation (C3): current → a share of full scale.
+/// Equation (C2): a quantity → current.
 #[inline(always)]
-pub fn from_current_a<S: Scalar>(current_a: S, factor: S::Base, bias: S::Base) -> S {
-    (current_a - lit::<S>(ZERO_A)) * lit::<S>(1.0 / SPAN_A) * factor + bias
+pub fn to_current_a<S: Scalar>(quantity: S, gain: S::Base, offset: S::Base) -> S {
+    (quantity * gain + offset).clamp(S::constant(ZERO_A), S::constant(ZERO_A + SPAN_A))
+}
+
+/// The gain and the offset of (C3), with the quantity of [`to_current_constants`] for the share.
+pub fn from_current_constants<S: Scalar<Base = S>>(factor: S, bias: S, low: S, range: S) -> [S; 2] {
+    let gain = factor * range / S::constant(SPAN_A);
+    [gain, bias * range - gain * S::constant(ZERO_A) + low]
 }

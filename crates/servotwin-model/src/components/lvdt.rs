@@ -13,7 +13,7 @@
 use super::conversion;
 use crate::component::{Component, Span};
 use crate::equation::{Equation, Given};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
@@ -76,9 +76,9 @@ impl Component for Lvdt {
         wiring.set("electrical", ratio);
         let inputs = [wiring.signal("position"), ratio, wiring.state("ratio_rate")];
         let rates = [wiring.derivative("ratio"), wiring.derivative("ratio_rate")];
-        wiring.equation::<PositionToRatio, 3, 2, 5>(0, inputs, rates.map(Output::add));
+        wiring.equation::<PositionToRatio, 3, 2, 4>(0, inputs, rates.map(Output::add));
         let reading = wiring.internal();
-        wiring.equation::<RatioToPosition, 1, 1, 3>(0, [ratio], [Output::add(reading)]);
+        wiring.equation::<RatioToPosition, 1, 1, 2>(0, [ratio], [Output::add(reading)]);
         wiring.set("reading", reading.variable());
     }
 }
@@ -86,36 +86,36 @@ impl Component for Lvdt {
 /// Equations (D1) and (D2): (position, ratio, its rate) → their rates.
 pub struct PositionToRatio;
 
-impl Equation<3, 2, 5> for PositionToRatio {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
+impl Equation<3, 2, 4> for PositionToRatio {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
+        let half = S::constant(0.5);
         [
-            S::constant(1.0) / given[FULL_SCALE],
-            conversion::factor(given, GAIN_ELECTRICAL),
-            given[BIAS_ELECTRICAL],
+            conversion::factor(given, GAIN_ELECTRICAL) * half / given[FULL_SCALE],
+            given[BIAS_ELECTRICAL] * half,
             given[BANDWIDTH] * S::constant(core::f64::consts::TAU),
             given[DAMPING] * S::constant(2.0),
         ]
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 5], [position, ratio, rate]: [S; 3]) -> [S; 2] {
-        let share = position * c[0] * c[1] + c[2];
-        let target = share.clamp(S::constant(-1.25), S::constant(1.25)) * lit::<S>(0.5);
-        [rate * c[3], (target - ratio - rate * c[4]) * c[3]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 4], [position, ratio, rate]: [S; 3]) -> [S; 2] {
+        let half = position * c[0] + c[1];
+        let target = half.clamp(S::constant(-0.625), S::constant(0.625));
+        [rate * c[2], (target - ratio - rate * c[3]) * c[2]]
     }
 }
 
 /// Equation (D3): ratio → reading.
 pub struct RatioToPosition;
 
-impl Equation<1, 1, 3> for RatioToPosition {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+impl Equation<1, 1, 2> for RatioToPosition {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
         let factor = conversion::factor(given, GAIN_DIGITAL) * S::constant(2.0);
-        [given[FULL_SCALE], factor, given[BIAS_DIGITAL]]
+        [given[FULL_SCALE] * factor, given[BIAS_DIGITAL] * given[FULL_SCALE]]
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 3], [ratio]: [S; 1]) -> [S; 1] {
-        [(ratio * c[1] + c[2]) * c[0]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [ratio]: [S; 1]) -> [S; 1] {
+        [ratio * c[0] + c[1]]
     }
 }

@@ -16,7 +16,7 @@
 //! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
 
-use super::orifice::{hole, scaled_velocity_at_pa_s_m};
+use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
@@ -185,7 +185,7 @@ impl Equation<3, 1, 3> for BypassFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3], [m, p_a, p_b]: [S; 3]) -> [S; 1] {
-        [damped(m) * scaled_velocity_at_pa_s_m(p_a - p_b, c[1], c[2]) * c[0]]
+        [damped(m) * flow_m3_s(p_a - p_b, c)]
     }
 }
 
@@ -202,9 +202,10 @@ impl Equation<3, 1, 4> for ReserveFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [m, up, down]: [S; 3]) -> [S; 1] {
-        let drop = up - down;
+        // Closed where the drop is negative.
+        let drop = (up - down).max(S::constant(0.0));
         let opening = damped(m) * smooth_step(drop * c[3]) * c[0];
-        [opening * scaled_velocity_at_pa_s_m(drop, c[1], c[2])]
+        [opening * scaled_velocity_pa_s_m(drop, c[1], c[2])]
     }
 }
 

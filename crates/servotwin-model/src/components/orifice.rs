@@ -81,26 +81,21 @@ pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
     (area_m2 * S::constant(4.0 / core::f64::consts::PI)).sqrt().max(S::constant(1e-6))
 }
 
-/// Equation (O2) without its factor: `2 k` times the mean velocity, Pa s/m.
+/// Equation (O2) by the constants of [`hole`], m³/s.
 #[inline(always)]
-pub fn scaled_velocity_pa_s_m<S: Scalar>(
-    pressure_drop_pa: S,
-    laminar: S,
-    four_turbulent: S::Base,
-) -> S {
-    let root = (laminar * laminar + pressure_drop_pa.abs() * four_turbulent).sqrt();
-    (root - laminar) * pressure_drop_pa.sign()
+pub fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
+    let velocity = scaled_velocity_pa_s_m(pressure_drop_pa.abs(), hole[1], hole[2]);
+    velocity * pressure_drop_pa.signed(hole[0])
 }
 
-/// Equation (O2) with a constant laminar term.
+/// Equation (O2) without its factor, for a drop that is not negative: `2 k` times the mean velocity, Pa s/m.
 #[inline(always)]
-pub fn scaled_velocity_at_pa_s_m<S: Scalar>(
+pub fn scaled_velocity_pa_s_m<S: Scalar>(
     pressure_drop_pa: S,
     laminar: S::Base,
     four_turbulent: S::Base,
 ) -> S {
-    let root = (pressure_drop_pa.abs() * four_turbulent + laminar * laminar).sqrt();
-    (root - laminar) * pressure_drop_pa.sign()
+    (pressure_drop_pa * four_turbulent + laminar * laminar).sqrt() - laminar
 }
 
 /// The constants of a round hole: `A/(2k)`, `r` of (O3) without series
@@ -127,6 +122,6 @@ impl Equation<2, 1, 3> for Restriction {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3], [p_a, p_b]: [S; 2]) -> [S; 1] {
-        [scaled_velocity_at_pa_s_m(p_a - p_b, c[1], c[2]) * c[0]]
+        [flow_m3_s(p_a - p_b, c)]
     }
 }

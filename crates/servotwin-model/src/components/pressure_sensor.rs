@@ -75,9 +75,9 @@ impl Component for PressureSensor {
         wiring.set("electrical", current);
         let inputs = [wiring.pressure("port"), current];
         let rate = Output::add(wiring.derivative("current_a"));
-        wiring.equation::<PressureToCurrent, 2, 1, 4>(0, inputs, [rate]);
+        wiring.equation::<PressureToCurrent, 2, 1, 3>(0, inputs, [rate]);
         let reading = wiring.internal();
-        wiring.equation::<CurrentToPressure, 1, 1, 3>(0, [current], [Output::add(reading)]);
+        wiring.equation::<CurrentToPressure, 1, 1, 2>(0, [current], [Output::add(reading)]);
         wiring.set("reading", reading.variable());
     }
 }
@@ -85,32 +85,33 @@ impl Component for PressureSensor {
 /// Equation (PS1): (pressure, current) → rate of the current.
 pub struct PressureToCurrent;
 
-impl Equation<2, 1, 4> for PressureToCurrent {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        [
-            S::constant(1.0) / given[FULL_SCALE],
-            conversion::factor(given, GAIN_ELECTRICAL),
-            given[BIAS_ELECTRICAL],
-            given[BANDWIDTH] * S::constant(core::f64::consts::TAU),
-        ]
+impl Equation<2, 1, 3> for PressureToCurrent {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
+        let factor = conversion::factor(given, GAIN_ELECTRICAL);
+        let (bias, zero) = (given[BIAS_ELECTRICAL], S::constant(0.0));
+        let [gain, offset] =
+            conversion::to_current_constants(factor, bias, zero, given[FULL_SCALE]);
+        [gain, offset, given[BANDWIDTH] * S::constant(core::f64::consts::TAU)]
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 4], [pressure, current]: [S; 2]) -> [S; 1] {
-        [(conversion::to_current_a(pressure * c[0], c[1], c[2]) - current) * c[3]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 3], [pressure, current]: [S; 2]) -> [S; 1] {
+        [(conversion::to_current_a(pressure, c[0], c[1]) - current) * c[2]]
     }
 }
 
 /// Equation (PS2): current → reading.
 pub struct CurrentToPressure;
 
-impl Equation<1, 1, 3> for CurrentToPressure {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        [given[FULL_SCALE], conversion::factor(given, GAIN_DIGITAL), given[BIAS_DIGITAL]]
+impl Equation<1, 1, 2> for CurrentToPressure {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        let factor = conversion::factor(given, GAIN_DIGITAL);
+        let (bias, zero) = (given[BIAS_DIGITAL], S::constant(0.0));
+        conversion::from_current_constants(factor, bias, zero, given[FULL_SCALE])
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 3], [current]: [S; 1]) -> [S; 1] {
-        [conversion::from_current_a(current, c[1], c[2]) * c[0]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [current]: [S; 1]) -> [S; 1] {
+        [current * c[0] + c[1]]
     }
 }

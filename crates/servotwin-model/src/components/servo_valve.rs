@@ -29,7 +29,7 @@
 //! place where it began. Source: rounded-edge geometry of common component
 //! libraries; valid for |x| up to some strokes and Δp of either sign.
 
-use super::orifice::{hole, scaled_velocity_at_pa_s_m, turbulent};
+use super::orifice::{flow_m3_s, hole, turbulent};
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
     damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
@@ -37,7 +37,7 @@ use super::spool::{
 };
 use crate::component::Component;
 use crate::equation::{Equation, Given};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
@@ -236,12 +236,12 @@ impl Equation<4, 1, 9> for EdgeFlow {
             number(orientation),
             given[OVERLAP + given.which],
             given[SMOOTHING] * given[SMOOTHING],
-            two_radii,
-            height * height,
+            two_radii * number(2.0),
+            height * height * number(4.0),
             given[WIDTH + given.which] * number(0.5) / k,
             given[REYNOLDS] * viscosity * k * number(0.5),
-            slit,
-            k * number(4.0),
+            slit * number(0.125),
+            k,
         ]
     }
 
@@ -251,22 +251,23 @@ impl Equation<4, 1, 9> for EdgeFlow {
             orientation,
             overlap,
             smoothing,
-            two_radii,
-            height,
+            four_radii,
+            four_heights,
             width_per_two_k,
             hole,
-            slit,
-            four_k,
+            eighth_of_slit,
+            k,
         ] = *c;
         let travel = x * orientation - overlap;
-        let opening = (travel + (travel * travel + smoothing).sqrt()) * lit::<S>(0.5);
-        let reach = opening + two_radii;
-        let gap = (reach * reach + height).sqrt() - two_radii;
+        let smooth = (travel * travel + smoothing).sqrt();
+        // Twice the opening of (W4), and with it twice reach and gap.
+        let reach = travel + smooth + four_radii;
+        let gap = (reach * reach + four_heights).sqrt() - four_radii;
         let gap = gap * gap;
-        let laminar = (opening - travel) * gap * slit + hole;
+        let laminar = (smooth - travel) * gap * eighth_of_slit + hole;
         let drop = up - down;
-        let root = (laminar * laminar + drop.abs() * gap * four_k).sqrt();
-        [transmission * (root - laminar) * (drop.sign() * width_per_two_k)]
+        let root = (laminar * laminar + drop.abs() * gap * k).sqrt();
+        [transmission * (root - laminar) * drop.signed(width_per_two_k)]
     }
 }
 
@@ -280,7 +281,7 @@ impl Equation<2, 1, 3> for PilotFlow {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 3], [p, t]: [S; 2]) -> [S; 1] {
-        [scaled_velocity_at_pa_s_m(p - t, c[1], c[2]) * c[0]]
+        [flow_m3_s(p - t, c)]
     }
 }
 

@@ -11,7 +11,7 @@
 //! while it closes, the share of laminar flow is underestimated, which matters
 //! below about one percent of opening.
 
-use super::orifice::{hole, scaled_velocity_pa_s_m};
+use super::orifice::hole;
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -87,6 +87,8 @@ impl Equation<3, 1, 4> for ShutOffFlow {
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [p_a, p_b, opening]: [S; 3]) -> [S; 1] {
         let opening = opening.max(S::constant(0.0));
         let laminar = opening * c[3] + c[1];
-        [opening * scaled_velocity_pa_s_m(p_a - p_b, laminar, c[2]) * c[0]]
+        let drop = p_a - p_b;
+        let root = (laminar * laminar + drop.abs() * c[2]).sqrt();
+        [opening * (root - laminar) * drop.signed(c[0])]
     }
 }

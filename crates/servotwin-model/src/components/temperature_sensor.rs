@@ -75,10 +75,10 @@ impl Component for TemperatureSensor {
         let rate = Output::add(wiring.derivative("probe_k"));
         wiring.equation::<Warming, 2, 1, 1>(0, inputs, [rate]);
         let [current, reading] = [wiring.internal(), wiring.internal()];
-        wiring.equation::<TemperatureToCurrent, 1, 1, 4>(0, [probe], [Output::add(current)]);
+        wiring.equation::<TemperatureToCurrent, 1, 1, 2>(0, [probe], [Output::add(current)]);
         wiring.set("electrical", current.variable());
         let inputs = [current.variable()];
-        wiring.equation::<CurrentToTemperature, 1, 1, 4>(0, inputs, [Output::add(reading)]);
+        wiring.equation::<CurrentToTemperature, 1, 1, 2>(0, inputs, [Output::add(reading)]);
         wiring.set("reading", reading.variable());
     }
 
@@ -108,37 +108,31 @@ impl Equation<2, 1, 1> for Warming {
 /// Equation (TS2): probe → current.
 pub struct TemperatureToCurrent;
 
-impl Equation<1, 1, 4> for TemperatureToCurrent {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        [
-            given[LOW],
-            S::constant(1.0) / (given[HIGH] - given[LOW]),
-            conversion::factor(given, GAIN_ELECTRICAL),
-            given[BIAS_ELECTRICAL],
-        ]
+impl Equation<1, 1, 2> for TemperatureToCurrent {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        let factor = conversion::factor(given, GAIN_ELECTRICAL);
+        let (low, range) = (given[LOW], given[HIGH] - given[LOW]);
+        conversion::to_current_constants(factor, given[BIAS_ELECTRICAL], low, range)
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 4], [probe]: [S; 1]) -> [S; 1] {
-        [conversion::to_current_a((probe - c[0]) * c[1], c[2], c[3])]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [probe]: [S; 1]) -> [S; 1] {
+        [conversion::to_current_a(probe, c[0], c[1])]
     }
 }
 
 /// Equation (TS3): current → reading.
 pub struct CurrentToTemperature;
 
-impl Equation<1, 1, 4> for CurrentToTemperature {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        [
-            given[LOW],
-            given[HIGH] - given[LOW],
-            conversion::factor(given, GAIN_DIGITAL),
-            given[BIAS_DIGITAL],
-        ]
+impl Equation<1, 1, 2> for CurrentToTemperature {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
+        let factor = conversion::factor(given, GAIN_DIGITAL);
+        let (low, range) = (given[LOW], given[HIGH] - given[LOW]);
+        conversion::from_current_constants(factor, given[BIAS_DIGITAL], low, range)
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 4], [current]: [S; 1]) -> [S; 1] {
-        [conversion::from_current_a(current, c[2], c[3]) * c[1] + c[0]]
+    fn evaluate<S: Scalar>(c: &[S::Base; 2], [current]: [S; 1]) -> [S; 1] {
+        [current * c[0] + c[1]]
     }
 }

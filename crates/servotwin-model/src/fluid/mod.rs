@@ -245,12 +245,12 @@ impl Fluid {
 
 /// `10^x`.
 fn power_of_ten<S: Scalar>(x: S) -> S {
-    (x * lit::<S>(core::f64::consts::LN_10)).exp()
+    (x * lit::<S>(core::f64::consts::LOG2_10)).exp2()
 }
 
 /// Base-ten logarithm.
 fn log_10<S: Scalar>(x: S) -> S {
-    x.ln() * lit::<S>(core::f64::consts::LOG10_E)
+    x.log2() * lit::<S>(core::f64::consts::LOG10_2)
 }
 
 /// Walther's law of viscosity: `log₁₀ log₁₀(ν/cSt + 0.7) = A − B log₁₀(T/K)`,

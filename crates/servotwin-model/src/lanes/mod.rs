@@ -268,8 +268,12 @@ macro_rules! base_scalar {
             $crate::math::exp(self)
         }
         #[inline(always)]
-        fn ln(self) -> Self {
-            $crate::math::ln(self)
+        fn exp2(self) -> Self {
+            $crate::math::exp2(self)
+        }
+        #[inline(always)]
+        fn log2(self) -> Self {
+            $crate::math::log2(self)
         }
         #[inline(always)]
         fn tanh(self) -> Self {
