@@ -227,6 +227,11 @@ impl Failure {
             Failure::Watch(WatchError::Sink(_)) => 1,
             Failure::Table(error) => of_table(error),
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
+            Failure::Campaign(CampaignError::Unfinished { damaged: Some(_), .. })
+            | Failure::Job(JobError::Campaign(CampaignError::Unfinished {
+                damaged: Some(_),
+                ..
+            })) => 3,
             Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
             Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
             Failure::Job(_) => 3,

@@ -48,8 +48,7 @@ pub struct Air<S> {
 pub fn standard_air<S: Scalar>(altitude_m: S) -> Air<S> {
     const EXPONENT: f64 = GRAVITY / (GAS_CONSTANT * LAPSE_K_M);
     const STRATOSPHERE_K: f64 = SEA_LEVEL_K - LAPSE_K_M * TROPOPAUSE_M;
-    const FADE_PER_M: f64 =
-        GRAVITY / (GAS_CONSTANT * STRATOSPHERE_K) * core::f64::consts::LOG2_E;
+    const FADE_PER_M: f64 = GRAVITY / (GAS_CONSTANT * STRATOSPHERE_K) * core::f64::consts::LOG2_E;
     let altitude = altitude_m.clamp(S::constant(RANGE_M.0), S::constant(RANGE_M.1));
     let tropopause = S::constant(TROPOPAUSE_M);
     let temperature_k = -(altitude.min(tropopause) * lit::<S>(LAPSE_K_M)) + lit::<S>(SEA_LEVEL_K);

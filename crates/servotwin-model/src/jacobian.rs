@@ -9,7 +9,7 @@
 
 use crate::dual::Partial;
 use crate::lu::Plan;
-use crate::place::Place;
+use crate::place::{Place, Slot};
 use crate::runs::{Run, in_runs, runs, unrolled};
 use crate::scalar::{Lanes, Scalar, Work};
 use crate::sequence::{Dependence, Sequence, Target};
@@ -57,23 +57,33 @@ const ONE: Place = Place::new(0);
 /// Jacobian has none.
 const ZERO: Place = Place::new(1);
 
-/// The place of an index, of which there are not too many.
+/// The place of an index, of which there are not too many ([`MOST_SLOTS`]).
 fn place(index: usize) -> Place {
-    Place::new(u16::try_from(index).expect("at most 65,536 gradient entries"))
+    Place::new(u16::try_from(index).expect("counted before"))
 }
 
+/// So many gradient entries have places.
+const MOST_SLOTS: usize = Slot::MAX as usize + 1;
+
 impl Rows {
-    /// `needed` are the sums that some derivative depends on, derivatives included.
+    /// `needed` are the sums that some derivative depends on, derivatives included. `None` where there are too many
+    /// entries.
     pub(crate) fn new(
         sequence: &Sequence,
         states: usize,
         externals: usize,
         sums: Range<usize>,
         needed: &BTreeSet<usize>,
-    ) -> Self {
+    ) -> Option<Self> {
         let patterns = patterns(sequence, states, externals, &sums, needed);
         // The one and the zero, then the slopes of the inputs, then the rows.
         let first_slope = 2;
+        let entries: usize = patterns.values().map(BTreeSet::len).sum();
+        let partials: usize =
+            sequence.wired().map(|(_, inputs, outputs)| inputs.len() * outputs.len()).sum();
+        if first_slope + externals + entries + partials > MOST_SLOTS {
+            return None;
+        }
         let mut next = first_slope + externals;
         let mut places: BTreeMap<(usize, usize), Place> = BTreeMap::new();
         for (row, pattern) in &patterns {
@@ -102,7 +112,7 @@ impl Rows {
                 c => rows.jacobian.push(((row - first) as u16, c as u16, place)),
             }
         }
-        rows
+        Some(rows)
     }
 
     /// Lists the terms of all entries. Gives the places of those entries that need

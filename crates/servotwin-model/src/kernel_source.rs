@@ -167,9 +167,7 @@ fn solution<'g>(
     program.solve_stage(&derivatives, slope_factor, &gradients, &factors, &mut right);
     let stores = right.into_iter().enumerate().map(|(place, value)| ("right", place, value));
     CFunction {
-        head: format!(
-            "{name}(IN variables, IN slope_factor, IN gradients, IN factors, OUT right)"
-        ),
+        head: format!("{name}(IN variables, IN slope_factor, IN gradients, IN factors, OUT right)"),
         stores: stores.collect(),
     }
     .write(c, graph);

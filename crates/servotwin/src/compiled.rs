@@ -62,12 +62,30 @@ impl Compiled {
         level: Level,
         simulated_s: f64,
     ) -> Option<&Kernels> {
-        if method != Settings::campaign().method {
-            return None;
+        let is_worth = self.is_worth(method, simulated_s);
+        self.asked_s.fetch_add(simulated_s.ceil() as u64, Ordering::Relaxed);
+        if is_worth { self.kernels(program, level) } else { None }
+    }
+
+    /// Compiles now what [`Compiled::when_worth`] would compile for so many seconds, unless the work is cancelled while
+    /// the compiler runs: then there are no functions from then on.
+    pub(crate) fn prepare(
+        &self,
+        program: &Program,
+        method: Method,
+        level: Level,
+        simulated_s: f64,
+        cancel: &AtomicBool,
+    ) {
+        if self.is_worth(method, simulated_s) {
+            self.kernels_unless(program, level, Some(cancel));
         }
-        let more_s = simulated_s.ceil() as u64;
-        let asked_s = self.asked_s.fetch_add(more_s, Ordering::Relaxed).saturating_add(more_s);
-        if asked_s >= WORTH_S { self.kernels(program, level) } else { None }
+    }
+
+    fn is_worth(&self, method: Method, simulated_s: f64) -> bool {
+        let asked_s =
+            self.asked_s.load(Ordering::Relaxed).saturating_add(simulated_s.ceil() as u64);
+        method == Settings::campaign().method && asked_s >= WORTH_S
     }
 
     /// What [`Compiled::kernels`] has found before, somewhere else.
@@ -88,7 +106,17 @@ impl Compiled {
     /// The functions for a program, which must always be the same, for runs by the method of campaigns that begin with
     /// the lanes of a level. `None` without a compiler.
     pub fn kernels(&self, program: &Program, level: Level) -> Option<&Kernels> {
-        let patience = Patience { until: Instant::now() + LONGEST, given_up: &self.given_up };
+        self.kernels_unless(program, level, None)
+    }
+
+    fn kernels_unless(
+        &self,
+        program: &Program,
+        level: Level,
+        cancel: Option<&AtomicBool>,
+    ) -> Option<&Kernels> {
+        let given_up = &self.given_up;
+        let patience = Patience { until: Instant::now() + LONGEST, given_up, cancel };
         let load = || Loaded::new(program, level, &compiler()?, &patience);
         let loaded = self.of(level).get_or_init(load);
         loaded.as_ref().map(|loaded| &loaded.kernels)
@@ -198,11 +226,13 @@ fn compile(
 struct Patience<'p> {
     until: Instant,
     given_up: &'p AtomicBool,
+    cancel: Option<&'p AtomicBool>,
 }
 
 impl Patience<'_> {
     fn is_over(&self) -> bool {
-        self.given_up.load(Ordering::Relaxed) || Instant::now() >= self.until
+        let is_set = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
+        is_set(self.given_up) || self.cancel.is_some_and(is_set) || Instant::now() >= self.until
     }
 }
 
@@ -316,7 +346,8 @@ mod tests {
         let program = System::default().program;
         for broken in ["/no/such/compiler", "false", "true"] {
             let given_up = AtomicBool::new(false);
-            let patience = Patience { until: Instant::now() + LONGEST, given_up: &given_up };
+            let patience =
+                Patience { until: Instant::now() + LONGEST, given_up: &given_up, cancel: None };
             assert!(
                 Loaded::new(&program, Level::Portable, broken, &patience).is_none(),
                 "{broken}"
@@ -330,7 +361,8 @@ mod tests {
         let given_up = AtomicBool::new(false);
         for (until, is_given_up) in [(Duration::from_millis(50), false), (LONGEST, true)] {
             given_up.store(is_given_up, Ordering::Relaxed);
-            let patience = Patience { until: Instant::now() + until, given_up: &given_up };
+            let patience =
+                Patience { until: Instant::now() + until, given_up: &given_up, cancel: None };
             // Flags that follow are arguments that it does not look at.
             let hanging = "sh -c cat</dev/zero>/dev/null";
             assert!(Loaded::new(&program, Level::Portable, hanging, &patience).is_none());

@@ -344,6 +344,11 @@ impl<M: PartialEq> Collector<M> {
         self.at.contains_key(&(span.start, span.end))
     }
 
+    /// How much is wrong so far.
+    pub fn len(&self) -> usize {
+        self.found.len()
+    }
+
     /// Whether nothing is wrong so far.
     pub fn is_empty(&self) -> bool {
         self.found.is_empty()

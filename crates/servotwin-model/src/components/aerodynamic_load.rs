@@ -8,7 +8,7 @@
 //!
 //! Density ρ and speed of sound a of the standard atmosphere, the Prandtl-Glauert
 //! factor for compressibility, λ the load factor. Linear in small angles; valid
-//! below a Mach number of about 0.8, and 1 − m² is held above 0.19 (Mach 0.9).
+//! below a Mach number of about 0.8, and 1 − m² is held above 0.19 (Mach 0.9; the range of V goes as far).
 //! Below 1 m/s the damping counts as at 1 m/s. The air is an equation only where
 //! the altitude is connected, else a constant.
 
@@ -30,11 +30,20 @@ const INCIDENCE: usize = 7;
 const DEFLECTION: usize = 8;
 const RATE: usize = 9;
 
+/// Mach 0.9 in the stratosphere, where sound is slowest: the law says nothing beyond.
+const LARGEST_SPEED_M_S: f64 = 265.0;
+
 static SPEC: Spec = Spec {
     kind: "aerodynamic_load",
     summary: "hinge moment of the air on a control surface",
     parameters: &[
-        parameter("air_speed_m_s", Unit::MetrePerSecond, 150.0, (0.0, 300.0), "true air speed V"),
+        parameter(
+            "air_speed_m_s",
+            Unit::MetrePerSecond,
+            150.0,
+            (0.0, LARGEST_SPEED_M_S),
+            "true air speed V",
+        ),
         parameter("altitude_m", Unit::Metre, 3000.0, (-2e3, 2e4), "altitude"),
         parameter("incidence_rad", Unit::Radian, 0.05236, (-0.5, 0.5), "incidence α"),
         parameter("load_factor", Unit::None, 1.0, (0.0, 10.0), "share of the dynamic pressure λ"),

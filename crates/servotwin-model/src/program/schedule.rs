@@ -70,8 +70,10 @@ fn schedule(
     }
     let sums = layout.sums.clone();
     let inputs = network.inputs.len();
+    let too_large = || vec![Mistake::TooLarge];
     let rows = Rows::new(&motion, layout.states, inputs, sums.clone(), &needed);
-    let plan = rows.plan().ok_or_else(|| vec![Mistake::TooLarge])?;
+    let rows = rows.ok_or_else(too_large)?;
+    let plan = rows.plan().ok_or_else(too_large)?;
     Ok(Program {
         states: layout.list_states(network, &collected),
         observables: observables(network, &collected, &layout),

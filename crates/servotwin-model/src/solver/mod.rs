@@ -321,7 +321,8 @@ mod tests {
     #[test]
     fn dense_output_agrees_with_landing() {
         for method in [Method::Rodas4P2, Method::Rodas5P] {
-            let control = Control::Adaptive { tolerance: 1e-9, max_step_s: 1.0, busy_per_s: f64::INFINITY };
+            let control =
+                Control::Adaptive { tolerance: 1e-9, max_step_s: 1.0, busy_per_s: f64::INFINITY };
             let landing = Settings { method, control, land_on_samples: true };
             let dense = Settings { land_on_samples: false, ..landing };
             let a = &pressures(landing, Level::best(), 1)[0];

@@ -41,7 +41,7 @@ use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::decision::usual_least_on;
 use servotwin_diagnosis::features::{MOST_UNITS, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -257,7 +257,8 @@ impl Study {
         mistakes: Collector<Mistake>,
     ) -> Result<Self, StudyError> {
         let mistakes = RefCell::new(mistakes);
-        let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
+        let document = OnceCell::new();
+        let reader = Reader { path, source, text: &parsed, system: &system, mistakes, document };
         let parts = Parts::new(&reader);
         let Parts {
             measured,
@@ -305,6 +306,7 @@ impl Study {
             text: &self.parsed,
             system: &self.system,
             mistakes: RefCell::default(),
+            document: OnceCell::new(),
         }
     }
 

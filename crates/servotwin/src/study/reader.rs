@@ -8,7 +8,8 @@ use crate::nearest::nearest;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
 use servotwin_model::signal::Piecewise;
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Something is wrong, and it was noted.
@@ -23,12 +24,16 @@ pub(super) struct Reader<'a> {
     pub text: &'a Text,
     pub system: &'a System,
     pub mistakes: RefCell<Collector<Mistake>>,
+    /// The file as a document, once somebody asks for a place in it.
+    pub document: OnceCell<Spanned<DeTable<'a>>>,
 }
 
+/// Beyond so many mistakes none comes with advice; fewer are told.
+const TOLD: usize = 100;
 /// More names than these are not listed in a message.
 const LISTED: usize = 30;
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
     /// Notes a mistake; of every place one is told.
     pub fn note(&self, at: &Span, mistake: Mistake) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
@@ -47,7 +52,10 @@ impl Reader<'_> {
         known: impl IntoIterator<Item = &'n str>,
     ) -> Noted {
         let known: Vec<&str> = known.into_iter().collect();
-        let nearest = nearest(name, known.iter().copied()).map(Into::into);
+        // What is not told needs no advice.
+        let is_told = self.mistakes.borrow().len() < TOLD;
+        let nearest = is_told.then(|| nearest(name, known.iter().copied())).flatten();
+        let nearest = nearest.map(Into::into);
         let few = known.len() <= LISTED;
         let known = if few { known.into_iter().map(Into::into).collect() } else { vec![] };
         let mistake = Mistake::Unknown { what, name: name.into(), nearest, known };
@@ -126,7 +134,7 @@ impl Reader<'_> {
 
     /// Where a name stands in a field: as a text first, then as a key.
     fn place(&self, field: &str, name: &str) -> Span {
-        let (root, _) = DeTable::parse_recoverable(self.source);
+        let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
         let mut found = 0..0;
         let mut all = entries(root.get_ref());
         let mut rest = field;

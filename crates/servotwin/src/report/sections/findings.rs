@@ -1,5 +1,5 @@
 //! What to act on, in one sentence each, from what was measured in the hardest setting: which faults are
-//! not seen, what is dangerous, what is taken for what, what the additional sensor buys, and which limit
+//! not seen, what would show more, what is dangerous, what is taken for what, what the additional sensor buys, and which limit
 //! is missed. Of what was not counted nothing is said.
 
 use super::{bands, flights, settings};
@@ -29,6 +29,7 @@ pub(super) fn all(
     words: &Vocabulary,
 ) -> Vec<Finding> {
     let mut list = vec![unseen(material, hardest)];
+    list.extend(advice(material, hardest));
     list.extend(dangerous(material, hardest, words));
     list.extend(right(hardest, words));
     list.extend(confused(hardest, words));
@@ -57,8 +58,11 @@ impl Seen<'_> {
             "" => String::new(),
             command => format!(" ({})", spoken(command)),
         };
+        let is_never_together = !self.never.is_empty() && self.never.len() == self.cases;
         let from = match self.from {
-            from if from > 0.0 => format!(", only from intensity {} on", chosen(from)),
+            from if from > 0.0 && !is_never_together => {
+                format!(", only from intensity {} on", chosen(from))
+            }
             _ => String::new(),
         };
         let never = match self.never.len() {
@@ -115,6 +119,7 @@ fn named(mut items: Vec<String>, more: &str) -> String {
     items.truncate(NAMED);
     match rest {
         0 => items.join("; "),
+        1 => format!("{}; and one more", items.join("; ")),
         rest => format!("{}; and {rest} more {more}", items.join("; ")),
     }
 }
@@ -136,6 +141,68 @@ fn unseen(material: &Material, result: &SubjectResult) -> Finding {
         named(late, "kinds")
     );
     ("Not or late detected".into(), text)
+}
+
+/// A band as wide as this part of a scale hides whatever its sensor shows.
+const BLIND: f64 = 0.3;
+
+/// What would show more: twins that know their specimens where tolerances hide faults, another command or a sensor
+/// where they hide from perfect specimens too.
+fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
+    let of = |subject| material.results.of(subject);
+    let detected = |result: &SubjectResult| result.evaluation.detection.detected;
+    let share = |rate: Rate| rate.share.unwrap_or(0.0);
+    let mut acts = vec![];
+    let perfect = of(Subject::Noise).filter(|_| hardest.evaluation.bands.is_some());
+    if let Some(perfect) =
+        perfect.filter(|perfect| detected(perfect).low > share(detected(hardest)))
+    {
+        let seen_by = percent(detected(perfect).share);
+        acts.push(match of(Subject::Fitted) {
+            Some(fitted) => format!(
+                "tolerances hide what perfect specimens show ({seen_by}): beside twins that are fitted to their \
+                 specimens (servotwin fit) {} leave the bands",
+                bracketed(Some(detected(fitted)))
+            ),
+            None => format!(
+                "tolerances hide what perfect specimens show ({seen_by}): a twin that is fitted to its specimen \
+                 (servotwin fit) shows more; 'servotwin study --fitted' measures how much"
+            ),
+        });
+    }
+    acts.extend(blind(hardest));
+    let hidden = perfect.map(|perfect| seen(material, perfect)).unwrap_or_default();
+    let hidden = hidden.iter().filter(|seen| seen.rate.count == 0);
+    let hidden: Vec<String> = hidden.map(|seen| spoken(seen.kind)).collect();
+    if !hidden.is_empty() {
+        acts.push(format!(
+            "not even perfect specimens show {}: that takes another command, or a sensor nearer to it \
+             ([extra_sensor] measures what one buys)",
+            named(hidden, "kinds")
+        ));
+    }
+    (!acts.is_empty()).then(|| ("To do".to_owned(), format!("{}.", begun(&acts.join("; ")))))
+}
+
+/// The sensors whose learned bands are too wide to tell anything.
+fn blind(result: &SubjectResult) -> Option<String> {
+    let bands = result.evaluation.bands.iter().flatten();
+    let wide: Vec<String> = bands
+        .filter(|band| band.half_width > BLIND)
+        .map(|band| {
+            format!(
+                "{} (±{} % of its scale)",
+                band.sensor,
+                chosen((100.0 * band.half_width).round())
+            )
+        })
+        .collect();
+    (!wide.is_empty()).then(|| {
+        format!(
+            "the band of {} is too wide to tell a fault by: narrower tolerances, or a fitted twin",
+            named(wide, "sensors")
+        )
+    })
 }
 
 /// How often the kind is seen that is seen least, where not all are seen always: the end of a sentence.

@@ -68,7 +68,10 @@ impl Campaign<'_> {
         let prepared = self.without_images(prepared);
         match missing(&prepared).min(least) {
             0 => Ok(prepared),
-            missing => Err(CampaignError::Unfinished { missing }),
+            missing => Err(CampaignError::Unfinished {
+                missing,
+                damaged: self.shards(&prepared).iter().find_map(Shards::damaged),
+            }),
         }
     }
 

@@ -136,6 +136,8 @@ pub enum CampaignError {
     Unfinished {
         /// Variants that are missing.
         missing: usize,
+        /// A file that holds some of them and is damaged.
+        damaged: Option<PathBuf>,
     },
     /// It was stopped from elsewhere.
     Cancelled,
@@ -172,7 +174,12 @@ impl fmt::Display for CampaignError {
             CampaignError::Calibration { specimen, reason } => {
                 write!(out, "the twin of specimen {specimen} cannot be fitted: {reason}")
             }
-            CampaignError::Unfinished { missing } => write!(
+            CampaignError::Unfinished { missing, damaged: Some(path) } => write!(
+                out,
+                "{} is damaged: 'servotwin campaign' simulates its variants again ({missing} are missing)",
+                path.display()
+            ),
+            CampaignError::Unfinished { missing, damaged: None } => write!(
                 out,
                 "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
             ),
@@ -528,8 +535,11 @@ impl Campaign<'_> {
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
         let stop = AtomicBool::new(false);
-        let ensemble = Ensemble { cancel: Some(&stop), ..self.ensemble() };
         let Run { prepared, jobs, twins } = *run;
+        let ensemble = self.ensemble();
+        ensemble.prepare(jobs.len());
+        stop.store(self.is_cancelled(), Ordering::Relaxed);
+        let ensemble = Ensemble { cancel: Some(&stop), ..ensemble };
         let Prepared { plan, images, counts, .. } = prepared;
         let observer = Observer::new(self, images);
         let all = outcome.variants;

@@ -158,8 +158,21 @@ impl Shards {
     pub fn rows(&self, study: &Study, shard: usize) -> Result<Vec<Row>, CampaignError> {
         match self.sound(shard) {
             Some(table) => Ok(Row::from_table(study, &table)?),
-            None => Err(CampaignError::Unfinished { missing: self.missing_variants() }),
+            None => Err(CampaignError::Unfinished {
+                missing: self.missing_variants(),
+                damaged: self.damaged(),
+            }),
         }
+    }
+
+    /// The first shard that is there and damaged.
+    pub fn damaged(&self) -> Option<PathBuf> {
+        let is_damaged = |&shard: &usize| {
+            let path = self.path(shard);
+            let is_other = || table::read(&path).is_ok_and(|table| !self.is_own(&table));
+            path.exists() && self.sound(shard).is_none() && !is_other()
+        };
+        (0..self.count()).find(is_damaged).map(|shard| self.path(shard))
     }
 
     /// How many variants no usable shard holds.
