@@ -94,3 +94,18 @@ fn the_manifest_counts_them_by_kind() {
     assert_eq!(most, steps.iter().copied().fold(0.0, f64::max));
     assert!(manifest.data_sets[1].efforts.iter().any(|effort| effort.kind == "healthy"));
 }
+
+#[test]
+fn a_damaged_shard_is_named_and_made_anew() {
+    let (study, folder) = (study(), Folder::new("damaged"));
+    let before = data_sets(&study, &folder, false);
+    let shard = folder.file("shards/noise-0000.parquet");
+    let mut bytes = std::fs::read(&shard).unwrap();
+    let middle = bytes.len() / 3;
+    bytes[middle] ^= 4;
+    std::fs::write(&shard, bytes).unwrap();
+    let stored = Campaign::stored(&folder.0, &study, Setting::Noise, Role::Judged);
+    let error = stored.features().err().expect("a damaged shard").to_string();
+    assert!(error.contains("noise-0000.parquet is damaged"), "{error}");
+    assert!(data_sets(&study, &folder, false) == before);
+}

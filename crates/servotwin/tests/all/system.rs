@@ -123,6 +123,22 @@ fn the_aileron_overrides_faults_and_keeps_the_others() {
 }
 
 #[test]
+fn a_system_with_more_entries_than_places_is_refused() {
+    // Its states have places, its partial derivatives have not.
+    let mut text = small("[components.tank]\nkind = \"tank\"\n");
+    let mut connections = String::new();
+    for n in 0..8_000 {
+        text += &format!("[components.v{n}]\nkind = \"volume\"\nvolume_m3 = 1e-5\n");
+        text += &format!("[components.o{n}]\nkind = \"orifice\"\narea_m2 = 1e-6\n");
+        let before = if n == 0 { "tank.port".into() } else { format!("v{}.port", n - 1) };
+        connections += &format!("[\"{before}\", \"o{n}.a\"], [\"o{n}.b\", \"v{n}.port\"],\n");
+    }
+    text += &format!("[system]\nconnections = [\n{connections}]\n");
+    let error = System::parse(&text, "chain.toml").err().expect("a mistake").to_string();
+    assert!(error.contains("too large for one program"), "{error}");
+}
+
+#[test]
 fn the_smaller_systems_compile() {
     let learning = shipped("valve_and_cylinder.toml");
     assert_eq!(learning.network().components.len(), 4);
