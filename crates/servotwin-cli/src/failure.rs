@@ -151,6 +151,15 @@ pub enum Failure {
         /// What it has instead.
         reason: String,
     },
+    /// A system that is none of the study which is taken where none is named.
+    OtherSystem {
+        /// The system.
+        system: String,
+        /// The study.
+        study: String,
+        /// The study of this system, where it is known.
+        own: Option<String>,
+    },
     /// A log of which nothing could be judged.
     Unjudged {
         /// What was counted all the same, for standard output.
@@ -200,6 +209,7 @@ impl Failure {
             | Failure::NotAs { .. }
             | Failure::NoLogs { .. }
             | Failure::NoSample { .. }
+            | Failure::OtherSystem { .. }
             | Failure::Unjudged { .. } => 3,
             Failure::Diagnoser { error: RuntimeError::Twin { .. }, .. } => 1,
             Failure::Diagnoser { .. } => 3,
@@ -342,6 +352,14 @@ impl fmt::Display for Failure {
             }
             Failure::NoSample { log, reason } | Failure::Unjudged { log, reason, .. } => {
                 write!(out, "error: {log}: {reason}")
+            }
+            Failure::OtherSystem { system, study, own } => {
+                let own = own.as_deref().unwrap_or("FILE");
+                write!(
+                    out,
+                    "error: tolerances and faults are a study's, and without --study those of '{study}' \
+                     are taken, to which the system '{system}' does not belong: give --study {own}"
+                )
             }
             Failure::Map(error) => write!(out, "{error}"),
             Failure::Watch(error) => write!(out, "error: {error}"),

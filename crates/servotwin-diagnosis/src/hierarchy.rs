@@ -42,6 +42,9 @@ pub const FORMAT: &str = "servotwin hierarchy 2";
 /// The answer of A that there is no fault.
 pub const HEALTHY: &str = "healthy";
 
+/// What the only unit is called where it has no name and something is wrong.
+pub const FAULTY: &str = "faulty";
+
 /// What a stage decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -1,4 +1,4 @@
-//! Whether a text is a system or a study, also where it is no valid TOML: as what stands in it shows. And where
+//! Whether a text is a system, a study or a study of traces, also where it is no valid TOML: as what stands in it shows. And where
 //! it is read from.
 
 use crate::built_in;
@@ -14,6 +14,8 @@ pub enum Kind {
     System,
     /// Faults, cases and sensors of a system.
     Study,
+    /// Which columns of traces are what: a study file of `servotwin features`.
+    Traces,
 }
 
 /// What lines of a system begin with, and none of a study.
@@ -22,16 +24,19 @@ const OF_SYSTEM: [&str; 6] =
 /// The reverse.
 const OF_STUDY: [&str; 6] =
     ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
+/// What neither has.
+const OF_TRACES: [&str; 1] = ["window_rows"];
 
 impl Kind {
-    /// What a text is; `None` where it looks like neither, or like both.
+    /// What a text is; `None` where it looks like none of them, or like several.
     pub fn of(text: &str) -> Option<Self> {
         let begins = |words: &[&str]| {
             text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
         };
-        match (begins(&OF_SYSTEM), begins(&OF_STUDY)) {
-            (true, false) => Some(Kind::System),
-            (false, true) => Some(Kind::Study),
+        match (begins(&OF_SYSTEM), begins(&OF_STUDY), begins(&OF_TRACES)) {
+            (true, false, false) => Some(Kind::System),
+            (false, true, false) => Some(Kind::Study),
+            (false, false, true) => Some(Kind::Traces),
             _ => None,
         }
     }
@@ -46,7 +51,7 @@ impl Kind {
         let studies = ("studies", &built_in::STUDIES[..]);
         let folders = match self {
             Kind::System => [systems, studies],
-            Kind::Study => [studies, systems],
+            Kind::Study | Kind::Traces => [studies, systems],
         };
         let shown = path.display();
         let known = |list| path.to_str().and_then(|name| built_in::find(list, name));
@@ -62,6 +67,7 @@ impl Kind {
         match self {
             Kind::System => "a system",
             Kind::Study => "a study",
+            Kind::Traces => "a study of traces",
         }
     }
 
@@ -74,6 +80,9 @@ impl Kind {
         let help = match (is, named_system(text)) {
             (Kind::Study, Some(name)) => format!("it is a study of the system '{name}'"),
             (Kind::Study, None) => "a study names its system".into(),
+            (Kind::Traces, _) => {
+                "'servotwin features TABLE --study FILE' reads it, and 'servotwin check FILE'".into()
+            }
             (Kind::System, _) => {
                 "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()
             }
@@ -100,6 +109,8 @@ mod tests {
     fn what_is_built_in_is_what_it_is() {
         assert!(SYSTEMS.iter().all(|(_, text)| Kind::of(text) == Some(Kind::System)));
         assert!(STUDIES.iter().all(|(_, text)| Kind::of(text) == Some(Kind::Study)));
+        let traces = include_str!("../../../studies/liu_engine.toml");
+        assert_eq!(Kind::of(traces), Some(Kind::Traces));
         assert_eq!(Kind::of("format = 1\n"), None);
         assert_eq!(named_system("name = 1\nsystem = \"a.toml\"  # beside\n"), Some("a.toml"));
     }

@@ -4,18 +4,36 @@ use std::fmt;
 
 /// The candidate nearest to `word`, if near enough to be what was meant.
 ///
-/// Near enough is a third of the word's letters, and two in a short word; case does not count.
-/// Of equally near candidates the first is taken.
+/// What begins with the word, or else has it somewhere, goes first: of several the shortest. Otherwise near enough is a
+/// third of the word's letters, and two in a short word. Case does not count, and of equally near candidates the first
+/// is taken.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = (word.chars().count() / 3).max(2);
     let lower = word.to_lowercase();
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    completed(&lower, &candidates).or_else(|| mistyped(&lower, &candidates))
+}
+
+/// The shortest candidate of which the word is a part.
+fn completed<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let parts = |least: usize, is_part: fn(&str, &str) -> bool| {
+        let own = candidates.iter().filter(|one| is_part(&one.to_lowercase(), word));
+        own.min_by_key(|one| one.len()).filter(|_| word.chars().count() >= least).copied()
+    };
+    // Two or three letters are a part of too many names.
+    parts(3, |name, word| name.starts_with(word))
+        .or_else(|| parts(4, |name, word| name.contains(word)))
+}
+
+fn mistyped<'a>(lower: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let letters = lower.chars().count();
+    let limit = (letters / 3).max(2);
     candidates
-        .into_iter()
-        .map(|candidate| (distance(&lower, &candidate.to_lowercase()), candidate))
+        .iter()
+        .map(|candidate| (distance(lower, &candidate.to_lowercase()), *candidate))
         .min_by_key(|(distance, _)| *distance)
         .filter(|(distance, candidate)| {
             // Two edits can turn any two-letter name into any other: that is no hint.
-            *distance <= limit && *distance < candidate.chars().count().max(word.chars().count())
+            *distance <= limit && *distance < candidate.chars().count().max(letters)
         })
         .map(|(_, candidate)| candidate)
 }

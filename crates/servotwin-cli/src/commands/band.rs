@@ -1,6 +1,7 @@
 //! `servotwin band`: the confidence band of the twin as a field, with what it promises and what it is worth.
 
 use super::evaluate::workers;
+use super::flights::no_flights;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
@@ -56,9 +57,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         None => Study::default(),
     };
     let flights = if options.full { study.full_flights()? } else { study.flights()? };
-    let Some(flights) = flights else {
-        return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
-    };
+    let Some(flights) = flights else { return Err(no_flights(&study)?) };
     let named = |setting: &Setting| setting.name() == options.setting;
     let setting = Setting::ALL.into_iter().find(named).expect("one of the names that are allowed");
     if !setting.is_possible(&study) {

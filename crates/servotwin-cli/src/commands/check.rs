@@ -1,5 +1,6 @@
 //! `servotwin check`: whether a system or a study file is right.
 
+use super::features::read_traces_study;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
@@ -15,7 +16,8 @@ use std::path::PathBuf;
 /// Check a system or a study file and show its mistakes at their places.
 ///
 /// What a file is shows in its content: a study names its system. The first 20 mistakes are shown,
-/// with --json all of them.
+/// with --json all of them. A built-in name may stand for a system and a study: both are checked, and
+/// --json gives a list of both.
 #[derive(clap::Args)]
 pub struct Options {
     /// The file, or the name of a built-in system or study.
@@ -24,31 +26,47 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let (is_system, is_study) = what(options)?;
-    let mut text = String::new();
-    if is_system {
-        let system = System::read(&options.file);
-        let system = system.map_err(|error| told(StudyError::System(error), global))?;
-        text += &system_text(options, &system, global);
-    }
-    if is_study {
-        let study = Study::read(&options.file).map_err(|error| told(error, global))?;
-        text += &study_text(options, &study, global);
-    }
-    Ok(text)
+    let checked = what(options)?.into_iter().map(|kind| match kind {
+        Kind::System => {
+            let system = System::read(&options.file);
+            let system = system.map_err(|error| told(StudyError::System(error), global))?;
+            Ok(of_system(options, &system))
+        }
+        Kind::Study => {
+            let study = Study::read(&options.file).map_err(|error| told(error, global))?;
+            Ok(of_study(options, &study))
+        }
+        Kind::Traces => of_traces(options),
+    });
+    let checked: Vec<Checked> = checked.collect::<Result<_, Failure>>()?;
+    Ok(match (global, checked.as_slice()) {
+        (Global { json: true, .. }, [one]) => json(&one.json),
+        (Global { json: true, .. }, all) => {
+            json(&json!(all.iter().map(|one| &one.json).collect::<Vec<_>>()))
+        }
+        (Global { quiet: true, .. }, _) => String::new(),
+        (_, all) => all.iter().map(|one| one.text.as_str()).collect(),
+    })
 }
 
-/// Whether the file is a system, and whether it is a study: what has sections that only studies have is
-/// one. A built-in name may stand for both.
-fn what(options: &Options) -> Result<(bool, bool), SystemError> {
+/// What is said of a file without mistakes.
+struct Checked {
+    text: String,
+    json: Value,
+}
+
+/// What the file is: what has sections that only studies have is one. A built-in name may stand for a system and a
+/// study.
+fn what(options: &Options) -> Result<Vec<Kind>, SystemError> {
     let name = options.file.to_str().unwrap_or_default();
-    let built_in = (find(&SYSTEMS, name).is_some(), find(&STUDIES, name).is_some());
-    if built_in.0 || built_in.1 {
+    let lists = [(Kind::System, &SYSTEMS[..]), (Kind::Study, &STUDIES[..])];
+    let built_in = lists.into_iter().filter(|(_, list)| find(list, name).is_some());
+    let built_in: Vec<Kind> = built_in.map(|(kind, _)| kind).collect();
+    if !built_in.is_empty() {
         return Ok(built_in);
     }
     let text = files::read_text(&options.file).map_err(SystemError::File)?;
-    let is_study = Kind::of(&text) == Some(Kind::Study);
-    Ok((!is_study, is_study))
+    Ok(vec![Kind::of(&text).unwrap_or(Kind::System)])
 }
 
 /// Mistakes as JSON, too, where it is wanted.
@@ -83,18 +101,17 @@ fn report<M: Explained>(path: &str, mistakes: &[Located<M>]) -> Value {
     json!({ "file": path, "valid": false, "mistakes": list.collect::<Vec<_>>() })
 }
 
-fn system_text(options: &Options, system: &System, global: Global) -> String {
+fn of_system(options: &Options, system: &System) -> Checked {
     let components = &system.network().components;
     let faults: usize = components.iter().map(|c| c.component.spec().faults.len()).sum();
     let (states, inputs) = (system.program.states().len(), system.network().inputs.len());
-    match global {
-        Global { json: true, .. } => json(&json!({
-            "file": options.file, "valid": true, "mistakes": [], "name": system.name,
-            "components": components.len(), "states": states, "faults": faults,
-            "inputs": inputs, "sensors": system.sensors.len(),
-        })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!(
+    Checked {
+        json: json!({
+            "file": options.file, "kind": "system", "valid": true, "mistakes": [],
+            "name": system.name, "components": components.len(), "states": states,
+            "faults": faults, "inputs": inputs, "sensors": system.sensors.len(),
+        }),
+        text: format!(
             "{}: no mistakes: {}, {} components, {states} states, {faults} faults, {inputs} \
              inputs, {} sensors\n",
             options.file.display(),
@@ -105,18 +122,12 @@ fn system_text(options: &Options, system: &System, global: Global) -> String {
     }
 }
 
-fn study_text(options: &Options, study: &Study, global: Global) -> String {
+fn of_study(options: &Options, study: &Study) -> Checked {
     let (cases, faults) = (study.cases.len(), study.faults.len());
     let settings = Setting::groups(study, |_| true).concat();
     let settings: Vec<&str> = settings.into_iter().map(Setting::name).collect();
-    match global {
-        Global { json: true, .. } => json(&json!({
-            "file": options.file, "valid": true, "mistakes": [], "name": study.name,
-            "system": study.system.name, "units": study.units, "cases": cases, "faults": faults,
-            "sensors": study.measured.len(), "settings": settings,
-        })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!(
+    Checked {
+        text: format!(
             "{}: no mistakes: {} with the system {}, {faults} faults with their intensities in \
              {cases} cases, {} sensors, settings {}\n",
             options.file.display(),
@@ -125,5 +136,30 @@ fn study_text(options: &Options, study: &Study, global: Global) -> String {
             study.measured.len(),
             settings.join(", "),
         ),
+        json: json!({
+            "file": options.file, "kind": "study", "valid": true, "mistakes": [],
+            "name": study.name, "system": study.system.name, "units": study.units,
+            "cases": cases, "faults": faults, "sensors": study.measured.len(),
+            "settings": settings,
+        }),
     }
+}
+
+/// A study of traces names no system: its columns are those of a table.
+fn of_traces(options: &Options) -> Result<Checked, Failure> {
+    let file = &options.file;
+    let study = read_traces_study(file)?;
+    let in_study = |error| Failure::Trace { path: file.clone(), error };
+    let (rows, sensors) = (study.window_rows(), study.sensors().map_err(in_study)?.0.len());
+    Ok(Checked {
+        text: format!(
+            "{}: no mistakes: a study of traces for 'servotwin features', {sensors} sensors or \
+             residuals, windows of {rows} rows\n",
+            file.display()
+        ),
+        json: json!({
+            "file": file, "kind": "traces", "valid": true, "mistakes": [], "sensors": sensors,
+            "window_rows": rows,
+        }),
+    })
 }

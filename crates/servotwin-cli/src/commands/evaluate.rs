@@ -11,7 +11,7 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::parallel::Workers;
-use servotwin::evaluation::table_model::evaluate_table;
+use servotwin::evaluation::table_model::{Judged, Prepared, TableModel, judge_table};
 use servotwin::job::{self, Folder, JobError, Results, manifest};
 use servotwin::study::Study;
 use std::path::{Path, PathBuf};
@@ -25,32 +25,49 @@ pub struct Options {
     /// The output folder of a campaign; or a table (.csv or .parquet) with the features and the
     /// class that the model knows.
     input: PathBuf,
-    /// The model for a table, a file that `servotwin train --out` has written.
-    #[arg(long)]
-    model: Option<PathBuf>,
     /// The column of a table with the group: intervals are then over groups.
     #[arg(long)]
     group: Option<String>,
+    #[command(flatten)]
+    judging: Judging,
+}
+
+/// What judges, and with how many threads.
+#[derive(clap::Args)]
+pub struct Judging {
+    /// The model for a table, a file that `servotwin train --out` has written.
+    #[arg(long)]
+    pub model: Option<PathBuf>,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long)]
-    threads: Option<usize>,
+    pub threads: Option<usize>,
+}
+
+/// A table and the model that has judged it.
+pub struct OfTable {
+    pub model: TableModel,
+    pub prepared: Prepared,
+    pub judged: Judged,
 }
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match (options.input.is_dir(), &options.model) {
+    match (options.input.is_dir(), &options.judging.model) {
         (true, None) => folder(options, global),
-        (true, Some(_)) => Err(Failure::Options("--model is for tables, not for folders")),
+        (true, Some(_)) => Err(Failure::Options(MODEL_OF_FOLDER)),
         (false, Some(model)) => of_table(options, model, global),
         (false, None) => Err(Failure::Options("a table needs --model, the classifier to judge")),
     }
 }
 
+/// Why a folder takes no model.
+pub const MODEL_OF_FOLDER: &str = "--model is for tables, not for folders";
+
 fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.input);
     let study = folder.read_study()?;
-    let results = measure(job::evaluate_all, &folder, &study, options.threads, global)?;
+    let results = measure(job::evaluate_all, &folder, &study, options.judging.threads, global)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
@@ -84,16 +101,8 @@ pub fn measure(
 }
 
 fn of_table(options: &Options, rule: &Path, global: Global) -> Result<String, Failure> {
-    let model = model_file::read_table_model(rule)?;
-    let mixed: Vec<&str> =
-        std::iter::once(model.label.as_str()).chain(options.group.as_deref()).collect();
-    let table = read_table(&options.input, &mixed, global)?;
-    if let Some(group) = &options.group {
-        table.column(group)?;
-    }
-    let judged = evaluate_table(table, &model, options.group.as_deref())
-        .map_err(|error| not_as_model(&options.input, rule, error))?;
-    warn(global, &judged.warnings);
+    let OfTable { model, judged, .. } =
+        judge(&options.input, rule, options.group.as_deref(), global)?;
     let kind = model.model.kind();
     Ok(match global.json {
         true => {
@@ -103,4 +112,23 @@ fn of_table(options: &Options, rule: &Path, global: Global) -> Result<String, Fa
         }
         false => format!("{}:\n{}", kind.title(), people(&judged)),
     })
+}
+
+/// Lets a model judge a table; warnings go to standard error.
+pub fn judge(
+    input: &Path,
+    rule: &Path,
+    group: Option<&str>,
+    global: Global,
+) -> Result<OfTable, Failure> {
+    let model = model_file::read_table_model(rule)?;
+    let mixed: Vec<&str> = std::iter::once(model.label.as_str()).chain(group).collect();
+    let table = read_table(input, &mixed, global)?;
+    if let Some(group) = group {
+        table.column(group)?;
+    }
+    let (prepared, judged) =
+        judge_table(table, &model, group).map_err(|error| not_as_model(input, rule, error))?;
+    warn(global, &judged.warnings);
+    Ok(OfTable { model, prepared, judged })
 }

@@ -92,7 +92,8 @@ const LIST_HEAD: &str = "# Features\n\n\
     A family gives features only where the sensors exist that it compares. r' is a residual (measured\n\
     less nominal) over its sensor's scale; a threshold of a tree is in the unit given here.\n";
 
-fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
+/// A study file of traces.
+pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
     let text = files::read_text(path).map_err(EvaluationError::File)?;
     TraceStudy::parse(&text).map_err(|error| Failure::Trace { path: path.clone(), error })
 }

@@ -6,13 +6,15 @@ use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
 use serde_json::{Value, json};
+use servotwin::built_in;
 use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity};
 use servotwin::fit::unknown::Moved;
 use servotwin::fit::{FitError, Fitted, LeftOut, Problem, Record, Unknown};
 use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
-use servotwin::study::{Study, Tolerance};
+use servotwin::study::{Study, StudyError, Tolerance};
+use servotwin::system::System;
 use servotwin_model::spec::Unit;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -127,7 +129,26 @@ pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, 
             None => Ok(Study::default()),
         };
     };
-    Ok(Study::read_with_system(study.unwrap_or(Path::new("paper")), system)?)
+    match (study, Study::read_with_system(study.unwrap_or(Path::new(USUAL)), system)) {
+        (None, Err(StudyError::Mistakes { .. })) => Err(other_system(system)?),
+        (_, read) => Ok(read?),
+    }
+}
+
+/// The study where none is named.
+const USUAL: &str = "paper";
+
+/// That a system is none of the usual study, and which study may be its own: the built-in one of its name, or what
+/// `servotwin init` writes beside it.
+fn other_system(path: &Path) -> Result<Failure, Failure> {
+    let system = System::read(path)?.name;
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!("{stem}_study.toml"));
+    let own = match built_in::find(&built_in::STUDIES, &system) {
+        Some(_) => Some(system.clone()),
+        None => beside.exists().then(|| beside.display().to_string()),
+    };
+    Ok(Failure::OtherSystem { system, study: USUAL.into(), own })
 }
 
 fn read_record(path: &Path, study: &Study, global: Global) -> Result<Record, Failure> {

@@ -13,7 +13,7 @@ use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::report::vocabulary::Vocabulary;
 use servotwin::report::words::number;
-use servotwin::study::Setting;
+use servotwin::study::{Setting, Study};
 use std::fmt::Write;
 
 /// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.
@@ -40,9 +40,7 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read()?;
     let sizes = if options.full { study.full_flights()? } else { study.flights()? };
-    let Some(sizes) = sizes else {
-        return Err(Failure::Options("the study has no [flights], or no full sizes of them"));
-    };
+    let Some(sizes) = sizes else { return Err(no_flights(&study)?) };
     let named =
         |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());
     let settings: Vec<Setting> = settings(&study).into_iter().filter(named).collect();
@@ -74,6 +72,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => text(&results, &words),
     })
+}
+
+/// Why a study has no flights of the sizes that were asked for.
+pub fn no_flights(study: &Study) -> Result<Failure, Failure> {
+    Ok(Failure::Options(match study.flights()? {
+        Some(_) => "the [flights] of the study have no full sizes, which --full asks for",
+        None => "the study has no [flights]: docs/study-format.md says what stands there",
+    }))
 }
 
 /// What flies and judges, with the progress on a terminal; Ctrl-C stops it.
@@ -133,7 +139,7 @@ fn foreign(out: &mut String, merit: &ForeignMerit, vocabulary: &Vocabulary) {
         let ForeignOutcome { title, strengths, flights, words, .. } = outcome;
         let said = words.named().into_iter().filter(|(_, count)| *count > 0);
         let said: Vec<String> =
-            said.map(|(word, count)| format!("{count} {}", vocabulary.adapted(word))).collect();
+            said.map(|(word, count)| format!("{count} {}", vocabulary.said(word))).collect();
         let strengths =
             if strengths.is_empty() { String::new() } else { format!(" ({strengths})") };
         let first = outcome.first_word.as_ref().map(|l| format!("; median {:.2} s", l.median_s));

@@ -171,7 +171,9 @@ fn diagnoser(
         return Ok(Arc::new(flights::diagnoser(folder, setting)?));
     }
     let Some(plan) = study.flights()? else {
-        return Err(Failure::Options("the study has no [flights] to learn from"));
+        return Err(Failure::Options(
+            "the study has no [flights] to learn from: docs/study-format.md says what stands there",
+        ));
     };
     note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
     let crew = Crew { workers: workers(threads), progress: &|_, _| () };
@@ -378,12 +380,12 @@ impl Flown<'_> {
                 &names.commands[action.raised.command as usize],
             );
             let after = action.time_s - onset_s;
+            let of = if unit.is_empty() { String::new() } else { format!(" of {}", spoken(unit)) };
             let _ = writeln!(
                 out,
-                "{:8.2} s  carried out: {} of {}, {after:.2} s after the onset",
+                "{:8.2} s  carried out: {}{of}, {after:.2} s after the onset",
                 action.time_s,
                 spoken(command),
-                spoken(unit),
             );
         }
         if self.with.actions.is_empty() {
@@ -430,9 +432,10 @@ impl Flown<'_> {
             .actions
             .iter()
             .map(|action| {
+                let unit = &names.actuators[action.raised.unit as usize];
                 json!({
                     "time_s": action.time_s,
-                    "unit": names.actuators[action.raised.unit as usize],
+                    "unit": (!unit.is_empty()).then_some(unit),
                     "command": names.commands[action.raised.command as usize],
                 })
             })

@@ -170,6 +170,18 @@ impl TableOptions {
         }
     }
 
+    /// Whether anything is said of what to learn and to hold out, other than the group.
+    fn is_given(&self) -> bool {
+        let lists = [&self.features, &self.ignore, &self.categorical];
+        let texts = [&self.label, &self.split_column, &self.test_value];
+        texts.iter().any(|text| text.is_some())
+            || lists.iter().any(|list| !list.is_empty())
+            || !self.label_limits.is_empty()
+            || self.class_weights.is_some()
+            || self.last.is_some()
+            || self.test.is_some()
+    }
+
     /// Whether anything can be held out as it is asked for.
     fn check(&self) -> Result<(), Failure> {
         let wrong = |option, given, range: &'static str| Failure::OutOfRange {
@@ -253,9 +265,13 @@ fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Fail
     Ok(table)
 }
 
-/// What is wrong with a table that is to be as a study file or a model says.
+/// What is wrong with a table that is to be as a study file or a model says; a bad number of it says itself where it
+/// stands.
 fn not_as(path: &Path, rule: &Path, error: EvaluationError) -> Failure {
-    Failure::NotAs { path: path.into(), rule: rule.into(), error: Box::new(error) }
+    match error {
+        EvaluationError::Table(table::TableError::NotFinite { .. }) => error.into(),
+        error => Failure::NotAs { path: path.into(), rule: rule.into(), error: Box::new(error) },
+    }
 }
 
 /// The same of a table and a model, where a column is missing or of another kind; what else may be wrong is not the

@@ -1,5 +1,6 @@
 //! `servotwin report`: what the other stages have found, or what a table holds, as one HTML file.
 
+use super::evaluate::{Judging, MODEL_OF_FOLDER, OfTable, judge, workers};
 use super::{TableOptions, warn};
 use crate::Global;
 use crate::failure::Failure;
@@ -7,7 +8,6 @@ use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::comparison::default_classifiers;
-use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::table_model::TableModelError;
 use servotwin::files::write_atomically;
 use servotwin::job::{Folder, report};
@@ -18,12 +18,15 @@ use std::path::{Path, PathBuf};
 /// Write a report: one HTML file that needs no network.
 ///
 /// With the output folder of an evaluated campaign, writes report.html there, and its figures as
-/// SVG. With a table, compares all classifiers on rows held out and draws the tree.
+/// SVG. With a table, compares all classifiers on rows held out and draws the tree; or shows how
+/// good a trained `--model` is on it.
 #[derive(clap::Args)]
 pub struct Options {
     /// The output folder of a campaign for which `servotwin evaluate` has run, or a table (.csv or
     /// .parquet).
     input: PathBuf,
+    #[command(flatten)]
+    judging: Judging,
     #[command(flatten)]
     table: TableOptions,
     /// The report to write (.html).
@@ -33,14 +36,9 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let path = match (options.input.is_dir(), &options.table.label, &options.out) {
-        (true, None, None) => folder(&Folder::new(&options.input))?,
-        (_, _, Some(out)) if !is_html(out) => {
-            return Err(Failure::Options("a report is HTML: --out must end in .html"));
-        }
-        (true, _, _) => return Err(Failure::Options("--label and --out are for tables")),
-        (false, Some(label), Some(out)) => of_table(options, label, out, global)?,
-        (false, _, _) => return Err(Failure::Options("a table needs --label and --out")),
+    let path = match options.input.is_dir() {
+        true => folder(options)?,
+        false => of_table(options, global)?,
     };
     let path = path.display().to_string();
     Ok(match global {
@@ -54,23 +52,74 @@ fn is_html(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"))
 }
 
-fn folder(folder: &Folder) -> Result<PathBuf, Failure> {
-    report::write(folder, &folder.read_study()?)?;
+fn folder(options: &Options) -> Result<PathBuf, Failure> {
+    if options.judging.model.is_some() {
+        return Err(Failure::Options(MODEL_OF_FOLDER));
+    }
+    if options.out.is_some() {
+        return Err(Failure::Options(
+            "--out is for tables: the report of a folder is report.html in it",
+        ));
+    }
+    if options.table.is_given() || options.table.group.is_some() {
+        return Err(Failure::Options(
+            "--label and what goes with it are for tables, not for folders",
+        ));
+    }
+    let folder = Folder::new(&options.input);
+    report::write(&folder, &folder.read_study()?)?;
     Ok(folder.report())
 }
 
-fn of_table(
-    options: &Options,
-    label: &str,
-    out: &Path,
-    global: Global,
-) -> Result<PathBuf, Failure> {
+fn of_table(options: &Options, global: Global) -> Result<PathBuf, Failure> {
+    let (table, out) = (&options.table, options.out.as_ref());
+    if out.is_some_and(|out| !is_html(out)) {
+        return Err(Failure::Options("a report is HTML: --out must end in .html"));
+    }
+    let html = match (&options.judging.model, &table.label, out) {
+        (Some(_), _, _) if table.is_given() => {
+            return Err(Failure::Options(
+                "a --model knows its label and features: beside it only --group and --out",
+            ));
+        }
+        (Some(rule), None, Some(_)) => of_model(options, rule, global)?,
+        (None, Some(label), Some(_)) => of_classifiers(options, label, global)?,
+        _ => return Err(Failure::Options("a table needs --out, and --label or --model")),
+    };
+    let out = out.expect("it was there");
+    write_atomically(out, |file| file.write_all(html.as_bytes())).map_err(EvaluationError::File)?;
+    Ok(out.into())
+}
+
+/// The last part of a path, as reports call it.
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// What a trained model makes of a table.
+fn of_model(options: &Options, rule: &Path, global: Global) -> Result<String, Failure> {
+    let OfTable { model, prepared, judged } =
+        judge(&options.input, rule, options.table.group.as_deref(), global)?;
+    Ok(render(&TableMaterial {
+        name: &name(&options.input),
+        prepared: &prepared,
+        held_out: "",
+        class_weights: "",
+        results: &[(model.model.kind(), judged)],
+        refused: &[],
+        tree: &model,
+        model: Some(&name(rule)),
+    }))
+}
+
+/// All classifiers compared.
+fn of_classifiers(options: &Options, label: &str, global: Global) -> Result<String, Failure> {
     let prepared = options.table.prepare(&options.input, label, global)?;
     let hold_out = options.table.hold_out();
     let list = default_classifiers();
     let (mut results, mut refused) = (vec![], vec![]);
     for settings in &list {
-        match prepared.validate(settings, hold_out, Workers::all()) {
+        match prepared.validate(settings, hold_out, workers(options.judging.threads)) {
             Ok(judged) => results.push((settings.kind(), judged)),
             Err(EvaluationError::TableModel(error @ TableModelError::Missing { .. })) => {
                 refused.push((settings.kind(), error.to_string()));
@@ -83,15 +132,14 @@ fn of_table(
     }
     let cart = list.iter().find(|settings| settings.kind() == Kind::Cart);
     let cart = cart.cloned().unwrap_or_else(|| Kind::Cart.default_settings());
-    let html = render(&TableMaterial {
-        name: &options.input.file_name().unwrap_or_default().to_string_lossy(),
+    Ok(render(&TableMaterial {
+        name: &name(&options.input),
         prepared: &prepared,
         held_out: &options.table.held_out(),
         class_weights: &options.table.weights_in_words(),
         results: &results,
         refused: &refused,
         tree: &prepared.train(&cart)?,
-    });
-    write_atomically(out, |file| file.write_all(html.as_bytes())).map_err(EvaluationError::File)?;
-    Ok(out.into())
+        model: None,
+    }))
 }

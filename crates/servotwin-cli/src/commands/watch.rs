@@ -90,9 +90,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = &study.system;
     let address = Address::parse(&options.source)?;
     if let Some(path) = &options.make_map {
-        return make_map(&address, system, path, global);
+        return make_map(options, &address, &study, path, global);
     }
-    let map = map(options, &address, system, global)?;
+    let map = map(options, &address, &study, global)?;
     let opened = address.open(map.wanted());
     let mut source = match opened.map_err(|error| map.explain(error)) {
         Ok(source) => source,
@@ -259,9 +259,10 @@ pub fn read_diagnoser(model: Option<&Path>, band: Option<&Path>) -> Result<Diagn
 fn map(
     options: &Options,
     address: &Address,
-    system: &System,
+    study: &Study,
     global: Global,
 ) -> Result<Map, Failure> {
+    let system = &study.system;
     if let Some(path) = &options.map {
         let map = Map::read(path, system)?;
         let unmeasured: Vec<&str> = map.unmeasured().collect();
@@ -273,10 +274,38 @@ fn map(
     if address.is_live() {
         return Err(Failure::Options("a live stream needs --map FILE; --make-map FILE writes one"));
     }
-    let guess = guess(&address.columns()?, system);
+    let columns = address.columns()?;
+    let guess = guess(&columns, system);
+    if guess.sensors.len() == system.sensors.len() {
+        return Err(foreign(options, address, study, &columns));
+    }
     let map = Map::parse(&guess.text, "the columns as they were found", system)?;
     told(&guess, global);
     Ok(map)
+}
+
+/// That a log has no sensor of the study: nothing of it could be judged.
+fn foreign(
+    options: &Options,
+    address: &Address,
+    study: &Study,
+    columns: &[(String, String)],
+) -> Failure {
+    const SHOWN: usize = 12;
+    let names = columns.iter().take(SHOWN).map(|(name, _)| name.as_str());
+    let mut names = names.collect::<Vec<_>>().join(", ");
+    if columns.len() > SHOWN {
+        names += &format!(" and {} more", columns.len() - SHOWN);
+    }
+    let (name, system) = (&study.name, &study.system.name);
+    let what = match options.study {
+        Some(_) => "--study names another, --make-map writes a map to be filled in",
+        None => "it is taken where --study names none",
+    };
+    let reason = format!(
+        "no column is a sensor of the study '{name}' of the system '{system}': {what}; the columns are {names}"
+    );
+    Failure::NoSample { log: address.to_string(), reason }
 }
 
 /// Says what is uncertain in a map.
@@ -306,22 +335,33 @@ fn told(guess: &Guess, global: Global) {
 
 /// Writes a map file for the columns of a source.
 fn make_map(
+    options: &Options,
     address: &Address,
-    system: &System,
+    study: &Study,
     path: &Path,
     global: Global,
 ) -> Result<String, Failure> {
+    let system = &study.system;
     if path.exists() {
         return Err(Failure::Options("the map file exists already; it may hold work of a person"));
     }
     if address.is_live() {
         note(global, &format!("waiting for the first line of {address}"));
     }
-    let guess = guess(&address.columns()?, system);
+    let columns = address.columns()?;
+    let guess = guess(&columns, system);
+    let found = system.sensors.len() - guess.sensors.len();
+    if found == 0 {
+        // Of a study that was named the map may be filled in by hand; of another it would be of no use.
+        if options.study.is_none() {
+            return Err(foreign(options, address, study, &columns));
+        }
+        let text = format!("no column is a sensor of the study '{}': fill them in", study.name);
+        warn(global, &[text]);
+    }
     files::write_atomically(path, |out| out.write_all(guess.text.as_bytes()))
         .map_err(SinkError::File)?;
     told(&guess, global);
-    let found = system.sensors.len() - guess.sensors.len();
     let inputs = system.network().inputs.len();
     let result = json!({
         "map": path.display().to_string(),

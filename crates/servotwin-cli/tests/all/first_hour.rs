@@ -76,6 +76,15 @@ fn built_in_names_stand_wherever_a_file_is() {
     for name in ["aileron_dual", "paper"] {
         assert_eq!(json(&["check", name, "--json"])["name"], name);
     }
+    // Of a name that stands for both, both are told, in one document.
+    let both = json(&["check", "press_axis", "--json"]);
+    let kinds: Vec<_> = both.as_array().unwrap().iter().map(|one| &one["kind"]).collect();
+    assert_eq!(kinds, ["system", "study"]);
+    let traces = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/liu_engine.toml");
+    let told = json(&["check", traces, "--json"]);
+    assert_eq!((&told["kind"], &told["sensors"]), (&"traces".into(), &42.into()));
+    let told = servotwin(&["study", traces]);
+    assert!(stderr(&told).contains("this is a study of traces, not a study"), "{told:?}");
 }
 
 #[test]
@@ -85,6 +94,10 @@ fn studies_are_checked_with_their_places() {
     let text = include_str!("../../../../studies/spring_actuator.toml")
         .replace("input = \"command\"", "input = \"comand\"")
         .replace("\"leakage_a.leakage\"", "\"leakage_x.leakage\"");
+    let nameless = text.replacen("detail = \"", "detail = \"\" # \"", 1);
+    std::fs::write(&wrong, nameless).unwrap();
+    let told = stderr(&servotwin(&["check", &wrong]));
+    assert!(told.contains("'detail' is empty") && told.contains("3 mistakes"), "{told}");
     std::fs::write(&wrong, text).unwrap();
     let output = servotwin(&["check", &wrong]);
     assert_eq!(output.status.code(), Some(3));
@@ -151,6 +164,7 @@ fn impossible_parameters_and_inputs_are_refused() {
     let cases: &[(&[&str], &str)] = &[
         (&["--set", "spring.stiffness_n_m=-1"], "allowed are 0 … 1e12 N/m"),
         (&["--set", "spring.stifness_n_m=1"], "did you mean 'spring.stiffness_n_m'?"),
+        (&["--set", "controller.gain=3"], "did you mean 'controller.gain_per_m'?"),
         (&["--set", "supply.pressure_pa=20mm"], "wrong unit"),
         (&["--set", "supply.temperature_k=300"], "'supply' and 'tank' are in one circuit"),
         (&["--set", "supply.temperature_k=470", "--set", "tank.temperature_k=470"], "out of range"),

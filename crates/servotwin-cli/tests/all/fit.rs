@@ -146,6 +146,7 @@ fn wrong_logs_and_names_are_told() {
         (&["fit", "/nowhere.csv"], 3, "/nowhere.csv"),
         (&["fit", &short, "--study", STUDY], 3, "short.csv: the record is too short"),
         (&["fit", &timeless, "--study", STUDY], 3, "no column 'time_s'"),
+        (&["fit", &log, "press_axis"], 3, "'press_axis' does not belong: give --study press_axis"),
         (&["fit", &log, "--study", STUDY, "--parameters", "nul_bias"], 2, "nul_bias"),
         (&["fit", &log, "--study", STUDY, "--parameters", "mass_kg=0%"], 2, "greater than 0"),
         (&["fit", &log, "--study", STUDY, "--faults", "leak"], 2, "no fault 'leak'"),

@@ -225,6 +225,7 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
         fails(stage, 2, "a table needs");
     }
     std::fs::create_dir(&out).unwrap();
+    fails(&["report", &out, "--out", "x"], 2, "the report of a folder is report.html in it");
     for stage in ["train", "evaluate", "report", "features"] {
         fails(&[stage, &out], 3, "there is no data set here");
     }

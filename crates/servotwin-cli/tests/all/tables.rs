@@ -56,7 +56,7 @@ fn every_command_of_the_document_works() {
             }
         }
     }
-    assert_eq!(run, 8);
+    assert_eq!(run, 9);
     let windows = servotwin::table::read(folder.file("windows.csv")).unwrap();
     let mean = windows.f64("mean_p").unwrap();
     let states = windows.text("state").unwrap().iter().zip(&*mean);
@@ -69,6 +69,11 @@ fn every_command_of_the_document_works() {
     for part in ["12</td>", "seed 1", "rows of one rig together", "seal = worn", "Every group"] {
         assert!(page.contains(part), "{part}");
     }
+    let page = std::fs::read_to_string(folder.file("judged.html")).unwrap();
+    for part in ["judged by", "model.json", "Every group"] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!page.contains("held out"), "a model is judged by every row");
 }
 
 #[test]
@@ -135,8 +140,15 @@ fn tables_that_do_not_serve_are_refused_with_their_line() {
         assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
         assert!(stderr(&output).contains(what), "{}", stderr(&output));
     };
-    refused(&text.replace("\n7,b,1", "\n7,,1"), "line 3, column 'class': the row has no class");
+    refused(
+        &text.replace("\n7,b,1", "\n7,,1"),
+        "unfit.csv: line 3, column 'class': the row has no class",
+    );
     refused(&text.replace("\n7,b,1", "\n7,b,"), "line 3, column 'batch': the row has no group");
+    refused(
+        &text.replace("\n7,b,1", "\ninf,b,1"),
+        "unfit.csv: line 3, column 'x': inf is no finite",
+    );
     let measured = table("x,class,batch", |row| format!("{row},{},{}", row as f64 * 0.3, row % 4));
     refused(&measured, "--label-limits");
 }

@@ -248,6 +248,33 @@ fn one_unit_without_a_name_is_healthy_or_faulty() {
     assert!(!html.contains("which unit has failed") && !html.contains("mirror image"));
 }
 
+/// Nor does a text leave a hole where the name would stand.
+#[test]
+fn one_unit_without_a_name_is_flown_and_watched() {
+    let folder = Folder::new("nameless-flown");
+    let out = &folder.file("out");
+    let fly = ["fly", "press_axis", "--out", out, "--fault", "valve.gain_low=0.8", "--at", "2s"];
+    let fly = [&fly[..], &["--duration", "6s"]].concat();
+    let text = run(&fly);
+    assert!(text.contains("carried out: stop, ") && text.contains("  stop / valve"), "{text}");
+    let flown = json(&[&fly[..], &["--json"]].concat());
+    assert_eq!(flown["actions"][0]["command"], "stop");
+    assert!(flown["actions"][0]["unit"].is_null(), "{flown}");
+    let (log, html) = (&folder.file("log.csv"), &folder.file("log.html"));
+    let command = "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=5";
+    let simulate = ["simulate", "press_axis", "--command", command, "--noise", "4"];
+    let more = ["--fault", "valve.gain_low=0.8", "--duration", "6s", "--out", log];
+    run(&[&simulate[..], &more].concat());
+    let model = &format!("{out}/diagnoser-noise.json");
+    let watch = ["watch", log, "--study", "press_axis", "--model", model, "--html", html];
+    let said = run(&watch);
+    assert!(said.contains("raised: stop, valve"), "{said}");
+    let page = std::fs::read_to_string(html).unwrap();
+    assert!(page.contains("<th>State</th><th>Command</th>") && !page.contains("<td></td>"));
+    let lines = run(&[&watch[..], &["--json"]].concat());
+    assert!(lines.contains("\"actuator\":1,\"unit\":null,\"command\":\"stop\""), "{lines}");
+}
+
 #[test]
 fn how_many_units_stay_on_is_said_by_the_study() {
     let folder = Folder::new("lanes-kept");

@@ -195,6 +195,9 @@ fn mistakes_in_watching_are_said_with_their_place() {
     // A log without the numbers of sensors, and one that is too short.
     let (emptied, short) = (folder.file("emptied.csv"), folder.file("short.csv"));
     let head: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let alien = folder.file("alien.csv");
+    std::fs::write(&alien, "Zeit,Druck\n0,1\n0.01,2\n").unwrap();
+    let alien_map = folder.file("alien.toml");
     let emptied_rows = rows.lines().map(|line| {
         let cell = |(cell, name): (&str, &&str)| match *name {
             "p_a_1_pa" | "p_b_1_pa" | "x_v_1_m" if cell != *name => String::new(),
@@ -214,6 +217,9 @@ fn mistakes_in_watching_are_said_with_their_place() {
         ),
         (&["watch", &spring, "--study", "spring_actuator", "--model", &model], 3, &other),
         (&["watch", &log, "--make-map", &map], 2, "exists already"),
+        (&["watch", &alien, "--make-map", &alien_map], 3, "study 'paper' of the system"),
+        (&["watch", &alien], 3, "it is taken where --study names none"),
+        (&["watch", &alien, "--study", "press_axis"], 3, "--study names another"),
         (&["watch", &log, "--map", &wrong], 3, "has no column 'p_a_1_bar'"),
         (
             &[&["watch", &emptied], &with[..]].concat(),
@@ -232,6 +238,11 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
     ];
+    // What is to be filled in is written for a study that was named.
+    let named = ["watch", &alien, "--study", "press_axis", "--make-map", &alien_map];
+    let output = servotwin(&named);
+    assert!(output.status.success() && stderr(&output).contains("fill them in"), "{output:?}");
+    assert!(std::fs::read_to_string(&alien_map).unwrap().contains("# p_a = "));
     // Dates are found to be dates, in all kinds of files.
     let mut told = vec![];
     for log in [&dates, &dated_parquet(&folder, &dates), &dated_lines(&folder, &dates)] {

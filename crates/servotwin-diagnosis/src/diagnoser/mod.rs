@@ -171,7 +171,9 @@ impl Diagnoser {
                 alloc::vec!["environment invalid".into(), input.into(), why.into()]
             }
         };
-        words.join(" / ")
+        // The only unit of a study may have no name.
+        let named: Vec<&str> = words.iter().map(String::as_str).filter(|w| !w.is_empty()).collect();
+        if named.is_empty() { crate::hierarchy::FAULTY.into() } else { named.join(" / ") }
     }
 
     /// Checks that the parts fit each other; for diagnosers that come from outside.

@@ -1,7 +1,7 @@
 //! What is fed with one sample after the other, and what it says.
 
 use crate::report::words::spoken;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// What is fed with one sample after the other.
 pub trait Observer {
@@ -139,8 +139,8 @@ pub struct Finding {
     pub phase: Phase,
     /// The unit concerned, from 1.
     pub actuator: Option<u32>,
-    /// What the study calls it; empty for the only one of a study that gives it no name.
-    #[serde(default)]
+    /// What the study calls it; empty for the only one of a study that gives it no name, which is null in JSON.
+    #[serde(default, serialize_with = "named")]
     pub unit: Option<String>,
     /// What to do; empty for nothing.
     pub command: String,
@@ -154,6 +154,11 @@ pub struct Finding {
     /// promises nothing.
     #[serde(default)]
     pub is_outside: bool,
+}
+
+/// The name of a unit, if it has one.
+fn named<S: Serializer>(unit: &Option<String>, out: S) -> Result<S::Ok, S::Error> {
+    unit.as_ref().filter(|name| !name.is_empty()).serialize(out)
 }
 
 impl Finding {

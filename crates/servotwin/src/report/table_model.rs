@@ -36,15 +36,25 @@ pub struct TableMaterial<'a> {
     pub results: &'a [(Kind, Judged)],
     /// The classifiers that could not learn from the table, and why.
     pub refused: &'a [(Kind, String)],
-    /// The tree, trained with all rows that train.
+    /// The tree, trained with all rows that train; or the model that was trained elsewhere.
     pub tree: &'a TableModel,
+    /// The file of a model that was trained elsewhere and has judged every row.
+    pub model: Option<&'a str>,
+}
+
+impl TableMaterial<'_> {
+    /// Words for classifiers that learned from the table, or for a model that was trained elsewhere.
+    fn either<'w>(&self, learned: &'w str, elsewhere: &'w str) -> &'w str {
+        if self.model.is_some() { elsewhere } else { learned }
+    }
 }
 
 /// The report as HTML.
 pub fn render(material: &TableMaterial) -> String {
     let mut page = Page::default();
     page.section("data", "The table", |page| data(material, page));
-    page.section("classifiers", "Classifiers compared", |page| classifiers(material, page));
+    let compared = if material.model.is_some() { "The model" } else { "Classifiers compared" };
+    page.section("classifiers", compared, |page| classifiers(material, page));
     page.section("classes", "Every class", |page| classes(material, page));
     page.section("groups", "Every group", |page| groups(material, page));
     page.section("confusion", "Confusion matrices", |page| confusion(material, page));
@@ -66,13 +76,21 @@ fn data(material: &TableMaterial, page: &mut Page) {
     if let Some(groups) = material.prepared.groups() {
         line("groups", format!("{} of column {}", groups.coded.names.len(), groups.column));
     }
-    line("held out", material.held_out.into());
-    line("weights of classes", material.class_weights.into());
+    match material.model {
+        Some(model) => line("judged by", model.into()),
+        None => {
+            line("held out", material.held_out.into());
+            line("weights of classes", material.class_weights.into());
+        }
+    }
     if let Model::Cart(tree) = &material.tree.model {
         let leaves = tree.leaves().len();
         line("tree", format!("{} questions deep, {leaves} leaves", tree.depth()));
     }
-    page.table(&grid, "What was learnt from, and how.");
+    page.table(
+        &grid,
+        material.either("What was learnt from, and how.", "What was judged, and by what."),
+    );
     let warnings = material.results.first().map_or(&material.prepared.warnings, |r| &r.1.warnings);
     for warning in warnings {
         page.text(&format!("Warning: {warning}."));
@@ -124,7 +142,10 @@ fn classifiers(material: &TableMaterial, page: &mut Page) {
         true => "intervals over groups (bootstrap)",
         false => "intervals as if rows were independent (Wilson)",
     };
-    let caption = format!("Accuracy with 95 % {over}; held out: {}.", material.held_out);
+    let caption = match material.model {
+        Some(model) => format!("Accuracy with 95 % {over}; every row, judged by {model}."),
+        None => format!("Accuracy with 95 % {over}; held out: {}.", material.held_out),
+    };
     page.figure("classifiers", bars.draw(), &caption);
     page.table(&grid, &caption);
     for note in refusals(material.refused) {
@@ -169,7 +190,8 @@ fn classes(material: &TableMaterial, page: &mut Page) {
             percent(class.precision),
         ]);
     }
-    page.table(&grid, &format!("{}: each class on rows held out.", kind.title()));
+    let on = material.either("on rows held out", "on all rows of the table");
+    page.table(&grid, &format!("{}: each class {on}.", kind.title()));
 }
 
 fn groups(material: &TableMaterial, page: &mut Page) {
@@ -192,10 +214,11 @@ fn groups(material: &TableMaterial, page: &mut Page) {
         grid.push(vec![group.group.clone(), group.rows.to_string(), right, classes]);
     }
     let caption = format!(
-        "{}: {} of {} groups, each while it was held out, the worst first.",
+        "{}: {} of {} groups{}, the worst first.",
         kind.title(),
         worst.len().min(GROUPS_LISTED),
-        worst.len()
+        worst.len(),
+        material.either(", each while it was held out", "")
     );
     page.table(&grid, &caption);
 }
@@ -239,10 +262,14 @@ fn tree(material: &TableMaterial, page: &mut Page) {
         return;
     };
     let parts = parts(tree);
-    page.text(
-        "The tree trained with all rows that train: a row goes left where the answer is yes; n counts \
-         rows, purity is the share of the class decided.",
-    );
+    page.text(&format!(
+        "{}: a row goes left where the answer is yes; n counts rows, purity is the share of the class \
+         decided.",
+        material.either(
+            "The tree trained with all rows that train",
+            "The tree of the model, with the rows that it was trained with"
+        )
+    ));
     for (place, root) in parts.iter().enumerate() {
         let drawing = Drawing {
             title: String::new(),

@@ -6,10 +6,7 @@
 use super::lines::PAPER;
 use super::words::spoken;
 use crate::study::Study;
-use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
-
-/// What the only unit is called where it is asked whether anything is wrong.
-const FAULTY: &str = "faulty";
+use servotwin_diagnosis::hierarchy::{FAULTY, HEALTHY, Question};
 
 /// The words of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -161,6 +158,15 @@ impl Vocabulary {
             false => text.replace(", actuator 1", "").replace(" of each actuator", ""),
         };
         text.replace("actuator", &self.unit)
+    }
+
+    /// What was said of a fault never trained on: of the only unit it is not asked which one it is.
+    pub fn said(&self, word: &str) -> String {
+        match (word, self.has_several()) {
+            ("actuator", false) => FAULTY.into(),
+            ("wrong actuator", false) => "command though healthy".into(),
+            _ => self.adapted(word),
+        }
     }
 }
 

@@ -137,8 +137,8 @@ pub enum SignalError {
     },
     /// The rows of a file make no function of time.
     Rows {
-        /// The file.
-        file: String,
+        /// The file, with the line where there is one.
+        place: String,
         /// What is wrong.
         error: CurveError,
     },
@@ -207,7 +207,10 @@ impl fmt::Display for SignalError {
                     (Quantity(value, read.symbol()), Quantities(min, max, read.symbol()));
                 write!(out, "'{input}' becomes {value}, but allowed are {range}")
             }
-            SignalError::Rows { file, error } => write!(out, "{file}: {error}"),
+            SignalError::Rows { place, error: CurveError::Order { before_s, time_s, .. } } => {
+                write!(out, "{place}: time {time_s} s is not after {before_s} s before it")
+            }
+            SignalError::Rows { place, error } => write!(out, "{place}: {error}"),
         }
     }
 }

@@ -8,7 +8,7 @@ use super::error::SignalError;
 use super::spec::{Fallback, Given, Kind, Parameter, Range, Sort, Spec};
 use super::units::UNITS;
 use crate::table;
-use servotwin_model::signal::Piecewise;
+use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
 
 /// A recorded signal.
@@ -86,6 +86,12 @@ impl Kind for Recorded {
             "hold" => Piecewise::steps(&times_s, &values),
             _ => Piecewise::linear(&times_s, &values),
         };
-        curve.map_err(|error| SignalError::Rows { file: file.into(), error })
+        curve.map_err(|error| SignalError::Rows {
+            place: match error {
+                CurveError::Order { index, .. } => table.origin().place_in_file(index),
+                _ => file.into(),
+            },
+            error,
+        })
     }
 }

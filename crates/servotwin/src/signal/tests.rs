@@ -228,7 +228,7 @@ fn recorded_signals_come_from_files() {
     assert!(build("column=comand_rad", Unit::Radian).unwrap_err().contains("command_rad"));
     write("time_s,x\n0,1\n1,2\n1,3\n");
     let error = build("column=x", Unit::None).unwrap_err();
-    assert!(error.ends_with("time 1 s of point 2 is not after 1 s before it"), "{error}");
+    assert!(error.ends_with("line 4: time 1 s is not after 1 s before it"), "{error}");
     std::fs::remove_dir_all(&folder).unwrap();
     assert!(build("column=x", Unit::None).unwrap_err().contains("no such file"));
 }

@@ -1,8 +1,11 @@
 //! The fault list: every fault of every class, in every unit, with every
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
+use super::mistake::Mistake;
 use super::reader::{Noted, Reader};
+use crate::document::Span;
 use servotwin_model::program::FaultAt;
+use toml::de::{DeTable, DeValue};
 
 /// A row of Table 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +51,27 @@ impl Reader<'_> {
             command: c.command.clone(),
             kinds: c.faults.clone(),
         };
+        for (place, c) in self.text.classes.iter().enumerate() {
+            for (key, text) in [("detail", &c.detail), ("command", &c.command)] {
+                if text.trim().is_empty() {
+                    self.note(&self.place_in_class(place, key), Mistake::Empty { field: key });
+                }
+            }
+        }
         self.text.classes.iter().map(class).collect()
+    }
+
+    /// Where a key of one of the classes stands.
+    fn place_in_class(&self, place: usize, key: &str) -> Span {
+        let (root, _) = DeTable::parse_recoverable(self.source);
+        let own = root.get_ref().get("classes").and_then(|list| match list.get_ref() {
+            DeValue::Array(list) => match list.get(place)?.get_ref() {
+                DeValue::Table(class) => class.get(key).map(|value| value.span()),
+                _ => None,
+            },
+            _ => None,
+        });
+        own.unwrap_or(0..0)
     }
 
     pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, Noted> {

@@ -71,8 +71,8 @@ pub enum TableError {
     NotFinite {
         /// The column.
         column: String,
-        /// The row, from 0.
-        row: usize,
+        /// The place, such as `log.csv: line 17`.
+        place: String,
         /// The value.
         value: f64,
     },
@@ -80,8 +80,8 @@ pub enum TableError {
     OutOfRange {
         /// The column.
         column: String,
-        /// The row, from 0.
-        row: usize,
+        /// The place, such as `log.csv: line 17`.
+        place: String,
         /// The value.
         value: i64,
     },
@@ -236,12 +236,11 @@ impl fmt::Display for TableError {
             TableError::OtherColumn { found, expected } => {
                 write!(out, "column '{found}' stands where '{expected}' is needed")
             }
-            TableError::NotFinite { column, row, value } => {
-                write!(out, "column '{column}', row {}: {value} is no finite number", row + 1)
+            TableError::NotFinite { column, place, value } => {
+                write!(out, "{place}, column '{column}': {value} is no finite number")
             }
-            TableError::OutOfRange { column, row, value } => {
-                let row = row + 1;
-                write!(out, "column '{column}', row {row}: {value} is not in 0 … {}", u32::MAX)
+            TableError::OutOfRange { column, place, value } => {
+                write!(out, "{place}, column '{column}': {value} is not in 0 … {}", u32::MAX)
             }
         }
     }
@@ -296,10 +295,10 @@ impl fmt::Display for ContentError {
                 write!(out, "write the file with one of these")
             }
             ContentError::Null { column, row } => {
-                write!(out, "column '{column}', row {row}: no value (null)")
+                write!(out, "row {row}, column '{column}': no value (null)")
             }
             ContentError::TooLarge { column, row, value } => {
-                write!(out, "column '{column}', row {row}: {value} does not fit in 63 bits")
+                write!(out, "row {row}, column '{column}': {value} does not fit in 63 bits")
             }
             ContentError::Damaged { source } => write!(out, "damaged or unreadable: {source}"),
             ContentError::Unreadable => write!(out, "damaged beyond reading"),

@@ -14,7 +14,7 @@ pub mod parquet;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::nearest::nearest;
 pub use error::{ContentError, TableError};
@@ -38,10 +38,11 @@ pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
 /// Reads a table; the file's extension names the format. Lines of JSON objects are read, too, and written by nobody.
 pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     let path = path.as_ref();
-    match has_extension(path, &json_lines::EXTENSIONS) {
+    let table = match has_extension(path, &json_lines::EXTENSIONS) {
         true => json_lines::read(path),
         false => (format_of(path)?.read)(path),
-    }
+    };
+    Ok(table?.read_from(path))
 }
 
 /// Whether a file can be read as a table, as its extension says.
@@ -60,7 +61,7 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, TableError> {
     let path = path.as_ref();
     match has_extension(path, &[csv::FORMAT.extension]) {
-        true => csv::read_mixed(path, mixed),
+        true => Ok(csv::read_mixed(path, mixed)?.read_from(path)),
         false => read(path),
     }
 }
@@ -237,6 +238,8 @@ pub struct Origin {
     leaps: Vec<(usize, usize)>,
     /// How the text was read where that was not as this toolkit writes it.
     pub dialect: Option<String>,
+    /// The file, where there is one.
+    file: Option<PathBuf>,
 }
 
 impl PartialEq for Origin {
@@ -253,6 +256,12 @@ impl Origin {
             Some((first, line)) => format!("line {}", line + row - first),
             None => format!("row {}", row + 1),
         }
+    }
+
+    /// The same with the file: `log.csv: line 17`.
+    pub fn place_in_file(&self, row: usize) -> String {
+        let place = self.place(row);
+        self.file.as_ref().map_or(place.clone(), |file| format!("{}: {place}", file.display()))
     }
 
     /// Notes the line of the next row.
@@ -386,6 +395,11 @@ impl Table {
         }
     }
 
+    fn read_from(mut self, path: &Path) -> Self {
+        self.origin.file = Some(path.into());
+        self
+    }
+
     /// Where its rows stand in the file that it was read from.
     pub fn origin(&self) -> &Origin {
         &self.origin
@@ -412,7 +426,11 @@ impl Table {
 
     /// The error for a number that is not finite where it must be.
     pub(crate) fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
-        TableError::NotFinite { column: name.to_owned(), row, value }
+        TableError::NotFinite {
+            column: name.to_owned(),
+            place: self.origin.place_in_file(row),
+            value,
+        }
     }
 
     /// The whole numbers of a column.
@@ -431,7 +449,7 @@ impl Table {
         let convert = |(row, value): (usize, &i64)| {
             u32::try_from(*value).map_err(|_| TableError::OutOfRange {
                 column: name.to_owned(),
-                row,
+                place: self.origin.place_in_file(row),
                 value: *value,
             })
         };

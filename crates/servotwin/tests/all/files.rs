@@ -174,4 +174,8 @@ fn the_nearest_name_is_suggested_only_when_near() {
     assert_eq!(nearest("Stroke_M", names), Some("stroke_m"));
     assert_eq!(nearest("temperature_k", names), None);
     assert_eq!(nearest("ab", ["xy"]), None);
+    // What was typed is a part of what is meant.
+    let parameters = ["controller.mode", "controller.gain_per_m", "valve.gain_limit"];
+    assert_eq!(nearest("controller.gain", parameters), Some("controller.gain_per_m"));
+    assert_eq!(nearest("gain_per_m", parameters), Some("controller.gain_per_m"));
 }

@@ -224,7 +224,7 @@ fn csv_of_other_writers_is_understood() {
     assert_eq!(table.text("name").unwrap(), ["left", "right", ""]);
     assert_eq!(table.bool("ok").unwrap(), [true, false, false]);
     let message = table.finite_f64("x").unwrap_err().to_string();
-    assert_eq!(message, "column 'x', row 2: NaN is no finite number");
+    assert_eq!(message, "row 2, column 'x': NaN is no finite number");
 }
 
 #[test]
@@ -246,7 +246,7 @@ fn getters_convert_what_they_can_and_explain_what_not() {
         ),
         (
             table.u32("offset").unwrap_err(),
-            "column 'offset', row 1: -9223372036854775808 is not in 0 … 4294967295",
+            "row 1, column 'offset': -9223372036854775808 is not in 0 … 4294967295",
         ),
     ];
     for (error, expected) in messages {
@@ -392,9 +392,9 @@ fn val_pyarrow_moments_are_seconds_since_1970() {
 #[test]
 fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
     let cases = [
-        ("null.parquet", "null.parquet: column 'a', row 2: no value (null)"),
+        ("null.parquet", "null.parquet: row 2, column 'a': no value (null)"),
         ("decimal.parquet", "column 'price' has the type Decimal; known are"),
-        ("large.parquet", "column 'a', row 2: 9223372036854775808 does not fit in 63 bits"),
+        ("large.parquet", "row 2, column 'a': 9223372036854775808 does not fit in 63 bits"),
         ("polars_brotli.parquet", "column 'x_m' is compressed with BROTLI"),
     ];
     for (name, expected) in cases {

@@ -224,7 +224,7 @@ fn unfit_tables_are_refused_in_words() {
     assert!(error(&one, &selection("same")).contains("at least two classes"));
     let infinite = with(small(), Column::new("z", "", vec![f64::INFINITY; 40]));
     let named = Selection { features: vec!["z".into()], ..selection("class") };
-    assert!(error(&infinite, &named).contains("column 'z', row 1: inf"));
+    assert!(error(&infinite, &named).contains("row 1, column 'z': inf"));
     let both = Selection { features: vec!["class".into()], ..selection("class") };
     assert!(error(&small(), &both).contains("exclude each other"));
     let measured = with(

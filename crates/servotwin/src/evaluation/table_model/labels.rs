@@ -154,7 +154,7 @@ pub(super) fn filled(
     match texts.iter().position(String::is_empty) {
         Some(row) => {
             let rows = texts.iter().filter(|text| text.is_empty()).count();
-            let (column, place) = (name.into(), table.origin().place(row));
+            let (column, place) = (name.into(), table.origin().place_in_file(row));
             Err(TableModelError::Empty { what, column, place, rows }.into())
         }
         None => Ok(texts),

@@ -17,7 +17,9 @@ pub use error::TableModelError;
 pub use hold_out::HoldOut;
 pub use judge::{Baseline, ClassResult, GroupResult, Judged};
 pub use labels::Coded;
-pub use predict::{Explanation, Predicted, Step, evaluate_table, explain, predict, question};
+pub use predict::{
+    Explanation, Predicted, Step, evaluate_table, explain, judge_table, predict, question,
+};
 
 pub(crate) use columns::texts;
 
@@ -286,6 +288,9 @@ impl Prepared {
     /// The place of a row in its file.
     fn place(&self, row: usize) -> String {
         let of = self.origins.iter().rev().find(|(first, _)| *first <= row);
-        of.map_or_else(|| format!("row {}", row + 1), |(first, origin)| origin.place(row - first))
+        of.map_or_else(
+            || format!("row {}", row + 1),
+            |(first, origin)| origin.place_in_file(row - first),
+        )
     }
 }

@@ -21,6 +21,18 @@ pub fn evaluate_table(
     model: &TableModel,
     group: Option<&str>,
 ) -> Result<Judged, EvaluationError> {
+    judge_table(table, model, group).map(|(_, judged)| judged)
+}
+
+/// The same with the table as the classifier reads it.
+///
+/// # Errors
+/// As [`evaluate_table`].
+pub fn judge_table(
+    table: Table,
+    model: &TableModel,
+    group: Option<&str>,
+) -> Result<(Prepared, Judged), EvaluationError> {
     debug_assert_eq!(model.format, FORMAT);
     let column = &model.label;
     let codes = match model.label_limits.is_empty() {
@@ -53,7 +65,8 @@ pub fn evaluate_table(
     };
     let rows: Vec<usize> = (0..prepared.samples.rows()).collect();
     let predictions = prepared.predictions(&model.model, &rows);
-    Ok(prepared.judged(&[predictions], None))
+    let judged = prepared.judged(&[predictions], None);
+    Ok((prepared, judged))
 }
 
 /// The columns that an answer of a model may depend on.
@@ -82,7 +95,7 @@ fn samples(
         .filter(|feature| !model.model.knows_missing() && model.model.reads(*feature))
         .find_map(|feature| Some((feature, missing(feature)?)));
     if let Some((feature, row)) = first {
-        let (column, place) = (model.inputs[feature].name(), origin.place(row));
+        let (column, place) = (model.inputs[feature].name(), origin.place_in_file(row));
         let reason = "the model was trained with a value in every row";
         return Err(TableModelError::Missing { column, place, reason }.into());
     }

@@ -197,6 +197,11 @@ impl TraceStudy {
         Ok(study)
     }
 
+    /// Rows of a window.
+    pub fn window_rows(&self) -> usize {
+        self.window_rows
+    }
+
     fn check(&self) -> Result<(), TraceError> {
         let range = |holds: bool, what: &str, allowed| match holds {
             true => Ok(()),

@@ -341,8 +341,8 @@ pub fn judge(
             .map(|(_, case, _, _)| {
                 let environment = &flights.judged[case.base].name;
                 let unit = &study.units[case.unit];
-                let space = if unit.is_empty() { "" } else { " " };
-                format!("{environment}, {unit}{space}at {}", case.strength)
+                let of = if unit.is_empty() { String::new() } else { format!(", {unit}") };
+                format!("{environment}{of} at {}", case.strength)
             })
             .collect();
         ForeignOutcome {

@@ -76,7 +76,7 @@ impl Section for Foreign {
 fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
     let left = [("fault".to_owned(), Side::Left), (format!("{}s", vocabulary.run()), Side::Right)];
     let words = Words::default().named();
-    let words = words.map(|(word, _)| (vocabulary.adapted(word), Side::Right));
+    let words = words.map(|(word, _)| (vocabulary.said(word), Side::Right));
     let right = [
         ("off: at fault".to_owned(), Side::Right),
         ("off: healthy".to_owned(), Side::Right),

@@ -121,22 +121,31 @@ impl Timeline {
     }
 
     fn decisions(&self, html: &mut String) {
-        *html += "<h2>Decisions</h2>\n<div class=\"sheet\"><table id=\"changes\">\n<thead><tr>\
-            <th>Time, s</th><th>State</th><th>Unit</th><th>Command</th><th>Detail</th>\
-            <th>Confidence</th><th>Evidence</th></tr></thead>\n<tbody>\n";
+        // The only unit of a study may have no name.
+        let has_units = self.changes.iter().any(|(_, _, f)| !f.unit_in_words().is_empty());
+        let head = if has_units { "<th>Unit</th>" } else { "" };
+        let _ = write!(
+            html,
+            "<h2>Decisions</h2>\n<div class=\"sheet\"><table id=\"changes\">\n<thead><tr>\
+             <th>Time, s</th><th>State</th>{head}<th>Command</th><th>Detail</th>\
+             <th>Confidence</th><th>Evidence</th></tr></thead>\n<tbody>\n"
+        );
         for (sample, time_s, finding) in &self.changes {
             let state = finding.state_in_words();
             let sure = match finding.confidence {
                 sure if sure > 0.0 => format!("{:.1} %", 100.0 * sure),
                 _ => String::new(),
             };
-            let unit = escaped(&finding.unit_in_words());
+            let unit = match has_units {
+                true => format!("<td>{}</td>", escaped(&finding.unit_in_words())),
+                false => String::new(),
+            };
             let evidence: Vec<String> = finding.evidence.iter().map(|e| escaped(e)).collect();
             let at = *sample as f64 * self.scene.period_s;
             let _ = writeln!(
                 html,
                 "<tr data-at=\"{at}\"><td class=\"number\">{time_s:.2}</td>\
-                 <td><i class=\"{}\"></i>{}</td><td>{unit}</td><td>{}</td><td>{}</td>\
+                 <td><i class=\"{}\"></i>{}</td>{unit}<td>{}</td><td>{}</td>\
                  <td class=\"number\">{sure}</td><td>{}</td></tr>",
                 class_of(finding.state),
                 escaped(&state),
