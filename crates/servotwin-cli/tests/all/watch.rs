@@ -197,7 +197,7 @@ fn mistakes_in_watching_are_said_with_their_place() {
     let head: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
     let alien = folder.file("alien.csv");
     std::fs::write(&alien, "Zeit,Druck\n0,1\n0.01,2\n").unwrap();
-    let alien_map = folder.file("alien.toml");
+    let (alien_map, named_map) = (folder.file("alien.toml"), folder.file("named.toml"));
     let emptied_rows = rows.lines().map(|line| {
         let cell = |(cell, name): (&str, &&str)| match *name {
             "p_a_1_pa" | "p_b_1_pa" | "x_v_1_m" if cell != *name => String::new(),
@@ -239,10 +239,10 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
     ];
     // What is to be filled in is written for a study that was named.
-    let named = ["watch", &alien, "--study", "press_axis", "--make-map", &alien_map];
+    let named = ["watch", &alien, "--study", "press_axis", "--make-map", &named_map];
     let output = servotwin(&named);
     assert!(output.status.success() && stderr(&output).contains("fill them in"), "{output:?}");
-    assert!(std::fs::read_to_string(&alien_map).unwrap().contains("# p_a = "));
+    assert!(std::fs::read_to_string(&named_map).unwrap().contains("# p_a = "));
     // Dates are found to be dates, in all kinds of files.
     let mut told = vec![];
     for log in [&dates, &dated_parquet(&folder, &dates), &dated_lines(&folder, &dates)] {
