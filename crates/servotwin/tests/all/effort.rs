@@ -105,7 +105,7 @@ fn a_damaged_shard_is_named_and_made_anew() {
     bytes[middle] ^= 4;
     std::fs::write(&shard, bytes).unwrap();
     let stored = Campaign::stored(&folder.0, &study, Setting::Noise, Role::Judged);
-    let error = stored.features().err().expect("a damaged shard").to_string();
+    let error = stored.features().expect_err("a damaged shard").to_string();
     assert!(error.contains("noise-0000.parquet is damaged"), "{error}");
     assert!(data_sets(&study, &folder, false) == before);
 }

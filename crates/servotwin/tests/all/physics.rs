@@ -5,7 +5,7 @@
 //! project's physics notes). Tolerances are what the formulas neglect.
 
 use crate::aileron::{constant, fault, program, state, step, test};
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Schur};
 use servotwin::ensemble::Variant;
 use servotwin::signal::Signal;
 use servotwin_model::fluid::{Fluid, compressibility_per_pa};
@@ -136,7 +136,9 @@ fn eigenvalues(jacobian: &[Vec<f64>], states: &[usize]) -> Vec<Complex<f64>> {
     let n = states.len();
     let matrix =
         DMatrix::from_fn(n, n, |i, j| jacobian[states[i]][states[j]] * scale(j) / scale(i));
-    matrix.complex_eigenvalues().iter().copied().collect()
+    // The library's own limit of convergence is one that rounding may keep it from for ever.
+    let schur = Schur::try_new(matrix, 1e-13, 10_000).expect("it converges");
+    schur.complex_eigenvalues().iter().copied().collect()
 }
 
 /// Frequency in Hz and damping ratio of the pair nearest to a frequency.

@@ -224,7 +224,7 @@ fn csv_of_other_writers_is_understood() {
     assert_eq!(table.text("name").unwrap(), ["left", "right", ""]);
     assert_eq!(table.bool("ok").unwrap(), [true, false, false]);
     let message = table.finite_f64("x").unwrap_err().to_string();
-    assert_eq!(message, "row 2, column 'x': NaN is no finite number");
+    assert!(message.ends_with("a.csv: line 4, column 'x': NaN is no finite number"), "{message}");
 }
 
 #[test]
