@@ -34,7 +34,8 @@ pub struct Flown<'s> {
     environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
-    setting: Setting,
+    /// In which they are flown.
+    pub setting: Setting,
     ensemble: Ensemble<'s>,
     /// The flights.
     pub plan: Vec<Flight>,

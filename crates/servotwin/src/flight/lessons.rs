@@ -1,4 +1,4 @@
-//! What the diagnosis at work learns from: windows of flights, one table for each length of a window.
+//! What the diagnosis at work learns from: windows of flights, one table for each kind of windows.
 //!
 //! A healthy flight gives windows one after the other; a flight with a fault the last one before it,
 //! and some after it, of which the first contain its beginning. The tables have the columns of a
@@ -7,6 +7,7 @@
 
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};
+use super::windows::{self, Kind};
 use crate::evaluation::parallel::{self, Workers};
 use crate::signal::random::Random;
 use crate::study::campaign::CampaignError;
@@ -17,6 +18,7 @@ use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::reference::{self, Reference};
 use servotwin_diagnosis::residual::{BAND, Window};
 
 /// Windows after the onset: the first two end when so much of them shows the fault, the others
@@ -32,8 +34,8 @@ const LEAST_SHARE: f64 = 0.5;
 /// A window to be cut out of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Cut {
-    /// Which of the lengths.
-    length: usize,
+    /// Which of the kinds.
+    kind: usize,
     /// Its samples.
     from: usize,
     to: usize,
@@ -72,16 +74,46 @@ impl Lessons {
     }
 }
 
-struct Cutter {
+struct Cutter<'k> {
+    kinds: &'k [Kind],
     cuts: Vec<Cut>,
     windows: Vec<Window>,
     scales: Vec<f64>,
+    beyond: Option<Beyond>,
 }
 
-impl Observer for Cutter {
+/// What residuals are beyond the specimen's own. It learns until the fault begins, as a diagnosis does until it suspects
+/// something.
+struct Beyond {
+    reference: Reference,
+    onset: usize,
+    stands_in: Vec<bool>,
+    measured: Vec<f64>,
+}
+
+impl Beyond {
+    fn new(settings: reference::Settings, sensors: usize, onset: usize) -> Self {
+        let reference = Reference::new(settings, sensors).expect("usual settings");
+        Self { reference, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
+    }
+
+    fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
+        if index < self.onset {
+            self.reference.learn(measured, twin, scales);
+        }
+        self.reference.subtract(measured, &self.stands_in, &mut self.measured);
+    }
+}
+
+impl Observer for Cutter<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
+        if let Some(beyond) = &mut self.beyond {
+            beyond.take(index, measured, twin, &self.scales);
+        }
         for (cut, window) in self.cuts.iter().zip(&mut self.windows) {
             if (cut.from..cut.to).contains(&index) {
+                let beyond = self.beyond.as_ref().filter(|_| self.kinds[cut.kind].is_relative);
+                let measured = beyond.map_or(measured, |beyond| &beyond.measured);
                 window.add(measured, twin, &self.scales);
             }
         }
@@ -92,13 +124,19 @@ impl Observer for Cutter {
 /// out.
 pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
     let scales = study.scales()[..study.base_sensors()].to_vec();
+    let period_s = study.sample_period_s;
+    let kinds = windows::kinds(flights, flown.setting);
+    let reference = windows::reference(flights, flown.setting, period_s);
+    let settled = reference.map_or(0, |reference| reference.settle_samples as usize);
     let mut lessons = Lessons::default();
     flown.fly(
         &flown.which,
         |flight| {
-            let cuts = cuts(flights, flight, study.sample_period_s);
+            let cuts = cuts(&kinds, settled, flight, period_s);
             let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
-            Cutter { cuts, windows, scales: scales.clone() }
+            let onset = (flight.onset_s / period_s) as usize;
+            let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), onset));
+            Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), beyond }
         },
         |flight, cutter, outcome| match outcome {
             Ok(_) => lessons.list.extend(cutter.cuts.iter().zip(&cutter.windows).map(
@@ -113,7 +151,7 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
     lessons
 }
 
-/// A table for each of the flights' window lengths, of everything that was cut.
+/// A table for each kind of windows, of everything that was cut.
 ///
 /// # Errors
 /// The work was cancelled.
@@ -124,28 +162,29 @@ pub fn tables(
     Lessons { list: mut lessons, .. }: Lessons,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
-    lessons.sort_by_key(|lesson| (lesson.cut.length, lesson.flight, lesson.cut.to));
+    lessons.sort_by_key(|lesson| (lesson.cut.kind, lesson.flight, lesson.cut.to));
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
     let plan = &plan::flights(study, flights, Purpose::Learn);
     let mut tables = vec![];
-    for length in 0..flights.windows_s.len() {
-        let of: Vec<&Lesson> = lessons.iter().filter(|l| l.cut.length == length).collect();
+    for kind in 0..windows::kinds(flights, setting).len() {
+        let of: Vec<&Lesson> = lessons.iter().filter(|l| l.cut.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
     }
     Ok(tables)
 }
 
-/// The windows that a flight gives.
-fn cuts(flights: &Flights, flight: &Flight, period_s: f64) -> Vec<Cut> {
+/// The windows that a flight gives; those that are relative begin after so many samples.
+fn cuts(kinds: &[Kind], settled: usize, flight: &Flight, period_s: f64) -> Vec<Cut> {
     let sample = |time_s: f64| (time_s / period_s).round() as usize;
     let mut random = Random::new(0x5eed << 32 | flight.number as u64);
     let mut cuts = vec![];
-    for (length, &length_s) in flights.windows_s.iter().enumerate() {
+    for (kind, &Kind { window_s: length_s, is_relative }) in kinds.iter().enumerate() {
         let samples = sample(length_s);
+        let first = if is_relative { settled } else { 0 };
         let mut cut = |end_s: f64, is_faulty: bool| {
             let to = sample(end_s);
-            if to >= samples && end_s <= flight.duration_s {
-                cuts.push(Cut { length, from: to - samples, to, is_faulty });
+            if to >= first + samples && end_s <= flight.duration_s {
+                cuts.push(Cut { kind, from: to - samples, to, is_faulty });
             }
         };
         if flight.fault.is_none() {

@@ -101,7 +101,8 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
          other explanation in a sequential test{}. Trees, committee and bands were learned in other \
          {run}s, of other commands, specimens and surroundings. The settings differ in the specimen: with \
          noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
-         realistic setting it has its tolerances and the twin knows nothing of them.",
+         realistic setting it has its tolerances and the twin knows nothing of them. There windows are looked at \
+         a second time, without the means that its own residuals had in the first seconds.",
         windows.join(" and "),
         words.kept_on(least_on)
     )
