@@ -81,7 +81,10 @@ impl<'s> Flown<'s> {
     }
 
     /// The flights of those environments that are chosen.
-    fn where_it_is(
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub fn where_it_is(
         study: &'s Study,
         flights: &'s Flights,
         purpose: Purpose,

@@ -8,6 +8,7 @@
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};
 use super::windows::{self, Kind};
+use crate::evaluation::bands;
 use crate::evaluation::parallel::{self, Workers};
 use crate::signal::random::Random;
 use crate::study::campaign::CampaignError;
@@ -24,8 +25,8 @@ use servotwin_diagnosis::residual::{BAND, Window};
 /// Windows after the onset: the first two end when so much of them shows the fault, the others
 /// anywhere.
 const SHARES: [f64; 2] = [0.6, 1.0];
-/// How many others there are.
-const OTHERS: usize = 2;
+/// How many others there are: many, because a fault that only shows in some motions shows in some of them.
+const OTHERS: usize = 12;
 /// Every so many-th flight with a fault also gives the window before it.
 const BEFORE: usize = 4;
 /// A fault that is weaker than this part of its intensity at the end of a window teaches nothing.
@@ -33,18 +34,18 @@ const LEAST_SHARE: f64 = 0.5;
 
 /// A window to be cut out of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Cut {
+pub(super) struct Cut {
     /// Which of the kinds.
-    kind: usize,
+    pub kind: usize,
     /// Its samples.
-    from: usize,
-    to: usize,
-    is_faulty: bool,
+    pub from: usize,
+    pub to: usize,
+    pub is_faulty: bool,
 }
 
 /// A window that was cut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Lesson {
+pub(super) struct Lesson {
     cut: Cut,
     flight: usize,
     /// The bits of the window's values, which may be infinite.
@@ -52,6 +53,11 @@ struct Lesson {
 }
 
 impl Lesson {
+    pub fn new(cut: Cut, flight: &Flight, window: &Window) -> Self {
+        let bits = window.to_values().into_iter().map(f64::to_bits).collect();
+        Lesson { cut, flight: flight.number, bits }
+    }
+
     fn window(&self, sensors: usize) -> Window {
         let values: Vec<f64> = self.bits.iter().map(|&bits| f64::from_bits(bits)).collect();
         Window::from_values(sensors, sensors, &values).expect("the values of a window")
@@ -72,6 +78,26 @@ impl Lessons {
         self.list.extend(other.list);
         self.failed += other.failed;
     }
+
+    pub(super) fn push(&mut self, lesson: Lesson) {
+        self.list.push(lesson);
+    }
+
+    /// By kind, flight and time: flights end in no particular order.
+    pub(super) fn sort(&mut self) {
+        self.list.sort_by_key(|lesson| (lesson.cut.kind, lesson.flight, lesson.cut.to));
+    }
+
+    /// The half widths of the bands that healthy windows of a kind give; `None` of too few.
+    pub(super) fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
+        let healthy = self.list.iter().filter(|l| l.cut.kind == kind && !l.cut.is_faulty);
+        let largest = |lesson: &Lesson| -> Vec<f64> {
+            let window = lesson.window(pools.len());
+            (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
+        };
+        let largest: Vec<Vec<f64>> = healthy.map(largest).collect();
+        bands::half_widths(&largest.iter().map(Vec::as_slice).collect::<Vec<_>>(), pools)
+    }
 }
 
 struct Cutter<'k> {
@@ -84,20 +110,22 @@ struct Cutter<'k> {
 
 /// What residuals are beyond the specimen's own. It learns until the fault begins, as a diagnosis does until it suspects
 /// something.
-struct Beyond {
-    reference: Reference,
+#[derive(Clone)]
+pub(super) struct Beyond {
+    pub reference: Reference,
     onset: usize,
     stands_in: Vec<bool>,
-    measured: Vec<f64>,
+    /// The measured values without the reference.
+    pub measured: Vec<f64>,
 }
 
 impl Beyond {
-    fn new(settings: reference::Settings, sensors: usize, onset: usize) -> Self {
+    pub fn new(settings: reference::Settings, sensors: usize, onset: usize) -> Self {
         let reference = Reference::new(settings, sensors).expect("usual settings");
         Self { reference, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
     }
 
-    fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
+    pub fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
         if index < self.onset {
             self.reference.learn(measured, twin, scales);
         }
@@ -139,12 +167,10 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
             Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), beyond }
         },
         |flight, cutter, outcome| match outcome {
-            Ok(_) => lessons.list.extend(cutter.cuts.iter().zip(&cutter.windows).map(
-                |(&cut, window)| {
-                    let bits = window.to_values().into_iter().map(f64::to_bits).collect();
-                    Lesson { cut, flight: flight.number, bits }
-                },
-            )),
+            Ok(_) => {
+                let windows = cutter.cuts.iter().zip(&cutter.windows);
+                lessons.list.extend(windows.map(|(&cut, window)| Lesson::new(cut, flight, window)));
+            }
             Err(_) => lessons.failed += 1,
         },
     );
@@ -159,15 +185,15 @@ pub fn tables(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    Lessons { list: mut lessons, .. }: Lessons,
+    mut lessons: Lessons,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
-    lessons.sort_by_key(|lesson| (lesson.cut.kind, lesson.flight, lesson.cut.to));
+    lessons.sort();
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
     let plan = &plan::flights(study, flights, Purpose::Learn);
     let mut tables = vec![];
     for kind in 0..windows::kinds(flights, setting).len() {
-        let of: Vec<&Lesson> = lessons.iter().filter(|l| l.cut.kind == kind).collect();
+        let of: Vec<&Lesson> = lessons.list.iter().filter(|l| l.cut.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
     }
     Ok(tables)

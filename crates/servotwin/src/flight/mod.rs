@@ -18,6 +18,7 @@ pub mod band;
 pub mod closed_loop;
 pub mod flown;
 pub mod foreign;
+pub mod further;
 pub mod judge;
 pub mod lessons;
 pub mod plan;

@@ -1,8 +1,11 @@
 //! Trees, committee and bands for each kind of windows, learned from flights.
 
 use super::windows::{self, Kind};
+use crate::evaluation::data_set::Row;
 use crate::evaluation::parallel::{self, Workers};
-use crate::evaluation::{self, DataSet, EvaluationError, FeatureInfo, Settings, committee};
+use crate::evaluation::{
+    self, DataSet, EvaluationError, FeatureInfo, Settings, bands, committee, run,
+};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
@@ -19,6 +22,10 @@ const MARGIN: f64 = 0.25;
 /// than records of one command, and of fewer questions those that come last are not asked for every actuator.
 const DEPTH: usize = 11;
 
+/// Of the healthy windows that were sought because they leave their bands every so many-th teaches the trees: neighbours
+/// are alike, and a tree counts rows.
+const TREES_EVERY: usize = 10;
+
 /// What evidence against health is reduced by in every window where specimens differ by their tolerances, in nats, and of a
 /// command that switches off. In 100 hours of 1,200 healthy specimens of tuning flights the most that any gathered for such
 /// a command was then 0.28 of its limit; with 5 it was 0.50. Other commands do less harm, and warnings are for what shows
@@ -34,10 +41,10 @@ const WITH_TOLERANCES_COST: f64 = 3e8;
 /// that all six are taken off.
 const LEFT_NATS: f64 = 2.0;
 
-/// The same in windows of what residuals are beyond the specimen's own, which tolerances show less in. In 1,400 hours of
-/// three tuning campaigns the most that a healthy specimen gathered for such a command was 0.44 of its limit; with 2 nats it
-/// was 1.27.
-const RELATIVE_ALLOWANCES_NATS: (f64, f64) = (2.0, 3.0);
+/// The same in windows of what residuals are beyond the specimen's own, which tolerances show less in. In 50 hours of 600
+/// healthy specimens under the most violent commands (tuning flights) the most that any gathered for such a command was then
+/// 0.44 of its limit; with nothing taken off it was 1.04.
+const RELATIVE_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
 
 /// The same beside a twin of the specimen, where the most was 0.02 with nothing at all; and what is then enough between
 /// two commands.
@@ -67,7 +74,8 @@ pub fn diagnoser(
     let lessons: Vec<_> = kinds.iter().zip(tables).collect();
     // All at the same time: the most of a kind is the training of its largest stage, on one thread.
     let lengths = parallel::map(&lessons, workers, |(kind, tables)| {
-        length(study, **kind, tables, pools, workers)
+        let (kind, usual) = (**kind, flights.learn.environments);
+        length(study, (kind, usual), tables, pools, workers)
     });
     let lengths: Vec<(Length, f64)> = lengths?.into_iter().collect::<Result<_, _>>()?;
     let sureness = |is_relative: bool| {
@@ -142,7 +150,7 @@ fn relative_allowances(sureness: f64) -> Allowances {
 
 fn length(
     study: &Study,
-    kind: Kind,
+    (kind, usual): (Kind, usize),
     tables: &[(Role, Table)],
     pools: &[usize],
     workers: Workers,
@@ -151,24 +159,31 @@ fn length(
     let data =
         DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_everybody()?;
     let settings = settings();
-    let trained = evaluation::train(&data, &settings, pools, workers)?;
-    let (data, bands) = evaluation::banded(&data, &settings, pools);
+    let is_further = |data: &DataSet, row: &Row| {
+        data.cases[row.case as usize].parse().is_ok_and(|environment: usize| environment >= usual)
+    };
+    // What bands promise is promised of flights as they are, not of windows that were sought.
+    let bands = bands::learn(&data.without(|row| is_further(&data, row)), pools);
+    let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
+    let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
+    let for_trees =
+        data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
+    let rows = for_trees.learnt_from(settings.holding.lessons)?;
+    let trees = run::fit(&for_trees, &run::settled(&data, &settings.training), &rows, workers)?;
+    let rows = data.learnt_from(settings.committee_lessons)?;
+    let committee = committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
     let known = data.learnt_from(settings.committee_lessons)?;
     let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
-    let band = |band: evaluation::bands::Band| SensorBand {
-        sensor: band.sensor,
-        half_width: band.half_width,
-    };
-    let sureness =
-        committee::sureness(&data, &trained.committee.hierarchy, settings.committee_lessons)?;
+    let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
+    let sureness = committee::sureness(&data, &committee.hierarchy, settings.committee_lessons)?;
     let length = Length {
         span: windows::span(kind.window_s, study.sample_period_s),
         novelty: Novelty::learn(&data.examples, &known, &groups, novelty::QUANTILE)?,
         panel: Panel {
             bands: bands.unwrap_or_default().into_iter().map(band).collect(),
-            least_confidence: trained.committee.least_confidence,
-            trees: trained.trees,
-            committee: trained.committee.hierarchy,
+            least_confidence: committee.least_confidence,
+            trees,
+            committee: committee.hierarchy,
             ..Panel::default()
         },
         relative: None,
