@@ -10,7 +10,7 @@
 //! inputs.load_factor = [0, 1]        # each flight has a value of its own
 //! unit_inputs.supply_pressure = [19.6e6, 21.4e6]
 //! unit_parameters."supply.temperature_k" = [253, 343]
-//! learn = { environments = 40, repeats = 4, healthy = 4 }
+//! learn = { environments = 40, repeats = 4, healthy = 4, further = 200, further_duration_s = 60 }
 //! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300, foreign = 2 }
 //! full.learn = { ... }               # the sizes of `servotwin flights --full`
 //! full.judge = { ... }
@@ -76,8 +76,8 @@ pub struct Size {
     pub healthy: usize,
     /// How long healthy flights are, s; as long as the others where it is not said.
     pub healthy_duration_s: Option<f64>,
-    /// Further environments, in each of which one healthy specimen flies, of which only the largest residuals are looked
-    /// at: what is rare shows in many environments, and seldom in many flights of a few.
+    /// Further environments, in each of which one healthy specimen flies; of those to learn from only the windows are kept
+    /// that leave their bands: what is rare shows in many environments, and seldom in many flights of a few.
     #[serde(default)]
     pub further: usize,
     /// How long these flights are, s; as long as healthy ones where it is not said.
