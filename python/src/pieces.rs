@@ -168,6 +168,10 @@ pub fn flight_pieces(
             let mut counts = vec![0; purpose.environments(&sizes).len()];
             let plan = plan::flights(study, &sizes, purpose);
             plan.iter().for_each(|flight| counts[flight.environment] += 1);
+            // The further flights to learn from are flown where everything is learned from: they need the bands.
+            if purpose == Purpose::Learn {
+                counts.truncate(sizes.learn.environments);
+            }
             counts
         };
         let names = flights::settings(study).into_iter().map(Setting::name).collect();

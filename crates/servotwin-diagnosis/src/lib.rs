@@ -24,6 +24,7 @@ pub mod hierarchy;
 mod numeric;
 pub mod panel;
 pub mod random;
+pub mod reference;
 pub mod residual;
 pub mod sliding;
 pub mod tree;

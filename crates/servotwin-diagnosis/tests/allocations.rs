@@ -38,7 +38,7 @@ fn allocations(work: impl FnOnce()) -> u64 {
 #[test]
 fn a_session_allocates_nothing_at_work() {
     assert!(allocations(|| drop(Vec::<u8>::with_capacity(100))) > 0, "the counter counts");
-    let mut session = Session::new(toy::diagnoser()).unwrap();
+    let mut session = Session::new(toy::with_reference().into()).unwrap();
     let mut flight = toy::Flight::new(1000);
     let fault = toy::Fault { unit: 1, kind: toy::Kind::Leak, size: 0.8 };
     let count = allocations(|| {

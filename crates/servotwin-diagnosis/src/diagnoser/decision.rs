@@ -141,6 +141,31 @@ pub struct Settings {
     pub least_on: u32,
 }
 
+/// What is taken off the evidence of every window, in nats.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Allowances {
+    /// As [`Settings::allowance_nats`].
+    pub of_pairs_nats: f64,
+    /// As [`Settings::health_allowance_nats`].
+    pub health_nats: f64,
+    /// As [`Settings::off_allowance_nats`].
+    pub off_nats: f64,
+}
+
+impl Allowances {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let numbers = [
+            ("of_pairs_nats", self.of_pairs_nats),
+            ("health_nats", self.health_nats),
+            ("off_nats", self.off_nats),
+        ];
+        numbers.into_iter().try_for_each(|(name, value)| {
+            require((0.0..=1e6).contains(&value), name, value, "0 to 1,000,000")
+        })
+    }
+}
+
 /// How many of so many actuators must stay on where nothing else is said: one of several, none of a single one.
 pub fn usual_least_on(actuators: usize) -> u32 {
     u32::from(actuators > 1)
@@ -173,6 +198,16 @@ impl Settings {
             no_data_after_s: 0.1,
             off_commands: off_commands.iter().map(|&c| c.into()).collect(),
             least_on: usual_least_on(names.actuators.len()),
+        }
+    }
+
+    /// The same with other allowances.
+    pub fn allowing(&self, allowances: &Allowances) -> Self {
+        Settings {
+            allowance_nats: allowances.of_pairs_nats,
+            health_allowance_nats: allowances.health_nats,
+            off_allowance_nats: allowances.off_nats,
+            ..self.clone()
         }
     }
 

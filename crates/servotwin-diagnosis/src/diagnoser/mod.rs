@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! inputs   → environment   (believed?)
-//! measured → sliding       (windows of several lengths) → judge (bands, features, trees, committee)
+//! measured → streams       (windows of several lengths) → judge (bands, features, trees, committee)
 //! twin     ↗               → decision (the sequential test) → alarm → outcome
 //! ```
 //!
@@ -19,7 +19,8 @@ use crate::features::{self, Quantity, Sensors};
 use crate::field::Field;
 use crate::hierarchy::Names;
 use crate::panel::Panel;
-use crate::sliding::{Sliding, Span};
+use crate::reference;
+use crate::sliding::Span;
 
 mod alarm;
 mod alike;
@@ -30,6 +31,7 @@ pub mod novelty;
 mod outcome;
 mod presence;
 mod session;
+mod streams;
 
 pub use environment::{Environment, Invalid, Why};
 pub use novelty::Novelty;
@@ -68,6 +70,9 @@ pub struct Length {
     pub panel: Panel,
     /// What the classes looked like in training.
     pub novelty: Novelty,
+    /// Of windows of what residuals are beyond the reference; `None` of residuals as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relative: Option<decision::Allowances>,
 }
 
 /// Sensors, windows, bands, features, trees and the decision: enough to diagnose with.
@@ -82,8 +87,11 @@ pub struct Diagnoser {
     pub sensors: Vec<Sensor>,
     /// What is expected of values from outside.
     pub environment: Environment,
-    /// The window lengths, all with the same actuators, commands and details.
+    /// The window lengths, all with the same actuators, commands and details; the first is of residuals as they are.
     pub lengths: Vec<Length>,
+    /// What the windows of lengths that are relative are beyond.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<reference::Settings>,
     /// A band that depends on what is asked, instead of the bands of all lengths.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<Field>,
@@ -120,16 +128,6 @@ impl Diagnoser {
     /// Number of sensors whose bands decide whether something is wrong: the first so many.
     pub fn watched(&self) -> usize {
         self.lengths.first().map_or(0, |length| length.panel.bands.len())
-    }
-
-    /// Windows of all lengths, without a sample.
-    ///
-    /// # Errors
-    /// As [`Sliding::new`].
-    pub fn sliding(&self) -> Result<Sliding, Error> {
-        let spans: Vec<Span> = self.lengths.iter().map(|length| length.span).collect();
-        let sliding = Sliding::new(self.sensors.len(), self.watched(), &spans)?;
-        Ok(if self.field.is_some() { sliding.within_a_field() } else { sliding })
     }
 
     /// How many views of a row a length's novelty looks at.
@@ -192,7 +190,9 @@ impl Diagnoser {
             field.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
         }
         self.decision.check(self.names())?;
-        self.sliding().map(drop)?;
+        let is_plain = self.lengths[0].relative.is_none();
+        holds(is_plain, "the first window length is not of residuals as they are")?;
+        streams::Streams::new(self).map(drop)?;
         self.lengths.iter().try_for_each(|length| judge::Judge::new(self, length).map(drop))
     }
 
@@ -209,8 +209,9 @@ impl Diagnoser {
     }
 
     fn check_length(&self, length: &Length) -> Result<(), Error> {
-        let Length { panel, novelty, .. } = length;
+        let Length { panel, novelty, relative, .. } = length;
         panel.check()?;
+        relative.iter().try_for_each(decision::Allowances::check)?;
         let of =
             |names: &Names| [&names.actuators, &names.commands, &names.details].map(Vec::clone);
         let names = &panel.trees.names;

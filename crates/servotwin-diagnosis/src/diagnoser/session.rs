@@ -7,18 +7,19 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::alarm::{self, Rules};
-use super::decision::{Evidence, Hypotheses, Limits};
+use super::decision::{self, Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
 use super::judge::{self, Judge};
 use super::outcome::{Alarm, Finding, Outcome, Raised};
 use super::presence::{Patience, Presence};
+use super::streams::{Sample, StoredRelative, Streams};
 use super::{Diagnoser, Length};
 use crate::error::Error;
 use crate::field::{self, Here};
 use crate::hierarchy::Stage;
 use crate::random::Random;
 use crate::residual::Window;
-use crate::sliding::{self, Sliding};
+use crate::sliding;
 
 /// The word that a stored state begins with.
 const FORMAT: &str = "servotwin session 1";
@@ -61,6 +62,8 @@ pub struct State {
     memory: Memory,
     environment: environment::Memory,
     windows: sliding::Stored,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    relative: Option<StoredRelative>,
 }
 
 /// A diagnosis beside a running actuator.
@@ -72,15 +75,19 @@ pub struct Session {
     patience: Patience,
     hypotheses: Hypotheses,
     judges: Vec<Judge>,
+    /// How sure a decision must be, for each length.
+    settings: Vec<decision::Settings>,
     /// What it takes to raise something, for each length.
     limits: Vec<Limits>,
     guard: Guard,
-    sliding: Sliding,
+    streams: Streams,
     /// Where in the field the newest sample is.
     here: Option<Here>,
     memory: Memory,
     /// The measured values with those of masked sensors replaced.
     measured: Vec<f64>,
+    /// The sensors for which it was.
+    stands_in: Vec<bool>,
     is_masked: Vec<bool>,
 }
 
@@ -122,12 +129,14 @@ impl Session {
             patience: patience(&diagnoser),
             hypotheses,
             judges,
+            settings: diagnoser.lengths.iter().map(|length| settings(&diagnoser, length)).collect(),
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
-            sliding: diagnoser.sliding()?,
+            streams: Streams::new(&diagnoser)?,
             here: diagnoser.field.as_ref().map(Here::new),
             memory,
             measured: vec![0.0; diagnoser.sensors.len()],
+            stands_in: vec![false; diagnoser.sensors.len()],
             is_masked: vec![false; units],
             diagnoser,
         })
@@ -243,17 +252,17 @@ impl Session {
     /// # Panics
     /// If there is no such length; here and below.
     pub fn window(&self, length: usize) -> &Window {
-        self.sliding.window(length)
+        self.streams.window(length)
     }
 
     /// Whether a length's window is full, and so judged.
     pub fn is_full(&self, length: usize) -> bool {
-        self.sliding.is_full(length)
+        self.streams.is_full(length)
     }
 
     /// Whether the last sample brought a new window of a length.
     pub fn has_new_window(&self, length: usize) -> bool {
-        self.sliding.has_ended(length)
+        self.streams.has_ended(length)
     }
 
     /// The rows of features of a length's last window that left its bands, one for each view.
@@ -302,12 +311,14 @@ impl Session {
 
     /// Everything that is remembered, to be stored.
     pub fn save(&self) -> State {
+        let (windows, relative) = self.streams.store();
         let judged = self.judges.iter().map(|judge| judge.memory.clone()).collect();
         State {
             format: FORMAT.into(),
             memory: Memory { judged, ..self.memory.clone() },
             environment: self.guard.memory.clone(),
-            windows: self.sliding.store(),
+            windows,
+            relative,
         }
     }
 
@@ -326,7 +337,7 @@ impl Session {
     }
 
     fn try_restore(&mut self, state: &State) -> Result<(), Error> {
-        let State { format, memory, environment, windows } = state;
+        let State { format, memory, environment, windows, relative } = state;
         let fits = format == FORMAT
             && memory.evidence.len() == self.judges.len()
             && memory.evidence.iter().all(|evidence| evidence.fits(self.hypotheses))
@@ -339,7 +350,7 @@ impl Session {
         if !fits {
             return Err(Error::CorruptModel { broken: "the state is another diagnoser's" });
         }
-        self.sliding.restore(windows)?;
+        self.streams.restore(windows, relative.as_ref())?;
         self.memory = memory.clone();
         // A state of before sensors could be lost.
         self.memory.presence.resize(self.scales.len(), Presence::default());
@@ -369,7 +380,7 @@ impl Session {
     }
 
     fn clear_windows(&mut self) {
-        self.sliding.clear();
+        self.streams.clear();
         self.memory.asked.fill(None);
         self.memory.evidence.iter_mut().for_each(Evidence::clear);
         self.judges.iter_mut().for_each(Judge::forget);
@@ -412,7 +423,8 @@ impl Session {
             } else if is_sound {
                 presence.notice(of(value) == Usable::Yes, self.patience);
             }
-            let value = if is_masked || presence.is_lost() {
+            self.stands_in[place] = is_masked || presence.is_lost();
+            let value = if self.stands_in[place] {
                 let mut random = Random::stream(place as u64, self.memory.samples);
                 let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
                 expected + sensor.scale * noise * normal(&mut random)
@@ -497,7 +509,14 @@ impl Session {
             return;
         }
         let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
-        let has_new = self.sliding.add(&self.measured, twin, &self.scales, half_widths);
+        let has_new = self.streams.add(&Sample {
+            measured: &self.measured,
+            twin,
+            scales: &self.scales,
+            half_widths,
+            stands_in: &self.stands_in,
+            is_trusted: self.memory.outcome.alarm == Alarm::Normal,
+        });
         if has_new && self.judge(diagnoser).is_err() {
             self.memory.outcome.counts.errors += 1;
             self.say(Finding::Unjudged, Alarm::Error);
@@ -524,14 +543,14 @@ impl Session {
             *is_masked = alarm.is_masked(unit);
         }
         for (place, judge) in self.judges.iter_mut().enumerate() {
-            if !self.sliding.has_ended(place) || !self.sliding.is_full(place) {
+            if !self.streams.has_ended(place) || !self.streams.is_full(place) {
                 continue;
             }
-            let window = self.sliding.window(place);
-            let share = self.sliding.share_of_newest(place);
+            let window = self.streams.window(place);
+            let share = self.streams.share_of_newest(place);
             let said = judge.judge(&diagnoser.lengths[place], window, &self.is_masked)?;
             let evidence = &mut self.memory.evidence[place];
-            evidence.take(said, share, &diagnoser.decision, &self.limits[place]);
+            evidence.take(said, share, &self.settings[place], &self.limits[place]);
             self.memory.has_judged = true;
         }
         Ok(())
@@ -586,13 +605,13 @@ impl Session {
     /// surest.
     fn candidate(&self, diagnoser: &Diagnoser) -> Option<(usize, usize)> {
         let mut best: Option<(u64, f64, usize, usize)> = None;
-        for length in self.lengths().filter(|&length| self.sliding.has_ended(length)) {
+        for length in self.lengths().filter(|&length| self.streams.has_ended(length)) {
             for claim in 1..self.hypotheses.count() {
                 let margin = self.margin(length, claim);
                 if margin < 1.0 || !self.may_raise(diagnoser, length, claim) {
                     continue;
                 }
-                let samples = self.sliding.window(length).count();
+                let samples = self.streams.window(length).count();
                 let is_better = best.is_none_or(|(s, m, _, _)| (samples, margin) > (s, m));
                 if is_better {
                     best = Some((samples, margin, length, claim));
@@ -617,7 +636,7 @@ impl Session {
     /// Whether another length is as sure of another actuator, or a longer one of another command.
     fn is_contradicted(&self, length: usize, claim: usize) -> bool {
         let own = self.hypotheses.split(claim).map(|(actuator, _)| actuator);
-        let samples = |length: usize| self.sliding.window(length).count();
+        let samples = |length: usize| self.streams.window(length).count();
         let contradicts = |other: usize, hypothesis: usize| {
             let elsewhere = self.hypotheses.split(hypothesis).map(|(actuator, _)| actuator) != own;
             (elsewhere || samples(other) > samples(length)) && self.margin(other, hypothesis) >= 1.0
@@ -732,12 +751,21 @@ fn patience(diagnoser: &Diagnoser) -> Patience {
     }
 }
 
+/// The decision's settings as they are for a length.
+fn settings(diagnoser: &Diagnoser, length: &Length) -> decision::Settings {
+    match &length.relative {
+        Some(allowances) => diagnoser.decision.allowing(allowances),
+        None => diagnoser.decision.clone(),
+    }
+}
+
 fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
     let hypotheses = Hypotheses::of(diagnoser.names());
     let is_off = |command: &String| diagnoser.decision.off_commands.contains(command);
     let is_off: Vec<bool> = diagnoser.names().commands.iter().map(is_off).collect();
-    Limits::new(&diagnoser.decision, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
+    let settings = settings(diagnoser, length);
+    Limits::new(&settings, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
 }
 
 /// A deviate of mean 0 and variance 1, from twelve even ones.

@@ -350,7 +350,7 @@ proptest! {
             1..200,
         )
     ) {
-        let mut session = session();
+        let mut session = Session::new(toy::with_reference().into()).unwrap();
         for (inputs, measured, twin) in &rows {
             let outcome = session.push(inputs, measured, twin);
             prop_assert!(outcome.raised.is_none());
@@ -367,7 +367,8 @@ proptest! {
     #[test]
     fn both_actuators_are_never_switched_off(seed in any::<u64>()) {
         let mut random = Random::new(seed);
-        let (mut session, mut flight) = (session(), Flight::new(random.next_u64()));
+        let session = Session::new(toy::with_reference().into());
+        let (mut session, mut flight) = (session.unwrap(), Flight::new(random.next_u64()));
         let mut told_off = [false; 2];
         let mut faults = [None; 2];
         for _ in 0..40 {

@@ -7,6 +7,7 @@ mod data;
 mod diagnoser;
 mod evaluation;
 mod missing;
+mod reference;
 mod tables;
 #[allow(dead_code)]
 #[path = "../toy/mod.rs"]

@@ -10,6 +10,7 @@ use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::{Label, Names, Settings};
 use servotwin_diagnosis::panel::{self, Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
+use servotwin_diagnosis::reference;
 use servotwin_diagnosis::sliding::{Sliding, Span};
 use std::sync::{Arc, OnceLock};
 
@@ -234,13 +235,27 @@ fn learn(span: Span, lessons: &Lessons, units: usize) -> Length {
         committee: boosted.fit(&examples, &rows).unwrap(),
     };
     let novelty = Novelty::learn(&examples, &rows, lessons.groups(), 0.999).unwrap();
-    Length { span, panel, novelty }
+    Length { span, panel, novelty, relative: None }
 }
 
 /// A trained diagnoser; trained once for each test binary.
 pub fn diagnoser() -> Arc<Diagnoser> {
     static TRAINED: OnceLock<Arc<Diagnoser>> = OnceLock::new();
     TRAINED.get_or_init(|| train::<SENSORS>(2)).clone()
+}
+
+pub const REFERENCE: reference::Settings =
+    reference::Settings { settle_samples: 205, memory_samples: 2000 };
+pub const ALLOWANCES: decision::Allowances =
+    decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0 };
+
+/// The trained diagnoser, of short windows beyond a reference too: the third length.
+pub fn with_reference() -> Diagnoser {
+    let mut diagnoser = (*diagnoser()).clone();
+    let relative = Some(ALLOWANCES);
+    diagnoser.lengths.push(Length { relative, ..diagnoser.lengths[0].clone() });
+    diagnoser.reference = Some(REFERENCE);
+    diagnoser
 }
 
 /// The same for another number of actuators; `S` is that of their sensors.
@@ -251,6 +266,7 @@ pub fn train<const S: usize>(units: usize) -> Arc<Diagnoser> {
         sensors: sensors(units),
         environment: environment(),
         lengths: vec![],
+        reference: None,
         field: None,
         decision: decision::Settings::usual(&names(units), &["shut_down"]),
     };

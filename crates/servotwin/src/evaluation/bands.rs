@@ -48,33 +48,44 @@ pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
     if rows.len() < 2 || data.sensors.is_empty() || pools.len() < data.sensors.len() {
         return None;
     }
-    let sensors = 0..data.sensors.len();
+    let largest: Vec<&[f64]> = rows.iter().map(|&row| data.rows[row].largest.as_slice()).collect();
+    let sizes = half_widths(&largest, pools)?.into_iter().enumerate();
+    let band = |(sensor, half_width): (usize, f64)| {
+        let alike = |s: &usize| pools[*s] == pools[sensor];
+        let alike: Vec<usize> = (0..data.sensors.len()).filter(alike).collect();
+        let sizes = largest.iter().flat_map(|row| alike.iter().map(|&s| row[s]));
+        Band {
+            sensor: data.sensors[sensor].clone(),
+            half_width,
+            records: (alike.len() * largest.len()) as u64,
+            exceeded: sizes.filter(|size| logarithm(*size) > half_width.ln()).count() as u64,
+        }
+    };
+    Some(sizes.map(band).collect())
+}
+
+/// The half width of the band of every sensor, learned from the largest residuals of healthy records, row by row.
+/// `None` of too few.
+pub fn half_widths(largest: &[&[f64]], pools: &[usize]) -> Option<Vec<f64>> {
+    let count = largest.first()?.len();
+    if largest.len() < 2 || count == 0 || pools.len() < count {
+        return None;
+    }
+    let sensors = 0..count;
     let alike = |sensor: usize| sensors.clone().filter(move |&s| pools[s] == pools[sensor]);
-    let logs =
-        |sensor: usize| rows.iter().map(move |&row| logarithm(data.rows[row].largest[sensor]));
+    let logs = |sensor: usize| largest.iter().map(move |row| logarithm(row[sensor]));
     let of_pool = |sensor: usize| alike(sensor).flat_map(logs).collect::<Vec<f64>>();
     let spreads: Vec<Spread> = sensors.clone().map(|sensor| spread(&of_pool(sensor))).collect();
     // By how many deviations the worst sensor of each record is above its mean.
-    let worst = |&row: &usize| {
-        let above = spreads.iter().zip(&data.rows[row].largest);
+    let worst = |row: &&[f64]| {
+        let above = spreads.iter().zip(row.iter());
         let above = above.map(|(spread, size)| (logarithm(*size) - spread.mean) / spread.deviation);
         above.fold(f64::NEG_INFINITY, f64::max)
     };
-    let mut worst: Vec<f64> = rows.iter().map(worst).collect();
+    let mut worst: Vec<f64> = largest.iter().map(worst).collect();
     worst.sort_by(|a, b| b.total_cmp(a));
     let k = worst[(ALARMS * worst.len() as f64) as usize];
-    let band = |sensor: usize| {
-        let Spread { mean, deviation } = spreads[sensor];
-        let sizes = of_pool(sensor);
-        let limit = mean + k * deviation;
-        Band {
-            sensor: data.sensors[sensor].clone(),
-            half_width: limit.exp(),
-            records: sizes.len() as u64,
-            exceeded: sizes.iter().filter(|size| **size > limit).count() as u64,
-        }
-    };
-    Some(sensors.clone().map(band).collect())
+    Some(spreads.iter().map(|spread| (spread.mean + k * spread.deviation).exp()).collect())
 }
 
 /// Nothing is smaller than the error of a simulation.

@@ -34,7 +34,8 @@ pub struct Flown<'s> {
     environments: Cow<'s, [Environment]>,
     purpose: Purpose,
     seed: u64,
-    setting: Setting,
+    /// In which they are flown.
+    pub setting: Setting,
     ensemble: Ensemble<'s>,
     /// The flights.
     pub plan: Vec<Flight>,
@@ -80,7 +81,10 @@ impl<'s> Flown<'s> {
     }
 
     /// The flights of those environments that are chosen.
-    fn where_it_is(
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub fn where_it_is(
         study: &'s Study,
         flights: &'s Flights,
         purpose: Purpose,

@@ -1,4 +1,4 @@
-//! What the diagnosis at work learns from: windows of flights, one table for each length of a window.
+//! What the diagnosis at work learns from: windows of flights, one table for each kind of windows.
 //!
 //! A healthy flight gives windows one after the other; a flight with a fault the last one before it,
 //! and some after it, of which the first contain its beginning. The tables have the columns of a
@@ -7,6 +7,8 @@
 
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};
+use super::windows::{self, Kind};
+use crate::evaluation::bands;
 use crate::evaluation::parallel::{self, Workers};
 use crate::signal::random::Random;
 use crate::study::campaign::CampaignError;
@@ -17,13 +19,14 @@ use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::reference::{self, Reference};
 use servotwin_diagnosis::residual::{BAND, Window};
 
 /// Windows after the onset: the first two end when so much of them shows the fault, the others
 /// anywhere.
 const SHARES: [f64; 2] = [0.6, 1.0];
-/// How many others there are.
-const OTHERS: usize = 2;
+/// How many others there are: many, because a fault that only shows in some motions shows in some of them.
+const OTHERS: usize = 12;
 /// Every so many-th flight with a fault also gives the window before it.
 const BEFORE: usize = 4;
 /// A fault that is weaker than this part of its intensity at the end of a window teaches nothing.
@@ -31,18 +34,18 @@ const LEAST_SHARE: f64 = 0.5;
 
 /// A window to be cut out of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Cut {
-    /// Which of the lengths.
-    length: usize,
+pub(super) struct Cut {
+    /// Which of the kinds.
+    pub kind: usize,
     /// Its samples.
-    from: usize,
-    to: usize,
-    is_faulty: bool,
+    pub from: usize,
+    pub to: usize,
+    pub is_faulty: bool,
 }
 
 /// A window that was cut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Lesson {
+pub(super) struct Lesson {
     cut: Cut,
     flight: usize,
     /// The bits of the window's values, which may be infinite.
@@ -50,6 +53,11 @@ struct Lesson {
 }
 
 impl Lesson {
+    pub fn new(cut: Cut, flight: &Flight, window: &Window) -> Self {
+        let bits = window.to_values().into_iter().map(f64::to_bits).collect();
+        Lesson { cut, flight: flight.number, bits }
+    }
+
     fn window(&self, sensors: usize) -> Window {
         let values: Vec<f64> = self.bits.iter().map(|&bits| f64::from_bits(bits)).collect();
         Window::from_values(sensors, sensors, &values).expect("the values of a window")
@@ -70,18 +78,70 @@ impl Lessons {
         self.list.extend(other.list);
         self.failed += other.failed;
     }
+
+    pub(super) fn push(&mut self, lesson: Lesson) {
+        self.list.push(lesson);
+    }
+
+    /// By kind, flight and time: flights end in no particular order.
+    pub(super) fn sort(&mut self) {
+        self.list.sort_by_key(|lesson| (lesson.cut.kind, lesson.flight, lesson.cut.to));
+    }
+
+    /// The half widths of the bands that healthy windows of a kind give; `None` of too few.
+    pub(super) fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
+        let healthy = self.list.iter().filter(|l| l.cut.kind == kind && !l.cut.is_faulty);
+        let largest = |lesson: &Lesson| -> Vec<f64> {
+            let window = lesson.window(pools.len());
+            (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
+        };
+        let largest: Vec<Vec<f64>> = healthy.map(largest).collect();
+        bands::half_widths(&largest.iter().map(Vec::as_slice).collect::<Vec<_>>(), pools)
+    }
 }
 
-struct Cutter {
+struct Cutter<'k> {
+    kinds: &'k [Kind],
     cuts: Vec<Cut>,
     windows: Vec<Window>,
     scales: Vec<f64>,
+    beyond: Option<Beyond>,
 }
 
-impl Observer for Cutter {
+/// What residuals are beyond the specimen's own. It learns until the fault begins, as a diagnosis does until it suspects
+/// something.
+#[derive(Clone)]
+pub(super) struct Beyond {
+    pub reference: Reference,
+    onset: usize,
+    stands_in: Vec<bool>,
+    /// The measured values without the reference.
+    pub measured: Vec<f64>,
+}
+
+impl Beyond {
+    pub fn new(settings: reference::Settings, sensors: usize, onset: usize) -> Self {
+        let reference = Reference::new(settings, sensors).expect("usual settings");
+        Self { reference, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
+    }
+
+    pub fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
+        if index < self.onset {
+            self.reference.learn(measured, twin, scales);
+        }
+        self.reference.subtract(measured, &self.stands_in, &mut self.measured);
+    }
+}
+
+impl Observer for Cutter<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
+        if let Some(beyond) = &mut self.beyond {
+            beyond.take(index, measured, twin, &self.scales);
+        }
         for (cut, window) in self.cuts.iter().zip(&mut self.windows) {
             if (cut.from..cut.to).contains(&index) {
+                let beyond = self.beyond.as_ref().filter(|_| self.kinds[cut.kind].is_relative);
+                let measured = beyond.map_or(measured, |beyond| &beyond.measured);
                 window.add(measured, twin, &self.scales);
             }
         }
@@ -92,28 +152,32 @@ impl Observer for Cutter {
 /// out.
 pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
     let scales = study.scales()[..study.base_sensors()].to_vec();
+    let period_s = study.sample_period_s;
+    let kinds = windows::kinds(flights, flown.setting);
+    let reference = windows::reference(flights, flown.setting, period_s);
+    let settled = reference.map_or(0, |reference| reference.settle_samples as usize);
     let mut lessons = Lessons::default();
     flown.fly(
         &flown.which,
         |flight| {
-            let cuts = cuts(flights, flight, study.sample_period_s);
+            let cuts = cuts(&kinds, settled, flight, period_s);
             let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
-            Cutter { cuts, windows, scales: scales.clone() }
+            let onset = (flight.onset_s / period_s) as usize;
+            let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), onset));
+            Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), beyond }
         },
         |flight, cutter, outcome| match outcome {
-            Ok(_) => lessons.list.extend(cutter.cuts.iter().zip(&cutter.windows).map(
-                |(&cut, window)| {
-                    let bits = window.to_values().into_iter().map(f64::to_bits).collect();
-                    Lesson { cut, flight: flight.number, bits }
-                },
-            )),
+            Ok(_) => {
+                let windows = cutter.cuts.iter().zip(&cutter.windows);
+                lessons.list.extend(windows.map(|(&cut, window)| Lesson::new(cut, flight, window)));
+            }
             Err(_) => lessons.failed += 1,
         },
     );
     lessons
 }
 
-/// A table for each of the flights' window lengths, of everything that was cut.
+/// A table for each kind of windows, of everything that was cut.
 ///
 /// # Errors
 /// The work was cancelled.
@@ -121,31 +185,32 @@ pub fn tables(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    Lessons { list: mut lessons, .. }: Lessons,
+    mut lessons: Lessons,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
-    lessons.sort_by_key(|lesson| (lesson.cut.length, lesson.flight, lesson.cut.to));
+    lessons.sort();
     let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
     let plan = &plan::flights(study, flights, Purpose::Learn);
     let mut tables = vec![];
-    for length in 0..flights.windows_s.len() {
-        let of: Vec<&Lesson> = lessons.iter().filter(|l| l.cut.length == length).collect();
+    for kind in 0..windows::kinds(flights, setting).len() {
+        let of: Vec<&Lesson> = lessons.list.iter().filter(|l| l.cut.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
     }
     Ok(tables)
 }
 
-/// The windows that a flight gives.
-fn cuts(flights: &Flights, flight: &Flight, period_s: f64) -> Vec<Cut> {
+/// The windows that a flight gives; those that are relative begin after so many samples.
+fn cuts(kinds: &[Kind], settled: usize, flight: &Flight, period_s: f64) -> Vec<Cut> {
     let sample = |time_s: f64| (time_s / period_s).round() as usize;
     let mut random = Random::new(0x5eed << 32 | flight.number as u64);
     let mut cuts = vec![];
-    for (length, &length_s) in flights.windows_s.iter().enumerate() {
+    for (kind, &Kind { window_s: length_s, is_relative }) in kinds.iter().enumerate() {
         let samples = sample(length_s);
+        let first = if is_relative { settled } else { 0 };
         let mut cut = |end_s: f64, is_faulty: bool| {
             let to = sample(end_s);
-            if to >= samples && end_s <= flight.duration_s {
-                cuts.push(Cut { length, from: to - samples, to, is_faulty });
+            if to >= first + samples && end_s <= flight.duration_s {
+                cuts.push(Cut { kind, from: to - samples, to, is_faulty });
             }
         };
         if flight.fault.is_none() {

@@ -3,8 +3,9 @@
 //!
 //! - [`plan`]: which fault begins when, in which environment, in which specimen
 //! - [`flown`]: flights in lanes, each observed beside the twin of its environment
-//! - [`lessons`]: what the diagnosis learns from: windows of flights, one table for each length
-//! - [`train`]: bands, trees and committee for each length: a diagnoser
+//! - [`windows`]: which windows are looked at
+//! - [`lessons`]: what the diagnosis learns from: windows of flights, one table for each kind
+//! - [`train`]: bands, trees and committee for each kind: a diagnoser
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call for each sample
 //! - [`watcher`]: the runtime beside a log or a live stream
 //! - [`told`]: what it says of a flight that is over
@@ -17,6 +18,7 @@ pub mod band;
 pub mod closed_loop;
 pub mod flown;
 pub mod foreign;
+pub mod further;
 pub mod judge;
 pub mod lessons;
 pub mod plan;
@@ -24,3 +26,4 @@ pub mod runtime;
 pub mod told;
 pub mod train;
 pub mod watcher;
+pub mod windows;

@@ -82,7 +82,7 @@ pub struct Flight {
 /// turns in a way that no fault meets the same one twice.
 pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight> {
     let size = purpose.size(flights);
-    let environments = purpose.environments(flights).len();
+    let environments = size.environments;
     let mut list = vec![];
     for repeat in 0..size.repeats {
         for fault in 0..study.faults.len() {
@@ -108,6 +108,17 @@ pub fn flights(study: &Study, flights: &Flights, purpose: Purpose) -> Vec<Flight
             onset_s: f64::INFINITY,
             onset: Onset::Step,
             duration_s: healthy_s,
+        });
+    }
+    for environment in environments..environments + size.further {
+        list.push(Flight {
+            number: list.len(),
+            environment,
+            fault: None,
+            intensity: 0.0,
+            onset_s: f64::INFINITY,
+            onset: Onset::Step,
+            duration_s: size.further_duration_s.unwrap_or(healthy_s),
         });
     }
     list

@@ -183,8 +183,12 @@ impl<'s> Watcher<'s> {
         if let (Some(sensor), Some(length)) = (outcome.worst_sensor, outcome.length) {
             let window_s = self.window_s(length as usize);
             let sensor = &self.diagnoser.sensors[sensor as usize].name;
+            let beyond = match self.diagnoser.lengths[length as usize].relative {
+                Some(_) => ", beyond what it was in health",
+                None => "",
+            };
             evidence.push(format!(
-                "{sensor} is {:.1} times its band away from the twin, in the last {window_s} s",
+                "{sensor} is {:.1} times its band away from the twin{beyond}, in the last {window_s} s",
                 outcome.excess
             ));
         }

@@ -5,6 +5,7 @@ use crate::evaluation::model_file;
 use crate::evaluation::parallel::Workers;
 use crate::flight::flown::Flown;
 use crate::flight::foreign::{self, ForeignMerit};
+use crate::flight::further;
 use crate::flight::judge::{self, Merit, MissingMerit, Watched};
 use crate::flight::lessons::{self, Lessons};
 use crate::flight::plan::Purpose;
@@ -102,13 +103,15 @@ pub fn learn(
     setting: Setting,
     crew: &Crew,
 ) -> Result<(Diagnoser, u64), JobError> {
-    let flown = Flown::new(study, flights, Purpose::Learn, setting, crew.workers)?;
+    let usual = |environment: usize| environment < flights.learn.environments;
+    let flown = Flown::where_it_is(study, flights, Purpose::Learn, setting, usual, crew.workers)?;
     let lessons = lessons::cut(study, flights, &flown);
     crew.check()?;
     learn_from(folder, study, flights, setting, lessons, crew)
 }
 
-/// Learns from what was cut out of flights, be they flown elsewhere, and writes the diagnoser of a setting.
+/// Learns from what was cut out of flights, be they flown elsewhere, and of the further flights, and writes the diagnoser
+/// of a setting.
 ///
 /// # Errors
 /// What training says; the file cannot be written.
@@ -117,9 +120,10 @@ pub fn learn_from(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    lessons: Lessons,
+    mut lessons: Lessons,
     crew: &Crew,
 ) -> Result<(Diagnoser, u64), JobError> {
+    further::add(study, flights, setting, &mut lessons, &pools(study), crew.workers)?;
     let failed = lessons.failed as u64;
     let tables = lessons::tables(study, flights, setting, lessons, crew.workers)?;
     let diagnoser = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;

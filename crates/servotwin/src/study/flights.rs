@@ -10,7 +10,7 @@
 //! inputs.load_factor = [0, 1]        # each flight has a value of its own
 //! unit_inputs.supply_pressure = [19.6e6, 21.4e6]
 //! unit_parameters."supply.temperature_k" = [253, 343]
-//! learn = { environments = 40, repeats = 4, healthy = 4 }
+//! learn = { environments = 40, repeats = 4, healthy = 4, further = 200, further_duration_s = 60 }
 //! judge = { environments = 20, repeats = 1, healthy = 10, healthy_duration_s = 300, foreign = 2 }
 //! full.learn = { ... }               # the sizes of `servotwin flights --full`
 //! full.judge = { ... }
@@ -76,6 +76,12 @@ pub struct Size {
     pub healthy: usize,
     /// How long healthy flights are, s; as long as the others where it is not said.
     pub healthy_duration_s: Option<f64>,
+    /// Further environments, in each of which one healthy specimen flies; of those to learn from only the windows are kept
+    /// that leave their bands: what is rare shows in many environments, and seldom in many flights of a few.
+    #[serde(default)]
+    pub further: usize,
+    /// How long these flights are, s; as long as healthy ones where it is not said.
+    pub further_duration_s: Option<f64>,
     /// Environments in which each fault that nobody was trained on is judged.
     #[serde(default)]
     pub foreign: usize,
@@ -180,7 +186,7 @@ impl Text {
         let ranges = self.check_ranges(reader);
         self.check(reader)?;
         ranges?;
-        let one_each = Size { environments: self.commands.len(), ..self.learn };
+        let one_each = Size { environments: self.commands.len(), further: 0, ..self.learn };
         self.environments(reader, 'L', one_each).map(drop)
     }
 
@@ -248,8 +254,9 @@ impl Text {
         size: Size,
     ) -> Result<Vec<Environment>, Noted> {
         let of = |number| self.environment(reader, letter, number, size);
-        let all = reader.sound((0..size.environments).map(of));
-        if all.len() == size.environments { Ok(all) } else { Err(Noted) }
+        let count = size.environments + size.further;
+        let all = reader.sound((0..count).map(of));
+        if all.len() == count { Ok(all) } else { Err(Noted) }
     }
 
     fn environment(
@@ -264,7 +271,8 @@ impl Text {
         // Judged environments are other draws than those learned from.
         let first = if letter == 'L' { 1 } else { 1 + MOST } + MOST / 100 * self.seed as usize;
         let command = filled(pattern, first + number / self.commands.len());
-        let longest_s = self.duration_s.max(size.healthy_duration_s.unwrap_or(0.0));
+        let durations_s = [size.healthy_duration_s, size.further_duration_s];
+        let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);
         let mut inputs = reader.default_inputs();
         let driven = reader.input("command", &reader.text.command.input)?;
         // The twin knows the command as it comes over a bus, and nobody else knows more.

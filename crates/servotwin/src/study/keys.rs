@@ -166,11 +166,17 @@ static FULL: [Key; 2] = [
     must("judge", Value::Table(&SIZE), "how many flights to be judged in"),
 ];
 
-static SIZE: [Key; 5] = [
+static SIZE: [Key; 7] = [
     must("environments", Value::Whole(1.0, MOST_FLIGHTS), "different environments"),
     must("repeats", Value::Whole(0.0, MOST_FLIGHTS), "flights of each fault with each intensity"),
     must("healthy", Value::Whole(0.0, MOST_FLIGHTS), "healthy flights in each environment"),
     may("healthy_duration_s", Value::Number(1.0, 1e4, "s"), "how long these are"),
+    may(
+        "further",
+        Value::Whole(0.0, MOST_FLIGHTS),
+        "further environments, with a healthy flight in each",
+    ),
+    may("further_duration_s", Value::Number(1.0, 1e4, "s"), "how long these are"),
     may("foreign", Value::Whole(0.0, MOST_FLIGHTS), "environments with untrained faults"),
 ];
 

@@ -12,7 +12,8 @@ use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, learn, learn_from};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
-use servotwin::study::{Setting, Study};
+use servotwin::study::flights::Size;
+use servotwin::study::{Flights, Setting, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -41,7 +42,7 @@ onset_s = [1.5, 2]
 windows_s = [0.5]
 commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
 inputs.load_factor = [0.5, 1]
-learn = { environments = 3, repeats = 3, healthy = 2 }
+learn = { environments = 3, repeats = 3, healthy = 2, further = 4, further_duration_s = 10 }
 judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20, foreign = 1 }
 [reactions]
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
@@ -92,6 +93,25 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
             .unwrap()
     };
     assert_eq!(text(&foreign(1)), text(&foreign(2)));
+}
+
+#[test]
+fn further_flights_change_what_health_looks_like_and_no_band() {
+    let usual = study().flights().unwrap().unwrap();
+    let few = Flights {
+        learn: Size { further: 0, ..usual.learn },
+        learned: usual.learned[..usual.learn.environments].to_vec(),
+        ..usual.clone()
+    };
+    let folder =
+        Folder::new(std::env::temp_dir().join(format!("servotwin-few-{}", std::process::id())));
+    std::fs::create_dir_all(folder.path()).unwrap();
+    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
+    let (without, _) = learn(&folder, study(), &few, Setting::Noise, &crew).unwrap();
+    std::fs::remove_dir_all(folder.path()).unwrap();
+    let [with, without] = [&**diagnoser(), &without].map(|diagnoser| &diagnoser.lengths[0].panel);
+    assert_eq!(with.bands, without.bands);
+    assert!(with.committee != without.committee);
 }
 
 #[test]

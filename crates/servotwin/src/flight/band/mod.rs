@@ -148,12 +148,13 @@ pub fn measure(
     let covariates = &covariates(study);
     let flying = Flying { study, flights, setting, workers, covariates };
     let mut learned: Vec<(Flight, Trace)> = Vec::new();
-    let healthy = |flight: &Flight| flight.fault.is_none();
+    let usual = flights.learn.environments;
+    let healthy = |flight: &Flight| flight.fault.is_none() && flight.environment < usual;
     flying.each(Purpose::Learn, healthy, |flight, trace| learned.push((*flight, trace)))?;
     learned.sort_by_key(|(flight, _)| flight.number);
     // Half of the environments, drawn, teach s; of each of the others the first flight calibrates. Commands take turns
     // from environment to environment, and every second one would always be of the same kinds.
-    let teaches = drawn_half(flights.learned.len(), flights.seed);
+    let teaches = drawn_half(usual, flights.seed);
     let mut seen = Vec::new();
     let (mut learning, mut calibration) = (Vec::new(), Vec::new());
     for (flight, trace) in learned {

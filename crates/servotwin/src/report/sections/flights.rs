@@ -101,7 +101,8 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
          other explanation in a sequential test{}. Trees, committee and bands were learned in other \
          {run}s, of other commands, specimens and surroundings. The settings differ in the specimen: with \
          noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
-         realistic setting it has its tolerances and the twin knows nothing of them.",
+         realistic setting it has its tolerances and the twin knows nothing of them. There windows are looked at \
+         a second time, without the means that its own residuals had in the first seconds.",
         windows.join(" and "),
         words.kept_on(least_on)
     )
@@ -304,13 +305,18 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         1 => format!("1 {run}"),
         count => format!("{count} {run}s"),
     };
+    let further = |count: u64| match count {
+        0 => String::new(),
+        count => format!(", and from {} in further ones without a fault", runs(count)),
+    };
     let FlightResults { learn, judge, is_full, .. } = results;
     let judged = results.merits.first();
     let size = format!(
-        "Learned in {} environments, with {} of every fault at each intensity; judged in {} other \
+        "Learned in {} environments, with {} of every fault at each intensity{}; judged in {} other \
          environments, with {} with a fault and {:.1} healthy hours in each setting.",
         learn.environments,
         runs(learn.repeats as u64),
+        further(learn.further as u64),
         judge.environments,
         runs(judged.map_or(0, |merit| merit.flights)),
         judged.map_or(0.0, |merit| merit.healthy.hours),

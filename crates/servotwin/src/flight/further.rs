@@ -1,0 +1,129 @@
+//! Healthy windows that leave their bands, sought in many environments.
+//!
+//! Trees and committee are only ever asked about windows that leave their bands, and of healthy ones hardly any does: a few
+//! hundred in all the healthy flights of a study, most of them in a few environments. What healthy specimens look like then
+//! is learned from further flights, one in each of many environments, from which nothing else is kept.
+
+use super::flown::{Flown, Observer};
+use super::lessons::{Beyond, Cut, Lesson, Lessons};
+use super::plan::{Flight, Purpose};
+use super::windows::{self, Kind};
+use crate::evaluation::parallel::Workers;
+use crate::study::campaign::CampaignError;
+use crate::study::{Flights, Setting, Study};
+use servotwin_diagnosis::sliding::{Sliding, Span};
+
+/// The twins of so many environments are held at a time.
+const BATCH: usize = 200;
+
+/// Flies the further flights of a study, and adds those windows to the lessons of the others that leave the bands of these.
+///
+/// # Errors
+/// A twin cannot be simulated; the work was cancelled.
+pub fn add(
+    study: &Study,
+    flights: &Flights,
+    setting: Setting,
+    lessons: &mut Lessons,
+    pools: &[usize],
+    workers: Workers,
+) -> Result<(), CampaignError> {
+    let kinds = windows::kinds(flights, setting);
+    lessons.sort();
+    let bands = (0..kinds.len()).map(|kind| lessons.bands(kind, pools));
+    let Some(bands) = bands.collect::<Option<Vec<Vec<f64>>>>() else { return Ok(()) };
+    let all = flights.learned.len();
+    for from in (flights.learn.environments..all).step_by(BATCH) {
+        let batch = from..all.min(from + BATCH);
+        let is_chosen = |environment: usize| batch.contains(&environment);
+        let flown =
+            Flown::where_it_is(study, flights, Purpose::Learn, setting, is_chosen, workers)?;
+        let seeking = Seeking::new(study, flights, setting, &kinds, &bands);
+        flown.fly(
+            &flown.which,
+            |flight| Seeking { flight: Some(*flight), ..seeking.clone() },
+            |_, seeking, outcome| match outcome {
+                Ok(_) => seeking.found.into_iter().for_each(|lesson| lessons.push(lesson)),
+                Err(_) => lessons.failed += 1,
+            },
+        );
+        if workers.is_cancelled() {
+            return Err(CampaignError::Cancelled);
+        }
+    }
+    Ok(())
+}
+
+/// Looks for windows that leave their bands, wherever a diagnosis would look.
+#[derive(Clone)]
+struct Seeking<'s> {
+    kinds: &'s [Kind],
+    bands: &'s [Vec<f64>],
+    flight: Option<Flight>,
+    scales: Vec<f64>,
+    /// Of residuals as they are.
+    absolute: Sliding,
+    /// And beyond a reference.
+    relative: Option<(Beyond, Sliding)>,
+    found: Vec<Lesson>,
+}
+
+impl<'s> Seeking<'s> {
+    fn new(
+        study: &Study,
+        flights: &Flights,
+        setting: Setting,
+        kinds: &'s [Kind],
+        bands: &'s [Vec<f64>],
+    ) -> Self {
+        let scales = study.scales()[..study.base_sensors()].to_vec();
+        let period_s = study.sample_period_s;
+        let sliding = |is_relative: bool| {
+            let own = kinds.iter().filter(|kind| kind.is_relative == is_relative);
+            let spans: Vec<Span> = own.map(|kind| windows::span(kind.window_s, period_s)).collect();
+            Sliding::new(scales.len(), scales.len(), &spans).expect("usual windows")
+        };
+        let reference = windows::reference(flights, setting, period_s);
+        let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), usize::MAX));
+        let absolute = sliding(false);
+        let relative = beyond.map(|beyond| (beyond, sliding(true)));
+        Seeking { kinds, bands, flight: None, scales, absolute, relative, found: vec![] }
+    }
+
+    /// Keeps the newest window of a kind if it is new and leaves its band.
+    fn look(&self, kind: usize, index: usize) -> Option<Lesson> {
+        let is_relative = self.kinds[kind].is_relative;
+        let sliding = match &self.relative {
+            Some((_, relative)) if is_relative => relative,
+            _ => &self.absolute,
+        };
+        let place = self.kinds[..kind].iter().filter(|k| k.is_relative == is_relative).count();
+        if !sliding.has_ended(place) || !sliding.is_full(place) {
+            return None;
+        }
+        let window = sliding.window(place);
+        let mut bands = self.bands[kind].iter().enumerate();
+        let has_left = bands.any(|(sensor, band)| window.largest(sensor) > *band);
+        let (from, to) = (index + 1 - window.count() as usize, index + 1);
+        let cut = Cut { kind, from, to, is_faulty: false };
+        self.flight.filter(|_| has_left).map(|flight| Lesson::new(cut, &flight, window))
+    }
+}
+
+impl Observer for Seeking<'_> {
+    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
+        let mut has_new = self.absolute.add(measured, twin, &self.scales, &[]);
+        if let Some((beyond, sliding)) = &mut self.relative {
+            let is_settled = beyond.reference.is_settled();
+            beyond.take(index, measured, twin, &self.scales);
+            if is_settled {
+                has_new |= sliding.add(&beyond.measured, twin, &self.scales, &[]);
+            }
+        }
+        if has_new {
+            let found = (0..self.kinds.len()).filter_map(|kind| self.look(kind, index));
+            let found: Vec<Lesson> = found.collect();
+            self.found.extend(found);
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Which windows a diagnosis at work looks at.
+
+use crate::study::{Flights, Plants, Setting};
+use servotwin_diagnosis::reference;
+use servotwin_diagnosis::sliding::Span;
+
+/// A window is judged so often while it passes.
+const PANES: u32 = 5;
+
+/// A reference is the mean of so many seconds at first, or of less, so that it is there before the earliest fault.
+const SETTLE_S: f64 = 4.0;
+/// And at most of this part of the time before.
+const SETTLE_SHARE: f64 = 0.8;
+/// It forgets over so many seconds: long beside what it takes to isolate a fault, short beside what changes of itself.
+const MEMORY_S: f64 = 60.0;
+
+/// A kind of windows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kind {
+    /// Their length, s.
+    pub window_s: f64,
+    /// Whether they are of what residuals are beyond a reference.
+    pub is_relative: bool,
+}
+
+/// The kinds that are looked at in a setting: of residuals as they are, and where specimens differ from their twins the
+/// shortest also of what they are beyond the specimen's own. A longer one would hold a single sudden motion, which every
+/// specimen answers in its own way, in all of its panes, and counting it five times is how healthy ones are shut down.
+pub fn kinds(flights: &Flights, setting: Setting) -> Vec<Kind> {
+    let absolute = flights.windows_s.iter().map(|&window_s| Kind { window_s, is_relative: false });
+    let relative = Kind { window_s: shortest_s(flights), is_relative: true };
+    absolute.chain(is_relative(setting).then_some(relative)).collect()
+}
+
+fn shortest_s(flights: &Flights) -> f64 {
+    flights.windows_s.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+fn is_relative(setting: Setting) -> bool {
+    setting.plants() == Plants::Specimens
+}
+
+/// What windows are beyond, where any are.
+pub fn reference(
+    flights: &Flights,
+    setting: Setting,
+    period_s: f64,
+) -> Option<reference::Settings> {
+    let pane = span(shortest_s(flights), period_s).pane_samples;
+    let settle_s = SETTLE_S.min(SETTLE_SHARE * flights.onset_s[0]);
+    // Half a pane later than the others, so that no sample brings windows of both.
+    let panes = (settle_s / period_s) as u32 / pane;
+    let settle_samples = (panes * pane + pane / 2).max(1);
+    let memory_samples = ((MEMORY_S / period_s) as u32).max(settle_samples);
+    is_relative(setting).then_some(reference::Settings { settle_samples, memory_samples })
+}
+
+/// The panes of windows of a length.
+pub fn span(window_s: f64, period_s: f64) -> Span {
+    let samples = (window_s / period_s).round() as u32;
+    Span { pane_samples: (samples / PANES).max(1), panes: Some(PANES) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::Study;
+
+    #[test]
+    fn beyond_a_reference_is_looked_at_where_specimens_differ_from_their_twins() {
+        let study = Study::default();
+        let flights = study.flights().unwrap().unwrap();
+        for setting in Setting::ALL {
+            let kinds = kinds(&flights, setting);
+            let reference = reference(&flights, setting, study.sample_period_s);
+            let relative: Vec<bool> = kinds.iter().map(|kind| kind.is_relative).collect();
+            match setting {
+                Setting::Realistic => assert_eq!(relative, [false, false, true]),
+                _ => assert_eq!(relative, [false, false], "{}", setting.name()),
+            }
+            assert_eq!(reference.is_some(), setting == Setting::Realistic);
+            assert!(reference.is_none_or(|reference| reference.check().is_ok()));
+        }
+    }
+
+    #[test]
+    fn the_reference_is_there_before_the_earliest_fault_and_out_of_step() {
+        let study = Study::default();
+        let usual = study.flights().unwrap().unwrap();
+        for (earliest_s, samples) in [(5.0, 405), (50.0, 405), (1.5, 125), (0.01, 5)] {
+            let flights = Flights { onset_s: [earliest_s, 60.0], ..usual.clone() };
+            let reference = reference(&flights, Setting::Realistic, 0.01).unwrap();
+            assert_eq!(reference.settle_samples, samples, "{earliest_s}");
+            assert_eq!(reference.memory_samples, 6000);
+        }
+    }
+}
