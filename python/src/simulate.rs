@@ -59,7 +59,7 @@ pub fn settings(method: &str, tolerance: f64, step_s: Option<f64>) -> Result<Set
         }
         None => {
             let tolerance = within("tolerance", tolerance, (1e-15, 0.1), "")?;
-            Control::Adaptive { tolerance, max_step_s: 0.1, busy_per_s: f64::INFINITY }
+            Control::within(tolerance)
         }
     };
     Ok(Settings { method, control, land_on_samples: true })

@@ -75,9 +75,7 @@ pub trait Scalar:
     /// −1 where negative, else 1.
     #[inline(always)]
     fn sign(self) -> Self::Base {
-        let number = <Self::Base as Scalar>::constant;
-        let negative = self.base().less(number(0.0));
-        <Self::Base as Scalar>::select(negative, number(-1.0), number(1.0))
+        self.signed(<Self::Base as Scalar>::constant(1.0))
     }
 
     /// A magnitude with the sign of [`Scalar::sign`].

@@ -54,31 +54,32 @@ impl Compiled {
         Self { asked_s: AtomicU64::new(WORTH_S), ..Self::default() }
     }
 
-    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it.
+    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it. Where the work is cancelled while
+    /// a compiler runs there are no functions from then on.
     pub(crate) fn when_worth(
         &self,
         program: &Program,
         method: Method,
         level: Level,
         simulated_s: f64,
+        cancel: Option<&AtomicBool>,
     ) -> Option<&Kernels> {
         let is_worth = self.is_worth(method, simulated_s);
         self.asked_s.fetch_add(simulated_s.ceil() as u64, Ordering::Relaxed);
-        if is_worth { self.kernels(program, level) } else { None }
+        if is_worth { self.kernels_unless(program, level, cancel) } else { None }
     }
 
-    /// Compiles now what [`Compiled::when_worth`] would compile for so many seconds, unless the work is cancelled while
-    /// the compiler runs: then there are no functions from then on.
+    /// Compiles now what [`Compiled::when_worth`] would compile for so many seconds.
     pub(crate) fn prepare(
         &self,
         program: &Program,
         method: Method,
         level: Level,
         simulated_s: f64,
-        cancel: &AtomicBool,
+        cancel: Option<&AtomicBool>,
     ) {
         if self.is_worth(method, simulated_s) {
-            self.kernels_unless(program, level, Some(cancel));
+            self.kernels_unless(program, level, cancel);
         }
     }
 
@@ -373,7 +374,7 @@ mod tests {
     fn little_work_is_not_worth_it() {
         let compiled = Compiled::default();
         let (program, method) = (System::default().program, Settings::campaign().method);
-        assert!(compiled.when_worth(&program, method, Level::Portable, 1.0).is_none());
+        assert!(compiled.when_worth(&program, method, Level::Portable, 1.0, None).is_none());
         assert!(compiled.loaded.iter().all(|loaded| loaded.get().is_none()));
     }
 }

@@ -136,11 +136,10 @@ impl<'p> Ensemble<'p> {
         sink: impl Fn(usize) -> S + Sync,
         done: impl FnMut(usize, S, Result<Statistics, Failure>) + Send,
     ) {
-        self.prepare(count);
         let next = AtomicUsize::new(0);
         let done = Mutex::new(done);
         let threads = self.threads.clamp(1, count.max(1));
-        let kernels = self.kernels(count as f64 * self.duration_s);
+        let kernels = self.kernels(count);
         let level = match kernels {
             Some(_) => self.level.compiled(),
             None => self.level.for_many(count / threads),
@@ -166,19 +165,23 @@ impl<'p> Ensemble<'p> {
     /// Waits for compilers that so many variants are worth, unless [`Ensemble::cancel`] is set: for those who run them
     /// with another flag.
     pub fn prepare(&self, count: usize) {
-        if let (Some(compiled), Some(cancel)) = (self.compiled, self.cancel) {
+        if let Some(compiled) = self.compiled {
             let (level, method) = (self.level.compiled(), self.settings.method);
-            let simulated_s = count as f64 * self.duration_s;
-            compiled.prepare(self.program, method, level, simulated_s, cancel);
+            let simulated_s = self.simulated_s(count);
+            compiled.prepare(self.program, method, level, simulated_s, self.cancel);
         }
     }
 
-    /// The compiled step, where it is worth it for so much.
-    fn kernels(&self, simulated_s: f64) -> Option<&'p Kernels> {
+    /// The compiled step, where it is worth it for so many variants.
+    fn kernels(&self, count: usize) -> Option<&'p Kernels> {
         let compiled = self.compiled?;
-        let level = self.level.compiled();
-        let method = self.settings.method;
-        compiled.when_worth(self.program, method, level, simulated_s)
+        let (level, method) = (self.level.compiled(), self.settings.method);
+        let simulated_s = self.simulated_s(count);
+        compiled.when_worth(self.program, method, level, simulated_s, self.cancel)
+    }
+
+    fn simulated_s(&self, count: usize) -> f64 {
+        count as f64 * self.duration_s
     }
 
     /// Runs one variant and gives its samples, one vector per recorded slot. It

@@ -225,7 +225,7 @@ fn settings(options: &Options) -> Result<Settings, Failure> {
             let text = text.as_deref().unwrap_or("1e-5");
             let range = "greater than 0, at most 0.1";
             let tolerance = positive("--tolerance", text, Unit::None, 0.1, range)?;
-            Control::Adaptive { tolerance, max_step_s: 0.1, busy_per_s: f64::INFINITY }
+            Control::within(tolerance)
         }
     };
     Ok(Settings { method: options.method, control, land_on_samples: true })

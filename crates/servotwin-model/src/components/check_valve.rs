@@ -98,7 +98,7 @@ impl Equation<2, 1, 6> for OneWayFlow {
     fn evaluate<S: Scalar>(c: &[S::Base; 6], [p_a, p_b]: [S; 2]) -> [S; 1] {
         let drop = p_a - p_b;
         let factor = smooth_step((drop - c[3]) * c[4]) * c[0] + c[5];
-        let one = S::constant(1.0).base();
-        [factor * scaled_velocity_pa_s_m(drop.abs(), c[1], c[2]) * drop.signed(one)]
+        let laminar = S::from_base(c[1]);
+        [factor * scaled_velocity_pa_s_m(drop.abs(), laminar, c[2]) * drop.sign()]
     }
 }

@@ -68,6 +68,6 @@ impl Equation<1, 1, 4> for LeakageFlow {
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 4], [p]: [S; 1]) -> [S; 1] {
         let drop = (p - c[3]).max(S::constant(0.0));
-        [scaled_velocity_pa_s_m(drop, c[1], c[2]) * c[0]]
+        [scaled_velocity_pa_s_m(drop, S::from_base(c[1]), c[2]) * c[0]]
     }
 }

@@ -205,7 +205,7 @@ impl Equation<3, 1, 4> for ReserveFlow {
         // Closed where the drop is negative.
         let drop = (up - down).max(S::constant(0.0));
         let opening = damped(m) * smooth_step(drop * c[3]) * c[0];
-        [opening * scaled_velocity_pa_s_m(drop, c[1], c[2])]
+        [opening * scaled_velocity_pa_s_m(drop, S::from_base(c[1]), c[2])]
     }
 }
 

@@ -84,15 +84,16 @@ pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
 /// Equation (O2) by the constants of [`hole`], m³/s.
 #[inline(always)]
 pub fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
-    let velocity = scaled_velocity_pa_s_m(pressure_drop_pa.abs(), hole[1], hole[2]);
-    velocity * pressure_drop_pa.signed(hole[0])
+    let laminar = S::from_base(hole[1]);
+    scaled_velocity_pa_s_m(pressure_drop_pa.abs(), laminar, hole[2])
+        * pressure_drop_pa.signed(hole[0])
 }
 
 /// Equation (O2) without its factor, for a drop that is not negative: `2 k` times the mean velocity, Pa s/m.
 #[inline(always)]
 pub fn scaled_velocity_pa_s_m<S: Scalar>(
     pressure_drop_pa: S,
-    laminar: S::Base,
+    laminar: S,
     four_turbulent: S::Base,
 ) -> S {
     (pressure_drop_pa * four_turbulent + laminar * laminar).sqrt() - laminar

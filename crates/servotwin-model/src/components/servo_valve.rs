@@ -29,7 +29,7 @@
 //! place where it began. Source: rounded-edge geometry of common component
 //! libraries; valid for |x| up to some strokes and Δp of either sign.
 
-use super::orifice::{flow_m3_s, hole, turbulent};
+use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m, turbulent};
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,
     damping_loss, gain_high, gain_low, jam, natural_frequency_loss, ports, spool_constants,
@@ -266,8 +266,8 @@ impl Equation<4, 1, 9> for EdgeFlow {
         let gap = gap * gap;
         let laminar = (smooth - travel) * gap * eighth_of_slit + hole;
         let drop = up - down;
-        let root = (laminar * laminar + drop.abs() * gap * k).sqrt();
-        [transmission * (root - laminar) * drop.signed(width_per_two_k)]
+        let velocity = scaled_velocity_pa_s_m(drop.abs() * gap, laminar, k);
+        [transmission * velocity * drop.signed(width_per_two_k)]
     }
 }
 

@@ -11,7 +11,7 @@
 //! while it closes, the share of laminar flow is underestimated, which matters
 //! below about one percent of opening.
 
-use super::orifice::hole;
+use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -88,7 +88,7 @@ impl Equation<3, 1, 4> for ShutOffFlow {
         let opening = opening.max(S::constant(0.0));
         let laminar = opening * c[3] + c[1];
         let drop = p_a - p_b;
-        let root = (laminar * laminar + drop.abs() * c[2]).sqrt();
-        [opening * (root - laminar) * drop.signed(c[0])]
+        let velocity = scaled_velocity_pa_s_m(drop.abs(), laminar, c[2]);
+        [opening * velocity * drop.signed(c[0])]
     }
 }

@@ -180,11 +180,13 @@ impl<'p, V: Lanes> Batch<'p, V> {
     pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
         let reciprocal = V::constant(1.0) / h;
         self.factorise(method, reciprocal);
-        self.solve_first_stage(h * V::constant(method.gamma_sum[0]));
-        for stage in 1..method.stages() {
-            self.stage_sums(method, stage, reciprocal);
-            self.load_inputs(h * V::constant(method.alpha[stage]));
-            self.evaluate_motion();
+        for stage in 0..method.stages() {
+            // The first one has no sum: its argument is where the step begins.
+            if stage > 0 {
+                self.stage_sums(method, stage, reciprocal);
+                self.load_inputs(h * V::constant(method.alpha[stage]));
+                self.evaluate_motion();
+            }
             self.solve_stage(h * V::constant(method.gamma_sum[stage]), stage);
         }
         self.combine(method)
@@ -222,20 +224,6 @@ impl<'p, V: Lanes> Batch<'p, V> {
         }
     }
 
-    /// The first stage, which has no sum: its argument is where the step begins.
-    #[inline(always)]
-    fn solve_first_stage(&mut self, slope_factor: V) {
-        let n = self.y.len();
-        let Self { program, variables, gradients, factors, stages, compiled, .. } = self;
-        let right = &mut stages[..n];
-        if let Some(compiled) = compiled {
-            return compiled.solve_first(variables, slope_factor, gradients, factors, right);
-        }
-        right.fill(V::constant(0.0));
-        let derivatives = &variables[program.derivatives()];
-        solve(program, derivatives, slope_factor, gradients, factors, right);
-    }
-
     /// The solution of (R1) in the place of its sum.
     #[inline(always)]
     fn solve_stage(&mut self, slope_factor: V, stage: usize) {
@@ -243,7 +231,10 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let Self { program, variables, gradients, factors, stages, compiled, .. } = self;
         let right = &mut stages[stage * n..][..n];
         if let Some(compiled) = compiled {
-            return compiled.solve(variables, slope_factor, gradients, factors, right);
+            return compiled.solve(stage, variables, slope_factor, gradients, factors, right);
+        }
+        if stage == 0 {
+            right.fill(V::constant(0.0));
         }
         let derivatives = &variables[program.derivatives()];
         solve(program, derivatives, slope_factor, gradients, factors, right);

@@ -104,26 +104,11 @@ impl Functions {
         unsafe { (self.factor)(first(&[diagonal]), first(gradients), first_mut(factors)) }
     }
 
-    /// As [`Functions::solve`] where the right side is zero.
-    #[inline(always)]
-    pub(super) fn solve_first<V: Lanes>(
-        &self,
-        variables: &[V],
-        slope_factor: V,
-        gradients: &[V],
-        factors: &[V],
-        right: &mut [V],
-    ) {
-        let (variables, gradients) = (first(variables), first(gradients));
-        let (factors, right) = (first(factors), first_mut(right));
-        // SAFETY: see above.
-        unsafe { (self.solve_first)(variables, first(&[slope_factor]), gradients, factors, right) }
-    }
-
-    /// [`Program::solve_stage`].
+    /// [`Program::solve_stage`]; in the first stage the right side counts as zero, whatever it holds.
     #[inline(always)]
     pub(super) fn solve<V: Lanes>(
         &self,
+        stage: usize,
         variables: &[V],
         slope_factor: V,
         gradients: &[V],
@@ -132,8 +117,9 @@ impl Functions {
     ) {
         let (variables, gradients) = (first(variables), first(gradients));
         let (factors, right) = (first(factors), first_mut(right));
+        let solve = if stage == 0 { self.solve_first } else { self.solve };
         // SAFETY: see above.
-        unsafe { (self.solve)(variables, first(&[slope_factor]), gradients, factors, right) }
+        unsafe { solve(variables, first(&[slope_factor]), gradients, factors, right) }
     }
 
     /// [`Tableau::stage_sums`](super::tableau::Tableau::stage_sums).

@@ -91,6 +91,13 @@ pub enum Control {
     },
 }
 
+impl Control {
+    /// Steps by error alone, of a tenth of a second at most.
+    pub fn within(tolerance: f64) -> Self {
+        Control::Adaptive { tolerance, max_step_s: 0.1, busy_per_s: f64::INFINITY }
+    }
+}
+
 /// Everything a run needs to know about the method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -116,15 +123,7 @@ impl Settings {
 
     /// For reference runs.
     pub fn reference() -> Self {
-        Self {
-            method: Method::Rodas5P,
-            control: Control::Adaptive {
-                tolerance: 1e-9,
-                max_step_s: 0.1,
-                busy_per_s: f64::INFINITY,
-            },
-            land_on_samples: true,
-        }
+        Self { method: Method::Rodas5P, control: Control::within(1e-9), land_on_samples: true }
     }
 
     /// For real time: a fixed step of a millisecond.

@@ -62,7 +62,6 @@ impl Tableau {
         let sums = StageSums { states, y, right, stages };
         let (a, c) = (self.a[stage], self.c[stage]);
         match (stage, self.continues(stage)) {
-            (0, _) => sums.of::<0, false>(a, c, reciprocal),
             (1, _) => sums.of::<1, false>(a, c, reciprocal),
             (2, false) => sums.of::<2, false>(a, c, reciprocal),
             (3, false) => sums.of::<3, false>(a, c, reciprocal),

@@ -170,9 +170,8 @@ fn length(
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
     let rows = for_trees.learnt_from(settings.holding.lessons)?;
     let trees = run::fit(&for_trees, &run::settled(&data, &settings.training), &rows, workers)?;
-    let rows = data.learnt_from(settings.committee_lessons)?;
-    let committee = committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
     let known = data.learnt_from(settings.committee_lessons)?;
+    let committee = committee::train(&data.for_committee()?, &settings.committee, &known, workers)?;
     let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
     let sureness = committee::sureness(&data, &committee.hierarchy, settings.committee_lessons)?;

@@ -97,7 +97,7 @@ pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
 }
 
 /// The label of a sensor in the system file.
-fn label(study: &Study, sensor: &str) -> String {
+pub(super) fn label(study: &Study, sensor: &str) -> String {
     let place = study.sensors.0.iter().position(|known| known.name == sensor);
     let known = place.and_then(|place| study.measured.get(place));
     known.map_or_else(|| sensor.to_owned(), |&place| study.system.sensors[place].label.clone())

@@ -170,7 +170,7 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
             ),
         });
     }
-    acts.extend(blind(hardest));
+    acts.extend(blind(material, hardest));
     let hidden = perfect.map(|perfect| seen(material, perfect)).unwrap_or_default();
     let hidden = hidden.iter().filter(|seen| seen.rate.count == 0);
     let hidden: Vec<String> = hidden.map(|seen| spoken(seen.kind)).collect();
@@ -185,14 +185,14 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
 }
 
 /// The sensors whose learned bands are too wide to tell anything.
-fn blind(result: &SubjectResult) -> Option<String> {
+fn blind(material: &Material, result: &SubjectResult) -> Option<String> {
     let bands = result.evaluation.bands.iter().flatten();
     let wide: Vec<String> = bands
         .filter(|band| band.half_width > BLIND)
         .map(|band| {
             format!(
                 "{} (±{} % of its scale)",
-                band.sensor,
+                bands::label(material.study, &band.sensor),
                 chosen((100.0 * band.half_width).round())
             )
         })
