@@ -12,7 +12,7 @@
 //! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
 //! switches the output off.
 
-use super::position_controller::feedback;
+use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -42,7 +42,7 @@ static SPEC: Spec = Spec {
         parameter("no_pressure_pa", Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
         parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
     ],
-    faults: &[],
+    faults: &LOOP_FAULTS,
     ports: &[
         input_within("command", Unit::Metre, (-10.0, 10.0), "commanded position x_c"),
         input("position", Unit::Metre, "measured position x_m"),
