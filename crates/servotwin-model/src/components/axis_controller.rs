@@ -11,6 +11,9 @@
 //! washout `d` takes the steady load out of Δp = p_A − p_B. The integral does not wind up: beyond the limit
 //! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
 //! switches the output off.
+//!
+//! Source: the loop and feedback of the position controller; what stops the integral is the tracking of
+//! Åström & Hägglund 1995.
 
 use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;

@@ -7,6 +7,9 @@
 //!
 //! `m_1`, `m_2` are the modes (1 active): with one actuator passive the
 //! correction fades.
+//!
+//! Source: the toolkit's own choice, as simple as takes a lasting force fight out; that filtered differential
+//! pressures are compared is usual.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;

@@ -3,6 +3,8 @@
 //! ```text
 //! y = k x                                                                 (G1)
 //! ```
+//!
+//! Source: an ideal element, by definition.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -12,6 +12,9 @@
 //! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
 //! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
 //! textbook laws for steady flow.
+//!
+//! Source: Hagen and Poiseuille for laminar, Blasius 1913 for turbulent flow; one lumped section of inertia,
+//! resistance and capacitance.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

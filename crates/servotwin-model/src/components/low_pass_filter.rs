@@ -3,6 +3,8 @@
 //! ```text
 //! dy/dt = 2π f (x − y)                                                    (W1)
 //! ```
+//!
+//! Source: a resistor and a capacitor.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

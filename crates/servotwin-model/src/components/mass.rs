@@ -5,6 +5,8 @@
 //! ```
 //!
 //! The stops at ± x_s exist where their stiffness is not zero; they are those of the cylinder (Y6).
+//!
+//! Source: Newton's second law.
 
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::component::Component;

@@ -1,7 +1,7 @@
 //! A controller with proportional, integral and derivative parts, continuous.
 //!
 //! ```text
-//! e  = w + b − x,   de_f/dt = (e − e_f)/τ_d                                    (PI1)
+//! e  = w + b − x,   de_f/dt = (e − e_f)/τ_d                                (PI1)
 //! y  = K (e + T_d (e − e_f)/τ_d) + z                                       (PI2)
 //! z' = K_i (K e + clamp(y, y_min, y_max) − y)                              (PI3)
 //! u  = clamp(y, y_min, y_max)                                             (PI4)
@@ -10,6 +10,8 @@
 //! All signals are pure numbers: put a `gain`, or a sensor's share of its range, before it. The derivative is
 //! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
 //! constant 1/K_i.
+//!
+//! Source: Åström & Hägglund 1995: filtered derivative, and tracking that stops the integral.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;

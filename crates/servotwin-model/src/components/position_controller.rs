@@ -9,6 +9,9 @@
 //! Proportional with dynamic pressure feedback: the washout `d` takes the
 //! steady load out of Δp = p_A − p_B, so that only its changes damp the loop.
 //! `u` is per unit of the rated current; mode 0 switches the output off.
+//!
+//! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that servo valves of this
+//! name have inside.
 
 use super::gain::{gain_high, gain_low};
 use crate::component::Component;
