@@ -125,8 +125,9 @@ pub const FLUID_HEADS: [&str; 6] =
 /// The liquids with their numbers, in the order of [`FLUID_HEADS`].
 pub fn fluids() -> Vec<[String; 6]> {
     let one = |&kind: &FluidKind| {
-        let at = |celsius: f64| Fluid { kind, ..Fluid::default() }.at(celsius + 273.15);
-        let (low, high) = kind.range_k();
+        let fluid = Fluid { kind, ..Fluid::default() };
+        let at = |celsius: f64| fluid.at(celsius + 273.15);
+        let (low, high) = fluid.range_k();
         let (warm, hot) = (at(40.0), at(100.0));
         let centistokes = [warm, hot].map(|state| 1e6 * state.kinematic_viscosity_m2_s);
         [
@@ -145,7 +146,8 @@ pub fn fluids() -> Vec<[String; 6]> {
 pub fn book() -> String {
     let pages: Vec<String> = all().map(markdown).collect();
     let rows = fluids().into_iter().map(Vec::from).collect();
-    let fluids = "The numbers of `own` are those of its defaults; [the system format](system-format.md) has its keys.";
+    let fluids = "The numbers of `own` are those of its defaults, `table` has what its points say, here those of HLP 46; \
+                  [the system format](system-format.md) has their keys.";
     format!("{}\n## Fluids\n\n{fluids}\n{}", pages.join("\n"), table(&FLUID_HEADS, rows))
 }
 

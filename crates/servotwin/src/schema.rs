@@ -6,7 +6,7 @@ use crate::catalogue;
 use crate::format::{number, object};
 use crate::signal;
 use crate::study;
-use crate::system::{FLUID, FORMAT, units};
+use crate::system::{FLUID, FORMAT, POINT, units};
 use serde_json::{Map, Value, json};
 use servotwin_model::fluid::FluidKind;
 use servotwin_model::spec::{Law, Parameter, Spec, Unit};
@@ -149,9 +149,24 @@ fn fluid() -> Value {
     for declared in &FLUID {
         properties.insert(declared.name.into(), parameter(declared));
     }
+    properties.insert("points".into(), points());
     json!({
         "type": "object", "required": ["kind"], "properties": properties,
         "additionalProperties": false,
+    })
+}
+
+/// The points of a fluid by table.
+fn points() -> Value {
+    let properties: Map<String, Value> =
+        POINT.iter().map(|declared| (declared.name.into(), parameter(declared))).collect();
+    json!({
+        "type": "array", "minItems": 2,
+        "description": "of a fluid of kind table: its numbers at several temperatures, from cold to hot",
+        "items": {
+            "type": "object", "properties": properties, "additionalProperties": false,
+            "required": ["temperature_k", "density_kg_m3", "viscosity_m2_s"],
+        },
     })
 }
 

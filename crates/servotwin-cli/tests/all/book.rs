@@ -213,3 +213,23 @@ fn tables_of_the_book_are_what_is_declared() {
         }
     }
 }
+
+/// A source that a component names is a name and a year, and stands with both in the list of references.
+#[test]
+fn every_source_of_a_component_is_among_the_references() {
+    let references = page("references.md");
+    let mut named = 0;
+    for spec in catalogue::all() {
+        let prose = catalogue::prose(spec.kind).replace('\n', " ");
+        let (_, sources) = prose.rsplit_once("Source: ").expect("the model's contract");
+        let words: Vec<&str> = sources.split([' ', ',', ';', ':', '.']).collect();
+        let is_year =
+            |word: &str| word.len() == 4 && word.parse().is_ok_and(|n| (1800..2100).contains(&n));
+        for pair in words.windows(2).filter(|pair| is_year(pair[1])) {
+            let source = pair.join(" ");
+            assert!(references.contains(&format!("{source} |")), "{}: {source}", spec.kind);
+            named += 1;
+        }
+    }
+    assert!(named > 10, "{named}");
+}

@@ -12,6 +12,8 @@
 //! [`crate::math::smooth_step`], closes the gas off between 1.0 and 0.95 times
 //! `p_0`. With `E` the modulus of [`crate::fluid`] the pressure stays positive
 //! when the accumulator is emptied.
+//!
+//! Source: the polytropic change of an ideal gas, and continuity; the seat is the toolkit's own choice.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

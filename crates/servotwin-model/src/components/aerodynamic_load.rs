@@ -11,6 +11,9 @@
 //! below a Mach number of about 0.8, and 1 − m² is held above 0.19 (Mach 0.9; the range of V goes as far).
 //! Below 1 m/s the damping counts as at 1 m/s. The air is an equation only where
 //! the altitude is connected, else a constant.
+//!
+//! Source: hinge moments linear in the angles, as Etkin & Reid 1996 have them; Prandtl and Glauert; the
+//! atmosphere of ISO 2533.
 
 use crate::atmosphere::standard_air;
 use crate::component::Component;

@@ -10,6 +10,9 @@
 //! for a share ε/(b/10 + ε) of the damping (ε = 1 nm: 2e-5 of it at 0.5 mm); the
 //! damping comes in over a tenth of the play beyond contact, so that the force
 //! does not jump. Without play `w` is exactly one and the joint exactly linear.
+//!
+//! Source: the dead zone of Nordin & Gutman 2002, with damping; how this comes in, (T2), is the toolkit's own
+//! choice.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

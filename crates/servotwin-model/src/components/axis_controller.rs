@@ -11,8 +11,11 @@
 //! washout `d` takes the steady load out of Δp = p_A − p_B. The integral does not wind up: beyond the limit
 //! it follows the output with the time constant 1/K_i. `u` is per unit of the rated current; mode 0
 //! switches the output off.
+//!
+//! Source: the loop and feedback of the position controller; what stops the integral is the tracking of
+//! Åström & Hägglund 1995.
 
-use super::position_controller::feedback;
+use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -42,7 +45,7 @@ static SPEC: Spec = Spec {
         parameter("no_pressure_pa", Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
         parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
     ],
-    faults: &[],
+    faults: &LOOP_FAULTS,
     ports: &[
         input_within("command", Unit::Metre, (-10.0, 10.0), "commanded position x_c"),
         input("position", Unit::Metre, "measured position x_m"),

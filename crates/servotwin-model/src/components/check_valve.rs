@@ -13,6 +13,8 @@
 //!
 //! The relief valve is the same valve with a higher spring force and uses the
 //! same equation: its parameters stand in the same order.
+//!
+//! Source: the orifice; that the area grows by the cubic step is the toolkit's own choice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

@@ -301,6 +301,8 @@ fn declarations_hold_together() {
         assert!(!spec.summary.is_empty(), "{kind}");
         let text = description(kind).expect("a component of the list");
         assert!(text.contains("```text") && !text.contains("//!"), "{kind} has no equations");
+        let last = text.rsplit("\n\n").next().expect("a paragraph");
+        assert!(last.starts_with("Source: "), "{kind} does not say where its equations come from");
         for p in spec.parameters {
             assert!(p.min < p.max && !p.summary.is_empty(), "{kind}.{}", p.name);
             let fits = |value: f64| p.min <= value && value <= p.max;

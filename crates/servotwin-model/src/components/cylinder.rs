@@ -18,6 +18,9 @@
 //! damping fades in over the first thousandth of the stroke (`d`), and the stop
 //! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
 //! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %.
+//!
+//! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; friction of Stribeck
+//! as in Olsson 1998; the stop is the toolkit's own choice.
 
 use super::contact::{
     END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,

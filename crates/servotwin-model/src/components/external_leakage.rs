@@ -6,6 +6,8 @@
 //!
 //! `v` is the velocity (O2) of [`super::orifice`]. Fluid only leaves: below the
 //! ambient pressure nothing is drawn in. A closed leak passes exactly nothing.
+//!
+//! Source: the orifice; that nothing is drawn in is the toolkit's own choice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

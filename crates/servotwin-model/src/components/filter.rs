@@ -7,6 +7,8 @@
 //!
 //! (F2) is (F1) solved for the flow. Both resistances are taken as they are:
 //! they do not follow the fluid's temperature.
+//!
+//! Source: the sum of a laminar and a turbulent drop, as data sheets are fitted.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -3,6 +3,8 @@
 //! ```text
 //! x = x_0,   v = 0
 //! ```
+//!
+//! Source: an ideal element, by definition.
 
 use crate::component::Component;
 use crate::spec::{Spec, Unit, declare::*};

@@ -7,6 +7,8 @@
 //! `n` is the speed per unit of the rated one, `C_li` its internal leakage: laminar, as gaps are. It pushes
 //! against any pressure: a relief valve and a volume belong at its outlet. Its pulsation is neglected, and
 //! that it draws less where its inlet cavitates.
+//!
+//! Source: ideal flow less a laminar leakage, as Merritt 1967 has pumps and motors.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

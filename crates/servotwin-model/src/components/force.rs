@@ -3,6 +3,8 @@
 //! ```text
 //! F = F_signal                                                            (P1)
 //! ```
+//!
+//! Source: an ideal element, by definition: what acts from outside is not modelled.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

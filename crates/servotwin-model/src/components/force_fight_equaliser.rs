@@ -7,7 +7,11 @@
 //!
 //! `m_1`, `m_2` are the modes (1 active): with one actuator passive the
 //! correction fades.
+//!
+//! Source: the toolkit's own choice, as simple as takes a lasting force fight out; that filtered differential
+//! pressures are compared is usual.
 
+use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -31,7 +35,7 @@ static SPEC: Spec = Spec {
         parameter("mode_1", Unit::None, 1.0, (0.0, 1.0), "actuator 1: 1 active"),
         parameter("mode_2", Unit::None, 1.0, (0.0, 1.0), "actuator 2: 1 active"),
     ],
-    faults: &[],
+    faults: &[gain_low("gain_m_pa"), gain_high("gain_m_pa")],
     ports: &[
         input("pressure_a_1", Unit::Pascal, "measured p_A of actuator 1"),
         input("pressure_b_1", Unit::Pascal, "measured p_B of actuator 1"),

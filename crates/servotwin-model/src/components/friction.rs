@@ -7,6 +7,9 @@
 //! `r_s` is the ratio of static to Coulomb friction. Regularised by tanh: a
 //! force below the static friction lets the part creep at up to about `v_t`
 //! instead of holding it.
+//!
+//! Source: the law of Stribeck as in Olsson 1998, where it is one of the static models; that tanh takes the
+//! place of the sign is usual.
 
 use super::contact::{STRIBECK_CONSTANTS, Stribeck, stribeck, stribeck_constants};
 use crate::component::Component;

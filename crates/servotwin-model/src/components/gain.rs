@@ -3,11 +3,13 @@
 //! ```text
 //! y = k x                                                                 (G1)
 //! ```
+//!
+//! Source: an ideal element, by definition.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::{Category, Fault, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -15,11 +17,23 @@ pub struct Gain;
 
 const GAIN: usize = 0;
 
+/// An amplifier whose gain is a parameter gives too little.
+pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
+    let summary = "the amplifier has lost gain";
+    scales("gain_low", parameter, 0.2, (0.0, 1.0), Category::Calibration, summary)
+}
+
+/// It gives too much.
+pub(crate) const fn gain_high(parameter: &'static str) -> Fault {
+    let summary = "the amplifier has too much gain";
+    scales("gain_high", parameter, 2.0, (1.0, 100.0), Category::Calibration, summary)
+}
+
 static SPEC: Spec = Spec {
     kind: "gain",
     summary: "dimensionless signal times a number",
     parameters: &[required("gain", Unit::None, (-1e12, 1e12), "factor k")],
-    faults: &[],
+    faults: &[gain_low("gain"), gain_high("gain")],
     ports: &[input("input", Unit::None, "x"), output("output", Unit::None, "k x")],
     states: &[],
     reference: false,

@@ -6,6 +6,8 @@
 //!
 //! The dry friction is regularised: a moment below `M_f` lets the body creep at
 //! up to about `ω_f` instead of holding it.
+//!
+//! Source: Newton's second law for a rotation; that tanh takes the place of the sign is usual.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -12,13 +12,16 @@
 //! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
 //! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
 //! textbook laws for steady flow.
+//!
+//! Source: Hagen and Poiseuille for laminar, Blasius 1913 for turbulent flow; one lumped section of inertia,
+//! resistance and capacitance.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::math::{power, smooth_step};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -35,7 +38,14 @@ static SPEC: Spec = Spec {
         required("diameter_m", Unit::Metre, (1e-4, 1.0), "inner diameter"),
         parameter("start_pa", Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
     ],
-    faults: &[],
+    faults: &[scales(
+        "clogging",
+        "diameter_m",
+        0.3,
+        (0.01, 1.0),
+        Category::Clogging,
+        "deposits narrow the whole line",
+    )],
     ports: &[
         hydraulic("a", "end with the inertia"),
         pressure("b", "end with the capacitance, whose pressure it sets"),

@@ -3,11 +3,13 @@
 //! ```text
 //! dy/dt = 2π f (x − y)                                                    (W1)
 //! ```
+//!
+//! Source: a resistor and a capacitor.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -19,7 +21,14 @@ static SPEC: Spec = Spec {
     kind: "low_pass_filter",
     summary: "first-order low-pass filter of a dimensionless signal",
     parameters: &[required("bandwidth_hz", Unit::Hertz, (1e-6, 1e6), "corner frequency f")],
-    faults: &[],
+    faults: &[scales(
+        "lag",
+        "bandwidth_hz",
+        0.1,
+        (1e-5, 1.0),
+        Category::Lag,
+        "the filter became slow: a changed capacitor",
+    )],
     ports: &[
         input("input", Unit::None, "what is filtered"),
         output("output", Unit::None, "filtered"),

@@ -9,6 +9,8 @@
 //!
 //! `y` is the ratio (V_a − V_b)/(V_a + V_b), ±0.5 at full scale, `z` its rate
 //! per unit of ω. Faults as in [`super::conversion`].
+//!
+//! Source: the ratio of difference and sum is how demodulators work; the second order is usual.
 
 use super::conversion;
 use crate::component::{Component, Span};

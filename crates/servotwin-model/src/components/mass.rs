@@ -5,12 +5,14 @@
 //! ```
 //!
 //! The stops at ± x_s exist where their stiffness is not zero; they are those of the cylinder (Y6).
+//!
+//! Source: Newton's second law.
 
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -50,7 +52,24 @@ static SPEC: Spec = Spec {
             "damping of the stops",
         ),
     ],
-    faults: &[],
+    faults: &[
+        scales(
+            "added_mass",
+            "mass_kg",
+            2.0,
+            (1.0, 100.0),
+            Category::Dynamics,
+            "ice, dirt or water moves with it",
+        ),
+        adds(
+            "friction",
+            "viscous_friction_n_s_m",
+            1e4,
+            (0.0, 1e9),
+            Category::Friction,
+            "the guide is dry or clamps",
+        ),
+    ],
     ports: &[moving("port", "what moves with it")],
     states: &[
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),

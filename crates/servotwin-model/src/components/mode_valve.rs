@@ -15,6 +15,9 @@
 //! (Δp = p_reserve − p_chamber), and from the return gallery into the reserve.
 //! `m_0`, `m_1` are where the valve comes to rest, 0 and 1 unless it is stuck.
 //! Intermediate positions scale the areas linearly.
+//!
+//! Source: the orifice; that areas grow linearly with `m`, which is of first order, is the toolkit's own
+//! choice.
 
 use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

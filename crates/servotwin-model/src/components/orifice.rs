@@ -12,6 +12,9 @@
 //! and tends to `C_d A √(2Δp/ρ)`. `Re_t` is the transition Reynolds number;
 //! `R_s` a laminar resistance in series (a filter, a line), exact by adding the
 //! resistances.
+//!
+//! Source: the square root law of Merritt 1967; that the laminar and the turbulent drop are added, with a
+//! transition Reynolds number, is usual in component libraries.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

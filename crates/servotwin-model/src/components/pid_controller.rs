@@ -1,7 +1,7 @@
 //! A controller with proportional, integral and derivative parts, continuous.
 //!
 //! ```text
-//! e  = w − x,   de_f/dt = (e − e_f)/τ_d                                    (PI1)
+//! e  = w + b − x,   de_f/dt = (e − e_f)/τ_d                                (PI1)
 //! y  = K (e + T_d (e − e_f)/τ_d) + z                                       (PI2)
 //! z' = K_i (K e + clamp(y, y_min, y_max) − y)                              (PI3)
 //! u  = clamp(y, y_min, y_max)                                             (PI4)
@@ -10,11 +10,14 @@
 //! All signals are pure numbers: put a `gain`, or a sensor's share of its range, before it. The derivative is
 //! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
 //! constant 1/K_i.
+//!
+//! Source: Åström & Hägglund 1995: filtered derivative, and tracking that stops the integral.
 
+use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// See the module.
@@ -26,6 +29,7 @@ const DERIVATIVE_TIME: usize = 2;
 const DERIVATIVE_FILTER: usize = 3;
 const LEAST: usize = 4;
 const LARGEST: usize = 5;
+const OFFSET: usize = 6;
 
 static SPEC: Spec = Spec {
     kind: "pid_controller",
@@ -37,8 +41,22 @@ static SPEC: Spec = Spec {
         parameter("derivative_filter_s", Unit::Second, 0.01, (1e-5, 1e3), "its filter τ_d"),
         parameter("least", Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
         parameter("largest", Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
+        parameter("offset", Unit::None, 0.0, (-1e6, 1e6), "what is wanted more, b"),
     ],
-    faults: &[],
+    faults: &[
+        gain_low("gain"),
+        gain_high("gain"),
+        adds("bias_positive", "offset", 0.2, (0.0, 1e6), Category::Bias, "null shift"),
+        adds("bias_negative", "offset", -0.2, (-1e6, 0.0), Category::Bias, "null shift"),
+        scales(
+            "output_loss",
+            "largest",
+            0.5,
+            (0.0, 1.0),
+            Category::Calibration,
+            "the output stage ends before its largest output",
+        ),
+    ],
     ports: &[
         input("setpoint", Unit::None, "what is wanted, w"),
         input("measured", Unit::None, "what is, x"),
@@ -72,7 +90,7 @@ impl Component for PidController {
             Output::add(wiring.derivative("integral")),
             Output::add(wiring.derivative("slow_error")),
         ];
-        wiring.equation::<PidLaw, 4, 3, 6>(0, [setpoint, measured, integral, slow], outputs);
+        wiring.equation::<PidLaw, 4, 3, 7>(0, [setpoint, measured, integral, slow], outputs);
         wiring.set("output", output.variable());
     }
 }
@@ -80,8 +98,8 @@ impl Component for PidController {
 /// Equations (PI1)–(PI4): (setpoint, measured, integral, slow error) → output and both rates.
 pub struct PidLaw;
 
-impl Equation<4, 3, 6> for PidLaw {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
+impl Equation<4, 3, 7> for PidLaw {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 7] {
         let per_filter = S::constant(1.0) / given[DERIVATIVE_FILTER];
         [
             given[GAIN],
@@ -90,13 +108,14 @@ impl Equation<4, 3, 6> for PidLaw {
             per_filter,
             given[LEAST],
             given[LARGEST],
+            given[OFFSET],
         ]
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 6], inputs: [S; 4]) -> [S; 3] {
+    fn evaluate<S: Scalar>(c: &[S::Base; 7], inputs: [S; 4]) -> [S; 3] {
         let [setpoint, measured, integral, slow] = inputs;
-        let error = setpoint - measured;
+        let error = setpoint + c[6] - measured;
         let fast = error - slow;
         let proportional = error * c[0];
         let demand = proportional + fast * c[2] * c[0] + integral;
@@ -118,13 +137,18 @@ mod tests {
             ("derivative_time_s", 0.1),
             ("derivative_filter_s", 0.02),
         ];
-        let c = constants::<PidLaw, 4, 3, 6>(&PidController, &changes, 0);
+        let c = constants::<PidLaw, 4, 3, 7>(&PidController, &changes, 0);
         let [output, integral, slow] = PidLaw::evaluate(&c, [0.1, 0.05, 0.2, 0.03]);
         // 2 (0.05 + 0.1 (0.05 − 0.03)/0.02) + 0.2
         assert!((output - 0.5).abs() < 1e-12, "{output}");
         assert!((integral - 3.0 * 0.1).abs() < 1e-12 && (slow - 1.0).abs() < 1e-12);
         let [output, integral, _] = PidLaw::evaluate(&c, [5.0, 0.0, 0.0, 5.0]);
         assert_eq!((output, integral), (1.0, 3.0));
+        // An offset is wanted as a setpoint is.
+        let shifted = constants::<PidLaw, 4, 3, 7>(&PidController, &[("offset", 0.05)], 0);
+        let healthy = constants::<PidLaw, 4, 3, 7>(&PidController, &[], 0);
+        let wanted = |c, setpoint| PidLaw::evaluate(c, [setpoint, 0.25, 0.0, 0.0]);
+        assert_eq!(wanted(&shifted, 0.5), wanted(&healthy, 0.55));
     }
 
     #[test]

@@ -9,11 +9,15 @@
 //! Proportional with dynamic pressure feedback: the washout `d` takes the
 //! steady load out of Δp = p_A − p_B, so that only its changes damp the loop.
 //! `u` is per unit of the rated current; mode 0 switches the output off.
+//!
+//! Source: the position loop of Merritt 1967, with the dynamic pressure feedback that servo valves of this
+//! name have inside.
 
+use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Parameter, Port, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, Port, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use core::f64::consts::FRAC_PI_2;
 
@@ -42,6 +46,34 @@ pub(crate) const PARAMETERS: [Parameter; 8] = [
     parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
 ];
 
+/// The faults of a position loop: its amplifier has another gain, or another zero.
+pub(crate) const LOOP_FAULTS: [Fault; 4] = {
+    const fn bias(name: &'static str, full_m: f64, range_m: (f64, f64)) -> Fault {
+        let summary = "null shift: the loop holds another position";
+        adds(name, "rig_offset_m", full_m, range_m, Category::Bias, summary)
+    }
+    [
+        gain_low("gain_per_m"),
+        gain_high("gain_per_m"),
+        bias("bias_positive", 4e-3, (0.0, 1.0)),
+        bias("bias_negative", -4e-3, (-1.0, 0.0)),
+    ]
+};
+
+/// The faults of the law, which the sampled controller shares.
+pub(crate) const FAULTS: [Fault; 5] = {
+    let [low, high, positive, negative] = LOOP_FAULTS;
+    let feedback_loss = scales(
+        "feedback_loss",
+        "pressure_gain",
+        0.0,
+        (0.0, 1.0),
+        Category::Dynamics,
+        "the loop is no longer damped by its pressures",
+    );
+    [low, high, positive, negative, feedback_loss]
+};
+
 /// The ports of the law, which the sampled controller shares.
 pub(crate) const PORTS: [Port; 7] = [
     input_within("command", Unit::Radian, (-FRAC_PI_2, FRAC_PI_2), "commanded angle θ_c"),
@@ -57,7 +89,7 @@ static SPEC: Spec = Spec {
     kind: "position_controller",
     summary: "position loop with dynamic pressure feedback",
     parameters: &PARAMETERS,
-    faults: &[],
+    faults: &FAULTS,
     ports: &PORTS,
     states: &[state(
         "washout_pa",

@@ -3,6 +3,8 @@
 //! ```text
 //! p = p_supply
 //! ```
+//!
+//! Source: an ideal element, by definition.
 
 use crate::component::Component;
 use crate::spec::{Spec, Unit, declare::*};

@@ -14,6 +14,9 @@
 //! of it that an edge passes, as in the spools for cylinders with one rod. Below `p_t` the flow becomes
 //! proportional to the drop. `C_l` is what leaks past a land. `m` is the transmission, as in the servo valve.
 //! Flow forces are left to the valve's own position loop.
+//!
+//! Source: the square root law through the rated point of ISO 10770-1; the spool is that of the servo valve.
+//! The smoothing of (PV1) and (PV2) is the toolkit's own choice.
 
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, clogging, connect,

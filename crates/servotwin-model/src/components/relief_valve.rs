@@ -8,6 +8,8 @@
 //! Equations (K1) and (K2) of [`super::check_valve`] with the set pressure for
 //! the cracking pressure. The spring chamber is at the outlet's pressure. The
 //! poppet's own dynamics are neglected.
+//!
+//! Source: the check valve.
 
 use super::check_valve;
 use crate::component::Component;

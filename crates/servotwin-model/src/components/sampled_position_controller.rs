@@ -10,8 +10,10 @@
 //! The law and its symbols are those of [`super::position_controller`]; (Z2) is
 //! its washout solved exactly for a held input. Inputs are read at the ticks,
 //! `T` apart; `n` is 0, 1 or 2 samples.
+//!
+//! Source: the zero-order hold of Åström & Wittenmark 1997.
 
-use super::position_controller::{PARAMETERS, PORTS, at};
+use super::position_controller::{FAULTS, PARAMETERS, PORTS, at};
 use super::position_controller::{demand, demand_constants, feedback_gain, limited};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
@@ -35,7 +37,7 @@ static SPEC: Spec = Spec {
     kind: "sampled_position_controller",
     summary: "position loop with dynamic pressure feedback, sampled",
     parameters: &ALL_PARAMETERS,
-    faults: &[],
+    faults: &FAULTS,
     ports: &PORTS,
     states: &[],
     reference: false,

@@ -6,6 +6,8 @@
 //!
 //! s is 0 for the first, 1 for the second: a position loop that no longer trusts its own sensor reads
 //! another one.
+//!
+//! Source: an ideal element, by definition.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

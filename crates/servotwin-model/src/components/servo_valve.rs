@@ -26,8 +26,11 @@
 //! valve isolates the cylinder with it). The overlap is a laminar slit, `e` the
 //! spool's relative eccentricity. The pilot stage takes its quiescent flow from
 //! p to t through a hole. `μ` is 1 for a free spool; a jammed one keeps the
-//! place where it began. Source: rounded-edge geometry of common component
-//! libraries; valid for |x| up to some strokes and Δp of either sign.
+//! place where it began. Valid for |x| up to some strokes and Δp of either sign.
+//!
+//! Source: a second order for the valve up to its spool as in Thayer 1958, the leak of an eccentric gap as in
+//! Merritt 1967, rounded-edge geometry of common component libraries. The limits are the toolkit's own
+//! choice.
 
 use super::orifice::{flow_m3_s, hole, scaled_velocity_pa_s_m, turbulent};
 use super::spool::{

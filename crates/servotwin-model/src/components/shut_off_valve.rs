@@ -10,6 +10,8 @@
 //! filter and line. `r_t` is taken at the hydraulic diameter of the open valve:
 //! while it closes, the share of laminar flow is underestimated, which matters
 //! below about one percent of opening.
+//!
+//! Source: the orifice.
 
 use super::orifice::{hole, scaled_velocity_pa_s_m};
 use crate::component::Component;

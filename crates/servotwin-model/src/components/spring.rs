@@ -3,6 +3,8 @@
 //! ```text
 //! F = F_0 − k x − c v                                                     (S1)
 //! ```
+//!
+//! Source: Hooke's law, and a damper of first order.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

@@ -10,6 +10,9 @@
 //! the cubic step of [`crate::math::smooth_step`]. `s` is the position of its swash plate or ring, with the
 //! time constant τ of the stroking piston; `n` the speed per unit of the rated one. Pulsation is neglected,
 //! and that it draws less where its inlet cavitates.
+//!
+//! Source: (VP3) as Merritt 1967 has pumps and motors; (VP1) is the line of a data sheet and (VP2) the first
+//! order that is usual for it, both the toolkit's own choice.
 
 use super::flow_source::{FLOW_AT_RATED_SPEED, INTERNAL_LEAKAGE, SPEED, WEAR, delivered};
 use crate::component::Component;

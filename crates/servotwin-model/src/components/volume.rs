@@ -6,6 +6,8 @@
 //!
 //! The volumetric form conserves volume, not mass: the error is at most p/E,
 //! 1.4 % of the transferred volume between 200 and 6 bar.
+//!
+//! Source: continuity and bulk modulus, Merritt 1967.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};

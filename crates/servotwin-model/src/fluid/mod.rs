@@ -20,6 +20,7 @@ mod mil_prf_83282;
 mod mineral_oil;
 pub mod own;
 mod phosphate_ester;
+pub mod table;
 
 use crate::math::power;
 use crate::scalar::{Scalar, lit};
@@ -44,12 +45,15 @@ pub trait Liquid {
 }
 
 /// What a system file says about the fluid of a circuit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fluid {
     /// The liquid.
     pub kind: FluidKind,
-    /// Its numbers, where it is [`FluidKind::Own`].
+    /// Its numbers, where it is [`FluidKind::Own`]; the growth of its bulk modulus also where it is
+    /// [`FluidKind::Table`].
     pub own: own::OwnLiquid,
+    /// Its points, where it is [`FluidKind::Table`].
+    pub table: table::Table,
     /// Volume of free gas per volume of liquid at normal pressure.
     pub air_fraction: f64,
     /// Polytropic exponent of the gas.
@@ -63,6 +67,7 @@ impl Default for Fluid {
         Self {
             kind: FluidKind::PhosphateEster,
             own: own::OwnLiquid::default(),
+            table: table::Table::default(),
             air_fraction: 0.005,
             polytropic_exponent: 1.4,
             wall_modulus_pa: 10e9,
@@ -170,15 +175,23 @@ macro_rules! liquids {
             $(#[doc = stringify!($liquid)] $variant,)*
             /// [`own::OwnLiquid`].
             Own,
+            /// [`table::Table`].
+            Table,
         }
 
         impl FluidKind {
             /// Every liquid, in the order of the documentation.
-            pub const ALL: &'static [FluidKind] = &[$(FluidKind::$variant,)* FluidKind::Own];
+            pub const ALL: &'static [FluidKind] = &[
+                $(FluidKind::$variant,)* FluidKind::Own, FluidKind::Table,
+            ];
 
             /// The word for `kind` in a system file.
             pub fn name(self) -> &'static str {
-                match self { $(Self::$variant => $module::$liquid::NAME,)* Self::Own => own::NAME }
+                match self {
+                    $(Self::$variant => $module::$liquid::NAME,)*
+                    Self::Own => own::NAME,
+                    Self::Table => table::NAME,
+                }
             }
 
             /// One line for people.
@@ -186,26 +199,35 @@ macro_rules! liquids {
                 match self {
                     $(Self::$variant => $module::$liquid::SUMMARY,)*
                     Self::Own => own::SUMMARY,
+                    Self::Table => table::SUMMARY,
                 }
             }
+        }
 
+        impl Fluid {
             /// Temperatures its laws hold for, K.
-            pub fn range_k(self) -> (f64, f64) {
-                match self {
-                    $(Self::$variant => $module::$liquid::RANGE_K,)*
-                    Self::Own => own::RANGE_K,
+            pub fn range_k(&self) -> (f64, f64) {
+                match self.kind {
+                    $(FluidKind::$variant => $module::$liquid::RANGE_K,)*
+                    FluidKind::Own => own::RANGE_K,
+                    FluidKind::Table => self.table.range_k(),
                 }
             }
 
-            fn laws<S: Scalar>(self, own: &own::OwnLiquid, t: S) -> (S, S, S, f64) {
-                match self {
-                    Self::Own => own.laws(t),
-                    $(Self::$variant => (
+            /// Density, kg/m³, kinematic viscosity, m²/s, and bulk modulus, Pa, with its growth.
+            fn laws<S: Scalar>(&self, t: S) -> (S, S, S, f64) {
+                match self.kind {
+                    $(FluidKind::$variant => (
                         $module::$liquid::density_kg_m3(t),
                         $module::$liquid::kinematic_viscosity_m2_s(t),
                         $module::$liquid::bulk_modulus_pa(t),
                         $module::$liquid::BULK_MODULUS_SLOPE,
-                    )),*
+                    ),)*
+                    FluidKind::Own => self.own.laws(t),
+                    FluidKind::Table => {
+                        let (density, viscosity, bulk) = self.table.laws(t);
+                        (density, viscosity, bulk, self.own.bulk_modulus_slope)
+                    }
                 }
             }
         }
@@ -224,7 +246,7 @@ liquids! {
 impl Fluid {
     /// The properties at a temperature.
     pub fn at<S: Scalar>(&self, temperature_k: S) -> FluidState<S> {
-        let (density, viscosity, bulk, slope) = self.kind.laws(&self.own, temperature_k);
+        let (density, viscosity, bulk, slope) = self.laws(temperature_k);
         let exponent = 1.0 / self.polytropic_exponent;
         let gas = self.air_fraction * power(NORMAL_PRESSURE_PA, exponent);
         FluidState {
@@ -258,6 +280,15 @@ fn log_10<S: Scalar>(x: S) -> S {
 fn walther_m2_s<S: Scalar>(temperature_k: S, a: S, b: S) -> S {
     let inner = power_of_ten(a - b * log_10(temperature_k));
     (power_of_ten(inner) - lit::<S>(0.7)) * lit::<S>(1e-6)
+}
+
+/// A and B of Walther's law through two temperatures, K, with their viscosities, m²/s: the colder first.
+fn walther_through([cold, hot]: [(f64, f64); 2]) -> [f64; 2] {
+    let double = |m2_s: f64| log_10(log_10(m2_s * 1e6 + 0.7));
+    let [warm, hotter] = [cold, hot].map(|(temperature_k, _)| log_10::<f64>(temperature_k));
+    let [thick, thin] = [cold, hot].map(|(_, m2_s)| double(m2_s));
+    let b = (thick - thin) / (hotter - warm);
+    [thick + b * warm, b]
 }
 
 #[cfg(test)]
@@ -330,10 +361,14 @@ mod tests {
         }
         // The numbers of HLP 46 make HLP 46.
         for celsius in [-10.0, 15.0, 70.0, 100.0] {
-            let [named, own] = [FluidKind::Hlp46, FluidKind::Own].map(|kind| at(kind, celsius));
-            assert_close(own.density_kg_m3, named.density_kg_m3, 1e-12);
-            assert_close(own.kinematic_viscosity_m2_s, named.kinematic_viscosity_m2_s, 1e-5);
-            assert_close(own.bulk.liquid_pa, named.bulk.liquid_pa, 1e-12);
+            let named = at(FluidKind::Hlp46, celsius);
+            for by_numbers in [FluidKind::Own, FluidKind::Table].map(|kind| at(kind, celsius)) {
+                assert_close(by_numbers.density_kg_m3, named.density_kg_m3, 1e-12);
+                let viscosity = by_numbers.kinematic_viscosity_m2_s;
+                assert_close(viscosity, named.kinematic_viscosity_m2_s, 3e-5);
+                assert_close(by_numbers.bulk.liquid_pa, named.bulk.liquid_pa, 1e-12);
+                assert_eq!(by_numbers.bulk.slope, named.bulk.slope);
+            }
         }
         assert_close(at(FluidKind::Hlp46, 15.0).density_kg_m3, 880.0, 1e-12);
         assert_close(at(FluidKind::Hlp46, 40.0).bulk.liquid_pa, 1.6e9, 1e-12);
@@ -376,11 +411,11 @@ mod tests {
     #[test]
     fn every_liquid_is_plausible_over_its_whole_range() {
         for &kind in FluidKind::ALL {
-            let (low, high) = kind.range_k();
+            let fluid = Fluid { kind, ..Fluid::default() };
+            let (low, high) = fluid.range_k();
             let name = kind.name();
             let mut colder = f64::INFINITY;
             for step in 0..=100 {
-                let fluid = Fluid { kind, ..Fluid::default() };
                 let state = fluid.at(low + (high - low) * step as f64 / 100.0);
                 assert!((600.0..1200.0).contains(&state.density_kg_m3), "{name}");
                 assert!((1e-7..1e-2).contains(&state.kinematic_viscosity_m2_s), "{name}");

@@ -8,7 +8,7 @@
 //!
 //! (L2) is Walther's law (ASTM D341); the defaults are those of HLP 46.
 
-use super::{log_10, walther_m2_s};
+use super::{walther_m2_s, walther_through};
 use crate::scalar::{Scalar, lit};
 
 /// The word for `kind` in a system file.
@@ -55,23 +55,20 @@ impl OwnLiquid {
     /// Density, kg/m³, kinematic viscosity, m²/s, bulk modulus, Pa, and its growth with the pressure.
     pub fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S, f64) {
         let since_15 = temperature_k - lit::<S>(288.15);
-        let since_40 = temperature_k - lit::<S>(313.15);
         let number = |value: f64| S::constant(value);
-        let (a, b) = self.walther();
+        let sheet = [(313.15, self.viscosity_40_m2_s), (373.15, self.viscosity_100_m2_s)];
+        let [a, b] = walther_through(sheet);
         (
             (number(1.0) - since_15 * number(self.expansion)) * number(self.density_kg_m3),
             walther_m2_s(temperature_k, number(a), number(b)),
-            number(self.bulk_modulus_pa) + since_40 * number(self.bulk_modulus_change),
+            self.bulk_modulus_at(temperature_k),
             self.bulk_modulus_slope,
         )
     }
 
-    /// A and B of (L2).
-    fn walther(&self) -> (f64, f64) {
-        let double = |m2_s: f64| log_10(log_10(m2_s * 1e6 + 0.7));
-        let [warm, hot] = [313.15, 373.15].map(log_10::<f64>);
-        let [at_40, at_100] = [self.viscosity_40_m2_s, self.viscosity_100_m2_s].map(double);
-        let b = (at_40 - at_100) / (hot - warm);
-        (at_40 + b * warm, b)
+    /// Equation (L3), Pa.
+    pub fn bulk_modulus_at<S: Scalar>(&self, temperature_k: S) -> S {
+        let since_40 = temperature_k - lit::<S>(313.15);
+        S::constant(self.bulk_modulus_pa) + since_40 * S::constant(self.bulk_modulus_change)
     }
 }

@@ -46,14 +46,16 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
             None => {}
         }
     }
-    let fluids: Vec<Option<Fluid>> = reader.fluids.iter().map(|fluid| fluid.value).collect();
+    let fluids: Vec<Option<Fluid>> =
+        reader.fluids.iter().map(|fluid| fluid.value.clone()).collect();
     let mut told = Vec::new();
     for part in reader.scope.parts.iter().filter(|part| part.spec().reference && part.sound) {
-        let fluid = part.fluid.map_or(Some(Fluid::default()), |index| fluids[index]);
+        let fluid =
+            part.fluid.map_or_else(|| Some(Fluid::default()), |index| fluids[index].clone());
         let (Some(fluid), Some(kelvin)) = (fluid, temperature_k(part)) else {
             continue;
         };
-        let (min, max) = fluid.kind.range_k();
+        let (min, max) = fluid.range_k();
         if !(min..=max).contains(&kelvin) && once(&mut told, &part.at, 0) {
             let (id, liquid) = (part.id.clone(), fluid.kind.name());
             let range_k = (min, max);
@@ -241,8 +243,7 @@ fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(Span,
 
 /// A source with its liquid and temperature.
 fn told_fluid(part: &Part, fluids: &[Fluid]) -> String {
-    let fluid = part.fluid.map_or_else(Fluid::default, |index| fluids[index]);
-    let kind = fluid.kind;
+    let kind = part.fluid.map_or_else(|| Fluid::default().kind, |index| fluids[index].kind);
     match temperature_k(part) {
         Some(kelvin) => format!("'{}' ({} at {kelvin} K)", part.id, kind.name()),
         None => format!("'{}' ({})", part.id, kind.name()),

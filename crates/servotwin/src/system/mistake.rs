@@ -308,7 +308,7 @@ impl fmt::Display for Mistake {
             }
             Mistake::FluidTemperature { id, kelvin, liquid, range_k: (min, max) } => write!(
                 out,
-                "'{id}' is at {kelvin} K, but {liquid} is only known for {min} … {max} K"
+                "'{id}' is at {kelvin} K, but the liquid '{liquid}' is only known for {min} … {max} K"
             ),
             Mistake::NoPort { id, .. } => write!(out, "'{id}' is a component: which of its ports?"),
             Mistake::UnknownPort { id, kind, port, .. } => {

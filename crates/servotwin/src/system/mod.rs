@@ -38,7 +38,7 @@ pub(crate) mod units;
 
 pub use listing::ListedFault;
 pub use mistake::Mistake;
-pub(crate) use read::FLUID;
+pub(crate) use read::{FLUID, POINT};
 pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
@@ -200,7 +200,7 @@ impl System {
             let declared = &instance.component.spec().parameters[parameter];
             let (mut min, mut max) = (declared.min, declared.max);
             if declared.name == "temperature_k" && instance.component.spec().reference {
-                let (coldest, hottest) = instance.fluid.kind.range_k();
+                let (coldest, hottest) = instance.fluid.range_k();
                 (min, max) = (min.max(coldest), max.min(hottest));
             }
             if !(min..=max).contains(&value) {

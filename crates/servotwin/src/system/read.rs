@@ -7,43 +7,90 @@ use super::{FORMAT, Sensor, units};
 use crate::document::{self, Collector, Entry, Span, entries};
 use crate::nearest::nearest;
 use servotwin_model::components::{ALL, find};
-use servotwin_model::fluid::{Fluid, FluidKind, own};
+use servotwin_model::fluid::table::{LEAST_STEP_K, Point, Table};
+use servotwin_model::fluid::{Fluid, FluidKind, own, table};
 use servotwin_model::network::PortOf;
-use servotwin_model::spec::{Law, Parameter, PortKind, Spec, Unit, declare::parameter};
+use servotwin_model::spec::{
+    Law, Parameter, PortKind, Spec, Unit, declare::parameter, declare::required,
+};
 use toml::de::DeTable;
 
 /// The keys of a section that names components, beside the components.
 const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 
-/// The numbers of a fluid, in the order of [`set_fluid`].
+/// The numbers of a fluid, in the order of [`set_fluid`]: of all kinds, then of `table` and `own`, then of `own`
+/// alone.
 pub(crate) static FLUID: [Parameter; 10] = [
     parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
     parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
     parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
+    parameter("bulk_modulus_slope", Unit::None, 11.0, (0.0, 20.0), "of it, Pa per pascal"),
+    parameter("bulk_modulus_pa", Unit::Pascal, 1.6e9, (2e8, 1e10), "of the liquid at 40 °C"),
+    parameter("bulk_modulus_change", Unit::None, -8e6, (-2e7, 0.0), "of it, Pa per kelvin"),
     parameter("density_kg_m3", Unit::KilogramPerCubicMetre, 880.0, (500.0, 2000.0), "at 15 °C"),
     parameter("expansion", Unit::None, 7e-4, (0.0, 5e-3), "of its volume, per kelvin"),
     parameter("viscosity_40_m2_s", Unit::SquareMetrePerSecond, 46e-6, (2e-6, 1e-3), "at 40 °C"),
     parameter("viscosity_100_m2_s", Unit::SquareMetrePerSecond, 6.8e-6, (1e-6, 5e-4), "at 100 °C"),
-    parameter("bulk_modulus_pa", Unit::Pascal, 1.6e9, (2e8, 1e10), "of the liquid at 40 °C"),
-    parameter("bulk_modulus_change", Unit::None, -8e6, (-2e7, 0.0), "of it, Pa per kelvin"),
-    parameter("bulk_modulus_slope", Unit::None, 11.0, (0.0, 20.0), "of it, Pa per pascal"),
 ];
 
-/// The first of those that only a fluid of kind `own` has.
-const FIRST_OWN: usize = 3;
+/// How many of them every fluid has.
+const OF_ALL: usize = 3;
+/// How many one whose points give the bulk modulus.
+const WITH_SLOPE: usize = 4;
+/// How many one whose points do not.
+const WITH_MODULUS: usize = 6;
 
 fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
     match index {
         0 => fluid.air_fraction = value,
         1 => fluid.polytropic_exponent = value,
         2 => fluid.wall_modulus_pa = value,
-        3 => fluid.own.density_kg_m3 = value,
-        4 => fluid.own.expansion = value,
-        5 => fluid.own.viscosity_40_m2_s = value,
-        6 => fluid.own.viscosity_100_m2_s = value,
-        7 => fluid.own.bulk_modulus_pa = value,
-        8 => fluid.own.bulk_modulus_change = value,
-        _ => fluid.own.bulk_modulus_slope = value,
+        3 => fluid.own.bulk_modulus_slope = value,
+        4 => fluid.own.bulk_modulus_pa = value,
+        5 => fluid.own.bulk_modulus_change = value,
+        6 => fluid.own.density_kg_m3 = value,
+        7 => fluid.own.expansion = value,
+        8 => fluid.own.viscosity_40_m2_s = value,
+        _ => fluid.own.viscosity_100_m2_s = value,
+    }
+}
+
+/// The numbers of a point of a fluid by table; the last is optional.
+pub(crate) static POINT: [Parameter; 4] = [
+    required(
+        "temperature_k",
+        Unit::Kelvin,
+        (200.0, 480.0),
+        "warmer than the point before by a kelvin",
+    ),
+    required(
+        "density_kg_m3",
+        Unit::KilogramPerCubicMetre,
+        (500.0, 2000.0),
+        "no more than at the colder point before",
+    ),
+    required(
+        "viscosity_m2_s",
+        Unit::SquareMetrePerSecond,
+        (1e-6, 2e-2),
+        "kinematic, no more than at the colder point before",
+    ),
+    required(
+        "bulk_modulus_pa",
+        Unit::Pascal,
+        (2e8, 1e10),
+        "of the liquid, no more than at the colder point before",
+    ),
+];
+const MODULUS: usize = 3;
+
+/// What a number of a point may be behind the same of the point before.
+fn allowed(index: usize, before: Option<f64>) -> (f64, f64) {
+    let Parameter { min, max, .. } = POINT[index];
+    match before {
+        None => (min, max),
+        Some(before) if index == 0 => ((before + LEAST_STEP_K).min(max), max),
+        Some(before) => (min, before),
     }
 }
 
@@ -234,6 +281,11 @@ impl Reader {
         None
     }
 
+    /// A number within its declared range.
+    fn declared(&mut self, entry: &Entry, declared: &Parameter) -> Option<f64> {
+        self.within(entry, (declared.min, declared.max), declared.unit, declared.summary)
+    }
+
     /// The entries of a section of the file, in order.
     fn members<'a>(&mut self, root: &[Entry<'a>], section: &str) -> Vec<Entry<'a>> {
         let table = get(root, section).and_then(|entry| self.table(entry));
@@ -274,27 +326,123 @@ impl Reader {
         let place = format!("fluid '{}'", fluid.key);
         let mut value = Fluid::default();
         let mut sound = true;
-        let is_own = get(all, "kind").is_some_and(|entry| entry.text() == Ok(own::NAME));
-        let known = if is_own { &FLUID[..] } else { &FLUID[..FIRST_OWN] };
-        for entry in all.iter().filter(|entry| entry.key != "kind") {
+        let word = get(all, "kind").and_then(|entry| entry.text().ok());
+        let points = get(all, "points").filter(|_| word == Some(table::NAME));
+        let (known, further): (&[Parameter], &[&str]) = match word {
+            Some(own::NAME) => (&FLUID, &["kind"]),
+            Some(table::NAME) if gives_modulus(points) => {
+                (&FLUID[..WITH_SLOPE], &["kind", "points"])
+            }
+            Some(table::NAME) => (&FLUID[..WITH_MODULUS], &["kind", "points"]),
+            _ => (&FLUID[..OF_ALL], &["kind"]),
+        };
+        for entry in all.iter().filter(|entry| !further.contains(&entry.key)) {
             let Some(index) = known.iter().position(|p| p.name == entry.key) else {
-                self.unknown_number(entry, &place, known, &["kind"]);
+                self.unknown_number(entry, &place, known, further);
                 sound = false;
                 continue;
             };
-            let declared = &FLUID[index];
-            let range = (declared.min, declared.max);
-            match self.within(entry, range, declared.unit, declared.summary) {
+            match self.declared(entry, &FLUID[index]) {
                 Some(number) => set_fluid(&mut value, index, number),
                 None => sound = false,
             }
         }
         value.kind = self.liquid(fluid, get(all, "kind"))?;
+        if value.kind == FluidKind::Table {
+            value.table = self.points(fluid, points, &value.own)?;
+        }
         if value.own.viscosity_100_m2_s >= value.own.viscosity_40_m2_s {
             self.mistakes.note(&fluid.at, Mistake::ThickensWhenWarm { fluid: fluid.key.into() });
             sound = false;
         }
         sound.then_some(value)
+    }
+
+    /// The points of a fluid by table.
+    fn points(
+        &mut self,
+        fluid: &Entry,
+        points: Option<&Entry>,
+        own: &own::OwnLiquid,
+    ) -> Option<Table> {
+        let Some(entry) = points else {
+            let write = "points = [{ temperature_k = 313.15, density_kg_m3 = 865, viscosity_m2_s = 46e-6 }, …]";
+            self.missing(&fluid.at, format!("fluid '{}'", fluid.key), "points", write.into());
+            return None;
+        };
+        let at = entry.value_at();
+        let list = entry.list().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()?;
+        if list.len() < 2 {
+            let mistake = document::Mistake::TooFew { key: entry.key.into(), least: 2 };
+            self.mistakes.note(&at, mistake);
+            return None;
+        }
+        let place = format!("a point of fluid '{}'", fluid.key);
+        let own = (!gives_modulus(points)).then_some(own);
+        let mut before = [None; 4];
+        let points: Vec<Option<Point>> = (list.iter())
+            .map(|element| {
+                self.point(&Entry::element("a point", element), &place, own, &mut before)
+            })
+            .collect();
+        Table::new(points.into_iter().collect::<Option<_>>()?)
+    }
+
+    /// A point, and what has been read of those `before`; its bulk modulus is that of `own` where no point
+    /// gives one.
+    fn point(
+        &mut self,
+        entry: &Entry,
+        place: &str,
+        own: Option<&own::OwnLiquid>,
+        before: &mut [Option<f64>; 4],
+    ) -> Option<Point> {
+        let all = entries(self.table(entry)?);
+        let others = all.iter().filter(|entry| POINT.iter().all(|p| p.name != entry.key));
+        let meant: Vec<Option<String>> =
+            others.map(|other| self.unknown_number(other, place, &POINT, &[])).collect();
+        let mut values = [None; 4];
+        for (index, declared) in POINT.iter().enumerate() {
+            let meant = || meant.iter().flatten().any(|name| name == declared.name);
+            values[index] = match (get(&all, declared.name), own) {
+                (Some(number), _) => {
+                    // A point at the wrong place is told by its temperature alone.
+                    let ordered = index == 0 || values[0].is_some();
+                    let last = before[index].filter(|_| ordered);
+                    before[index] = possible(number, index).or(last);
+                    self.within(number, allowed(index, last), declared.unit, declared.summary)
+                }
+                (None, Some(own)) if index == MODULUS => {
+                    values[0].and_then(|kelvin| self.modulus(entry, own.bulk_modulus_at(kelvin)))
+                }
+                (None, _) if meant() => None,
+                (None, _) => {
+                    let write = format!("{} = …", declared.name);
+                    self.missing(&entry.at, place, declared.name, write);
+                    None
+                }
+            };
+        }
+        let [temperature_k, density_kg_m3, viscosity_m2_s, bulk_modulus_pa] = values;
+        meant.is_empty().then_some(Point {
+            temperature_k: temperature_k?,
+            density_kg_m3: density_kg_m3?,
+            viscosity_m2_s: viscosity_m2_s?,
+            bulk_modulus_pa: bulk_modulus_pa?,
+        })
+    }
+
+    /// A bulk modulus that a law gives for a point.
+    fn modulus(&mut self, point: &Entry, pa: f64) -> Option<f64> {
+        let Parameter { name, min, max, unit, .. } = POINT[MODULUS];
+        if (min..=max).contains(&pa) {
+            return Some(pa);
+        }
+        let (key, unit) = (name.into(), unit.symbol());
+        let summary = "of the liquid here, by its value at 40 °C and bulk_modulus_change";
+        let mistake = document::Mistake::OutOfRange { key, value: pa, min, max, unit, summary };
+        self.mistakes.note(&point.at, mistake);
+        None
     }
 
     fn liquid(&mut self, fluid: &Entry, kind: Option<&Entry>) -> Option<FluidKind> {
@@ -468,8 +616,7 @@ impl Reader {
 
     fn parameter(&mut self, part: &mut Part, entry: &Entry, index: usize) {
         let declared = &part.spec().parameters[index];
-        let range = (declared.min, declared.max);
-        match self.within(entry, range, declared.unit, declared.summary) {
+        match self.declared(entry, declared) {
             Some(value) => part.parameters[index] = value,
             None => unsound(part, index),
         }
@@ -830,6 +977,23 @@ impl Reader {
         }
         found.map(|&(_, port, unit)| (port, unit))
     }
+}
+
+/// A number of a point that is possible in itself. The next point is compared with it even where it is wrong
+/// behind the one before, so that one mistake is told once.
+fn possible(entry: &Entry, index: usize) -> Option<f64> {
+    let (min, max) = allowed(index, None);
+    entry.number().ok().filter(|number| (min..=max).contains(number))
+}
+
+/// Whether one of some points has a bulk modulus.
+fn gives_modulus(points: Option<&Entry>) -> bool {
+    let list = points.and_then(|entry| entry.list().ok()).unwrap_or_default();
+    let name = POINT[MODULUS].name;
+    list.iter().any(|point| {
+        let point = Entry::element("a point", point);
+        point.table().is_ok_and(|table| get(&entries(table), name).is_some())
+    })
 }
 
 /// Marks a component whose parameter could not be read; one that is needed

@@ -161,7 +161,8 @@ impl Scope {
 
     /// The network, with the fluid of each component.
     pub fn network(&self, fluids: &[Fluid]) -> Network {
-        let fluid = |part: &Part| part.fluid.map_or_else(Fluid::default, |index| fluids[index]);
+        let fluid =
+            |part: &Part| part.fluid.map_or_else(Fluid::default, |index| fluids[index].clone());
         let components = self.parts.iter().map(|part| Instance {
             id: part.id.clone(),
             component: part.component,

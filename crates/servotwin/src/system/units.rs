@@ -81,6 +81,8 @@ static FOREIGN: &[Foreign] = &[
     foreign("ft", Unit::Metre, 0.3048),
     foreign("mm2", Unit::SquareMetre, 1e-6),
     foreign("cm2", Unit::SquareMetre, 1e-4),
+    foreign("mm2_s", Unit::SquareMetrePerSecond, 1e-6),
+    foreign("cst", Unit::SquareMetrePerSecond, 1e-6),
     foreign("mm3", Unit::CubicMetre, 1e-9),
     foreign("cm3", Unit::CubicMetre, 1e-6),
     foreign("ml", Unit::CubicMetre, 1e-6),

@@ -606,6 +606,29 @@ fn a_sensor_that_nobody_follows_changes_nothing_but_its_reading() {
     }
 }
 
+#[test]
+fn a_position_loop_rests_where_its_offset_and_its_gain_say() {
+    let ram = program().states().iter().position(|s| s.name == "actuator_1.cylinder.position_m");
+    let rest_m = |load: f64, faults: &[&str]| {
+        let of_both = faults.iter().flat_map(|id| [1, 2].map(|n| format!("actuator_{n}.{id}")));
+        let both = |test: crate::aileron::Test, id: String| test.fault(&id, 1.0);
+        of_both.fold(test().hold_deg(0.0).load(load), both).settled()[ram.unwrap()]
+    };
+    for (fault, offset_m) in
+        [("controller.bias_positive", 4e-3), ("controller.bias_negative", -4e-3)]
+    {
+        let moved_m = rest_m(0.0, &[fault]) - rest_m(0.0, &[]);
+        assert!((moved_m / offset_m - 1.0).abs() < 0.01, "{fault}: {moved_m}");
+    }
+    // The error that holds a load is in reverse proportion to the gain, 1/5 and 2 times as large.
+    let given_way_m = |faults: &[&str]| rest_m(1.0, faults) - rest_m(0.0, faults);
+    let healthy_m = given_way_m(&[]);
+    for (fault, times) in [("controller.gain_low", 5.0), ("controller.gain_high", 0.5)] {
+        let ratio = given_way_m(&[fault]) / healthy_m;
+        assert!((ratio / times - 1.0).abs() < 0.1, "{fault}: {ratio} times {healthy_m}");
+    }
+}
+
 /// The twelve readings, in the order of the notes' table 7.3, with scales.
 const READINGS: [(&str, f64); 6] = [
     ("sensor_pressure_a", 206.84e5),

@@ -159,6 +159,26 @@ fn systems_that_are_read_keep_to_the_schema_and_slips_do_not() {
         assert!(System::parse(&wrong, "wrong").is_err(), "{to} is read");
         assert!(!accepts(&schema, &wrong), "{to} keeps to the schema");
     }
+    let oil = "kind = \"mil_prf_83282\"";
+    let point = |kelvin: f64| {
+        format!("{{ temperature_k = {kelvin}, density_kg_m3 = 860, viscosity_m2_s = 40e-6 }}")
+    };
+    let by_points = |points: &[String]| {
+        let points = points.join(", ");
+        changed(&template, oil, &format!("kind = \"table\"\npoints = [{points}]"))
+    };
+    let table = by_points(&[point(270.0), point(350.0)]);
+    System::parse(&table, "table").unwrap_or_else(|error| panic!("{error}"));
+    assert!(accepts(&schema, &table), "a fluid by table");
+    let without = |key: &str| point(350.0).replace(key, "");
+    for wrong in
+        [without(", viscosity_m2_s = 40e-6"), without("temperature_k = 350, "), point(-80.0)]
+    {
+        let wrong = by_points(&[point(270.0), wrong]);
+        assert!(System::parse(&wrong, "wrong").is_err(), "{wrong} is read");
+        assert!(!accepts(&schema, &wrong), "{wrong} keeps to the schema");
+    }
+    assert!(!accepts(&schema, &by_points(&[point(313.15)])), "one point");
     let aileron = SYSTEMS[0].1;
     let wrong =
         changed(aileron, "assembly = \"actuator\"", "assembly = \"actuator\"\nkind = \"mass\"");

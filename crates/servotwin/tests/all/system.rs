@@ -5,6 +5,7 @@
 
 use crate::golden;
 use servotwin::system::{Mistake, System, SystemError};
+use servotwin_model::fluid::Fluid;
 use servotwin_model::network::Instance;
 use servotwin_model::spec::Unit;
 use std::path::{Path, PathBuf};
@@ -60,6 +61,60 @@ connections = [["supply.port", "leak.a"], ["leak.b", "chamber.port"]]
 fn broken_systems_are_told_what_is_wrong() {
     let parse = |text: &str, name: &str| System::parse(text, name).map(drop);
     golden::assert_mistakes("tests/broken_systems", 40, parse);
+}
+
+/// [`FILLING`] with a fluid by these points, as its source has it.
+fn by_points(points: &str) -> Fluid {
+    let fluid = format!("[fluids.green]\nkind = \"table\"\n{points}\n{FILLING}");
+    let system = System::parse(&small(&fluid), "table").unwrap_or_else(|error| panic!("{error}"));
+    component(&system, "supply").fluid.clone()
+}
+
+#[test]
+fn a_fluid_by_table_has_the_numbers_of_its_points() {
+    let points = [
+        (273.15, 889.0, 530e-6, 1.9e9),
+        (313.15, 865.0, 46e-6, 1.6e9),
+        (373.15, 828.0, 6.8e-6, 1.1e9),
+    ];
+    let rows = points.map(|(kelvin, density, viscosity, modulus)| {
+        format!(
+            "temperature_k = {kelvin}\ndensity_kg_m3 = {density}\nviscosity_m2_s = {viscosity:e}\n\
+             bulk_modulus_pa = {modulus:e}\n"
+        )
+    });
+    let tables = rows.each_ref().map(|row| format!("[[fluids.green.points]]\n{row}")).concat();
+    let list = rows.map(|row| format!("{{ {} }}", row.trim_end().replace('\n', ", "))).join(", ");
+    let slope = "bulk_modulus_slope = 9.5\n";
+    let fluid = by_points(&format!("{slope}points = [{list}]"));
+    assert_eq!(fluid, by_points(&format!("{slope}{tables}")), "two ways to write it");
+    assert_eq!(fluid.range_k(), (273.15, 373.15));
+    for (kelvin, density, viscosity, modulus) in points {
+        let state = fluid.at(kelvin);
+        assert!((state.density_kg_m3 / density - 1.0).abs() < 1e-14, "{kelvin}");
+        assert!((state.kinematic_viscosity_m2_s / viscosity - 1.0).abs() < 1e-11, "{kelvin}");
+        assert!((state.bulk.liquid_pa / modulus - 1.0).abs() < 1e-14, "{kelvin}");
+        assert_eq!(state.bulk.slope, 9.5);
+    }
+}
+
+#[test]
+fn a_fluid_by_table_without_bulk_modulus_has_that_of_its_law() {
+    let fluid = by_points(
+        "bulk_modulus_pa = 1.5e9
+bulk_modulus_change = -5e6
+[[fluids.green.points]]
+temperature_k = 283.15
+density_kg_m3 = 883
+viscosity_m2_s = 260e-6
+[[fluids.green.points]]
+temperature_k = 373.15
+density_kg_m3 = 828
+viscosity_m2_s = 6.8e-6",
+    );
+    for (kelvin, modulus) in [(283.15, 1.65e9), (313.15, 1.5e9), (373.15, 1.2e9)] {
+        assert!((fluid.at(kelvin).bulk.liquid_pa / modulus - 1.0).abs() < 1e-12, "{kelvin}");
+    }
 }
 
 #[test]
