@@ -15,6 +15,7 @@ pub mod format;
 pub mod job;
 pub mod kind;
 pub mod log;
+pub mod manifest;
 pub mod nearest;
 pub mod recording;
 pub mod report;
