@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, VecDeque};
 use super::Figure;
 use super::font;
 use super::legend::{self, Entry, Swatch};
-use super::style::{GREY, colour, dash, tint};
+use super::style::{GREY, Look, look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of blocks and wires.
@@ -32,6 +32,8 @@ pub struct Diagram {
     pub wires: Vec<Wire>,
     /// Kinds whose colours come first, so that they are the same in every diagram.
     pub kinds: Vec<String>,
+    /// How the kinds look, in the order of `kinds` and then as they first appear; without it, as their places say.
+    pub looks: Vec<Look>,
     /// Whether layers follow each other from the top downwards.
     pub downwards: bool,
 }
@@ -169,9 +171,9 @@ impl Diagram {
         for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_empty()) {
             let mut add = |swatch| entries.push(Entry { name: (*kind).to_owned(), swatch });
             if self.wires.iter().any(|wire| wire.kind == *kind) {
-                add(Swatch::Line(index));
+                add(Swatch::Line(look(&self.looks, index)));
             } else if self.blocks.iter().any(|block| block.kind == *kind) {
-                add(Swatch::Box(index));
+                add(Swatch::Box(look(&self.looks, index)));
             }
         }
         entries
@@ -624,12 +626,13 @@ impl Layout {
         for piece in &self.pieces {
             let wire = &diagram.wires[piece.wire];
             let index = kinds.iter().position(|kind| *kind == wire.kind).unwrap_or(0);
+            let look = look(&diagram.looks, index);
             let corners = self.corners(piece);
             let drawn: Vec<(f64, f64)> = corners.iter().map(|corner| view.point(*corner)).collect();
             let style = format!(
                 " stroke=\"{}\" stroke-width=\"1.3\" stroke-linejoin=\"round\"{}",
-                colour(index),
-                dash(index)
+                look.colour,
+                look.dash()
             );
             canvas.titled(&wire.in_words(), |canvas| {
                 canvas.path(&drawn, &style);
@@ -641,7 +644,7 @@ impl Layout {
                 }
             });
             if wire.arrow {
-                self.draw_arrow(canvas, view, piece, (diagram, colour(index)));
+                self.draw_arrow(canvas, view, piece, (diagram, look.colour));
             }
         }
     }
@@ -694,8 +697,9 @@ impl Layout {
             let (left, right) = self.sides(item);
             let area = view.area((left, item.top), (right - left, item.height));
             let index = kinds.iter().position(|kind| *kind == block.kind).unwrap_or(0);
-            let fill = tint(colour(index), 0.2);
-            canvas.rect(area, &format!(" rx=\"3\"{fill} stroke=\"{}\"", colour(index)));
+            let colour = look(&diagram.looks, index).colour;
+            let fill = tint(colour, 0.2);
+            canvas.rect(area, &format!(" rx=\"3\"{fill} stroke=\"{colour}\""));
             let text = LINE * block.lines.len() as f64;
             let first = area.y + (area.height - text) / 2.0;
             for (place, line) in block.lines.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! The HTML that a report is written in: headings, paragraphs, tables and figures, all escaped.
 
-use crate::figure::Figure;
+use crate::figure::{Figure, dark_rules};
 use std::fmt::Write;
 
 /// A page being written, with the figures in it.
@@ -243,10 +243,11 @@ impl Page {
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{0}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
+             <title>{0}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n\
              <h1>{0}</h1>\n{1}</main>\n</body>\n</html>\n",
             escaped(title),
-            numbered(&numbered(&self.html, &FIGURE), &TABLE)
+            numbered(&numbered(&self.html, &FIGURE), &TABLE),
+            STYLE.replacen("  /* colours */\n", &dark_rules(), 1)
         );
         (html, self.figures)
     }

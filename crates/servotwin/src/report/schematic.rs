@@ -1,6 +1,7 @@
 //! A system as a hydraulic drawing: what supplies stands at the top, what is moved at the bottom, units
 //! side by side, and connections run from the port that sets.
 
+use crate::figure::Meaning;
 use crate::figure::diagram::{Block, Diagram, Wire};
 use crate::system::System;
 use servotwin_model::network::{Network, PortOf};
@@ -22,6 +23,7 @@ pub fn of(system: &System) -> Diagram {
     let mut diagram = Diagram {
         title: system.title.clone(),
         kinds: MEDIA.map(str::to_owned).to_vec(),
+        looks: (0..MEDIA.len()).map(|place| Meaning::Medium(place).look()).collect(),
         downwards: true,
         ..Diagram::default()
     };
