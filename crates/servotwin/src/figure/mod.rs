@@ -18,6 +18,7 @@ mod font;
 mod frame;
 pub mod heatmap;
 pub mod histogram;
+mod junction;
 mod legend;
 pub mod lines;
 mod meaning;
