@@ -17,6 +17,7 @@ pub mod kind;
 pub mod log;
 pub mod manifest;
 pub mod nearest;
+pub mod quoted;
 pub mod recording;
 pub mod report;
 pub mod rest;

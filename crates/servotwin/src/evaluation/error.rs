@@ -2,6 +2,7 @@
 
 use super::table_model::TableModelError;
 use crate::files::FileError;
+use crate::quoted;
 use crate::table::TableError;
 use std::fmt;
 use std::path::PathBuf;
@@ -67,6 +68,8 @@ pub enum EvaluationError {
         column: String,
         /// The class found.
         class: String,
+        /// Where: its line or row.
+        place: String,
         /// Those the model knows.
         known: Vec<String>,
     },
@@ -105,11 +108,12 @@ impl fmt::Display for EvaluationError {
             EvaluationError::CorruptModel { path, source } => {
                 write!(out, "{}: {source}", path.display())
             }
-            EvaluationError::UnknownClass { column, class, known } => write!(
+            EvaluationError::UnknownClass { column, class, place, known } => write!(
                 out,
-                "column '{column}' holds '{class}', which the model was not trained with; \
+                "{place}: column '{column}' holds '{}', which the model was not trained with; \
                  it knows {}",
-                known.join(", ")
+                quoted::text(class),
+                quoted::list(known)
             ),
         }
     }
