@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::Figure;
 use super::font;
-use super::junction::junctions;
+use super::junction::{Line, junctions};
 use super::legend::{self, Entry, Swatch};
 use super::style::{GREY, Look, look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
@@ -627,7 +627,7 @@ impl Layout {
     }
 
     fn draw_wires(&self, canvas: &mut Canvas, view: View, diagram: &Diagram, kinds: &[&str]) {
-        let mut nets: BTreeMap<usize, (Look, Vec<[(f64, f64); 2]>)> = BTreeMap::new();
+        let mut nets: BTreeMap<usize, (Look, Vec<Line>)> = BTreeMap::new();
         for piece in &self.pieces {
             let wire = &diagram.wires[piece.wire];
             let index = kinds.iter().position(|kind| *kind == wire.kind).unwrap_or(0);

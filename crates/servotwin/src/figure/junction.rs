@@ -2,11 +2,14 @@
 
 type Point = (f64, f64);
 
+/// From one point to another.
+pub(super) type Line = [Point; 2];
+
 /// Closer than this, two points are one: far less than the width of a line.
 const SAME: f64 = 0.05;
 
 /// The points from which lines of one net go on in three or four directions; all lines are level or upright.
-pub(super) fn junctions(lines: &[[Point; 2]]) -> Vec<Point> {
+pub(super) fn junctions(lines: &[Line]) -> Vec<Point> {
     let mut found: Vec<Point> = vec![];
     for &point in lines.iter().flatten() {
         let is_known = found.iter().any(|other| is_same(point, *other));
@@ -22,7 +25,7 @@ fn is_same(one: Point, other: Point) -> bool {
 }
 
 /// In how many directions lines go on from a point.
-fn directions(lines: &[[Point; 2]], (x, y): Point) -> usize {
+fn directions(lines: &[Line], (x, y): Point) -> usize {
     // To the right, to the left, down and up.
     let mut there = [false; 4];
     for [(x1, y1), (x2, y2)] in lines {

@@ -3,7 +3,7 @@
 use super::columns::texts;
 use super::error::TableModelError;
 use super::{ClassWeights, Selection};
-use crate::evaluation::EvaluationError;
+use crate::evaluation::{EvaluationError, UnknownClass};
 use crate::table::{Column, Table, Values};
 use std::collections::BTreeSet;
 
@@ -84,12 +84,14 @@ pub(super) fn known(
 ) -> Result<Vec<u32>, EvaluationError> {
     let place = |(row, class): (usize, &String)| {
         let found = names.iter().position(|known| known == class);
-        found.map(|place| place as u32).ok_or_else(|| EvaluationError::UnknownClass {
+        let unknown = || UnknownClass {
             column: column.into(),
             class: class.clone(),
             place: table.origin().place(row),
             known: names.to_vec(),
-        })
+        };
+        let code = found.map(|place| place as u32);
+        code.ok_or_else(|| EvaluationError::UnknownClass(Box::new(unknown())))
     };
     classes.iter().enumerate().map(place).collect()
 }
