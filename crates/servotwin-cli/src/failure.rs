@@ -242,6 +242,12 @@ impl Failure {
                 damaged: Some(_),
                 ..
             })) => 3,
+            Failure::Campaign(error) | Failure::Job(JobError::Campaign(error))
+                if is_altered(error) =>
+            {
+                3
+            }
+            Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
             Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
             Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
             Failure::Job(_) => 3,
@@ -259,6 +265,15 @@ impl Failure {
             Failure::Stopped => 130,
         }
     }
+}
+
+/// Whether a campaign stopped at a file that is not what was written.
+fn is_altered(error: &CampaignError) -> bool {
+    matches!(
+        error,
+        CampaignError::File(FileError::Altered { .. })
+            | CampaignError::Table(TableError::File(FileError::Altered { .. }))
+    )
 }
 
 /// What cannot be written is no mistake of an input file.

@@ -216,7 +216,14 @@ fn tree() -> Figure {
     }
     let classes = ["healthy", "actuator 1", "actuator 2"].map(str::to_owned).to_vec();
     let root = grow(0, &mut Noise(11));
-    Tree { title: "Which actuator has failed?".to_owned(), classes, root, sideways: false }.draw()
+    Tree {
+        title: "Which actuator has failed?".to_owned(),
+        classes,
+        looks: vec![],
+        root,
+        sideways: false,
+    }
+    .draw()
 }
 
 fn diagram() -> Figure {

@@ -59,6 +59,13 @@ pub enum FileError {
         /// The first line, from 1, with a byte that is no text.
         line: usize,
     },
+    /// The content is not what was written: it is damaged, or was changed by hand.
+    Altered {
+        /// The file.
+        path: PathBuf,
+        /// How that is known, and what is to be done.
+        remedy: String,
+    },
     /// Any other failure reported by the operating system.
     System {
         /// The file concerned.
@@ -95,6 +102,7 @@ impl FileError {
             | FileError::ReadOnly { path }
             | FileError::DiskFull { path }
             | FileError::NotText { path, .. }
+            | FileError::Altered { path, .. }
             | FileError::System { path, .. } => path,
         }
     }
@@ -116,6 +124,7 @@ impl fmt::Display for FileError {
             FileError::ReadOnly { .. } => write!(out, "read-only, it cannot be written"),
             FileError::DiskFull { .. } => write!(out, "the disk is full"),
             FileError::NotText { line, .. } => write!(out, "line {line} is not UTF-8 text"),
+            FileError::Altered { remedy, .. } => write!(out, "damaged, or changed since: {remedy}"),
             FileError::System { source, .. } => write!(out, "{source}"),
         }
     }

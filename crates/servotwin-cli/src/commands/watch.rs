@@ -22,6 +22,7 @@ use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::Address;
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
+use servotwin::quoted;
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -291,12 +292,8 @@ fn foreign(
     study: &Study,
     columns: &[(String, String)],
 ) -> Failure {
-    const SHOWN: usize = 12;
-    let names = columns.iter().take(SHOWN).map(|(name, _)| name.as_str());
-    let mut names = names.collect::<Vec<_>>().join(", ");
-    if columns.len() > SHOWN {
-        names += &format!(" and {} more", columns.len() - SHOWN);
-    }
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let names = quoted::list(&names);
     let (name, system) = (&study.name, &study.system.name);
     let what = match options.study {
         Some(_) => "--study names another, --make-map writes a map to be filled in",
@@ -324,7 +321,10 @@ fn told(guess: &Guess, global: Global) {
         if !guess.unused.is_empty() {
             note(
                 global,
-                &format!("columns that are no input and no sensor: {}", list(&guess.unused)),
+                &format!(
+                    "columns that are no input and no sensor: {}",
+                    quoted::list(&guess.unused)
+                ),
             );
         }
     }

@@ -264,6 +264,11 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
         (&["history", &unusable], 3, "none of its logs can be used; a.csv: the file is empty"),
         (&["simulate", SPRING, "--duration", "-1"], 2, "--duration -1 is out of range"),
         (
+            &["simulate", SPRING, "--command", "noise:rms=1deg,bandwidth=1Hz,window=90000s"],
+            2,
+            "'window' must hold at most 1000000 samples",
+        ),
+        (
             &["simulate", SPRING, "--command", "noise:rms=1deg,bandwidth=1Hz,window=1e15s"],
             2,
             "more than 10 million points",

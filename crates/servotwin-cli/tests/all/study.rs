@@ -258,6 +258,65 @@ fn broken_and_foreign_data_sets_are_named() {
     assert!(!Path::new(&folder.file("r.html")).exists());
 }
 
+/// Flips a bit in the middle of a file, in text that of a digit; what the file was.
+fn flip(path: &Path) -> Vec<u8> {
+    let before = std::fs::read(path).unwrap();
+    let is_text = path.extension().is_some_and(|ending| ending == "json");
+    let behind = before.len() / 2..before.len();
+    let place = behind.into_iter().find(|&at| !is_text || before[at].is_ascii_digit()).unwrap();
+    let mut after = before.clone();
+    after[place] ^= 1;
+    std::fs::write(path, after).unwrap();
+    before
+}
+
+#[test]
+fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
+    let folder = Folder::new("flipped");
+    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
+    run(&["study", &study, "--out", &out]);
+    let file = |name: &str| Path::new(&out).join(name);
+    let (log, diagnoser) = (folder.file("log.csv"), file("diagnoser-realistic.json"));
+    run(&["simulate", "--duration", "1s", "--out", &log]);
+    let watch =
+        ["watch", "--quiet", &log, "--study", &study, "--model", diagnoser.to_str().unwrap()];
+    let fly = ["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"];
+    let table = file("dataset-ideal.parquet");
+    let as_table = ["train", table.to_str().unwrap(), "--label", "kind"];
+    for (name, command, again) in [
+        ("dataset-realistic-training.parquet", &["evaluate", &out][..], "features"),
+        ("dataset-ideal.parquet", &["explain", "0", "--out", &out], "features"),
+        ("dataset-ideal.parquet", &as_table, "features"),
+        ("panel-ideal.json", &["evaluate", &out], "train"),
+        ("hierarchy-noise.json", &["report", &out], "train"),
+        ("evaluation.json", &["report", &out], "evaluate"),
+        ("flights.json", &["report", &out], "flights"),
+        ("diagnoser-realistic.json", &watch, "flights"),
+        ("diagnoser-noise.json", &fly, "flights"),
+        ("dataset-noise.parquet", &["train", &out], "features"),
+    ] {
+        let before = flip(&file(name));
+        fails(command, 3, &format!("{name}: damaged, or changed since: its SHA-256"));
+        fails(command, 3, &format!("'servotwin {again} "));
+        std::fs::write(file(name), before).unwrap();
+    }
+    // A stage that does not read a file does not vouch for it; the command that is told makes it anew.
+    let good = flip(&file("dataset-ideal.parquet"));
+    run(&["flights", &study, "--out", &out, "--setting", "noise"]);
+    fails(&["evaluate", &out], 3, "dataset-ideal.parquet: damaged");
+    run(&["features", &out]);
+    assert!(std::fs::read(file("dataset-ideal.parquet")).unwrap() == good);
+    run(&["evaluate", &out]);
+    // Of a manifest that cannot be read too; without one nothing is compared.
+    let manifest = std::fs::read_to_string(file("manifest.json")).unwrap();
+    std::fs::write(file("manifest.json"), &manifest[..manifest.len() / 2]).unwrap();
+    fails(&["report", &out], 3, "remove it, and the next stage writes it anew");
+    std::fs::remove_file(file("manifest.json")).unwrap();
+    let results = std::fs::read_to_string(file("evaluation.json")).unwrap();
+    std::fs::write(file("evaluation.json"), results + "\n").unwrap();
+    run(&["report", &out]);
+}
+
 #[test]
 fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
     let folder = Folder::new("one-class");

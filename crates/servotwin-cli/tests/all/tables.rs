@@ -149,6 +149,16 @@ fn tables_that_do_not_serve_are_refused_with_their_line() {
         &text.replace("\n7,b,1", "\ninf,b,1"),
         "unfit.csv: line 3, column 'x': inf is no finite",
     );
+    let model = folder.file("model.json");
+    let good = write(&folder, "good.csv", &text);
+    let trained = servotwin(&["train", &good, "--label", "class", "--out", &model]);
+    assert!(trained.status.success(), "{}", stderr(&trained));
+    let other = write(&folder, "other.csv", &text.replace("\n7,b,1", "\n7,c,1"));
+    let output = servotwin(&["evaluate", &other, "--model", &model]);
+    let told =
+        "line 3: column 'class' holds 'c', which the model was not trained with; it knows a, b";
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains(told), "{}", stderr(&output));
     let measured = table("x,class,batch", |row| format!("{row},{},{}", row as f64 * 0.3, row % 4));
     refused(&measured, "--label-limits");
 }

@@ -238,6 +238,14 @@ fn mistakes_in_watching_are_said_with_their_place() {
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
         (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
     ];
+    // Of bytes that are no log little is shown, and nothing that a terminal would act on.
+    let bytes: Vec<u8> =
+        (0..4000_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    std::fs::write(&alien, [&b"a\x1b[2J\x07,b\x00"[..], &bytes].concat()).unwrap();
+    let told = stderr(&servotwin(&["watch", &alien]));
+    assert!(told.chars().filter(|c| *c != '\n').all(|c| !c.is_control()), "{told:?}");
+    assert!(told.len() < 2000 && told.contains("a\\u{1b}[2J"), "{told:?}");
+    std::fs::write(&alien, "Zeit,Druck\n0,1\n0.01,2\n").unwrap();
     // What is to be filled in is written for a study that was named.
     let named = ["watch", &alien, "--study", "press_axis", "--make-map", &named_map];
     let output = servotwin(&named);

@@ -2,6 +2,7 @@
 
 use super::table_model::TableModelError;
 use crate::files::FileError;
+use crate::quoted;
 use crate::table::TableError;
 use std::fmt;
 use std::path::PathBuf;
@@ -62,14 +63,32 @@ pub enum EvaluationError {
     /// The table to test with is not as the other one.
     InTest(Box<EvaluationError>),
     /// A class in a table that the model does not know.
-    UnknownClass {
-        /// The column.
-        column: String,
-        /// The class found.
-        class: String,
-        /// Those the model knows.
-        known: Vec<String>,
-    },
+    UnknownClass(Box<UnknownClass>),
+}
+
+/// A class that a model was not trained with.
+#[derive(Debug)]
+pub struct UnknownClass {
+    /// The column.
+    pub column: String,
+    /// The class found.
+    pub class: String,
+    /// Where: its line or row.
+    pub place: String,
+    /// Those the model knows.
+    pub known: Vec<String>,
+}
+
+impl fmt::Display for UnknownClass {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { column, class, place, known } = self;
+        write!(
+            out,
+            "{place}: column '{column}' holds '{}', which the model was not trained with; it knows {}",
+            quoted::text(class),
+            quoted::list(known)
+        )
+    }
 }
 
 impl fmt::Display for EvaluationError {
@@ -105,12 +124,7 @@ impl fmt::Display for EvaluationError {
             EvaluationError::CorruptModel { path, source } => {
                 write!(out, "{}: {source}", path.display())
             }
-            EvaluationError::UnknownClass { column, class, known } => write!(
-                out,
-                "column '{column}' holds '{class}', which the model was not trained with; \
-                 it knows {}",
-                known.join(", ")
-            ),
+            EvaluationError::UnknownClass(unknown) => write!(out, "{unknown}"),
         }
     }
 }

@@ -29,7 +29,7 @@ pub mod table_model;
 pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo, Lessons};
-pub use error::EvaluationError;
+pub use error::{EvaluationError, UnknownClass};
 
 use abstention::Abstention;
 use bands::Band;

@@ -8,7 +8,7 @@
 
 use super::error::EvaluationError;
 use super::table_model::TableModel;
-use crate::files;
+use crate::{files, manifest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -23,6 +23,7 @@ use std::path::Path;
 pub fn write(path: impl AsRef<Path>, value: &impl Serialize) -> Result<(), EvaluationError> {
     let path = path.as_ref();
     let text = to_json(path, value)?;
+    manifest::forget(path)?;
     Ok(files::write_atomically(path, |out| out.write_all(text.as_bytes()))?)
 }
 
@@ -37,9 +38,11 @@ fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationErro
 /// Reads a value from JSON.
 ///
 /// # Errors
-/// [`EvaluationError::File`], [`EvaluationError::Model`] with line and column.
+/// [`EvaluationError::File`], also where it is not what the manifest beside it says; [`EvaluationError::Model`] with line
+/// and column.
 pub fn read<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, EvaluationError> {
     let path = path.as_ref();
+    manifest::check(path)?;
     let text = files::read_text(path)?;
     serde_json::from_str(&text)
         .map_err(|source| EvaluationError::Model { path: path.to_path_buf(), source })

@@ -5,7 +5,7 @@ use super::axis::{Axis, extent, plain};
 use super::font;
 use super::frame::{Frame, TITLE_BELOW};
 use super::legend::{self, Entry, Swatch};
-use super::style::{GREY, INK, colour, tint};
+use super::style::{GREY, INK, Look, look, tint};
 use super::svg::{Area, Canvas, Type};
 
 /// Groups of bars, one bar for each series in each group.
@@ -17,6 +17,8 @@ pub struct Bars {
     pub x_label: String,
     /// The names of the series; with only one, no legend is drawn.
     pub series: Vec<String>,
+    /// How they look; without it, as their places say.
+    pub looks: Vec<Look>,
     /// The groups from the top.
     pub groups: Vec<Group>,
     /// The range of the axis; without it, from zero to the largest value.
@@ -70,6 +72,7 @@ impl Bars {
             title: title.into(),
             x_label: x_label.into(),
             series: series.iter().map(|name| (*name).to_owned()).collect(),
+            looks: Vec::new(),
             groups: Vec::new(),
             range: None,
             digits: 3,
@@ -135,7 +138,10 @@ impl Bars {
         }
         let named = self.series.iter().enumerate();
         let entries: Vec<Entry> = named
-            .map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Box(index) })
+            .map(|(index, name)| Entry {
+                name: name.clone(),
+                swatch: Swatch::Box(look(&self.looks, index)),
+            })
             .collect();
         let rows = legend::rows(&entries, self.width - left - MARGIN);
         legend::draw(canvas, (left, y), &rows);
@@ -189,7 +195,7 @@ impl Bars {
                     let [value, interval] = self.in_words(Some(bar));
                     let title = format!("{}, {series}: {value} {interval}", group.label);
                     canvas.titled(&title, |canvas| {
-                        self.draw_bar(canvas, *bar, index, middle, frame);
+                        self.draw_bar(canvas, *bar, look(&self.looks, index), middle, frame);
                     });
                 }
                 None => {
@@ -200,7 +206,7 @@ impl Bars {
         }
     }
 
-    fn draw_bar(&self, canvas: &mut Canvas, bar: Bar, index: usize, middle: f64, frame: &Frame) {
+    fn draw_bar(&self, canvas: &mut Canvas, bar: Bar, look: Look, middle: f64, frame: &Frame) {
         let (left, right) = (frame.area.x, frame.area.right());
         let at = |value: f64| frame.x_at(value).map(|at| at.clamp(left, right));
         let (Some(zero), Some(end)) = (at(0.0), at(bar.value)) else {
@@ -212,8 +218,8 @@ impl Bars {
             width: (end - zero).abs(),
             height: BAR - 2.0,
         };
-        let fill = tint(colour(index), 0.75);
-        canvas.rect(area, &format!("{fill} stroke=\"{}\" stroke-width=\".6\"", colour(index)));
+        let fill = tint(look.colour, 0.75);
+        canvas.rect(area, &format!("{fill} stroke=\"{}\" stroke-width=\".6\"", look.colour));
         if frame.x.low > 0.0 {
             draw_break(canvas, (area.x, middle));
         }

@@ -5,7 +5,8 @@
 //! actuator, is a horizontal band. Within a band the blocks are ordered and placed by the mean of
 //! their neighbours, a few times forwards and backwards. Wires run only between the columns, each
 //! on a track of its own, and pass a column through a gap kept for them: none crosses a block. Wires
-//! that leave the same port are one line that branches.
+//! that leave the same port are one line that branches, with a dot at every branch; where lines cross without one,
+//! nothing is joined.
 //!
 //! A diagram can be drawn downwards: what is said of columns then holds for rows, bands stand side by
 //! side, and ports have their names in the blocks. The layout is the same; only the picture is turned,
@@ -15,8 +16,9 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::Figure;
 use super::font;
+use super::junction::{Line, junctions};
 use super::legend::{self, Entry, Swatch};
-use super::style::{GREY, colour, dash, tint};
+use super::style::{GREY, Look, look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of blocks and wires.
@@ -32,6 +34,8 @@ pub struct Diagram {
     pub wires: Vec<Wire>,
     /// Kinds whose colours come first, so that they are the same in every diagram.
     pub kinds: Vec<String>,
+    /// How the kinds look, in the order of `kinds` and then as they first appear; without it, as their places say.
+    pub looks: Vec<Look>,
     /// Whether layers follow each other from the top downwards.
     pub downwards: bool,
 }
@@ -116,6 +120,8 @@ const SIZE: f64 = 9.5;
 const PORT_SIZE: f64 = 7.5;
 /// Room for the names of ports at one edge of a block.
 const PORT_LINE: f64 = 10.0;
+/// The radius of the dot where lines of one net meet.
+const JUNCTION: f64 = 2.4;
 /// Blocks are not widened further for the names of their ports.
 const WIDEST: f64 = 300.0;
 const LINE: f64 = 12.0;
@@ -169,9 +175,9 @@ impl Diagram {
         for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_empty()) {
             let mut add = |swatch| entries.push(Entry { name: (*kind).to_owned(), swatch });
             if self.wires.iter().any(|wire| wire.kind == *kind) {
-                add(Swatch::Line(index));
+                add(Swatch::Line(look(&self.looks, index)));
             } else if self.blocks.iter().any(|block| block.kind == *kind) {
-                add(Swatch::Box(index));
+                add(Swatch::Box(look(&self.looks, index)));
             }
         }
         entries
@@ -621,15 +627,19 @@ impl Layout {
     }
 
     fn draw_wires(&self, canvas: &mut Canvas, view: View, diagram: &Diagram, kinds: &[&str]) {
+        let mut nets: BTreeMap<usize, (Look, Vec<Line>)> = BTreeMap::new();
         for piece in &self.pieces {
             let wire = &diagram.wires[piece.wire];
             let index = kinds.iter().position(|kind| *kind == wire.kind).unwrap_or(0);
+            let look = look(&diagram.looks, index);
             let corners = self.corners(piece);
             let drawn: Vec<(f64, f64)> = corners.iter().map(|corner| view.point(*corner)).collect();
+            let net = nets.entry(piece.net).or_insert_with(|| (look, vec![]));
+            net.1.extend(drawn.windows(2).map(|ends| [ends[0], ends[1]]));
             let style = format!(
                 " stroke=\"{}\" stroke-width=\"1.3\" stroke-linejoin=\"round\"{}",
-                colour(index),
-                dash(index)
+                look.colour,
+                look.dash()
             );
             canvas.titled(&wire.in_words(), |canvas| {
                 canvas.path(&drawn, &style);
@@ -637,11 +647,19 @@ impl Layout {
                     let (left, right) = self.sides(item);
                     // The wire goes on through the gap, from its right end to its left one.
                     let ends = [(left, across), (right.max(along), across)];
-                    canvas.line(view.point(ends[0]), view.point(ends[1]), &style);
+                    let ends = ends.map(|end| view.point(end));
+                    canvas.line(ends[0], ends[1], &style);
+                    net.1.push(ends);
                 }
             });
             if wire.arrow {
-                self.draw_arrow(canvas, view, piece, (diagram, colour(index)));
+                self.draw_arrow(canvas, view, piece, (diagram, look.colour));
+            }
+        }
+        // Above all lines: what crosses a junction is none of it.
+        for (look, lines) in nets.values() {
+            for point in junctions(lines) {
+                canvas.circle(point, JUNCTION, &format!(" fill=\"{}\"", look.colour));
             }
         }
     }
@@ -694,8 +712,9 @@ impl Layout {
             let (left, right) = self.sides(item);
             let area = view.area((left, item.top), (right - left, item.height));
             let index = kinds.iter().position(|kind| *kind == block.kind).unwrap_or(0);
-            let fill = tint(colour(index), 0.2);
-            canvas.rect(area, &format!(" rx=\"3\"{fill} stroke=\"{}\"", colour(index)));
+            let colour = look(&diagram.looks, index).colour;
+            let fill = tint(colour, 0.2);
+            canvas.rect(area, &format!(" rx=\"3\"{fill} stroke=\"{colour}\""));
             let text = LINE * block.lines.len() as f64;
             let first = area.y + (area.height - text) / 2.0;
             for (place, line) in block.lines.iter().enumerate() {
@@ -727,7 +746,11 @@ impl Layout {
                 let (upper_edge, lower_edge) = self.sides(item);
                 let along = if lower { lower_edge - 3.0 } else { upper_edge + 8.0 };
                 let kind = Type::new(PORT_SIZE).anchor(Anchor::Middle);
-                canvas.text(view.point((along, piece.ports[end])), &name, kind);
+                // A line may leave at a corner; its name does not cross the edge.
+                let half = font::width(&name, PORT_SIZE, false) / 2.0 + 2.0;
+                let (first, last) = (item.top + half, item.top + item.height - half);
+                let across = piece.ports[end].clamp(first.min(last), last.max(first));
+                canvas.text(view.point((along, across)), &name, kind);
             }
         }
     }

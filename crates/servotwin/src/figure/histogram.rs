@@ -11,7 +11,7 @@ use super::axis::{Axis, extent, padded};
 use super::font;
 use super::frame::{Frame, TICKS_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
-use super::style::{GREY, colour, dash};
+use super::style::{GREY, Look, look};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A grid of histograms, filled row by row.
@@ -23,6 +23,8 @@ pub struct HistogramGrid<'a> {
     pub x_label: String,
     /// The names of the overlaid series, the same in every panel.
     pub series: Vec<String>,
+    /// How they look; without it, as their places say.
+    pub looks: Vec<Look>,
     /// The panels.
     pub panels: Vec<HistogramPanel<'a>>,
     /// The number of panels in a row.
@@ -64,6 +66,7 @@ impl<'a> HistogramGrid<'a> {
             title: title.into(),
             x_label: x_label.into(),
             series: series.iter().map(|name| (*name).to_owned()).collect(),
+            looks: Vec::new(),
             panels: Vec::new(),
             columns: 4,
             bins: 41,
@@ -98,8 +101,10 @@ impl<'a> HistogramGrid<'a> {
             y += 20.0;
         }
         let series = self.series.iter().enumerate();
-        let boxes =
-            series.map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Tinted(index) });
+        let boxes = series.map(|(index, name)| Entry {
+            name: name.clone(),
+            swatch: Swatch::Tinted(look(&self.looks, index)),
+        });
         let limit =
             self.band.map(|band| Entry { name: format!("±{band}"), swatch: Swatch::Limit });
         let entries: Vec<Entry> = boxes.chain(limit).collect();
@@ -129,7 +134,7 @@ impl<'a> HistogramGrid<'a> {
         canvas.text((area.x, y + 12.0), &title, Type::new(10.5).bold());
         frame.draw_grid(canvas);
         for (index, shares) in shares.iter().enumerate() {
-            draw_bins(canvas, &shares.bins, index, &frame);
+            draw_bins(canvas, &shares.bins, look(&self.looks, index), &frame);
         }
         self.draw_band(canvas, &frame);
         frame.draw_outline(canvas);
@@ -189,7 +194,7 @@ fn percent_axis(high: f64) -> Axis {
     Axis { low: 0.0, high, factor: String::new(), ..axis }
 }
 
-fn draw_bins(canvas: &mut Canvas, bins: &[f64], index: usize, frame: &Frame) {
+fn draw_bins(canvas: &mut Canvas, bins: &[f64], look: Look, frame: &Frame) {
     let area = frame.area;
     let step = area.width / bins.len() as f64;
     let mut outline = vec![(area.x, area.bottom())];
@@ -207,8 +212,8 @@ fn draw_bins(canvas: &mut Canvas, bins: &[f64], index: usize, frame: &Frame) {
     outline.extend([(area.right(), last), (area.right(), area.bottom())]);
     let style = format!(
         " fill=\"{0}\" fill-opacity=\".2\" stroke=\"{0}\" stroke-width=\"1.2\"{1}",
-        colour(index),
-        dash(index)
+        look.colour,
+        look.dash()
     );
     canvas.polygon(&outline, &style);
 }

@@ -1,20 +1,20 @@
 //! Legends: a swatch and a name for each series, wrapped into rows.
 
 use super::font;
-use super::style::{GREY, colour, dash};
+use super::style::{GREY, Look};
 use super::svg::{Area, Canvas, Type};
 
 /// What stands before a name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Swatch {
-    /// The line of the series of an index.
-    Line(usize),
-    /// The line of the series of an index with its marker.
-    Marked(usize),
-    /// A filled box in the colour of an index.
-    Box(usize),
-    /// A filled box in a tint of the colour of an index, outlined with it.
-    Tinted(usize),
+    /// The line of a series.
+    Line(Look),
+    /// The line of a series with its marker.
+    Marked(Look),
+    /// A filled box in the colour of a series.
+    Box(Look),
+    /// A filled box in a tint of its colour, outlined with it.
+    Tinted(Look),
     /// A translucent grey band.
     Band,
     /// Dashed grey lines.
@@ -80,23 +80,23 @@ pub(super) fn draw(canvas: &mut Canvas, corner: (f64, f64), rows: &[Vec<Entry>])
 
 fn draw_swatch(canvas: &mut Canvas, swatch: Swatch, x: f64, y: f64) {
     let area = Area { x: x + 5.0, y: y - 5.0, width: 12.0, height: 10.0 };
-    let line = |canvas: &mut Canvas, index: usize| {
-        let style = format!(" stroke=\"{}\" stroke-width=\"1.8\"{}", colour(index), dash(index));
+    let line = |canvas: &mut Canvas, look: Look| {
+        let style = format!(" stroke=\"{}\" stroke-width=\"1.8\"{}", look.colour, look.dash());
         canvas.line((x, y), (x + SWATCH, y), &style);
     };
     match swatch {
-        Swatch::Line(index) => line(canvas, index),
-        Swatch::Marked(index) => {
-            line(canvas, index);
-            marker(canvas, index, (x + SWATCH / 2.0, y));
+        Swatch::Line(look) => line(canvas, look),
+        Swatch::Marked(look) => {
+            line(canvas, look);
+            marker(canvas, look, (x + SWATCH / 2.0, y));
         }
-        Swatch::Box(index) => canvas.rect(area, &format!(" fill=\"{}\"", colour(index))),
-        Swatch::Tinted(index) => canvas.rect(
+        Swatch::Box(look) => canvas.rect(area, &format!(" fill=\"{}\"", look.colour)),
+        Swatch::Tinted(look) => canvas.rect(
             area,
             &format!(
                 " fill=\"{0}\" fill-opacity=\".25\" stroke=\"{0}\"{1}",
-                colour(index),
-                dash(index)
+                look.colour,
+                look.dash()
             ),
         ),
         Swatch::Band => canvas.rect(area, " fill=\"#888888\" fill-opacity=\".25\""),
@@ -108,14 +108,14 @@ fn draw_swatch(canvas: &mut Canvas, swatch: Swatch, x: f64, y: f64) {
     }
 }
 
-/// The marker of the series of an index.
-pub(super) fn marker(canvas: &mut Canvas, index: usize, (x, y): (f64, f64)) {
-    let style = format!(" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\".7\"", colour(index));
+/// The marker of a series.
+pub(super) fn marker(canvas: &mut Canvas, look: Look, (x, y): (f64, f64)) {
+    let style = format!(" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\".7\"", look.colour);
     let r = 3.6;
     let at = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
         points.iter().map(|(dx, dy)| (x + dx * r, y + dy * r)).collect()
     };
-    match index % 6 {
+    match look.index % 6 {
         0 => canvas.circle((x, y), r, &style),
         1 => canvas.rect(Area { x: x - 3.2, y: y - 3.2, width: 6.4, height: 6.4 }, &style),
         2 => canvas.polygon(&at(&[(0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)]), &style),
@@ -124,7 +124,7 @@ pub(super) fn marker(canvas: &mut Canvas, index: usize, (x, y): (f64, f64)) {
         _ => canvas.circle(
             (x, y),
             r - 0.6,
-            &format!(" fill=\"#ffffff\" stroke=\"{}\" stroke-width=\"1.6\"", colour(index)),
+            &format!(" fill=\"#ffffff\" stroke=\"{}\" stroke-width=\"1.6\"", look.colour),
         ),
     }
 }

@@ -5,7 +5,7 @@ use super::Figure;
 use super::axis::{Axis, extent, padded, plain};
 use super::frame::{Frame, TITLE_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
-use super::style::{colour, dash};
+use super::style::Look;
 use super::svg::{Area, Canvas, Type};
 use super::time_series::runs;
 
@@ -43,17 +43,29 @@ pub struct Curve {
     pub intervals: Vec<(f64, f64)>,
     /// Whether the points are marked; without it only the line is drawn.
     pub marked: bool,
+    /// How it looks; without it, as the place of the curve says.
+    pub look: Option<Look>,
 }
 
 impl Curve {
     /// A curve with marked points.
     pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, intervals: Vec::new(), marked: true }
+        Self { name: name.into(), points, intervals: Vec::new(), marked: true, look: None }
+    }
+
+    fn look(&self, index: usize) -> Look {
+        self.look.unwrap_or_else(|| Look::nth(index))
     }
 
     /// Gives each point an interval.
     pub fn with_intervals(mut self, intervals: Vec<(f64, f64)>) -> Self {
         self.intervals = intervals;
+        self
+    }
+
+    /// Gives the curve a look.
+    pub fn looking(mut self, look: Look) -> Self {
+        self.look = Some(look);
         self
     }
 
@@ -117,7 +129,7 @@ impl Lines {
         };
         canvas.clipped(wide, |canvas| {
             for (index, curve) in self.curves.iter().enumerate() {
-                draw_curve(canvas, curve, index, &frame);
+                draw_curve(canvas, curve, curve.look(index), &frame);
             }
         });
         frame.draw_outline(&mut canvas);
@@ -142,7 +154,10 @@ impl Lines {
             .filter(|(_, curve)| !curve.name.is_empty())
             .map(|(index, curve)| Entry {
                 name: curve.name.clone(),
-                swatch: if curve.marked { Swatch::Marked(index) } else { Swatch::Line(index) },
+                swatch: match curve.marked {
+                    true => Swatch::Marked(curve.look(index)),
+                    false => Swatch::Line(curve.look(index)),
+                },
             })
             .collect()
     }
@@ -180,19 +195,19 @@ fn axis(
     }
 }
 
-fn draw_curve(canvas: &mut Canvas, curve: &Curve, index: usize, frame: &Frame) {
-    let stroke = format!(" stroke=\"{}\" stroke-width=\"1.7\"", colour(index));
+fn draw_curve(canvas: &mut Canvas, curve: &Curve, look: Look, frame: &Frame) {
+    let stroke = format!(" stroke=\"{}\" stroke-width=\"1.7\"", look.colour);
     let place = |point: &(f64, f64)| frame.point(point.0, point.1);
     for run in runs(curve.points.iter().map(place)) {
-        canvas.path(&run, &format!("{stroke} stroke-linejoin=\"round\"{}", dash(index)));
+        canvas.path(&run, &format!("{stroke} stroke-linejoin=\"round\"{}", look.dash()));
     }
     for ((x, _), (low, high)) in curve.points.iter().zip(&curve.intervals) {
         // An end below a logarithmic axis is drawn to the axis.
         let low = frame.point(*x, *low).or_else(|| frame.point(*x, frame.y.low));
         if let (Some(low), Some(high)) = (low, frame.point(*x, *high)) {
-            canvas.line(low, high, &format!(" stroke=\"{}\" stroke-width=\"1\"", colour(index)));
+            canvas.line(low, high, &format!(" stroke=\"{}\" stroke-width=\"1\"", look.colour));
             for (x, y) in [low, high] {
-                canvas.line((x - 3.0, y), (x + 3.0, y), &format!(" stroke=\"{}\"", colour(index)));
+                canvas.line((x - 3.0, y), (x + 3.0, y), &format!(" stroke=\"{}\"", look.colour));
             }
         }
     }
@@ -200,7 +215,7 @@ fn draw_curve(canvas: &mut Canvas, curve: &Curve, index: usize, frame: &Frame) {
         let Some(at) = at else { continue };
         let [x, y, ends] = in_words(curve, place);
         canvas.titled(&format!("{}: {x}, {y} {ends}", curve.name), |canvas| {
-            legend::marker(canvas, index, at);
+            legend::marker(canvas, look, at);
         });
     }
 }

@@ -1,8 +1,9 @@
 //! Static figures for reports: an SVG writer of our own and the chart kinds drawn with it.
 //!
 //! Every kind is a struct of plain data with a `draw` that returns a [`Figure`]. The bytes depend
-//! on the data only. Series differ by colour (a palette for colour-blind
-//! readers) and again by dash or marker, so that a figure survives a grey printer. Numbers that
+//! on the data only. Series differ by colour (in a report, by what they
+//! mean: [`Meaning`]; elsewhere by a palette for colour-blind readers) and again by dash or marker, so that a figure
+//! survives a grey printer. Numbers that
 //! are not finite are left out: a line has a gap there.
 //!
 //! A PNG is made from the SVG with an embedded font, DejaVu Sans, and looks the same on every
@@ -17,8 +18,10 @@ mod font;
 mod frame;
 pub mod heatmap;
 pub mod histogram;
+mod junction;
 mod legend;
 pub mod lines;
+mod meaning;
 mod outline;
 mod png;
 pub mod sheet;
@@ -31,7 +34,9 @@ pub mod value_map;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+pub use meaning::Meaning;
 pub use png::PngError;
+pub use style::{Look, dark_rules};
 
 use crate::files::{FileError, write_atomically};
 

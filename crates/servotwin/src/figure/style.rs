@@ -1,5 +1,7 @@
 //! Colours, dashes and markers: what tells one series from another.
 
+use super::meaning::{self, Shade};
+
 /// Text and axes.
 pub(super) const INK: &str = "#222222";
 /// Secondary text.
@@ -19,18 +21,57 @@ const COLOURS: [&str; 10] = [
 /// Dash patterns; the first is a full line.
 const DASHES: [&str; 6] = ["", "7 3", "2 2", "9 3 2 3", "5 2 2 2 2 2", "12 4"];
 
-/// The colour of the series of an index.
-pub(super) fn colour(index: usize) -> &'static str {
-    COLOURS[index % COLOURS.len()]
+/// What those become on a dark ground, where that is not among the colours with a meaning.
+const ON_DARK: [Shade; 2] = [["#009e73", "#2fc79b"], ["#7a5c00", "#cfa63a"]];
+
+/// What tells a series from the others: its colour, and without colours its dash and marker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Look {
+    /// The colour on white.
+    pub(super) colour: &'static str,
+    /// Which dash and marker.
+    pub(super) index: usize,
 }
 
-/// The dash attribute of the series of an index, empty for a full line.
-pub(super) fn dash(index: usize) -> String {
-    // After a round of colours the dashes move on, so that 30 series differ.
-    match DASHES[(index + index / COLOURS.len()) % DASHES.len()] {
-        "" => String::new(),
-        pattern => format!(" stroke-dasharray=\"{pattern}\""),
+impl Look {
+    pub(super) const fn new(colour: &'static str, index: usize) -> Self {
+        Look { colour, index }
     }
+
+    /// That of the series at a place in a figure whose colours mean nothing outside of it.
+    pub fn nth(index: usize) -> Self {
+        Look::new(COLOURS[index % COLOURS.len()], index)
+    }
+
+    /// The same colour with the dash and marker of a place.
+    pub fn at(self, index: usize) -> Self {
+        Look { index, ..self }
+    }
+
+    /// The dash attribute, empty for a full line.
+    pub(super) fn dash(self) -> String {
+        // After a round of colours the dashes move on, so that 30 series differ.
+        match DASHES[(self.index + self.index / COLOURS.len()) % DASHES.len()] {
+            "" => String::new(),
+            pattern => format!(" stroke-dasharray=\"{pattern}\""),
+        }
+    }
+}
+
+/// The look that is given for a place, or that of the place.
+pub(super) fn look(looks: &[Look], index: usize) -> Look {
+    looks.get(index).copied().unwrap_or_else(|| Look::nth(index))
+}
+
+/// The rules of a style sheet that make a drawing's colours readable on a dark ground; texts keep theirs.
+pub fn dark_rules() -> String {
+    let rule = |[light, dark]: Shade| {
+        format!(
+            "  .drawing [stroke=\"{light}\"] {{ stroke: {dark}; }}\n  \
+             .drawing :not(text)[fill=\"{light}\"] {{ fill: {dark}; }}\n"
+        )
+    };
+    meaning::shades().into_iter().chain(ON_DARK).map(rule).collect()
 }
 
 /// Black or white, whichever is read better on a colour given as `#rrggbb`.
@@ -83,25 +124,32 @@ fn parts(colour: &str) -> [f64; 3] {
 }
 
 #[cfg(test)]
+pub(super) fn contrast(one: &str, other: &str) -> f64 {
+    let (one, other) = (luminance(one) + 0.05, luminance(other) + 0.05);
+    one.max(other) / one.min(other)
+}
+
+/// How far two colours are from each other, from 0 to 442.
+#[cfg(test)]
+pub(super) fn difference(one: &str, other: &str) -> f64 {
+    let parts = parts(one).into_iter().zip(parts(other));
+    parts.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
-
-    fn contrast(one: &str, other: &str) -> f64 {
-        let (one, other) = (luminance(one) + 0.05, luminance(other) + 0.05);
-        one.max(other) / one.min(other)
-    }
 
     #[test]
     fn series_differ_from_each_other_and_from_the_ground() {
         for (place, colour) in COLOURS.iter().enumerate() {
             assert!(contrast(colour, "#ffffff") >= 3.0, "{colour} fades on white");
             for other in &COLOURS[place + 1..] {
-                let difference: f64 =
-                    parts(colour).iter().zip(parts(other)).map(|(a, b)| (a - b).powi(2)).sum();
-                assert!(difference.sqrt() > 60.0, "{colour} and {other} look alike");
+                assert!(difference(colour, other) > 60.0, "{colour} and {other} look alike");
             }
         }
-        let series: Vec<(&str, String)> = (0..30).map(|i| (colour(i), dash(i))).collect();
+        let series: Vec<(&str, String)> =
+            (0..30).map(Look::nth).map(|look| (look.colour, look.dash())).collect();
         for (place, one) in series.iter().enumerate() {
             assert!(!series[place + 1..].contains(one), "series {place} is drawn twice");
         }

@@ -8,7 +8,7 @@ use super::decimate::decimate;
 use super::font;
 use super::frame::{Frame, TICKS_BELOW, TITLE_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
-use super::style::{colour, dash};
+use super::style::Look;
 use super::svg::{Area, Canvas, Type};
 
 /// A figure of panels above each other.
@@ -48,6 +48,8 @@ pub struct Series<'a> {
     pub x: Cow<'a, [f64]>,
     /// The values; a gap is drawn where one is not finite.
     pub y: Cow<'a, [f64]>,
+    /// How it looks; without it, as its place in the panel says.
+    pub look: Option<Look>,
 }
 
 /// A shaded band between two lines.
@@ -70,7 +72,17 @@ impl<'a> Series<'a> {
         x: impl Into<Cow<'a, [f64]>>,
         y: impl Into<Cow<'a, [f64]>>,
     ) -> Self {
-        Self { name: name.into(), x: x.into(), y: y.into() }
+        Self { name: name.into(), x: x.into(), y: y.into(), look: None }
+    }
+
+    /// Gives the signal a look.
+    pub fn looking(mut self, look: Look) -> Self {
+        self.look = Some(look);
+        self
+    }
+
+    fn look(&self, index: usize) -> Look {
+        self.look.unwrap_or_else(|| Look::nth(index))
     }
 }
 
@@ -114,7 +126,7 @@ impl<'a> Panel<'a> {
         let series = self.series.iter().enumerate();
         let line = |(index, series): (usize, &Series)| Entry {
             name: series.name.clone(),
-            swatch: Swatch::Line(index),
+            swatch: Swatch::Line(series.look(index)),
         };
         let band =
             self.band.iter().map(|band| Entry { name: band.name.clone(), swatch: Swatch::Band });
@@ -208,7 +220,7 @@ fn draw_panel(canvas: &mut Canvas, panel: &Panel, frame: &Frame) {
             draw_band(canvas, band, frame);
         }
         for (index, series) in panel.series.iter().enumerate() {
-            draw_series(canvas, series, index, frame);
+            draw_series(canvas, series, series.look(index), frame);
         }
     });
     frame.draw_outline(canvas);
@@ -231,17 +243,17 @@ fn draw_band(canvas: &mut Canvas, band: &Band, frame: &Frame) {
     }
 }
 
-fn draw_series(canvas: &mut Canvas, series: &Series, index: usize, frame: &Frame) {
+fn draw_series(canvas: &mut Canvas, series: &Series, look: Look, frame: &Frame) {
     let style = format!(
         " stroke=\"{}\" stroke-width=\"1.4\" stroke-linejoin=\"round\"{}",
-        colour(index),
-        dash(index)
+        look.colour,
+        look.dash()
     );
     let kept = decimate(&series.x, &series.y, buckets(frame));
     let points = kept.into_iter().map(|index| frame.point(series.x[index], series.y[index]));
     for run in runs(points) {
         match run.as_slice() {
-            [only] => canvas.circle(*only, 1.2, &format!(" fill=\"{}\"", colour(index))),
+            [only] => canvas.circle(*only, 1.2, &format!(" fill=\"{}\"", look.colour)),
             run => canvas.path(run, &style),
         }
     }

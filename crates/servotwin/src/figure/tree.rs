@@ -7,7 +7,7 @@
 use super::Figure;
 use super::font;
 use super::legend::{self, Entry, Swatch};
-use super::style::{FRAME, GREY, colour, tint};
+use super::style::{FRAME, GREY, Look, look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of a tree.
@@ -17,6 +17,8 @@ pub struct Tree {
     pub title: String,
     /// The class names, in the order of the nodes' shares.
     pub classes: Vec<String>,
+    /// How they look; without it, as their places say.
+    pub looks: Vec<Look>,
     /// The root.
     pub root: Node,
     /// Whether the root stands at the left: a large tree is then read downwards, as a page is.
@@ -125,7 +127,7 @@ impl Tree {
         for size in &sizes {
             levels.push(levels[levels.len() - 1] + size + LEVEL_GAP);
         }
-        let levels = Levels { view, begins: &levels };
+        let levels = Levels { view, begins: &levels, looks: &self.looks };
         levels.draw_edges(&mut canvas, &placed, middle, 0);
         levels.draw_nodes(&mut canvas, &placed, middle, 0);
         canvas.finish(width, height, &self.title)
@@ -139,7 +141,10 @@ impl Tree {
         }
         let named = self.classes.iter().enumerate();
         let entries: Vec<Entry> = named
-            .map(|(index, name)| Entry { name: name.clone(), swatch: Swatch::Box(index) })
+            .map(|(index, name)| Entry {
+                name: name.clone(),
+                swatch: Swatch::Box(look(&self.looks, index)),
+            })
             .collect();
         // A wide tree is scrolled: its legend is to be seen without.
         let rows = legend::rows(&entries, width.min(LEGEND_WIDTH) - 2.0 * MARGIN);
@@ -231,6 +236,8 @@ struct Levels<'a> {
     view: View,
     /// Where each begins, along.
     begins: &'a [f64],
+    /// How the classes look.
+    looks: &'a [Look],
 }
 
 impl Levels<'_> {
@@ -262,7 +269,7 @@ impl Levels<'_> {
             false => (across - width / 2.0, self.begins[level]),
         };
         canvas.titled(&placed.node.lines.join(", "), |canvas| {
-            draw_node(canvas, placed.node, Area { x, y, width, height });
+            draw_node(canvas, placed.node, Area { x, y, width, height }, self.looks);
         });
         for (shift, child) in &placed.children {
             self.draw_nodes(canvas, child, across + shift, level + 1);
@@ -270,11 +277,12 @@ impl Levels<'_> {
     }
 }
 
-fn draw_node(canvas: &mut Canvas, node: &Node, area: Area) {
+fn draw_node(canvas: &mut Canvas, node: &Node, area: Area, looks: &[Look]) {
     let leaf = node.children.is_empty();
     let class = node.main_class().filter(|_| leaf);
-    let fill = class.map_or(" fill=\"#ffffff\"".to_owned(), |class| tint(colour(class), 0.22));
-    let stroke = class.map_or(FRAME, colour);
+    let fill =
+        class.map_or(" fill=\"#ffffff\"".to_owned(), |class| tint(look(looks, class).colour, 0.22));
+    let stroke = class.map_or(FRAME, |class| look(looks, class).colour);
     let corner = if leaf { 5 } else { 0 };
     canvas.rect(area, &format!(" rx=\"{corner}\"{fill} stroke=\"{stroke}\""));
     for (place, (line, bold)) in node.set_lines().iter().enumerate() {
@@ -283,10 +291,10 @@ fn draw_node(canvas: &mut Canvas, node: &Node, area: Area) {
         let at = (area.x + area.width / 2.0, area.y + PADDING + LINE * (place as f64 + 0.8));
         canvas.text(at, line, kind);
     }
-    draw_shares(canvas, node, area);
+    draw_shares(canvas, node, area, looks);
 }
 
-fn draw_shares(canvas: &mut Canvas, node: &Node, area: Area) {
+fn draw_shares(canvas: &mut Canvas, node: &Node, area: Area, looks: &[Look]) {
     let positive = |share: &f64| {
         if share.is_finite() { share.max(0.0) } else { 0.0 }
     };
@@ -305,7 +313,7 @@ fn draw_shares(canvas: &mut Canvas, node: &Node, area: Area) {
     for (class, share) in node.shares.iter().enumerate() {
         let width = full * positive(share) / total;
         if width > 0.0 {
-            let fill = format!(" fill=\"{}\"", colour(class));
+            let fill = format!(" fill=\"{}\"", look(looks, class).colour);
             canvas.rect(Area { x, width, ..bar }, &fill);
         }
         x += width;

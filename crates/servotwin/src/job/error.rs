@@ -5,6 +5,7 @@ use crate::evaluation::parallel::Cancelled;
 use crate::files::FileError;
 use crate::study::StudyError;
 use crate::study::campaign::CampaignError;
+use crate::table::TableError;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -65,9 +66,21 @@ impl fmt::Display for JobError {
             JobError::Missing { path, stage } => {
                 write!(out, "{}: no such file; 'servotwin {stage}' writes it", path.display())
             }
+            JobError::DataSet { error, .. } if names_its_file(error) => write!(out, "{error}"),
             JobError::DataSet { path, error } => write!(out, "{}: {error}", path.display()),
             JobError::Evaluation(error) => write!(out, "{error}"),
         }
+    }
+}
+
+/// Whether an error says by itself in which file it is.
+fn names_its_file(error: &EvaluationError) -> bool {
+    let in_table =
+        |error: &TableError| matches!(error, TableError::File(_) | TableError::Content { .. });
+    match error {
+        EvaluationError::File(_) => true,
+        EvaluationError::Table(error) => in_table(error),
+        _ => false,
     }
 }
 

@@ -17,6 +17,7 @@
 
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
+use crate::manifest;
 use crate::study::campaign::{CampaignError, calibration_file};
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
@@ -98,7 +99,7 @@ impl Folder {
 
     /// Where everything comes from.
     pub fn manifest(&self) -> PathBuf {
-        self.0.join("manifest.json")
+        self.0.join(manifest::NAME)
     }
 
     /// Every result file that is there, the same order on every system.

@@ -3,108 +3,22 @@
 
 use super::{Folder, JobError, Subject};
 use crate::evaluation::{EvaluationError, model_file};
-use crate::files;
+use crate::manifest;
 use crate::study::{Role, Setting, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{Table, TableError};
-use serde::{Deserialize, Serialize};
 use servotwin_model::solver::{self, Control};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
-/// The word that a manifest begins with.
-pub const FORMAT: &str = "servotwin manifest 1";
+pub use crate::manifest::{DataSetEntry, FORMAT, FailedVariant, FileHash, KindEffort, Manifest};
 
-/// Where the results in a folder come from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
-    /// [`FORMAT`].
-    pub format: String,
-    /// The version of the program that wrote it.
-    pub version: String,
-    /// The name of the study.
-    pub study: String,
-    /// The texts that everything comes from.
-    pub inputs: Vec<FileHash>,
-    /// The seed of noise and specimens, where the study has a realistic setting.
-    pub specimen_seed: Option<u64>,
-    /// The seed of splits into training and test.
-    pub split_seed: u64,
-    /// The solver's settings.
-    pub solver: String,
-    /// The data sets.
-    pub data_sets: Vec<DataSetEntry>,
-    /// Every result file.
-    pub outputs: Vec<FileHash>,
-}
-
-/// A file and what was in it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FileHash {
-    /// The file, seen from the folder.
-    pub file: String,
-    /// SHA-256 of its bytes, in hexadecimal digits.
-    pub sha256: String,
-}
-
-/// What is in a data set.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DataSetEntry {
-    /// The setting.
-    pub setting: String,
-    /// Whether a diagnosis learns from it; otherwise it is judged on it.
-    pub is_training: bool,
-    /// Number of variants.
-    pub variants: usize,
-    /// Variants that were not simulated, being mirror images of others.
-    pub reflected: usize,
-    /// Variants without a fault.
-    pub healthy: usize,
-    /// Faulty variants that never leave the band of healthy residuals.
-    pub undetectable: usize,
-    /// What simulations took, by kind of fault.
-    pub efforts: Vec<KindEffort>,
-    /// Variants that were not simulated to the end.
-    pub failed: Vec<FailedVariant>,
-}
-
-/// What the simulations of a kind of fault took, those that did not end left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct KindEffort {
-    /// The kind; `healthy` without a fault.
-    pub kind: String,
-    /// Number of variants.
-    pub variants: usize,
-    /// The solver's steps for each simulated second, on average.
-    pub mean_steps_per_s: f64,
-    /// The most that a variant took.
-    pub most_steps_per_s: f64,
-    /// Variants that ring ([`Effort::rings`](crate::study::campaign::Effort::rings)).
-    pub rings: usize,
-    /// Variants that began on the move: no rest was found.
-    pub began_on_the_move: usize,
-}
-
-/// A variant that was not simulated to the end.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FailedVariant {
-    /// Its number.
-    pub variant: u32,
-    /// Its fault.
-    pub fault: String,
-    /// Its intensity.
-    pub intensity: f64,
-    /// The operating case.
-    pub case: String,
-    /// Why.
-    pub reason: String,
-}
-
-/// The manifest of what is in a folder now.
+/// The manifest of what is in a folder now. What the one that lies there knows of a file is kept: a stage vouches only for
+/// what was written since ([`manifest::forget`]), and not for what was damaged before it began.
 ///
 /// # Errors
 /// A file cannot be read.
 pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
+    let known = manifest::read(folder.path())?;
     let both = |setting| Role::ALL.map(|role| (setting, role));
     let data_sets = Setting::ALL.into_iter().flat_map(both);
     let data_sets = data_sets.filter(|&(setting, role)| folder.data_set(setting, role).exists());
@@ -112,14 +26,14 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         format: FORMAT.into(),
         version: env!("CARGO_PKG_VERSION").into(),
         study: study.name.clone(),
-        inputs: hashes(folder, &[folder.study(), folder.system()])?,
+        inputs: hashes(folder, None, &[folder.study(), folder.system()])?,
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Subject::Ideal.settings(study).holding.seed,
         solver: in_words(&solver::Settings::campaign()),
         data_sets: data_sets
-            .map(|(s, role)| data_set(folder, s, role))
+            .map(|(s, role)| data_set(folder, known.as_ref(), s, role))
             .collect::<Result<_, _>>()?,
-        outputs: hashes(folder, &folder.results_there()?)?,
+        outputs: hashes(folder, known.as_ref(), &folder.results_there()?)?,
     })
 }
 
@@ -146,24 +60,44 @@ pub fn write(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
     Ok(manifest)
 }
 
-fn hashes(folder: &Folder, paths: &[PathBuf]) -> Result<Vec<FileHash>, JobError> {
-    paths.iter().map(|path| hash(folder, path)).collect()
+fn hashes(
+    folder: &Folder,
+    known: Option<&Manifest>,
+    paths: &[PathBuf],
+) -> Result<Vec<FileHash>, JobError> {
+    paths.iter().map(|path| hash(folder, known, path)).collect()
 }
 
-fn hash(folder: &Folder, path: &Path) -> Result<FileHash, JobError> {
-    let mut digest = Sha256::new();
-    files::read_through(path, |bytes| digest.update(bytes))?;
+fn hash(folder: &Folder, known: Option<&Manifest>, path: &Path) -> Result<FileHash, JobError> {
+    let file = name(folder, path);
+    match known.and_then(|known| known.hash_of(&file)) {
+        Some(known) => Ok(known.clone()),
+        None => Ok(FileHash { file, sha256: manifest::sha256(path)? }),
+    }
+}
+
+/// A file seen from the folder, the same on every system.
+fn name(folder: &Folder, path: &Path) -> String {
     let inside = path.strip_prefix(folder.path()).unwrap_or(path);
     let parts = inside.iter().map(|part| part.to_string_lossy());
-    Ok(FileHash {
-        // The same on every system.
-        file: parts.collect::<Vec<_>>().join("/"),
-        sha256: digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
-    })
+    parts.collect::<Vec<_>>().join("/")
 }
 
-fn data_set(folder: &Folder, setting: Setting, role: Role) -> Result<DataSetEntry, JobError> {
+fn data_set(
+    folder: &Folder,
+    known: Option<&Manifest>,
+    setting: Setting,
+    role: Role,
+) -> Result<DataSetEntry, JobError> {
     let path = folder.data_set(setting, role);
+    let file = name(folder, &path);
+    let known = known.filter(|known| known.hash_of(&file).is_some());
+    let is_of = |entry: &&DataSetEntry| {
+        entry.setting == setting.name() && entry.is_training == (role == Role::Training)
+    };
+    if let Some(entry) = known.and_then(|known| known.data_sets.iter().find(is_of)) {
+        return Ok(entry.clone());
+    }
     let wrong = |error: TableError| JobError::DataSet {
         path: path.clone(),
         error: EvaluationError::Table(error),

@@ -20,9 +20,9 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let hierarchies: Vec<(Subject, Hierarchy)> = subjects
         .map(|subject| Ok((subject, hierarchy(folder, subject)?)))
         .collect::<Result<_, JobError>>()?;
-    // An older report is no source of the new one.
+    // An older report is no source of the new one, and nothing is claimed of it any more.
     folder.remove_report()?;
-    let manifest = manifest::of(folder, study)?;
+    let manifest = manifest::write(folder, study)?;
     let flights = flights::results(folder)?;
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));

@@ -8,6 +8,7 @@
 pub mod examples;
 pub mod excerpt;
 pub mod lines;
+mod looks;
 pub mod page;
 pub mod schematic;
 mod sections;
@@ -27,6 +28,7 @@ use crate::study::campaign::Comparison;
 use crate::study::{Setting, Study};
 use examples::Example;
 use excerpt::Excerpt;
+use looks::Looks;
 use page::{Entry, Page};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use vocabulary::Vocabulary;
@@ -109,6 +111,11 @@ impl Material<'_> {
     /// What things are called.
     pub fn words(&self) -> Vocabulary {
         Vocabulary::of(self.study)
+    }
+
+    /// What looks how in figures.
+    fn looks(&self) -> Looks {
+        Looks::of(self.study)
     }
 
     /// The subject whose trees are drawn.

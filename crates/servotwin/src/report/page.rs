@@ -1,6 +1,6 @@
 //! The HTML that a report is written in: headings, paragraphs, tables and figures, all escaped.
 
-use crate::figure::Figure;
+use crate::figure::{Figure, dark_rules};
 use std::fmt::Write;
 
 /// A page being written, with the figures in it.
@@ -130,7 +130,9 @@ impl Page {
 
     /// Begins the appendix: in print, on a new page.
     pub fn appendix(&mut self) {
-        self.html += "<p class=\"appendix\">Appendix: what this rests on</p>\n";
+        self.html += "<p class=\"appendix\">Appendix: what this rests on</p>\n\
+            <p class=\"note paper\">What is folded on a screen is not on paper: figures and tables whose numbers \
+            have a point, and the values in figures.</p>\n";
     }
 
     /// What is shown only when asked for.
@@ -141,6 +143,9 @@ impl Page {
             return;
         }
         let _ = writeln!(self.html, "<details><summary>{}</summary>", escaped(summary));
+        for kind in &KINDS {
+            inner.html = inner.html.replace(kind.mark, &kind.folded.to_string());
+        }
         self.append(inner);
         self.html += "</details>\n";
     }
@@ -165,8 +170,9 @@ impl Page {
         let _ = write!(
             self.html,
             "<figure id=\"figure-{name_text}\">\n<div class=\"{class}\" tabindex=\"0\">{}</div>\n\
-             <figcaption>{FIGURE}{alt}</figcaption>\n",
-            svg.trim_end()
+             <figcaption>{}{alt}</figcaption>\n",
+            svg.trim_end(),
+            FIGURE.mark
         );
         self.values(&figure.values);
         self.html += "</figure>\n";
@@ -206,8 +212,9 @@ impl Page {
     pub fn table(&mut self, grid: &Grid, caption: &str) {
         let class = |side: Side| if side == Side::Right { " class=\"number\"" } else { "" };
         let wide = if grid.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
-        let _ = writeln!(self.html, "<div class=\"sheet\" tabindex=\"0\"><table{wide}>");
-        let _ = writeln!(self.html, "<caption>{TABLE}{}</caption>", escaped(caption));
+        let short = if grid.rows.len() <= SHORT { " short" } else { "" };
+        let _ = writeln!(self.html, "<div class=\"sheet{short}\" tabindex=\"0\"><table{wide}>");
+        let _ = writeln!(self.html, "<caption>{}{}</caption>", TABLE.mark, escaped(caption));
         self.html += "<thead><tr>";
         for (head, side) in &grid.heads {
             let _ = write!(self.html, "<th scope=\"col\"{}>{}</th>", class(*side), escaped(head));
@@ -216,7 +223,7 @@ impl Page {
         for (row, strong) in &grid.rows {
             self.html += if *strong { "<tr class=\"strong\">" } else { "<tr>" };
             for (cell, (_, side)) in row.iter().zip(&grid.heads) {
-                let text = escaped(cell);
+                let text = breakable(&escaped(cell));
                 let (text, below) = match text.split_once('\n') {
                     Some((text, below)) => {
                         (text, format!("<br><small>{}</small>", below.replace('\n', "<br>")))
@@ -236,28 +243,44 @@ impl Page {
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{0}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
+             <title>{0}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n\
              <h1>{0}</h1>\n{1}</main>\n</body>\n</html>\n",
             escaped(title),
-            numbered(&numbered(&self.html, FIGURE, "Figure"), TABLE, "Table")
+            numbered(&numbered(&self.html, &FIGURE), &TABLE),
+            STYLE.replacen("  /* colours */\n", &dark_rules(), 1)
         );
         (html, self.figures)
     }
 }
 
-/// Where the number of a figure or a table will stand: sections are written alone, and counted together.
-/// No text has these characters, because control characters are left out.
-const FIGURE: char = '\u{1}';
-const TABLE: char = '\u{2}';
+/// What is counted.
+struct Kind {
+    word: &'static str,
+    /// Where the number will stand: sections are written alone, and counted together. No text has these characters,
+    /// because control characters are left out.
+    mark: char,
+    /// The same for what is folded, which is not on paper and so takes no number from what is.
+    folded: char,
+}
 
-/// The text with numbers at its marks, in their order.
-fn numbered(html: &str, mark: char, word: &str) -> String {
-    let mut parts = html.split(mark);
-    let mut all = parts.next().unwrap_or_default().to_owned();
-    for (place, part) in parts.enumerate() {
-        let _ = write!(all, "<b>{word} {}.</b> {part}", place + 1);
+const FIGURE: Kind = Kind { word: "Figure", mark: '\u{1}', folded: '\u{2}' };
+const TABLE: Kind = Kind { word: "Table", mark: '\u{3}', folded: '\u{4}' };
+const KINDS: [Kind; 2] = [FIGURE, TABLE];
+
+/// The text with numbers at its marks, in their order: 1, 2, and what is folded behind it 2.1, 2.2.
+fn numbered(html: &str, kind: &Kind) -> String {
+    let mut all = String::with_capacity(html.len());
+    let (mut shown, mut folded, mut rest) = (0, 0, html);
+    while let Some(place) = rest.find([kind.mark, kind.folded]) {
+        all += &rest[..place];
+        // A mark is one byte long.
+        let is_folded = rest[place..].starts_with(kind.folded);
+        rest = &rest[place + 1..];
+        (shown, folded) = if is_folded { (shown, folded + 1) } else { (shown + 1, 0) };
+        let below = if is_folded { format!(".{folded}") } else { String::new() };
+        let _ = write!(all, "<b>{} {shown}{below}.</b> ", kind.word);
     }
-    all
+    all + rest
 }
 
 /// Text as HTML.
@@ -269,15 +292,29 @@ pub(crate) fn escaped(text: &str) -> String {
             '<' => html += "&lt;",
             '>' => html += "&gt;",
             '"' => html += "&quot;",
-            FIGURE | TABLE => {}
+            '\u{1}'..='\u{4}' => {}
             other => html.push(other),
         }
     }
     html
 }
 
+/// HTML in which the long names of a table may be broken, behind the parts that they are made of.
+fn breakable(html: &str) -> String {
+    /// What is shorter fits any column.
+    const LONG: usize = 14;
+    let words = html.split(' ').map(|word| match word.len() > LONG {
+        true => word.replace('_', "_<wbr>").replace('.', ".<wbr>"),
+        false => word.to_owned(),
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
 /// A table with so many columns is set in smaller type.
 const WIDE: usize = 8;
+
+/// A table with so many rows is not broken in print.
+const SHORT: usize = 14;
 
 const STYLE: &str = include_str!("style.css");
 
@@ -304,18 +341,22 @@ mod tests {
                 let mut grid = Grid::new([("value", Side::Right)]);
                 grid.push(vec!["1".into()]);
                 page.table(&grid, "of\u{1} numbers");
-                page.folded("more", |page| {
+                let bars = || {
                     let bars = crate::figure::bars::Bars::new("", "x", &["one"]);
-                    let bar = crate::figure::bars::Bar::new(0.25);
-                    page.figure(section, bars.with("valve", vec![Some(bar)]).draw(), "bars");
-                });
+                    bars.with("valve", vec![Some(crate::figure::bars::Bar::new(0.25))]).draw()
+                };
+                page.figure(section, bars(), "bars");
+                page.folded("more", |page| page.figure(section, bars(), "bars"));
             });
         }
         let (html, figures) = page.finish("");
-        for text in ["<b>Table 1.</b> of numbers", "<b>Table 2.</b> of", "<b>Figure 2.</b> bars"] {
+        // What is folded takes no number from what is on paper.
+        let texts = ["<b>Table 1.</b> of numbers", "<b>Table 2.</b> of", "<b>Figure 1.</b> bars"];
+        for text in texts.into_iter().chain(["<b>Figure 1.1.</b> bars", "<b>Figure 2.1.</b> bars"])
+        {
             assert!(html.contains(text), "{text}");
         }
-        assert_eq!((figures.len(), html.matches("<b>Figure").count()), (2, 2));
+        assert_eq!((figures.len(), html.matches("<b>Figure").count()), (4, 4));
         // Every value can be read without pointing at it, and is there where one points.
         assert!(
             html.contains("<td>0.250</td>") && html.contains("<title>valve, one: 0.250 </title>")

@@ -1,6 +1,7 @@
 //! A system as a hydraulic drawing: what supplies stands at the top, what is moved at the bottom, units
 //! side by side, and connections run from the port that sets.
 
+use crate::figure::Meaning;
 use crate::figure::diagram::{Block, Diagram, Wire};
 use crate::system::System;
 use servotwin_model::network::{Network, PortOf};
@@ -22,6 +23,7 @@ pub fn of(system: &System) -> Diagram {
     let mut diagram = Diagram {
         title: system.title.clone(),
         kinds: MEDIA.map(str::to_owned).to_vec(),
+        looks: (0..MEDIA.len()).map(|place| Meaning::Medium(place).look()).collect(),
         downwards: true,
         ..Diagram::default()
     };
@@ -44,8 +46,8 @@ pub fn of(system: &System) -> Diagram {
             let port = to.component.spec().ports[target.port].name;
             Wire {
                 arrow: true,
-                // All that an input drives hangs on one line.
-                ports: [NAMELESS.into(), shown(port)],
+                // All that an input drives hangs on one line, and an input has no port that has a name.
+                ports: [" ".into(), port.into()],
                 ..Wire::new(&block, &to.id, "signal")
             }
         }));
@@ -53,14 +55,6 @@ pub fn of(system: &System) -> Diagram {
     place_rows(network, &mut diagram);
     diagram.groups = groups(&diagram);
     diagram
-}
-
-/// A port without a name to be shown, of which several lines come.
-const NAMELESS: &str = " ";
-
-/// The name of a port as it is shown: what is only called a port needs no name.
-fn shown(name: &str) -> String {
-    if name == "port" { NAMELESS.into() } else { name.into() }
 }
 
 fn wires(network: &Network, ports: &[PortOf]) -> Vec<Wire> {
@@ -72,7 +66,7 @@ fn wires(network: &Network, ports: &[PortOf]) -> Vec<Wire> {
     let others = ports.iter().filter(|port| *port != from);
     let wires = others.map(|port| Wire {
         arrow: matches!(spec(port).kind, PortKind::SignalIn { .. }),
-        ports: [shown(spec(from).name), shown(spec(port).name)],
+        ports: [spec(from).name.into(), spec(port).name.into()],
         ..Wire::new(id(from), id(port), spec(from).kind.family())
     });
     wires.collect()
@@ -212,9 +206,12 @@ mod tests {
         assert!(layer(&diagram, "aileron") > layers[4]);
         assert_eq!(diagram.groups, ["actuator_1", "", "actuator_2"]);
         let figure = diagram.draw();
-        for name in [">p<", ">t<", ">rod<"] {
+        // Those of components with one port, too.
+        for name in [">p<", ">t<", ">rod<", ">port<"] {
             assert!(figure.svg.contains(name), "no port {name}");
         }
+        // Supply, lines and sensors hang on one line: where it branches there is a dot.
+        assert!(figure.svg.contains("<circle"));
         // The legend: every medium once.
         for medium in MEDIA {
             assert_eq!(figure.svg.matches(&format!(">{medium}<")).count(), 1, "{medium}");

@@ -1,5 +1,6 @@
 //! Trained trees as figures.
 
+use super::looks::Looks;
 use super::vocabulary::Vocabulary;
 use super::words::{number, of_unit, spoken};
 use crate::figure::tree::{Node, Tree as Drawing};
@@ -14,18 +15,20 @@ pub fn drawing(
     stage: &Stage,
     features: &[Feature],
     words: &Vocabulary,
+    looks: &Looks,
 ) -> Option<Drawing> {
     let question = stage.place.question;
     let Model::Cart(tree) = &stage.model else {
         return None;
     };
     let class = |&class: &u32| hierarchy.names.class_name(question, class);
+    let looks = stage.classes.iter().map(class).map(|name| looks.class(question, name)).collect();
     let classes = stage.classes.iter().map(class).map(|name| spoken(words.class(question, name)));
     let names: Vec<String> =
         stage.columns.iter().map(|&c| hierarchy.names.features[c as usize].clone()).collect();
     let drawer = Drawer { tree, names, classes: classes.collect(), features };
     let root = drawer.node(0);
-    Some(Drawing { title: String::new(), classes: drawer.classes, root, sideways: true })
+    Some(Drawing { title: String::new(), classes: drawer.classes, looks, root, sideways: true })
 }
 
 /// Whether a stage decides anything: the tree that tells whether something is wrong asks nothing where nothing

@@ -1,6 +1,7 @@
 //! The report of any table: what was learnt from, classifiers compared on rows held out, results for
 //! each class and group, and the tree in parts that can be read.
 
+use super::looks;
 use super::page::{Grid, Page, Side};
 use super::words::{NONE, number, percent, rate};
 use crate::evaluation::table_model::{Judged, Prepared, TableModel, question};
@@ -113,6 +114,7 @@ fn data(material: &TableMaterial, page: &mut Page) {
 
 fn classifiers(material: &TableMaterial, page: &mut Page) {
     let mut bars = Bars::new("", "accuracy (%)", &["accuracy"]);
+    bars.looks = looks::plain();
     let mut grid = Grid::new([
         ("classifier", Side::Left),
         ("accuracy", Side::Right),
@@ -274,6 +276,7 @@ fn tree(material: &TableMaterial, page: &mut Page) {
         let drawing = Drawing {
             title: String::new(),
             classes: material.tree.classes.clone(),
+            looks: vec![],
             root: node(material.tree, tree, *root, &parts, place),
             sideways: false,
         };

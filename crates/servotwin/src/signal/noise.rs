@@ -35,6 +35,9 @@ pub struct Noise;
 /// The limit of an angle: the travel of an aileron (physics 7.2).
 const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;
 
+/// The samples in the window, over which the factor of (SN3) is sought again and again.
+const MOST_IN_WINDOW: f64 = 1e6;
+
 static SPEC: Spec = Spec {
     kind: "noise",
     summary: "band-limited white noise (Butterworth of order 4), softly limited",
@@ -198,6 +201,12 @@ impl Kind for Noise {
             );
         }
         given.few_points(window_s.max(given.duration_s) * sampling_hz)?;
+        if window_s * sampling_hz > MOST_IN_WINDOW {
+            return Err(given.impossible(
+                "'window' must hold at most 1000000 samples (10000 s at 100 Hz): it is gone through up to 60 \
+                 times; it may be shorter than the run",
+            ));
+        }
         let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
         let (window, run) = (count(window_s), count(given.duration_s));

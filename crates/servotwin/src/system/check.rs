@@ -9,6 +9,8 @@ use servotwin_model::fluid::Fluid;
 use servotwin_model::network::{self, PortOf};
 use servotwin_model::program::Program;
 use servotwin_model::spec::{PortKind, Unit};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Compiles what was read.
 pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
@@ -33,7 +35,7 @@ pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
 /// Gives every source its fluid, and lists the fluids.
 fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     let only = (reader.fluids.len() == 1).then_some(0);
-    let mut told = Vec::new();
+    let mut told = BTreeSet::new();
     for part in reader.scope.parts.iter_mut().filter(|part| part.spec().reference) {
         part.fluid = part.fluid.or(only);
         match part.fluid {
@@ -48,7 +50,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     }
     let fluids: Vec<Option<Fluid>> =
         reader.fluids.iter().map(|fluid| fluid.value.clone()).collect();
-    let mut told = Vec::new();
+    let mut told = BTreeSet::new();
     for part in reader.scope.parts.iter().filter(|part| part.spec().reference && part.sound) {
         let fluid =
             part.fluid.map_or_else(|| Some(Fluid::default()), |index| fluids[index].clone());
@@ -71,14 +73,12 @@ fn temperature_k(part: &Part) -> Option<f64> {
 }
 
 /// Whether this was not told before: instances of an assembly share its places.
-fn once(told: &mut Vec<(usize, usize)>, at: &Span, which: usize) -> bool {
-    let new = !told.contains(&(at.start, which));
-    told.push((at.start, which));
-    new
+fn once(told: &mut BTreeSet<(usize, usize)>, at: &Span, which: usize) -> bool {
+    told.insert((at.start, which))
 }
 
 fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<Mistake>) {
-    let mut told = Vec::new();
+    let mut told = BTreeSet::new();
     for part in &mut scope.parts {
         for (index, declared) in part.spec().parameters.iter().enumerate() {
             if !part.parameters[index].is_nan() {
@@ -149,18 +149,25 @@ fn unused(reader: &mut Reader) {
 /// Tells the mistakes of a network where the file makes them.
 fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     let Reader { scope, mistakes, .. } = reader;
+    let key = |port: &PortOf| (port.component, port.port);
+    let joined: BTreeSet<_> =
+        scope.connections.iter().flatten().map(|end| key(&end.port)).collect();
     let mut open: Vec<(Span, PortOf, Vec<String>)> = Vec::new();
+    let mut places: BTreeMap<(usize, usize, usize), usize> = BTreeMap::new();
     for mistake in found {
         if let network::Mistake::OpenPort(port) = mistake {
             // One that is joined to a port of another kind is told as that.
-            if scope.connections.iter().flatten().any(|end| end.port == *port) {
+            if joined.contains(&key(port)) {
                 continue;
             }
             let at = scope.parts[port.component].at.clone();
             // The same port of another instance of the assembly.
-            match open.iter_mut().find(|(of, p, _)| *of == at && p.port == port.port) {
-                Some((_, _, also)) => also.push(scope.port_id(*port)),
-                None => open.push((at, *port, Vec::new())),
+            match places.entry((at.start, at.end, port.port)) {
+                Entry::Occupied(place) => open[*place.get()].2.push(scope.port_id(*port)),
+                Entry::Vacant(place) => {
+                    place.insert(open.len());
+                    open.push((at, *port, Vec::new()));
+                }
             }
         } else if let Some((at, mistake)) = explained(scope, fluids, mistake) {
             mistakes.note(&at, mistake);

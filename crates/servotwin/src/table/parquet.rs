@@ -42,6 +42,7 @@ use half::f16;
 
 use super::{Column, ContentError, Format, Kind, Table, TableError, Values, unknown_column};
 use crate::files::{AtomicFile, FileError};
+use crate::manifest;
 
 /// The format's entry in [`ALL`](super::ALL).
 pub const FORMAT: Format = Format { name: "Parquet", extension: "parquet", read, write };
@@ -137,6 +138,7 @@ impl ParquetWriter {
     pub fn finish(mut self) -> Result<(), TableError> {
         self.end_group()?;
         let file = self.writer.into_inner().map_err(|error| parquet_error(&self.path, error))?;
+        manifest::forget(&self.path)?;
         Ok(file.commit()?)
     }
 
@@ -248,6 +250,7 @@ impl ParquetReader {
 
     fn open_selected(path: &Path, names: Option<&[&str]>) -> Result<Self, TableError> {
         let content = |problem| content_error(path, problem);
+        manifest::check(path)?;
         let file = open_marked(path)?;
         let parse = || Ok(ParquetMetaDataReader::new().parse_and_finish(&file)?);
         let metadata = guarded(parse).map_err(content)?;

@@ -67,8 +67,14 @@ fn tree(depth: usize) -> Figure {
         }
     }
     let classes = vec!["healthy".to_owned(), NAME.to_owned(), "jam".to_owned()];
-    Tree { title: NAME.to_owned(), classes, root: grow(depth), sideways: depth.is_multiple_of(2) }
-        .draw()
+    Tree {
+        title: NAME.to_owned(),
+        classes,
+        looks: vec![],
+        root: grow(depth),
+        sideways: depth.is_multiple_of(2),
+    }
+    .draw()
 }
 
 fn diagram(count: usize) -> Figure {

@@ -3,7 +3,7 @@
 use super::columns::texts;
 use super::error::TableModelError;
 use super::{ClassWeights, Selection};
-use crate::evaluation::EvaluationError;
+use crate::evaluation::{EvaluationError, UnknownClass};
 use crate::table::{Column, Table, Values};
 use std::collections::BTreeSet;
 
@@ -69,7 +69,7 @@ pub(super) fn classes(tables: &[Table], selection: &Selection) -> Result<Coded, 
     let mut all = learnt;
     for table in &tables[1..] {
         let classes = filled(table, name, "class");
-        let codes = classes.and_then(|classes| known(&classes, name, &all.names));
+        let codes = classes.and_then(|classes| known(table, &classes, name, &all.names));
         all.codes.extend(codes.map_err(EvaluationError::of_table(1))?);
     }
     Ok(all)
@@ -77,19 +77,23 @@ pub(super) fn classes(tables: &[Table], selection: &Selection) -> Result<Coded, 
 
 /// The places of classes among those that are known.
 pub(super) fn known(
+    table: &Table,
     classes: &[String],
     column: &str,
     names: &[String],
 ) -> Result<Vec<u32>, EvaluationError> {
-    let place = |class: &String| {
+    let place = |(row, class): (usize, &String)| {
         let found = names.iter().position(|known| known == class);
-        found.map(|place| place as u32).ok_or_else(|| EvaluationError::UnknownClass {
+        let unknown = || UnknownClass {
             column: column.into(),
             class: class.clone(),
+            place: table.origin().place(row),
             known: names.to_vec(),
-        })
+        };
+        let code = found.map(|place| place as u32);
+        code.ok_or_else(|| EvaluationError::UnknownClass(Box::new(unknown())))
     };
-    classes.iter().map(place).collect()
+    classes.iter().enumerate().map(place).collect()
 }
 
 /// A label that is measured has more different numbers than classes could be.

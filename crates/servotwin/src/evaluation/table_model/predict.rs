@@ -36,7 +36,12 @@ pub fn judge_table(
     debug_assert_eq!(model.format, FORMAT);
     let column = &model.label;
     let codes = match model.label_limits.is_empty() {
-        true => labels::known(&labels::filled(&table, column, "class")?, column, &model.classes)?,
+        true => labels::known(
+            &table,
+            &labels::filled(&table, column, "class")?,
+            column,
+            &model.classes,
+        )?,
         false => labels::limited(std::slice::from_ref(&table), column, &model.label_limits)?.codes,
     };
     let groups = match group {

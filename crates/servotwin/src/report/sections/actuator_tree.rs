@@ -33,7 +33,7 @@ impl Section for ActuatorTree {
         };
         let features: Vec<Feature> =
             data_features(material.study).into_iter().map(|known| known.feature).collect();
-        let words = material.words();
+        let (words, looks) = (material.words(), material.looks());
         page.text(&format!(
             "Setting: {}, trained with everything there is to learn from. How often the answer to each \
              question hangs on less than a sensor shows stands under “Answers that hang on less than a \
@@ -44,7 +44,8 @@ impl Section for ActuatorTree {
         ));
         let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
             for stage in &hierarchy.stages {
-                let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words) else {
+                let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words, &looks)
+                else {
                     continue;
                 };
                 if !stages::decides(stage) {

@@ -6,6 +6,7 @@ use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Measure, Who};
+use crate::report::looks;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{NONE, bracketed, chosen, stacked};
@@ -106,6 +107,7 @@ pub(super) fn label(study: &Study, sensor: &str) -> String {
 fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
     let titles: Vec<&str> = results.iter().map(|(result, _)| result.title.as_str()).collect();
     let mut bars = Bars::new("", "half width (% of scale)", &titles);
+    bars.looks = results.iter().map(|(result, _)| looks::subject(result.subject)).collect();
     bars.digits = 2;
     for (place, name) in names.iter().enumerate() {
         let bar = |(_, bands): &(_, &[Band])| {

@@ -5,7 +5,7 @@ use crate::evaluation::protocol::Protocol;
 use crate::figure::Figure;
 use crate::figure::bars::{Bar, Bars};
 use crate::report::page::Page;
-use crate::report::{Material, Section};
+use crate::report::{Material, Section, looks};
 use servotwin_diagnosis::hierarchy::Question;
 
 /// See the module.
@@ -53,6 +53,7 @@ impl Section for Classifiers {
 fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
     let own = || evaluation.classifiers.iter().filter(|compared| compared.stage == stage);
     let mut figure = Bars::new("", "accuracy (%)", &["random third", "grouped"]);
+    figure.looks = looks::plain();
     let mut titles: Vec<&str> = vec![];
     for compared in own() {
         if !titles.contains(&compared.title.as_str()) {

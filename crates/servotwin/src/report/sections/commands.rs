@@ -1,6 +1,7 @@
 //! The commands on which the diagnosis is judged (figure 7 of the seed paper).
 
 use super::commands_curve::in_words;
+use crate::figure::Meaning;
 use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::{Material, Section};
@@ -43,7 +44,9 @@ impl Section for Commands {
             let signal = &case.inputs[study.command_input];
             let values: Vec<f64> = time.iter().map(|&t| read.value(signal.value(t))).collect();
             let panel = Panel::new(name, &label);
-            figure = figure.with(panel.with(Series::new("", time.clone(), values)));
+            figure = figure.with(
+                panel.with(Series::new("", time.clone(), values).looking(Meaning::Plain(0).look())),
+            );
         }
         let shown = match end < study.duration_s {
             true => format!("the first {end} s of {} s", study.duration_s),

@@ -6,6 +6,7 @@ use crate::figure::Figure;
 use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
 use crate::report::lines;
+use crate::report::looks;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{chosen, number, stacked};
@@ -108,7 +109,11 @@ fn figure(curves: &[(&SubjectResult, Vec<(usize, &ProtocolResult)>)]) -> Figure 
             |(count, rate): &(usize, Rate)| (*count as f64, 100.0 * rate.share.unwrap_or_default());
         let ends = known.iter().map(|(_, rate)| (100.0 * rate.low, 100.0 * rate.high)).collect();
         let points = known.iter().map(point).collect();
-        lines = lines.with(Curve::new(&result.title, points).with_intervals(ends));
+        lines = lines.with(
+            Curve::new(&result.title, points)
+                .with_intervals(ends)
+                .looking(looks::subject(result.subject)),
+        );
     }
     lines.draw()
 }

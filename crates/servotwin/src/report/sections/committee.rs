@@ -5,9 +5,11 @@ use crate::evaluation::abstention::{Abstention, Level};
 use crate::evaluation::protocol::ALL;
 use crate::evaluation::score::Rate;
 use crate::figure::Figure;
+use crate::figure::Meaning;
 use crate::figure::lines::{Curve, Lines};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Who};
+use crate::report::looks;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{by_kind, chosen, number, percent, stacked};
@@ -103,7 +105,8 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     for result in results {
         let Some(reliability) = &result.evaluation.reliability else { continue };
         let points = reliability.bins.iter().map(|&(mean, share, _)| (mean, share)).collect();
-        lines = lines.with(Curve::new(&result.title, points));
+        lines =
+            lines.with(Curve::new(&result.title, points).looking(looks::subject(result.subject)));
         let answers: u64 = reliability.bins.iter().map(|bin| bin.2).sum();
         let sure = reliability.bins.iter().filter(|bin| bin.0 >= 0.9).map(|bin| bin.2).sum::<u64>();
         grid.push(vec![
@@ -119,6 +122,7 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     }
     page.heading("How far its confidence can be believed");
     let ideal = Curve::new("as sure as right", vec![(0.0, 0.0), (1.0, 1.0)]).unmarked();
+    let ideal = ideal.looking(Meaning::Plain(1).look());
     page.figure(
         "reliability",
         lines.with(ideal).draw(),
@@ -201,14 +205,15 @@ fn trade(abstention: &Abstention, words: &Vocabulary) -> Figure {
     };
     // Whiskers of three curves at the same places would hide each other.
     let (worst, ends) = curve(&format!("{} wrong", words.action_wrong()), &wrong);
-    lines = lines.with(worst.with_intervals(ends));
+    lines = lines.with(worst.with_intervals(ends).looking(Meaning::Plain(0).look()));
     if words.has_off() {
         let title = format!("fault that calls for a {} answered wrongly", words.off());
-        lines = lines.with(curve(&title, &missed).0);
+        lines = lines.with(curve(&title, &missed).0.looking(Meaning::Command(0).look().at(1)));
     }
     if words.has_off() && words.has_several() {
         let title = format!("wrong {} {}", words.unit(), words.switched_off());
-        lines = lines.with(curve(&title, &wrong_shutdown).0);
+        lines =
+            lines.with(curve(&title, &wrong_shutdown).0.looking(Meaning::Plain(1).look().at(2)));
     }
     lines.draw()
 }

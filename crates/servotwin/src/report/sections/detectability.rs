@@ -9,6 +9,7 @@ use crate::report::lines;
 use crate::report::page::Page;
 use crate::report::words::{rate, spoken};
 use crate::report::{Material, Section, hardest_first};
+use servotwin_diagnosis::hierarchy::Question;
 use std::collections::BTreeMap;
 
 /// Counts for a fault that is never detected, beside intensities of at most one.
@@ -87,6 +88,7 @@ impl Section for Detectability {
 
 /// Detection against intensity, the kinds of one failure together.
 fn curves(material: &Material, detection: &Detection) -> Figure {
+    let looks = material.looks();
     let mut lines = Lines::new("", "intensity", "share detected");
     lines.y_range = Some((0.0, 1.0));
     for class in &material.study.classes {
@@ -104,7 +106,10 @@ fn curves(material: &Material, detection: &Detection) -> Figure {
         };
         let points: Vec<(f64, f64)> = counts.into_iter().map(point).collect();
         if !points.is_empty() {
-            lines = lines.with(Curve::new(spoken(&class.detail), points));
+            lines = lines.with(
+                Curve::new(spoken(&class.detail), points)
+                    .looking(looks.class(Question::Detail, &class.detail)),
+            );
         }
     }
     lines.draw()

@@ -6,11 +6,14 @@ use crate::figure::Figure;
 use crate::figure::lines::{Curve, Lines};
 use crate::flight::judge::{ClassMerit, Latency, Merit, STRONG};
 use crate::job::flights::FlightResults;
+use crate::report::looks;
+use crate::report::looks::Looks;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{NONE, bracketed, chosen, number, spoken, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
+use servotwin_diagnosis::hierarchy::Question;
 
 /// See the module.
 pub struct Flights;
@@ -63,7 +66,7 @@ impl Section for Flights {
                      time since the onset.",
                     merit.setting
                 );
-                page.figure(&name, latencies(merit), &caption);
+                page.figure(&name, latencies(merit, &material.looks()), &caption);
             }
         });
         for merit in &results.merits {
@@ -346,14 +349,17 @@ fn strong(merit: &Merit) -> impl Iterator<Item = &ClassMerit> {
     merit.classes[half..].iter()
 }
 
-fn latencies(merit: &Merit) -> Figure {
+fn latencies(merit: &Merit, looks: &Looks) -> Figure {
     let mut lines = Lines::new("", "time since the onset / s", "isolated / % of visible");
     lines.x_log = true;
     lines.y_range = Some((0.0, 100.0));
     for class in strong(merit) {
         let points = class.isolation.iter().flat_map(|latency| &latency.by_s);
         let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
-        lines = lines.with(Curve::new(spoken(&class.command), points));
+        lines = lines.with(
+            Curve::new(spoken(&class.command), points)
+                .looking(looks.class(Question::Command, &class.command)),
+        );
     }
     lines.draw()
 }
@@ -443,11 +449,12 @@ fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
             merit.trade.iter().filter_map(|p| Some((p.asked_per_h, p.isolation.as_ref()?)));
         let mut isolated: Vec<(f64, &Latency)> = isolated.collect();
         isolated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let curve = |name: &str, of: fn(&Latency) -> f64| {
+        let curve = |name: &str, of: fn(&Latency) -> f64, place: usize| {
             let points = isolated.iter().map(|(asked, latency)| (*asked, of(latency))).collect();
             Curve::new(format!("{}, {name}", merit.setting), points)
+                .looking(looks::setting(&merit.setting).at(place))
         };
-        lines = lines.with(curve("median", |l| l.median_s)).with(curve("95 %", |l| l.p95_s));
+        lines = lines.with(curve("median", |l| l.median_s, 0)).with(curve("95 %", |l| l.p95_s, 1));
         for point in &merit.trade {
             let healthy = &point.healthy;
             let isolation = point.isolation.as_ref();

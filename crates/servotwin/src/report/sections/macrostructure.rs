@@ -1,7 +1,9 @@
 //! How the trees hang together (figure 10 of the seed paper).
 
 use crate::evaluation::protocol::ProtocolResult;
+use crate::figure::Meaning;
 use crate::figure::diagram::{Block, Diagram, Wire};
+use crate::report::looks::Looks;
 use crate::report::page::Page;
 use crate::report::words::{share, spoken};
 use crate::report::{Material, Section, stages};
@@ -43,7 +45,7 @@ impl Section for Macrostructure {
             ),
             false => String::new(),
         };
-        page.figure("macrostructure", diagram(hierarchy, judged).draw(), &format!(
+        page.figure("macrostructure", diagram(hierarchy, judged, &material.looks()).draw(), &format!(
             "Setting: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
             result.title,
             words.paper(" (figure 10 of the seed paper)"),
@@ -52,9 +54,15 @@ impl Section for Macrostructure {
     }
 }
 
-fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>) -> Diagram {
-    let mut diagram = Diagram::default();
+fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks) -> Diagram {
     let names = &hierarchy.names;
+    // What a command asks for has its colour.
+    let commands =
+        names.commands.iter().map(|name| (spoken(name), looks.class(Question::Command, name)));
+    let plain = [("decision", 0), ("residuals", 1), ("tree", 0)];
+    let plain = plain.map(|(kind, place)| (kind.to_owned(), Meaning::Plain(place).look()));
+    let (kinds, looks) = plain.into_iter().chain(commands).unzip();
+    let mut diagram = Diagram { kinds, looks, ..Diagram::default() };
     let sensors = Block::new("residuals", "features of\nresiduals", "residuals", "");
     diagram.blocks.push(Block { layer: Some(0), ..sensors });
     let is_first = |stage: &&Stage| stage.place.question == Question::Actuator;
@@ -97,10 +105,12 @@ fn add_actuator(
         };
         let id = own(Question::Detail, Some(command as u32));
         let text = format!("{id}  {}\n{}", spoken(title), accuracy(judged, &id));
-        diagram.blocks.push(Block { layer: Some(3), ..Block::new(&id, &text, "tree", &group) });
+        diagram
+            .blocks
+            .push(Block { layer: Some(3), ..Block::new(&id, &text, &spoken(title), &group) });
         diagram.wires.push(arrow(&command_id, &id));
         let leaves = format!("{id} details");
-        let block = Block::new(&leaves, &details(hierarchy, stage), "failure", &group);
+        let block = Block::new(&leaves, &details(hierarchy, stage), &spoken(title), &group);
         diagram.blocks.push(Block { layer: Some(4), ..block });
         diagram.wires.push(arrow(&id, &leaves));
     }

@@ -1,8 +1,10 @@
 //! How residuals are distributed (figures 5 and 6 of the seed paper), and how a fault looks in time.
 
+use crate::figure::Meaning;
 use crate::figure::histogram::{HistogramGrid, HistogramPanel};
 use crate::figure::time_series::{Band, Panel, Series, TimeSeries};
 use crate::report::examples::Example;
+use crate::report::looks;
 use crate::report::page::Page;
 use crate::report::words::spoken;
 use crate::report::{Material, Section};
@@ -82,6 +84,7 @@ fn histogram(study: &Study, example: &Example) -> crate::figure::Figure {
         example.runs.iter().map(|(intensity, _)| format!("intensity {intensity}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut grid = HistogramGrid::new("", "scaled residual", &names);
+    grid.looks = looks::plain();
     grid.band = Some(BAND);
     for sensor in 0..study.base_sensors() {
         let of_run = |run| residual(study, example, run, sensor).into();
@@ -104,17 +107,26 @@ fn in_time(study: &Study, example: &Example) -> crate::figure::Figure {
     sensors.sort_by(|a, b| largest(b).total_cmp(&largest(a)));
     sensors.truncate(2);
     let mut residuals = Panel::new("scaled residuals", "of scale");
-    for &sensor in &sensors {
+    for (place, &sensor) in sensors.iter().enumerate() {
         let unit = study.system.sensors[study.measured[sensor]].unit;
         let shown = |signal: &[f64]| -> Vec<f64> {
             signal[..count].iter().map(|&value| unit.to_shown(value)).collect()
         };
         let panel = Panel::new(label(study, sensor), unit.shown())
-            .with(Series::new("measured", time.clone(), shown(&example.runs[last].1[sensor])))
-            .with(Series::new("twin", time.clone(), shown(&example.twin[sensor])));
+            .with(
+                Series::new("measured", time.clone(), shown(&example.runs[last].1[sensor]))
+                    .looking(Meaning::Measured.look()),
+            )
+            .with(
+                Series::new("twin", time.clone(), shown(&example.twin[sensor]))
+                    .looking(Meaning::Twin.look()),
+            );
         figure = figure.with(panel);
         let values = residual(study, example, last, sensor)[..count].to_vec();
-        residuals = residuals.with(Series::new(label(study, sensor), time.clone(), values));
+        residuals = residuals.with(
+            Series::new(label(study, sensor), time.clone(), values)
+                .looking(Meaning::Plain(place).look()),
+        );
     }
     figure.with(residuals.with_band(Band::constant("±3 %", -BAND, BAND))).draw()
 }

@@ -1,0 +1,124 @@
+//! What colours mean: in all figures of a report one colour stands for one thing.
+//!
+//! | what | colours |
+//! |---|---|
+//! | units, such as actuators | blue, orange, indigo, rust |
+//! | commands, and below them what is broken | shades of red, violet and ochre for the first, second and third command |
+//! | settings | greens: ideal, noise, fitted, realistic, and with one sensor more |
+//! | what was measured; the twin beside it | ink; sky blue |
+//! | what is joined in a system | petrol (oil), brown and sand (motion), dark grey (signals) |
+//! | what has no meaning in other figures: bands, limits, healthy ones, ways of testing | ink and grey |
+//!
+//! Dashes and markers tell series apart once more. Heat maps have a scale of their own, which their bar explains.
+
+use super::style::Look;
+
+/// A colour on white, and what it becomes on a dark ground.
+pub(super) type Shade = [&'static str; 2];
+
+const UNITS: [Shade; 4] = [
+    ["#0072b2", "#4fa8e0"],
+    ["#d55e00", "#f08a3c"],
+    ["#2b1fbf", "#8d86ff"],
+    ["#8f3a00", "#c46a2a"],
+];
+const FIRST: [Shade; 4] = [
+    ["#9b1c31", "#e8677b"],
+    ["#d9455f", "#ffb3be"],
+    ["#5c0a18", "#c23a50"],
+    ["#c2578f", "#e58cba"],
+];
+const SECOND: [Shade; 3] = [["#6f4fa8", "#ad93e0"], ["#9a78e0", "#d6c6ff"], ["#3d1f78", "#8563c9"]];
+const THIRD: [Shade; 3] = [["#8a6a00", "#d9b13a"], ["#b08a1e", "#ffe08a"], ["#524000", "#a8852a"]];
+const COMMANDS: [&[Shade]; 3] = [&FIRST, &SECOND, &THIRD];
+const SETTINGS: [Shade; 5] = [
+    ["#3aa56b", "#8fe0b0"],
+    ["#007a4d", "#2fc79b"],
+    ["#5f9e00", "#a6e04a"],
+    ["#00401f", "#1f9e5a"],
+    ["#179f99", "#6fe0d8"],
+];
+const TWIN: Shade = ["#2f9bd6", "#7cc8f5"];
+const MEDIA: [Shade; 4] = [
+    ["#1d4e6b", "#b3cfdf"],
+    ["#7a4a2b", "#c08a66"],
+    ["#4a4a4a", "#c4c4c4"],
+    ["#a0785a", "#ecc9ad"],
+];
+const PLAIN: [Shade; 2] = [["#000000", "#ffffff"], ["#7f7f7f", "#9a9a9a"]];
+
+/// What a series is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Meaning {
+    /// A unit, by its place.
+    Unit(usize),
+    /// A command, by its place.
+    Command(usize),
+    /// What is broken: the place of its command, and its own below that.
+    Detail(usize, usize),
+    /// A setting, by its place in the order of reports.
+    Setting(usize),
+    /// What sensors say.
+    Measured,
+    /// What the twin says.
+    Twin,
+    /// What is joined in a system, by its place in the legend.
+    Medium(usize),
+    /// What means nothing in other figures; two such series of a figure differ.
+    Plain(usize),
+}
+
+impl Meaning {
+    /// How a series that is about it looks.
+    pub fn look(self) -> Look {
+        let of = |shades: &[Shade], place: usize| Look::new(shades[place % shades.len()][0], place);
+        let below = |command: usize, place: usize| {
+            // Commands beyond the third begin with another shade.
+            let (shades, round) = (COMMANDS[command % COMMANDS.len()], command / COMMANDS.len());
+            Look::new(shades[(place + round) % shades.len()][0], place)
+        };
+        match self {
+            Meaning::Unit(place) => of(&UNITS, place),
+            Meaning::Command(place) => Look { index: place, ..below(place, 0) },
+            Meaning::Detail(command, place) => below(command, place),
+            Meaning::Setting(place) => of(&SETTINGS, place),
+            Meaning::Measured => of(&PLAIN, 0),
+            Meaning::Twin => Look::new(TWIN[0], 1),
+            Meaning::Medium(place) => of(&MEDIA, place),
+            Meaning::Plain(place) => of(&PLAIN, place),
+        }
+    }
+}
+
+/// Every colour that means something, with what it becomes on a dark ground.
+pub(super) fn shades() -> Vec<Shade> {
+    let commands = COMMANDS.concat();
+    [&UNITS[..], &commands, &SETTINGS, &[TWIN], &MEDIA, &PLAIN].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figure::style::{contrast, difference};
+
+    #[test]
+    fn no_two_meanings_look_alike_on_either_ground() {
+        let shades = shades();
+        for (place, [light, dark]) in shades.iter().enumerate() {
+            assert!(contrast(light, "#ffffff") >= 3.0, "{light} fades on white");
+            assert!(contrast(dark, "#16181b") >= 3.0, "{dark} fades on a dark ground");
+            for other in &shades[place + 1..] {
+                assert!(difference(light, other[0]) > 45.0, "{light} and {} look alike", other[0]);
+                assert!(difference(dark, other[1]) > 30.0, "{dark} and {} look alike", other[1]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_broken_has_the_colours_of_its_command() {
+        assert_eq!(Meaning::Detail(1, 0).look().colour, Meaning::Command(1).look().colour);
+        let off: Vec<&str> = (0..4).map(|place| Meaning::Detail(0, place).look().colour).collect();
+        assert!(off.iter().all(|colour| FIRST.iter().any(|shade| shade[0] == *colour)));
+        assert_ne!(Meaning::Command(3).look(), Meaning::Command(0).look());
+    }
+}

@@ -1,0 +1,236 @@
+//! What a folder's `manifest.json` says of the files beside it: where results come from, and the SHA-256 of each.
+//!
+//! Who reads a table or a model asks [`check`] first, who writes one tells [`forget`] first. So a file that was damaged or
+//! changed by hand is never taken for the one that was written, and a stage that ends early leaves a file of which
+//! nothing is claimed. Where there is no manifest, nothing is compared.
+
+use crate::files::{self, FileError, read_through, write_atomically};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// The word that a manifest begins with.
+pub const FORMAT: &str = "servotwin manifest 1";
+
+/// Its name in the folder.
+pub const NAME: &str = "manifest.json";
+
+/// Where the results in a folder come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The version of the program that wrote it.
+    pub version: String,
+    /// The name of the study.
+    pub study: String,
+    /// The texts that everything comes from.
+    pub inputs: Vec<FileHash>,
+    /// The seed of noise and specimens, where the study has a realistic setting.
+    pub specimen_seed: Option<u64>,
+    /// The seed of splits into training and test.
+    pub split_seed: u64,
+    /// The solver's settings.
+    pub solver: String,
+    /// The data sets.
+    pub data_sets: Vec<DataSetEntry>,
+    /// Every result file.
+    pub outputs: Vec<FileHash>,
+}
+
+/// A file and what was in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FileHash {
+    /// The file, seen from the folder.
+    pub file: String,
+    /// SHA-256 of its bytes, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// What is in a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DataSetEntry {
+    /// The setting.
+    pub setting: String,
+    /// Whether a diagnosis learns from it; otherwise it is judged on it.
+    pub is_training: bool,
+    /// Number of variants.
+    pub variants: usize,
+    /// Variants that were not simulated, being mirror images of others.
+    pub reflected: usize,
+    /// Variants without a fault.
+    pub healthy: usize,
+    /// Faulty variants that never leave the band of healthy residuals.
+    pub undetectable: usize,
+    /// What simulations took, by kind of fault.
+    pub efforts: Vec<KindEffort>,
+    /// Variants that were not simulated to the end.
+    pub failed: Vec<FailedVariant>,
+}
+
+/// What the simulations of a kind of fault took, those that did not end left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KindEffort {
+    /// The kind; `healthy` without a fault.
+    pub kind: String,
+    /// Number of variants.
+    pub variants: usize,
+    /// The solver's steps for each simulated second, on average.
+    pub mean_steps_per_s: f64,
+    /// The most that a variant took.
+    pub most_steps_per_s: f64,
+    /// Variants that ring ([`Effort::rings`](crate::study::campaign::Effort::rings)).
+    pub rings: usize,
+    /// Variants that began on the move: no rest was found.
+    pub began_on_the_move: usize,
+}
+
+/// A variant that was not simulated to the end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FailedVariant {
+    /// Its number.
+    pub variant: u32,
+    /// Its fault.
+    pub fault: String,
+    /// Its intensity.
+    pub intensity: f64,
+    /// The operating case.
+    pub case: String,
+    /// Why.
+    pub reason: String,
+}
+
+impl Manifest {
+    /// What was in an output file when it was written, if that is known.
+    pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
+        self.outputs.iter().find(|known| known.file == file)
+    }
+}
+
+/// The manifest of a folder; `None` if there is none of ours.
+///
+/// # Errors
+/// It cannot be read, or is damaged.
+pub fn read(folder: &Path) -> Result<Option<Manifest>, FileError> {
+    let path = folder.join(NAME);
+    let text = match files::read_text(&path) {
+        Ok(text) => text,
+        Err(FileError::Missing { .. } | FileError::NotFolder { .. }) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    // Other programs have files of this name, and later versions of this one other formats.
+    if !text.contains(&format!("\"{FORMAT}\"")) {
+        return Ok(None);
+    }
+    match serde_json::from_str(&text) {
+        Ok(manifest) => Ok(Some(manifest)),
+        Err(error) => Err(FileError::Altered {
+            remedy: format!("{error}; remove it, and the next stage writes it anew"),
+            path,
+        }),
+    }
+}
+
+/// Compares a file with what the manifest beside it says, if it says anything.
+///
+/// # Errors
+/// [`FileError::Altered`]; the file or the manifest cannot be read.
+pub fn check(path: &Path) -> Result<(), FileError> {
+    let Some((folder, name)) = place(path).filter(|_| path.is_file()) else { return Ok(()) };
+    let Some(manifest) = read(folder)? else { return Ok(()) };
+    match manifest.hash_of(name) {
+        Some(known) if known.sha256 != sha256(path)? => {
+            Err(FileError::Altered { path: path.into(), remedy: remedy(folder, name) })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Takes a file that is about to be written off the manifest beside it. What was lost with a damaged manifest is told to
+/// who reads, not to who writes.
+///
+/// # Errors
+/// The manifest cannot be written.
+pub fn forget(path: &Path) -> Result<(), FileError> {
+    // Subjects are trained on several threads, and all of them share the manifest.
+    static WRITING: Mutex<()> = Mutex::new(());
+    let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some((folder, name)) = place(path) else { return Ok(()) };
+    let Ok(Some(mut manifest)) = read(folder) else { return Ok(()) };
+    if manifest.hash_of(name).is_none() {
+        return Ok(());
+    }
+    manifest.outputs.retain(|known| known.file != name);
+    let text = serde_json::to_string_pretty(&manifest).expect("a manifest is JSON") + "\n";
+    write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
+}
+
+/// SHA-256 of a file's bytes, in hexadecimal digits.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn sha256(path: &Path) -> Result<String, FileError> {
+    let mut digest = Sha256::new();
+    read_through(path, |bytes| digest.update(bytes))?;
+    Ok(digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// A file's folder and its name there.
+fn place(path: &Path) -> Option<(&Path, &str)> {
+    Some((path.parent()?, path.file_name()?.to_str()?))
+}
+
+/// The command that writes the files whose names begin so, `FOLDER` standing for theirs.
+const WRITERS: [(&str, &str); 9] = [
+    ("dataset-", "features FOLDER"),
+    ("calibration-", "campaign STUDY --setting fitted --out FOLDER"),
+    ("hierarchy-", "train FOLDER"),
+    ("panel-", "train FOLDER"),
+    ("diagnoser-", "flights STUDY --out FOLDER"),
+    ("band-", "band STUDY --out FOLDER"),
+    ("flights.json", "flights STUDY --out FOLDER"),
+    ("missing_sensors.json", "flights STUDY --missing-sensors --out FOLDER"),
+    ("evaluation.json", "evaluate FOLDER"),
+];
+
+/// What is to be done about a file that is not what was written.
+fn remedy(folder: &Path, name: &str) -> String {
+    let writer = WRITERS.iter().find(|(beginning, _)| name.starts_with(beginning));
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let again = writer.map_or(String::new(), |(_, command)| {
+        let command = command.replace("FOLDER", &folder.display().to_string());
+        format!("'servotwin {command}' makes it anew; ")
+    });
+    let manifest = folder.join(NAME);
+    format!(
+        "its SHA-256 is not the one in {NAME}; {again}if you changed it on purpose, remove {}",
+        manifest.display()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::{Folder, Subject};
+    use crate::study::campaign::calibration_file;
+    use crate::study::{Role, Setting};
+
+    #[test]
+    fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
+        let folder = Folder::new("out");
+        let mut files = vec![folder.flights(), folder.missing_sensors(), folder.results()];
+        for setting in Setting::ALL {
+            files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
+            files.extend([folder.diagnoser(setting), folder.band(setting)]);
+        }
+        files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
+        for subject in Subject::ALL {
+            files.extend([folder.hierarchy(subject), folder.panel(subject)]);
+        }
+        for file in files {
+            let (folder, name) = place(&file).unwrap();
+            assert!(remedy(folder, name).contains("makes it anew"), "{name}");
+        }
+    }
+}
