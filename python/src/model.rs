@@ -250,6 +250,7 @@ impl Tree {
             classes: self.classes.clone(),
             root: self.node(0),
             sideways: false,
+            looks: vec![],
         };
         drawing.draw().svg
     }

@@ -1,15 +1,26 @@
 //! What a healthy specimen's residuals are, learned beside it.
 //!
-//! Specimens differ by their tolerances, so the residuals of a healthy one have means of their own, as large as those of
-//! small faults. A [`Reference`] is their mean over the first seconds; from then on it follows slowly:
+//! Specimens differ by their tolerances, so the residuals of a healthy one are as large as those of small faults: they have
+//! means of their own, and where the twin moves they follow its motion (a gain, a lag, another natural frequency; pressures
+//! that two valves of different flow gain build up against each other). A [`Reference`] learns both. With `s` what the twin's
+//! value of a sensor has changed by, `v` the same of the valve's spool in its unit, and `r` its residual, all in parts of scale,
 //!
 //! ```text
-//! m_n = m_{n−1} + (r_n − m_{n−1}) / n    for n ≤ N, the samples that settle it
-//! m_n = m_{n−1} + (r_n − m_{n−1}) / M    afterwards, M the samples that it remembers
+//! x = (1, 3 s, 0.3 s · ds/dt, 0.006 s² · d²s/dt², 3 v, 0.3 s · dv/dt)
+//! r = θ·x + e,    θ ~ N(0, π² I),  e ~ N(0, σ²)                          (1)
+//! A = Σ x xᵀ + (σ/π)² I,    θ = A⁻¹ Σ x r                                (2)
+//! r' = (r − θ·x) / √(1 + (σ/n)² x·A⁻¹x + Σ (κ_i/n)² (x_i − c_i)²)        (3)
 //! ```
 //!
-//! A residual counts at most for a quarter of its scale: no tolerance is larger, and one wild value of a broken line must
-//! not stay for a minute.
+//! with n the sensor's noise and c the means of 3 s and 3 v. This is regression with a prior (Bishop, *Pattern Recognition and
+//! Machine Learning*, 2006, section 3.3). The root in (3) is how much wider than noise a residual is expected: while the twin
+//! moves as it has not moved yet (the second term), and while it moves much, because no specimen is quite linear (the third).
+//! One cannot tell a tolerance from a fault then, and so a residual counts less. What was learned is forgotten over a minute or
+//! so: Σ is multiplied by 1 − b/M with every block of b samples.
+//!
+//! The first samples settle it. Later ones come in blocks, and a block is learned from when the next one has ended and nothing was
+//! suspected in either: a fault that begins is not learned before it is suspected. A residual counts at most for a quarter of its
+//! scale: no tolerance is larger, and one wild value of a broken line must not stay for a minute.
 //!
 //! What is left of a residual without it shows what has changed since, however far the specimen is from its twin. It does
 //! not show what was there from the beginning, or comes more slowly than it follows: residuals as they are must be looked
@@ -20,15 +31,43 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, require, same_length};
+use crate::features::{Quantity, Sensors};
+use crate::numeric::{cholesky, cholesky_solve, dot};
 
 /// A residual counts at most for this part of its scale.
 const MOST: f64 = 0.25;
+
+/// What a residual is explained by.
+const TERMS: usize = 6;
+/// Which of these are the twin's value, and that of the valve.
+const VALUE: usize = 1;
+const OF_VALVE: usize = 4;
+
+/// What the twin's value, its first and its second derivative are multiplied by (1, s, s²): so that what specimens make of
+/// each is of the order of [`PRIOR`].
+const FACTORS: [f64; 3] = [3.0, 0.3, 0.006];
+
+/// π: how large coefficients are, in parts of scale.
+const PRIOR: f64 = 0.02;
+
+/// σ: what no coefficient explains, in parts of scale. Eight times a sensor's usual noise, because it is no noise: what a motion
+/// leaves is the same in sample after sample.
+const UNEXPLAINED: f64 = 0.016;
+
+/// κ: the part of each term that no specimen follows.
+const NOT_LINEAR: [f64; TERMS - 1] = [0.005, 0.005, 0.1, 0.002, 0.0];
+
+/// Nobody's noise is less, in parts of scale.
+const LEAST_NOISE: f64 = 0.002;
+
+/// A block has so much of the samples that settle a reference.
+const BLOCK_SHARE: u32 = 2;
 
 /// How long a reference takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// Samples whose mean it is at first; at least 1.
+    /// Samples that it is learned from at first; at least 1.
     pub settle_samples: u32,
     /// Samples over which it forgets afterwards, at least as many.
     pub memory_samples: u32,
@@ -45,81 +84,283 @@ impl Settings {
         let is_longer = memory >= settle;
         require(is_longer, "memory_samples", f64::from(memory), "at least settle_samples")
     }
+
+    fn block_samples(&self) -> u32 {
+        (self.settle_samples / BLOCK_SHARE).max(1)
+    }
+
+    /// What is kept of everything before when a block is added.
+    fn kept(&self) -> f64 {
+        1.0 - f64::from(self.block_samples()) / f64::from(self.memory_samples)
+    }
 }
 
-/// The mean residual of every sensor, in fixed memory.
+/// The sums of (2) over some samples.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sums {
+    /// Σ x xᵀ, row by row.
+    squares: [[f64; TERMS]; TERMS],
+    /// Σ x r
+    products: [f64; TERMS],
+}
+
+impl Sums {
+    const NONE: Sums = Sums { squares: [[0.0; TERMS]; TERMS], products: [0.0; TERMS] };
+
+    fn take(&mut self, terms: &[f64; TERMS], residual: f64) {
+        for (row, own) in self.squares.iter_mut().zip(terms) {
+            row.iter_mut().zip(terms).for_each(|(sum, other)| *sum += own * other);
+        }
+        self.products.iter_mut().zip(terms).for_each(|(sum, own)| *sum += own * residual);
+    }
+
+    fn add(&mut self, kept: f64, other: &Sums) {
+        let squares = self.squares.iter_mut().flatten().zip(other.squares.iter().flatten());
+        let products = self.products.iter_mut().zip(&other.products);
+        squares.chain(products).for_each(|(sum, other)| *sum = kept * *sum + other);
+    }
+}
+
+/// Where the twin is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Followed {
+    /// Where it began.
+    first: f64,
+    last: f64,
+    /// By how much it changed last.
+    change: f64,
+}
+
+/// What is remembered of one sensor, in parts of its scale.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Memory {
+    twin: Option<Followed>,
+    terms: [f64; TERMS],
+    learned: Sums,
+    /// The last whole block, and the one that has begun.
+    waiting: Option<Sums>,
+    block: Sums,
+}
+
+impl Memory {
+    const NONE: Memory = Memory {
+        twin: None,
+        terms: [0.0; TERMS],
+        learned: Sums::NONE,
+        waiting: None,
+        block: Sums::NONE,
+    };
+
+    /// Follows the twin by a sample.
+    fn follow(&mut self, twin: f64, period_s: f64) {
+        let usual = Followed { first: twin, last: twin, change: 0.0 };
+        let Followed { first, last, change: last_change } = self.twin.unwrap_or(usual);
+        let change = twin - last;
+        let rate = change / period_s;
+        let bend = (change - last_change) / (period_s * period_s);
+        let [of_value, of_rate, of_bend] = FACTORS;
+        self.terms = [1.0, of_value * (twin - first), of_rate * rate, of_bend * bend, 0.0, 0.0];
+        self.twin = Some(Followed { first, last: twin, change });
+    }
+}
+
+/// What (2) gives of a sensor.
+#[derive(Debug, Clone)]
+struct Explained {
+    /// The Cholesky factor of A.
+    factor: [f64; TERMS * TERMS],
+    /// θ
+    coefficients: [f64; TERMS],
+    /// Of the terms but the first.
+    centres: [f64; TERMS - 1],
+}
+
+impl Explained {
+    fn by(sums: &Sums) -> Self {
+        let mut factor = [0.0; TERMS * TERMS];
+        factor.iter_mut().zip(sums.squares.iter().flatten()).for_each(|(a, sum)| *a = *sum);
+        let prior = (UNEXPLAINED / PRIOR) * (UNEXPLAINED / PRIOR);
+        (0..TERMS).for_each(|term| factor[term * (TERMS + 1)] += prior);
+        let mut coefficients = sums.products;
+        if cholesky(&mut factor, TERMS, 0.0) {
+            cholesky_solve(&factor, TERMS, &mut coefficients);
+        }
+        let mut centres = [0.0; TERMS - 1];
+        for term in [VALUE, OF_VALVE] {
+            centres[term - 1] = sums.squares[0][term] / sums.squares[0][0].max(1.0);
+        }
+        Explained { factor, coefficients, centres }
+    }
+
+    /// What is left of a residual: (3).
+    fn left(&self, residual: f64, terms: &[f64; TERMS], noise: f64) -> f64 {
+        let mut solved = *terms;
+        cholesky_solve(&self.factor, TERMS, &mut solved);
+        let not_learned = UNEXPLAINED * UNEXPLAINED * dot(terms, &solved);
+        let moved = terms[1..].iter().zip(&self.centres).map(|(term, centre)| term - centre);
+        let not_linear = moved.zip(NOT_LINEAR).map(|(x, share)| share * share * x * x).sum::<f64>();
+        let widened = 1.0 + (not_learned + not_linear) / (noise * noise);
+        (residual - dot(&self.coefficients, terms)) / libm::sqrt(widened)
+    }
+}
+
+/// What residuals of every sensor are in health, in fixed memory.
 #[derive(Debug, Clone)]
 pub struct Reference {
     settings: Settings,
+    period_s: f64,
+    noises: Vec<f64>,
+    /// The spool in each sensor's unit, which is not itself.
+    valves: Vec<Option<usize>>,
     samples: u64,
-    /// In the sensors' units.
-    means: Vec<f64>,
+    /// Of the block that has begun, and whether something was suspected meanwhile.
+    in_block: u32,
+    is_suspect: bool,
+    sensors: Vec<Memory>,
+    explained: Vec<Explained>,
 }
 
 /// A stored [`Reference`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stored {
-    /// Samples that were learned from.
-    pub samples: u64,
-    /// The mean residuals, in the sensors' units.
-    pub means: Vec<f64>,
+    samples: u64,
+    in_block: u32,
+    is_suspect: bool,
+    sensors: Vec<Memory>,
 }
 
 impl Reference {
-    /// One that has learned nothing, of so many sensors.
+    /// One that has learned nothing, of some sensors, with so many seconds from sample to sample.
     ///
     /// # Errors
     /// As [`Settings::check`].
-    pub fn new(settings: Settings, sensors: usize) -> Result<Self, Error> {
+    pub fn new(settings: Settings, period_s: f64, sensors: &Sensors) -> Result<Self, Error> {
         settings.check()?;
-        Ok(Reference { settings, samples: 0, means: vec![0.0; sensors] })
+        let list = &sensors.0;
+        let valve = |place: usize| {
+            let is_of = |other: &usize| {
+                let (own, other) = (&list[place], &list[*other]);
+                other.quantity == Quantity::Spool && own.unit.is_some() && other.unit == own.unit
+            };
+            (0..list.len()).find(is_of).filter(|valve| *valve != place)
+        };
+        Ok(Reference {
+            settings,
+            period_s,
+            noises: list.iter().map(|sensor| sensor.noise.max(LEAST_NOISE)).collect(),
+            valves: (0..list.len()).map(valve).collect(),
+            samples: 0,
+            in_block: 0,
+            is_suspect: false,
+            sensors: vec![Memory::NONE; list.len()],
+            explained: vec![Explained::by(&Sums::NONE); list.len()],
+        })
     }
 
-    /// Learns from a sample of a healthy specimen. Does not allocate.
+    /// Takes a sample, and learns from it if it is trusted: of a specimen of which nothing is suspected. Does not allocate.
     ///
     /// # Panics
     /// If there are fewer values or scales than sensors; here and below.
-    pub fn learn(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
+    pub fn take(&mut self, measured: &[f64], twin: &[f64], scales: &[f64], is_trusted: bool) {
         self.samples += 1;
-        let memory = match self.is_settling() {
-            true => self.samples as f64,
-            false => f64::from(self.settings.memory_samples),
-        };
-        for (place, mean) in self.means.iter_mut().enumerate() {
-            let most = MOST * scales[place];
-            let residual = (measured[place] - twin[place]).clamp(-most, most);
-            *mean += (residual - *mean) / memory;
+        let is_settling = self.samples <= u64::from(self.settings.settle_samples);
+        self.follow(twin, scales);
+        for (place, memory) in self.sensors.iter_mut().enumerate() {
+            let residual = ((measured[place] - twin[place]) / scales[place]).clamp(-MOST, MOST);
+            let sums = if is_settling { &mut memory.learned } else { &mut memory.block };
+            sums.take(&memory.terms, residual);
+        }
+        if is_settling {
+            if self.is_settled() {
+                self.explain();
+            }
+            return;
+        }
+        self.in_block += 1;
+        self.is_suspect |= !is_trusted;
+        if self.in_block == self.settings.block_samples() {
+            self.end_block();
         }
     }
 
-    fn is_settling(&self) -> bool {
-        self.samples <= u64::from(self.settings.settle_samples)
+    /// Follows the twin by a sample.
+    fn follow(&mut self, twin: &[f64], scales: &[f64]) {
+        for (place, memory) in self.sensors.iter_mut().enumerate() {
+            memory.follow(twin[place] / scales[place], self.period_s);
+        }
+        for (place, valve) in self.valves.iter().enumerate() {
+            let Some(valve) = valve else { continue };
+            let [_, value, rate, ..] = self.sensors[*valve].terms;
+            self.sensors[place].terms[OF_VALVE..].copy_from_slice(&[value, rate]);
+        }
     }
 
-    /// Whether it is the mean of enough.
+    /// Learns from the block before, if neither is suspect.
+    fn end_block(&mut self) {
+        let kept = self.settings.kept();
+        for memory in &mut self.sensors {
+            let ended = core::mem::replace(&mut memory.block, Sums::NONE);
+            let waited = memory.waiting.replace(ended);
+            match waited.filter(|_| !self.is_suspect) {
+                Some(waited) => memory.learned.add(kept, &waited),
+                None if self.is_suspect => memory.waiting = None,
+                None => (),
+            }
+        }
+        (self.in_block, self.is_suspect) = (0, false);
+        self.explain();
+    }
+
+    fn explain(&mut self) {
+        let pairs = self.explained.iter_mut().zip(&self.sensors);
+        pairs.for_each(|(explained, memory)| *explained = Explained::by(&memory.learned));
+    }
+
+    /// Whether it has learned from enough.
     pub fn is_settled(&self) -> bool {
         self.samples >= u64::from(self.settings.settle_samples)
     }
 
-    /// The measured values as they would be of a specimen that is its twin, into `values`; those of sensors in whose
-    /// place something stands stay. Does not allocate.
-    pub fn subtract(&self, measured: &[f64], stands_in: &[bool], values: &mut [f64]) {
+    /// The measured values of the sample that was taken last as they would be of a specimen that is its twin, into `values`;
+    /// those of sensors in whose place something stands stay. Does not allocate.
+    pub fn subtract(
+        &self,
+        measured: &[f64],
+        twin: &[f64],
+        scales: &[f64],
+        stands_in: &[bool],
+        values: &mut [f64],
+    ) {
         for (place, value) in values.iter_mut().enumerate() {
-            let mean = if stands_in[place] { 0.0 } else { self.means[place] };
-            *value = measured[place] - mean;
+            let (scale, terms) = (scales[place], &self.sensors[place].terms);
+            let residual = (measured[place] - twin[place]) / scale;
+            *value = if stands_in[place] {
+                measured[place]
+            } else {
+                twin[place] + scale * self.explained[place].left(residual, terms, self.noises[place])
+            };
         }
     }
 
     /// Forgets everything.
     pub fn clear(&mut self) {
-        self.samples = 0;
-        self.means.fill(0.0);
+        (self.samples, self.in_block, self.is_suspect) = (0, 0, false);
+        self.sensors.fill(Memory::NONE);
+        self.explain();
     }
 
     /// Everything that is remembered.
     pub fn store(&self) -> Stored {
-        Stored { samples: self.samples, means: self.means.clone() }
+        Stored {
+            samples: self.samples,
+            in_block: self.in_block,
+            is_suspect: self.is_suspect,
+            sensors: self.sensors.clone(),
+        }
     }
 
     /// Takes over what was stored of as many sensors.
@@ -127,9 +368,11 @@ impl Reference {
     /// # Errors
     /// [`Error::LengthMismatch`].
     pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
-        same_length("means of a reference", self.means.len(), stored.means.len())?;
-        self.samples = stored.samples;
-        self.means.copy_from_slice(&stored.means);
+        same_length("sensors of a reference", self.sensors.len(), stored.sensors.len())?;
+        (self.samples, self.in_block) = (stored.samples, stored.in_block);
+        self.is_suspect = stored.is_suspect;
+        self.sensors.clone_from_slice(&stored.sensors);
+        self.explain();
         Ok(())
     }
 }

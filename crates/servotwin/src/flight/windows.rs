@@ -23,13 +23,12 @@ pub struct Kind {
     pub is_relative: bool,
 }
 
-/// The kinds that are looked at in a setting: of residuals as they are, and where specimens differ from their twins the
-/// shortest also of what they are beyond the specimen's own. A longer one would hold a single sudden motion, which every
-/// specimen answers in its own way, in all of its panes, and counting it five times is how healthy ones are shut down.
+/// The kinds that are looked at in a setting: of residuals as they are, and where specimens differ from their twins also of
+/// what they are beyond the specimen's own.
 pub fn kinds(flights: &Flights, setting: Setting) -> Vec<Kind> {
     let absolute = flights.windows_s.iter().map(|&window_s| Kind { window_s, is_relative: false });
-    let relative = Kind { window_s: shortest_s(flights), is_relative: true };
-    absolute.chain(is_relative(setting).then_some(relative)).collect()
+    let relative = flights.windows_s.iter().map(|&window_s| Kind { window_s, is_relative: true });
+    absolute.chain(relative.filter(|_| is_relative(setting))).collect()
 }
 
 fn shortest_s(flights: &Flights) -> f64 {
