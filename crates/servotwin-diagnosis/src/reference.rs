@@ -315,9 +315,12 @@ impl Reference {
         self.explain();
     }
 
+    /// Until it has settled nothing is explained.
     fn explain(&mut self) {
-        let pairs = self.explained.iter_mut().zip(&self.sensors);
-        pairs.for_each(|(explained, memory)| *explained = Explained::by(&memory.learned));
+        let is_settled = self.is_settled();
+        for (explained, memory) in self.explained.iter_mut().zip(&self.sensors) {
+            *explained = Explained::by(if is_settled { &memory.learned } else { &Sums::NONE });
+        }
     }
 
     /// Whether it has learned from enough.
@@ -341,7 +344,8 @@ impl Reference {
             *value = if stands_in[place] {
                 measured[place]
             } else {
-                twin[place] + scale * self.explained[place].left(residual, terms, self.noises[place])
+                twin[place]
+                    + scale * self.explained[place].left(residual, terms, self.noises[place])
             };
         }
     }
@@ -380,75 +384,203 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::features::Sensor;
+    use alloc::string::ToString;
 
-    const SETTINGS: Settings = Settings { settle_samples: 10, memory_samples: 1000 };
+    const SETTINGS: Settings = Settings { settle_samples: 400, memory_samples: 6000 };
+    const PERIOD_S: f64 = 0.01;
+    /// Of a spool and a pressure in one unit, and a pressure in another one.
+    const SCALES: [f64; 3] = [1e-3, 2e7, 2e7];
 
-    const SCALE: f64 = 100.0;
+    fn sensors() -> Sensors {
+        let sensor = |name: &str, quantity, unit| Sensor {
+            name: name.to_string(),
+            quantity,
+            unit: Some(unit),
+            noise: 0.002,
+            is_noisy: true,
+        };
+        let list = [
+            sensor("x_v1", Quantity::Spool, 0),
+            sensor("p_A1", Quantity::PressureA, 0),
+            sensor("p_A2", Quantity::PressureA, 1),
+        ];
+        Sensors(list.to_vec())
+    }
 
-    fn left(reference: &Reference, measured: f64) -> f64 {
-        let mut values = [0.0];
-        reference.subtract(&[measured], &[false], &mut values);
-        values[0]
+    fn reference() -> Reference {
+        Reference::new(SETTINGS, PERIOD_S, &sensors()).unwrap()
+    }
+
+    /// Twins whose spool swings by a part of its scale, twice in three seconds.
+    fn swinging(sample: usize, size: f64) -> [f64; 3] {
+        let angle = 2.0 * core::f64::consts::PI * sample as f64 * PERIOD_S / 1.5;
+        [size * libm::sin(angle), 0.5, 0.5]
+    }
+
+    /// Takes a sample, and says what is left; all in parts of scale.
+    fn take(
+        reference: &mut Reference,
+        twin: [f64; 3],
+        residual: [f64; 3],
+        is_trusted: bool,
+    ) -> [f64; 3] {
+        let twin: [f64; 3] = core::array::from_fn(|k| twin[k] * SCALES[k]);
+        let measured: [f64; 3] = core::array::from_fn(|k| twin[k] + residual[k] * SCALES[k]);
+        reference.take(&measured, &twin, &SCALES, is_trusted);
+        let mut values = [0.0; 3];
+        reference.subtract(&measured, &twin, &SCALES, &[false; 3], &mut values);
+        core::array::from_fn(|k| (values[k] - twin[k]) / SCALES[k])
+    }
+
+    /// The most that is left of what a specimen shows over some samples.
+    fn most(
+        reference: &mut Reference,
+        samples: core::ops::Range<usize>,
+        size: f64,
+        shown: impl Fn([f64; 3], [f64; 3]) -> [f64; 3],
+    ) -> [f64; 3] {
+        let mut most = [0.0; 3];
+        for sample in samples {
+            let (before, twin) = (swinging(sample.max(1) - 1, size), swinging(sample, size));
+            let left = take(reference, twin, shown(twin, before), true);
+            most = core::array::from_fn(|k| f64::max(most[k], left[k].abs()));
+        }
+        most
     }
 
     #[test]
-    fn it_is_the_mean_of_the_first_samples_and_follows_slowly() {
-        let mut reference = Reference::new(SETTINGS, 1).unwrap();
-        for k in 0..10 {
+    fn a_residual_that_was_always_there_is_the_specimen_s_own() {
+        let mut reference = reference();
+        let shown = |_, _| [0.02, -0.03, 0.0];
+        for sample in 0..400 {
             assert!(!reference.is_settled());
-            reference.learn(&[7.0 + f64::from(k % 2)], &[2.0], &[SCALE]);
+            most(&mut reference, sample..sample + 1, 0.0, shown);
         }
         assert!(reference.is_settled());
-        assert!((left(&reference, 7.5) - 2.0).abs() < 1e-12, "the twin's value is left");
-        for _ in 0..100 {
-            reference.learn(&[9.5], &[2.0], &[SCALE]);
+        let left = most(&mut reference, 400..500, 0.0, shown);
+        assert!(left.iter().all(|left| *left < 1e-3), "{left:?}");
+    }
+
+    #[test]
+    fn another_gain_and_a_lag_are_the_specimen_s_own_where_the_twin_moves() {
+        let mut reference = reference();
+        // A spool that goes two parts in a hundred farther, and comes a millisecond later.
+        let shown = |twin: [f64; 3], before: [f64; 3]| {
+            [0.02 * twin[0] - 0.1 * (twin[0] - before[0]), 0.0, 0.0]
+        };
+        most(&mut reference, 0..400, 0.5, shown);
+        let left = most(&mut reference, 400..600, 0.5, shown);
+        assert!(left[0] < 1e-3, "{left:?} of 0.01");
+    }
+
+    #[test]
+    fn a_pressure_follows_the_valve_of_its_own_unit() {
+        let mut reference = reference();
+        let shown = |twin: [f64; 3], _| [0.0, 0.02 * twin[0], 0.02 * twin[0]];
+        most(&mut reference, 0..400, 0.5, shown);
+        let [_, own, other] = most(&mut reference, 400..600, 0.5, shown);
+        assert!(own < 1e-3 && other > 5e-3, "{own} {other}");
+    }
+
+    #[test]
+    fn a_motion_that_was_not_met_yet_says_little_and_one_that_was_says_more() {
+        let shown = |twin: [f64; 3], _| [0.04 * twin[0], 0.0, 0.0];
+        let healthy = |_, _| [0.0; 3];
+        let mut at_rest = reference();
+        most(&mut at_rest, 0..400, 0.0, healthy);
+        let unknown = most(&mut at_rest, 400..500, 0.5, shown)[0];
+        let mut in_motion = reference();
+        most(&mut in_motion, 0..400, 0.5, healthy);
+        let known = most(&mut in_motion, 400..500, 0.5, shown)[0];
+        assert!(unknown < 0.006 && known > 1.5 * unknown, "{unknown} {known}");
+        // Where nothing moves both know the same.
+        let still = |_, _| [0.02, 0.0, 0.0];
+        for mut reference in [at_rest, in_motion] {
+            most(&mut reference, 500..510, 0.0, still);
+            let left = most(&mut reference, 510..511, 0.0, still)[0];
+            assert!(left > 0.01, "{left}");
         }
-        let shown = left(&reference, 9.5) - 2.0;
-        assert!((shown - 2.0 * libm::exp(-0.1)).abs() < 1e-3, "a tenth of its memory: {shown}");
-        (0..10_000).for_each(|_| reference.learn(&[9.5], &[2.0], &[SCALE]));
-        assert!((left(&reference, 9.5) - 2.0).abs() < 1e-3, "ten times its memory");
+    }
+
+    #[test]
+    fn what_changes_is_learned_slowly_and_never_at_once() {
+        let mut reference = reference();
+        most(&mut reference, 0..400, 0.0, |_, _| [0.0; 3]);
+        let shown = |_, _| [0.02, 0.0, 0.0];
+        let still = |reference: &mut Reference, samples| most(reference, samples, 0.0, shown)[0];
+        let first = still(&mut reference, 400..401);
+        assert!(first > 0.015);
+        // A block is 200 samples, and waits for the next one.
+        let later = still(&mut reference, 798..799);
+        assert_eq!(first, later);
+        still(&mut reference, 799..1600);
+        let soon = still(&mut reference, 1600..1601);
+        assert!(soon < 0.9 * first && soon > 0.2 * first, "{soon}");
+        still(&mut reference, 1601..60_000);
+        assert!(still(&mut reference, 60_000..60_001) < 1e-3);
+    }
+
+    #[test]
+    fn what_is_suspected_is_not_learned_nor_the_block_before() {
+        let mut reference = reference();
+        most(&mut reference, 0..400, 0.0, |_, _| [0.0; 3]);
+        let learned = reference.store();
+        let fault = [0.02, 0.0, 0.0];
+        for sample in 0..2000 {
+            // A fault begins in the first block and is suspected at the end of the second.
+            let is_suspected = sample >= 390;
+            take(&mut reference, [0.0, 0.5, 0.5], fault, !is_suspected);
+        }
+        let pairs = learned
+            .sensors
+            .iter()
+            .zip(&reference.store().sensors)
+            .map(|(a, b)| (a.learned, b.learned))
+            .collect::<Vec<_>>();
+        assert!(pairs.iter().all(|(before, after)| before == after));
     }
 
     #[test]
     fn one_wild_value_moves_little() {
-        let mut reference = Reference::new(SETTINGS, 1).unwrap();
-        let wild = |reference: &mut Reference, value: f64| {
-            (0..9).for_each(|_| reference.learn(&[2.0], &[2.0], &[SCALE]));
-            reference.learn(&[value], &[2.0], &[SCALE]);
-            left(reference, 2.0) - 2.0
-        };
-        let at_first = wild(&mut reference, 1e300);
-        assert!((at_first + 0.1 * MOST * SCALE).abs() < 1e-9, "{at_first}");
-        let before = left(&reference, 2.0);
-        let later = wild(&mut reference, -1e300) + 2.0 - before;
-        assert!(later > 0.0 && later < 2.0 * MOST * SCALE / 1000.0 + 0.1, "{later}");
+        let mut reference = reference();
+        most(&mut reference, 0..399, 0.0, |_, _| [0.0; 3]);
+        take(&mut reference, [0.0, 0.5, 0.5], [1e300, 0.0, 0.0], true);
+        let left = most(&mut reference, 400..401, 0.0, |_, _| [0.0; 3])[0];
+        assert!(left > 0.0 && left < MOST / 400.0, "{left}");
     }
 
     #[test]
     fn what_stands_in_for_a_sensor_has_no_tolerance() {
-        let mut reference = Reference::new(SETTINGS, 2).unwrap();
-        (0..10).for_each(|_| reference.learn(&[3.0, 3.0], &[1.0, 1.0], &[SCALE; 2]));
-        let mut values = [0.0; 2];
-        reference.subtract(&[3.0, 1.0], &[false, true], &mut values);
-        assert_eq!(values, [1.0, 1.0]);
+        let mut reference = reference();
+        most(&mut reference, 0..401, 0.0, |_, _| [0.02; 3]);
+        let (twin, measured) = ([0.0; 3], SCALES.map(|scale| 0.02 * scale));
+        let mut values = [0.0; 3];
+        reference.subtract(&measured, &twin, &SCALES, &[false, true, false], &mut values);
+        assert_eq!(values[1], measured[1]);
+        assert!(values[0].abs() < 1e-3 * SCALES[0] && values[2].abs() < 1e-3 * SCALES[2]);
     }
 
     #[test]
     fn what_was_stored_goes_on_and_what_is_impossible_is_refused() {
-        let mut reference = Reference::new(SETTINGS, 1).unwrap();
-        (0..7).for_each(|k| reference.learn(&[f64::from(k)], &[0.0], &[SCALE]));
-        let mut other = Reference::new(SETTINGS, 1).unwrap();
-        other.restore(&reference.store()).unwrap();
-        (0..20).for_each(|k| {
-            reference.learn(&[f64::from(k)], &[0.0], &[SCALE]);
-            other.learn(&[f64::from(k)], &[0.0], &[SCALE]);
-        });
-        assert_eq!(reference.store(), other.store());
-        assert!(Reference::new(SETTINGS, 2).unwrap().restore(&reference.store()).is_err());
-        reference.clear();
-        assert_eq!(reference.store(), Reference::new(SETTINGS, 1).unwrap().store());
+        let shown = |twin: [f64; 3], _| [0.03 * twin[0], 0.01, 0.0];
+        for stop in [1, 250, 400, 555, 1234] {
+            let mut one = reference();
+            most(&mut one, 0..stop, 0.4, shown);
+            let mut other = reference();
+            other.restore(&one.store()).unwrap();
+            let [a, b] = [&mut one, &mut other].map(|own| most(own, stop..stop + 900, 0.4, shown));
+            assert_eq!(a.map(f64::to_bits), b.map(f64::to_bits));
+            assert_eq!(one.store(), other.store());
+            one.clear();
+            assert_eq!(one.store(), reference().store());
+        }
+        let fewer = Sensors(sensors().0[..2].to_vec());
+        let mut of_fewer = Reference::new(SETTINGS, PERIOD_S, &fewer).unwrap();
+        assert!(of_fewer.restore(&reference().store()).is_err());
         for (settle_samples, memory_samples) in [(0, 10), (10, 9)] {
-            assert!(Reference::new(Settings { settle_samples, memory_samples }, 1).is_err());
+            let settings = Settings { settle_samples, memory_samples };
+            assert!(Reference::new(settings, PERIOD_S, &sensors()).is_err());
         }
     }
 }

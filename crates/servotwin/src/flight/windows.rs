@@ -74,7 +74,7 @@ mod tests {
             let reference = reference(&flights, setting, study.sample_period_s);
             let relative: Vec<bool> = kinds.iter().map(|kind| kind.is_relative).collect();
             match setting {
-                Setting::Realistic => assert_eq!(relative, [false, false, true]),
+                Setting::Realistic => assert_eq!(relative, [false, false, true, true]),
                 _ => assert_eq!(relative, [false, false], "{}", setting.name()),
             }
             assert_eq!(reference.is_some(), setting == Setting::Realistic);
