@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, require, same_length};
 use crate::features::{Quantity, Sensors};
-use crate::numeric::{cholesky, cholesky_solve, dot};
+use crate::numeric::{cholesky, cholesky_solve};
 
 /// A residual counts at most for this part of its scale.
 const MOST: f64 = 0.25;
@@ -170,8 +170,8 @@ impl Memory {
 /// What (2) gives of a sensor.
 #[derive(Debug, Clone)]
 struct Explained {
-    /// The Cholesky factor of A.
-    factor: [f64; TERMS * TERMS],
+    /// A⁻¹, which is asked for in every sample and made once a block.
+    inverse: [[f64; TERMS]; TERMS],
     /// θ
     coefficients: [f64; TERMS],
     /// Of the terms but the first.
@@ -184,27 +184,40 @@ impl Explained {
         factor.iter_mut().zip(sums.squares.iter().flatten()).for_each(|(a, sum)| *a = *sum);
         let prior = (UNEXPLAINED / PRIOR) * (UNEXPLAINED / PRIOR);
         (0..TERMS).for_each(|term| factor[term * (TERMS + 1)] += prior);
-        let mut coefficients = sums.products;
+        let mut inverse = [[0.0; TERMS]; TERMS];
+        let mut coefficients = [0.0; TERMS];
+        // Sums of squares and a prior are positive definite; what is not finite explains nothing.
         if cholesky(&mut factor, TERMS, 0.0) {
+            for (term, row) in inverse.iter_mut().enumerate() {
+                row[term] = 1.0;
+                cholesky_solve(&factor, TERMS, row);
+            }
+            coefficients = sums.products;
             cholesky_solve(&factor, TERMS, &mut coefficients);
         }
         let mut centres = [0.0; TERMS - 1];
         for term in [VALUE, OF_VALVE] {
             centres[term - 1] = sums.squares[0][term] / sums.squares[0][0].max(1.0);
         }
-        Explained { factor, coefficients, centres }
+        Explained { inverse, coefficients, centres }
     }
 
     /// What is left of a residual: (3).
     fn left(&self, residual: f64, terms: &[f64; TERMS], noise: f64) -> f64 {
-        let mut solved = *terms;
-        cholesky_solve(&self.factor, TERMS, &mut solved);
-        let not_learned = UNEXPLAINED * UNEXPLAINED * dot(terms, &solved);
-        let moved = terms[1..].iter().zip(&self.centres).map(|(term, centre)| term - centre);
-        let not_linear = moved.zip(NOT_LINEAR).map(|(x, share)| share * share * x * x).sum::<f64>();
-        let widened = 1.0 + (not_learned + not_linear) / (noise * noise);
-        (residual - dot(&self.coefficients, terms)) / libm::sqrt(widened)
+        let rows = self.inverse.iter().map(|row| product(row, terms));
+        let spread = rows.zip(terms).fold(0.0, |sum, (row, term)| sum + row * term);
+        let mut unexpected = UNEXPLAINED * UNEXPLAINED * spread;
+        for (k, share) in NOT_LINEAR.iter().enumerate() {
+            let moved = share * (terms[k + 1] - self.centres[k]);
+            unexpected += moved * moved;
+        }
+        let widened = 1.0 + unexpected / (noise * noise);
+        (residual - product(&self.coefficients, terms)) / libm::sqrt(widened)
     }
+}
+
+fn product(a: &[f64; TERMS], b: &[f64; TERMS]) -> f64 {
+    a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
 /// What residuals of every sensor are in health, in fixed memory.
