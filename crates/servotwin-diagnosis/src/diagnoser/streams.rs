@@ -65,7 +65,7 @@ impl Streams {
         let relative = match (diagnoser.reference, &spans(true)[..]) {
             (None, []) => None,
             (Some(settings), spans @ [_, ..]) => Some(Relative {
-                reference: Reference::new(settings, diagnoser.period_s, &diagnoser.sensors_seen())?,
+                reference: Reference::new(settings, sensors)?,
                 sliding: Sliding::new(sensors, watched, spans)?,
                 measured: vec![0.0; sensors],
             }),
@@ -162,13 +162,14 @@ impl Streams {
 
 impl Relative {
     fn add(&mut self, sample: &Sample) -> bool {
-        let Sample { measured, twin, scales, stands_in, is_trusted, .. } = *sample;
         let is_settled = self.reference.is_settled();
-        self.reference.take(measured, twin, scales, is_trusted);
+        if !is_settled || sample.is_trusted {
+            self.reference.learn(sample.measured, sample.twin, sample.scales);
+        }
         if !is_settled {
             return false;
         }
-        self.reference.subtract(measured, twin, scales, stands_in, &mut self.measured);
-        self.sliding.add(&self.measured, twin, scales, &[])
+        self.reference.subtract(sample.measured, sample.stands_in, &mut self.measured);
+        self.sliding.add(&self.measured, sample.twin, sample.scales, &[])
     }
 }

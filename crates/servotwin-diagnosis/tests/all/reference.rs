@@ -65,7 +65,7 @@ fn what_is_suspected_does_not_become_the_reference() {
     let soon = of(&session);
     // Five times what the reference remembers.
     fly(&mut session, &mut flight, fault, 10_000);
-    assert!(soon < -0.05 && (of(&session) - soon).abs() < 0.02, "{soon} {}", of(&session));
+    assert!(soon < -0.1 && (of(&session) - soon).abs() < 0.1, "{soon} {}", of(&session));
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! is learned from further flights, one in each of many environments, from which nothing else is kept.
 
 use super::flown::{Flown, Observer};
-use super::lessons::{self, Beyond, Cut, Lesson, Lessons};
+use super::lessons::{Beyond, Cut, Lesson, Lessons};
 use super::plan::{Flight, Purpose};
 use super::windows::{self, Kind};
 use crate::evaluation::parallel::Workers;
@@ -54,10 +54,6 @@ pub fn add(
     Ok(())
 }
 
-/// Beyond a reference windows count from this part of a band on: little but noise leaves it there, and of what else does
-/// there are few.
-const NEARLY: f64 = 0.95;
-
 /// Looks for windows that leave their bands, wherever a diagnosis would look.
 #[derive(Clone)]
 struct Seeking<'s> {
@@ -88,9 +84,7 @@ impl<'s> Seeking<'s> {
             Sliding::new(scales.len(), scales.len(), &spans).expect("usual windows")
         };
         let reference = windows::reference(flights, setting, period_s);
-        let watched = lessons::watched(study);
-        let beyond = |settings| Beyond::new(settings, period_s, &watched, usize::MAX);
-        let beyond = reference.map(beyond);
+        let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), usize::MAX));
         let absolute = sliding(false);
         let relative = beyond.map(|beyond| (beyond, sliding(true)));
         Seeking { kinds, bands, flight: None, scales, absolute, relative, found: vec![] }
@@ -109,8 +103,7 @@ impl<'s> Seeking<'s> {
         }
         let window = sliding.window(place);
         let mut bands = self.bands[kind].iter().enumerate();
-        let least = if is_relative { NEARLY } else { 1.0 };
-        let has_left = bands.any(|(sensor, band)| window.largest(sensor) > least * *band);
+        let has_left = bands.any(|(sensor, band)| window.largest(sensor) > *band);
         let (from, to) = (index + 1 - window.count() as usize, index + 1);
         let cut = Cut { kind, from, to, is_faulty: false };
         self.flight.filter(|_| has_left).map(|flight| Lesson::new(cut, &flight, window))

@@ -120,20 +120,16 @@ pub(super) struct Beyond {
 }
 
 impl Beyond {
-    pub fn new(
-        settings: reference::Settings,
-        period_s: f64,
-        watched: &Sensors,
-        onset: usize,
-    ) -> Self {
-        let count = watched.0.len();
-        let reference = Reference::new(settings, period_s, watched).expect("usual settings");
-        Self { reference, onset, stands_in: vec![false; count], measured: vec![0.0; count] }
+    pub fn new(settings: reference::Settings, sensors: usize, onset: usize) -> Self {
+        let reference = Reference::new(settings, sensors).expect("usual settings");
+        Self { reference, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
     }
 
     pub fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
-        self.reference.take(measured, twin, scales, index < self.onset);
-        self.reference.subtract(measured, twin, scales, &self.stands_in, &mut self.measured);
+        if index < self.onset {
+            self.reference.learn(measured, twin, scales);
+        }
+        self.reference.subtract(measured, &self.stands_in, &mut self.measured);
     }
 }
 
@@ -152,18 +148,12 @@ impl Observer for Cutter<'_> {
     }
 }
 
-/// The sensors that are watched.
-pub(super) fn watched(study: &Study) -> Sensors {
-    Sensors(study.sensors.0[..study.base_sensors()].to_vec())
-}
-
 /// Flies what there is to learn from, and cuts windows out of it. Flights that cannot be finished are left
 /// out.
 pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
     let scales = study.scales()[..study.base_sensors()].to_vec();
     let period_s = study.sample_period_s;
     let kinds = windows::kinds(flights, flown.setting);
-    let watched = watched(study);
     let reference = windows::reference(flights, flown.setting, period_s);
     let settled = reference.map_or(0, |reference| reference.settle_samples as usize);
     let mut lessons = Lessons::default();
@@ -173,8 +163,7 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
             let cuts = cuts(&kinds, settled, flight, period_s);
             let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
             let onset = (flight.onset_s / period_s) as usize;
-            let beyond = |settings| Beyond::new(settings, period_s, &watched, onset);
-            let beyond = reference.map(beyond);
+            let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), onset));
             Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), beyond }
         },
         |flight, cutter, outcome| match outcome {
