@@ -237,22 +237,14 @@ impl Failure {
             Failure::Watch(WatchError::Sink(_)) => 1,
             Failure::Table(error) => of_table(error),
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
-            Failure::Campaign(CampaignError::Unfinished { damaged: Some(_), .. })
-            | Failure::Job(JobError::Campaign(CampaignError::Unfinished {
-                damaged: Some(_),
-                ..
-            })) => 3,
-            Failure::Campaign(error) | Failure::Job(JobError::Campaign(error))
-                if is_altered(error) =>
-            {
-                3
+            Failure::Campaign(error) | Failure::Job(JobError::Campaign(error)) => {
+                of_campaign(error)
             }
             Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
-            Failure::Job(JobError::File(_) | JobError::Campaign(_)) => 1,
+            Failure::Job(JobError::File(_)) => 1,
             Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
             Failure::Job(_) => 3,
-            Failure::Campaign(_)
-            | Failure::Run(_)
+            Failure::Run(_)
             | Failure::Eigenvalues
             | Failure::Figure(_)
             | Failure::Runtime(_)
@@ -267,13 +259,14 @@ impl Failure {
     }
 }
 
-/// Whether a campaign stopped at a file that is not what was written.
-fn is_altered(error: &CampaignError) -> bool {
-    matches!(
-        error,
-        CampaignError::File(FileError::Altered { .. })
-            | CampaignError::Table(TableError::File(FileError::Altered { .. }))
-    )
+/// A campaign's files are its own: what is wrong with them is no mistake of an input file, unless it was damaged.
+fn of_campaign(error: &CampaignError) -> u8 {
+    match error {
+        CampaignError::Unfinished { damaged: Some(_), .. }
+        | CampaignError::File(FileError::Altered { .. })
+        | CampaignError::Table(TableError::File(FileError::Altered { .. })) => 3,
+        _ => 1,
+    }
 }
 
 /// What cannot be written is no mistake of an input file.

@@ -106,6 +106,15 @@ impl Manifest {
     pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
         self.outputs.iter().find(|known| known.file == file)
     }
+
+    /// Writes it into its folder; the same manifest gives the same bytes.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), FileError> {
+        let text = serde_json::to_string_pretty(self).expect("a manifest is JSON") + "\n";
+        write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
+    }
 }
 
 /// The manifest of a folder; `None` if there is none of ours.
@@ -162,8 +171,7 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
         return Ok(());
     }
     manifest.outputs.retain(|known| known.file != name);
-    let text = serde_json::to_string_pretty(&manifest).expect("a manifest is JSON") + "\n";
-    write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
+    manifest.write(folder)
 }
 
 /// SHA-256 of a file's bytes, in hexadecimal digits.

@@ -2,7 +2,7 @@
 //! what came out. It holds no time of day: the same study gives the same bytes.
 
 use super::{Folder, JobError, Subject};
-use crate::evaluation::{EvaluationError, model_file};
+use crate::evaluation::EvaluationError;
 use crate::manifest;
 use crate::study::{Role, Setting, Study};
 use crate::table::parquet::ParquetReader;
@@ -56,7 +56,7 @@ fn in_words(settings: &solver::Settings) -> String {
 /// A file cannot be read or written.
 pub fn write(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
     let manifest = of(folder, study)?;
-    model_file::write(folder.manifest(), &manifest)?;
+    manifest.write(folder.path())?;
     Ok(manifest)
 }
 

@@ -50,10 +50,10 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     }
     let fluids: Vec<Option<Fluid>> =
         reader.fluids.iter().map(|fluid| fluid.value.clone()).collect();
+    let usual = Fluid::default();
     let mut told = BTreeSet::new();
     for part in reader.scope.parts.iter().filter(|part| part.spec().reference && part.sound) {
-        let fluid =
-            part.fluid.map_or_else(|| Some(Fluid::default()), |index| fluids[index].clone());
+        let fluid = part.fluid.map_or(Some(&usual), |index| fluids[index].as_ref());
         let (Some(fluid), Some(kelvin)) = (fluid, temperature_k(part)) else {
             continue;
         };
