@@ -78,6 +78,8 @@ mod tests {
             unit: Some(unit),
             noise: 0.0,
             is_noisy: false,
+            follows: alloc::vec![],
+            stands_in: false,
         };
         let sensors = Sensors((0..N).map(sensor).collect());
         let mut window = Window::new(N);

@@ -100,7 +100,8 @@ impl Judge {
         self.memory.probabilities[self.hypotheses.of_actuator(actuator)].iter().sum()
     }
 
-    /// Judges a window; actuators that are masked are not among the answers. Does not allocate.
+    /// Judges a window; actuators that are masked are not among the answers, and what stands in the place of a sensor
+    /// says nothing of others. Does not allocate.
     ///
     /// # Errors
     /// What the hierarchies say of rows that do not fit them: never after [`Diagnoser::check`].
@@ -109,6 +110,7 @@ impl Judge {
         length: &Length,
         window: &Window,
         is_masked: &[bool],
+        stands_in: &[bool],
     ) -> Result<Said<'_>, Error> {
         let worst = worst(window, &length.panel.bands);
         let mut said = Judgement {
@@ -126,6 +128,7 @@ impl Judge {
             *last = Some(said);
             return Ok(Said::InBand);
         }
+        self.views.stand_in(stands_in);
         let rows = self.views.compute(window)?;
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
         let of_trees = trees.diagnose(rows, &mut self.of_trees)?;

@@ -57,6 +57,9 @@ pub struct Sensor {
     pub noise: f64,
     /// Whether the samples carry it: those of a simulation with perfect sensors do not.
     pub is_noisy: bool,
+    /// Which others its controller makes it follow: their places, and how far it moves for each, in parts of scale.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub follows: Vec<(u32, f64)>,
 }
 
 /// What is known of windows of one length.
@@ -116,6 +119,8 @@ impl Diagnoser {
             unit: s.unit.map(|unit| unit as usize),
             noise: s.noise,
             is_noisy: s.is_noisy,
+            follows: s.follows.iter().map(|&(other, weight)| (other as usize, weight)).collect(),
+            stands_in: false,
         };
         Sensors(self.sensors.iter().map(seen).collect())
     }
@@ -204,6 +209,12 @@ impl Diagnoser {
             require((0.0..=1.0).contains(&noise), "noise", noise, "0 to 1 of scale")?;
             let known = sensor.unit.is_none_or(|unit| (unit as usize) < units);
             holds(known, "a sensor belongs to an actuator that is not there")?;
+            let is_sound = |&(other, weight): &(u32, f64)| {
+                (other as usize) < self.sensors.len() && weight.is_finite()
+            };
+            let follows = &sensor.follows;
+            let fits = follows.len() <= features::MOST_FOLLOWED && follows.iter().all(is_sound);
+            holds(fits, "a sensor follows one that is not there, or too many")?;
         }
         Ok(())
     }

@@ -548,7 +548,8 @@ impl Session {
             }
             let window = self.streams.window(place);
             let share = self.streams.share_of_newest(place);
-            let said = judge.judge(&diagnoser.lengths[place], window, &self.is_masked)?;
+            let length = &diagnoser.lengths[place];
+            let said = judge.judge(length, window, &self.is_masked, &self.stands_in)?;
             let evidence = &mut self.memory.evidence[place];
             evidence.take(said, share, &self.settings[place], &self.limits[place]);
             self.memory.has_judged = true;

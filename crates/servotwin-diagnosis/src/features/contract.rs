@@ -8,6 +8,9 @@ fn two_actuators() -> Sensors {
     actuators(2)
 }
 
+/// What is no more special than the others: pressures, ram, spool, supply and return.
+const OF_A_UNIT: usize = 6;
+
 fn actuators(units: usize) -> Sensors {
     let mut sensors = Vec::new();
     for unit in 0..units {
@@ -15,12 +18,20 @@ fn actuators(units: usize) -> Sensors {
             Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
             let name = format!("{name}_{}", unit + 1);
+            // The first sensors of a unit are its pressures and its ram.
+            let first = sensors.len() / OF_A_UNIT * OF_A_UNIT;
+            let follows = match quantity {
+                Quantity::Spool => alloc::vec![(first, -0.5), (first + 1, 0.5), (first + 2, -6.0)],
+                _ => alloc::vec![],
+            };
             sensors.push(Sensor {
                 name,
                 quantity: *quantity,
                 unit: Some(unit),
                 noise: 0.002,
                 is_noisy: true,
+                follows,
+                stands_in: false,
             });
         }
     }
@@ -34,6 +45,8 @@ fn and_surface(mut sensors: Sensors) -> Sensors {
         unit: None,
         noise: 0.002,
         is_noisy: true,
+        follows: alloc::vec![],
+        stands_in: false,
     });
     sensors
 }
@@ -127,7 +140,9 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
         quantity: Quantity::Other,
         unit: Some(0),
         noise: 0.002,
-        is_noisy: true
+        is_noisy: true,
+        follows: alloc::vec![],
+        stands_in: false,
     }]);
     let window = some_window(&sensors);
     for family in ALL {

@@ -66,6 +66,8 @@ mod tests {
             unit: Some(0),
             noise: NOISE,
             is_noisy: true,
+            follows: alloc::vec![],
+            stands_in: false,
         }]);
         let mut random = Random::new(7);
         let mut window = Window::new(1);

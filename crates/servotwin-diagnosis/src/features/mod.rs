@@ -16,6 +16,7 @@ mod crest;
 mod deviation;
 mod gain;
 mod moments;
+mod parity;
 mod pressure;
 mod proportion;
 mod views;
@@ -27,6 +28,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
+pub use parity::MOST_FOLLOWED;
 pub use views::Views;
 
 /// What a sensor measures, where a family wants to know.
@@ -79,6 +81,10 @@ pub struct Sensor {
     pub noise: f64,
     /// Whether the samples carry it: those of a simulation with perfect sensors do not.
     pub is_noisy: bool,
+    /// Which others its controller makes it follow: their places, and how far it moves for each, in parts of scale.
+    pub follows: Vec<(usize, f64)>,
+    /// Whether something stands in its place that looks healthy.
+    pub stands_in: bool,
 }
 
 /// The sensors of a system, in the order of the window.
@@ -226,6 +232,8 @@ pub enum Teaches {
     /// worse beyond the intensities it has met; not windows that slide, which are shorter than what
     /// lies between two bursts.
     TreesOfRecords,
+    /// The trees and the committee that judge windows that slide: not those of records, for which it was not measured.
+    Windows,
     /// Everybody.
     Everybody,
 }
@@ -254,6 +262,7 @@ pub static ALL: &[&dyn Family] = &[
     &balance::Balance,
     &vote::Vote,
     &crest::Crest,
+    &parity::Parity,
 ];
 
 /// The family of a name.

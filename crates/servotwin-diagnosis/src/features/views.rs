@@ -18,6 +18,8 @@ pub struct Views {
     /// Where each feature that is read stands among all.
     places: Vec<usize>,
     moved: Window,
+    /// The sensors in whose place something stands that looks healthy.
+    stands_in: Vec<bool>,
     all: Vec<f64>,
     rows: Vec<Vec<f64>>,
 }
@@ -40,11 +42,21 @@ impl Views {
         Ok(Views {
             orders,
             moved: Window::new(sensors.0.len()),
+            stands_in: vec![false; sensors.0.len()],
             all: Vec::with_capacity(known.len()),
             rows: vec![vec![0.0; places.len()]; views.max(1)],
             places,
             sensors,
         })
+    }
+
+    /// Says of each sensor whether something stands in its place that looks healthy, from now on: what is said of it
+    /// beside others means nothing then.
+    ///
+    /// # Panics
+    /// If there are not as many as sensors.
+    pub fn stand_in(&mut self, stands_in: &[bool]) {
+        self.stands_in.copy_from_slice(stands_in);
     }
 
     /// The rows of a window, one for each view. Does not allocate.
@@ -58,6 +70,10 @@ impl Views {
                 window.reorder_into(order, &mut self.moved);
             }
             let seen = if view == 0 { window } else { &self.moved };
+            for (place, sensor) in self.sensors.0.iter_mut().enumerate() {
+                let here = if view == 0 { place } else { self.orders[view - 1][place] };
+                sensor.stands_in = self.stands_in[here];
+            }
             values_into(&self.sensors, seen, &mut self.all);
             for (value, &place) in row.iter_mut().zip(&self.places) {
                 *value = self.all[place];

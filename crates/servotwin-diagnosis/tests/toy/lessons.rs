@@ -25,7 +25,7 @@ impl Lessons {
     /// As [`Views::new`].
     pub fn new(sensors: Sensors, actuators: usize) -> Result<Self, Error> {
         let mut features = features(&sensors);
-        features.retain(|feature| feature.teaches == Teaches::Everybody);
+        features.retain(|feature| matches!(feature.teaches, Teaches::Everybody | Teaches::Windows));
         let names: Vec<&str> = features.iter().map(|feature| feature.name.as_str()).collect();
         let views = if sensors.rotations(actuators).is_some() { actuators } else { 1 };
         let views = Views::new(sensors, &names, views)?;

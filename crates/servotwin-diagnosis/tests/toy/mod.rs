@@ -143,6 +143,7 @@ fn sensors(units: usize) -> Vec<Sensor> {
         scale: 1.0,
         noise: NOISE,
         is_noisy: true,
+        follows: vec![],
     };
     let mut sensors = vec![];
     for unit in 0..units as u32 {

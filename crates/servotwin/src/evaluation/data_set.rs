@@ -393,15 +393,19 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NoFeatures`].
     pub fn taught(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| feature.teaches != Teaches::Nobody)
+        self.with_features(|feature| {
+            matches!(feature.teaches, Teaches::Everybody | Teaches::TreesOfRecords)
+        })
     }
 
-    /// The same data set with the features only that everybody should learn from.
+    /// The same data set with the features only that a diagnosis of windows that slide should learn from.
     ///
     /// # Errors
     /// [`EvaluationError::NoFeatures`].
-    pub fn taught_to_everybody(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| feature.teaches == Teaches::Everybody)
+    pub fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
+        self.with_features(|feature| {
+            matches!(feature.teaches, Teaches::Everybody | Teaches::Windows)
+        })
     }
 
     /// The same data set, of which a committee reads what it should learn from.
@@ -410,7 +414,10 @@ impl DataSet {
     /// None for a data set that could be read.
     pub fn for_committee(&self) -> Result<Self, EvaluationError> {
         let columns = 0..self.features.len();
-        let hidden = columns.filter(|&column| self.features[column].teaches != Teaches::Everybody);
+        let is_read = |column: usize| {
+            matches!(self.features[column].teaches, Teaches::Everybody | Teaches::Windows)
+        };
+        let hidden = columns.filter(|&column| !is_read(column));
         Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
     }
 

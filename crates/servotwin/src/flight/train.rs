@@ -157,7 +157,7 @@ fn length(
 ) -> Result<(Length, f64), EvaluationError> {
     let features = FeatureInfo::of_study(study, false);
     let data =
-        DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_everybody()?;
+        DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
     let settings = settings();
     let is_further = |data: &DataSet, row: &Row| {
         data.cases[row.case as usize].parse().is_ok_and(|environment: usize| environment >= usual)
@@ -199,6 +199,7 @@ fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
         scale,
         noise: seen.noise,
         is_noisy: seen.is_noisy,
+        follows: seen.follows.iter().map(|&(other, weight)| (other as u32, weight)).collect(),
     };
     seen.map(sensor).collect()
 }

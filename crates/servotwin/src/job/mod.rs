@@ -342,7 +342,7 @@ fn moving<'w>(
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
     let features = data_features(study).into_iter().enumerate();
     let own = features
-        .filter(|(_, known)| known.feature.teaches != Teaches::Nobody)
+        .filter(|(_, known)| !matches!(known.feature.teaches, Teaches::Nobody | Teaches::Windows))
         .filter(|(_, known)| subject.extra_sensor() || !known.extra);
     (!windows.is_empty()).then(|| Moving {
         sensors: study.sensors_in(subject.setting()),

@@ -54,9 +54,10 @@ static LOAD: [Key; 2] = [
     must("values", Value::Names(1, &ANY), "its values by name, SI"),
 ];
 
-static SENSOR: [Key; 2] = [
+static SENSOR: [Key; 3] = [
     must("quantity", Value::Word(quantities), "what it measures"),
     must("unit", Value::Whole(0.0, 1e6), "the unit it belongs to, from 1; 0 for none"),
+    may("follows", Value::Names(0, &ANY), "how far its controller moves it for others, SI over SI"),
 ];
 
 static EXTRA: [Key; 2] = [

@@ -39,7 +39,7 @@ use crate::system::{System, SystemError};
 use reader::{Noted, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::decision::usual_least_on;
-use servotwin_diagnosis::features::{MOST_UNITS, Quantity, Sensor, Sensors};
+use servotwin_diagnosis::features::{MOST_FOLLOWED, MOST_UNITS, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
@@ -98,6 +98,8 @@ struct LoadText {
 struct SensorText {
     quantity: String,
     unit: usize,
+    #[serde(default)]
+    follows: BTreeMap<String, f64>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -630,8 +632,11 @@ impl Reader<'_> {
                 unit: None,
                 noise,
                 is_noisy: true,
+                follows: vec![],
+                stands_in: false,
             });
         }
+        self.add_laws(&measured, &mut seen);
         Ok((measured, Sensors(seen)))
     }
 
@@ -648,7 +653,47 @@ impl Reader<'_> {
         // A surface is moved by all units, whatever the file says.
         let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
         let (name, noise) = (label.clone(), self.noise(position));
-        Ok(Sensor { name, quantity: *quantity, unit, noise, is_noisy: true })
+        Ok(Sensor {
+            name,
+            quantity: *quantity,
+            unit,
+            noise,
+            is_noisy: true,
+            follows: vec![],
+            stands_in: false,
+        })
+    }
+
+    /// Which others each sensor follows; `measured` are the positions of all. Mistakes are noted.
+    fn add_laws(&self, measured: &[usize], seen: &mut [Sensor]) {
+        for (place, sensor) in seen.iter_mut().enumerate() {
+            let id = &self.system.sensors[measured[place]].id;
+            let Some(text) = self.text.sensors.get(id) else { continue };
+            let field = format!("sensors.{id}.follows");
+            let (count, few) = (text.follows.len(), text.follows.len() <= MOST_FOLLOWED);
+            let _ =
+                self.range(&field, count as f64, few, format!("at most {MOST_FOLLOWED} others"));
+            let follow = |(id, &weight): (&String, &f64)| {
+                self.follow(&field, measured, place, (id, weight)).ok()
+            };
+            sensor.follows = text.follows.iter().filter_map(follow).collect();
+        }
+    }
+
+    /// The place of a sensor that another one follows, and how far for it, in parts of scale.
+    fn follow(
+        &self,
+        field: &str,
+        measured: &[usize],
+        place: usize,
+        (followed, weight): (&str, f64),
+    ) -> Result<(usize, f64), Noted> {
+        let sensor = |place: usize| &self.system.sensors[measured[place]];
+        let others = || (0..measured.len()).filter(|&other| other != place);
+        let known = || others().map(|other| sensor(other).id.as_str());
+        let other = others().find(|&other| sensor(other).id == followed);
+        let other = other.ok_or_else(|| self.unknown(field, "other sensor", followed, known()))?;
+        Ok((other, weight * (sensor(other).scale / sensor(place).scale)))
     }
 
     /// What a sample of a sensor carries of noise and quantisation, in parts of its scale.

@@ -239,7 +239,15 @@ impl TraceStudy {
             })?;
             let unit = Some(sensor.unit - 1).filter(|_| *quantity != Quantity::Surface);
             let name = sensor.name.clone();
-            Ok(Sensor { name, quantity: *quantity, unit, noise: 0.0, is_noisy: false })
+            Ok(Sensor {
+                name,
+                quantity: *quantity,
+                unit,
+                noise: 0.0,
+                is_noisy: false,
+                follows: vec![],
+                stands_in: false,
+            })
         };
         Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, TraceError>>()?))
     }

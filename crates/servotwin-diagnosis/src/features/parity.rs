@@ -1,0 +1,212 @@
+//! What a sensor shows beyond the law that ties it to others.
+//!
+//! A controller makes a sensor follow others of its unit: the spool of a servo valve follows what is measured of the ram
+//! and of the pressures, whatever the flow, the load and the friction are. With `r_s` the sensor's scaled residual and
+//! `w_j` what it moves for others, the parity residual is
+//!
+//! ```text
+//! q = r_s − Σ_j w_j r_j
+//! ```
+//!
+//! A healthy specimen whose flow or friction differs from the twin's by its tolerances moves all of them and leaves q; so
+//! does an error of a sensor that the controller believes. A valve that no longer does what it is told, or a sensor that
+//! shows the spool wrongly, is in q alone. Sensors without such a law ([`super::Sensor::follows`]) have no such features.
+//!
+//! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
+
+use super::{
+    Combination, Family, Feature, Noise, Sensor, Sensors, Teaches, correlation, log_deviation,
+};
+use crate::residual::Window;
+use alloc::format;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// See the module.
+pub struct Parity;
+
+/// As many sensors can be followed by one.
+pub const MOST_FOLLOWED: usize = 7;
+
+/// A twin signal that moves less than this part of its scale gives no slope: q carries the noise of several sensors.
+const LEAST_DEVIATION: f64 = 1e-2;
+
+/// A sensor's parity residual as a combination of residuals, itself first.
+struct Relation {
+    terms: [(usize, f64); MOST_FOLLOWED + 1],
+    count: usize,
+}
+
+impl Relation {
+    fn terms(&self) -> Combination<'_> {
+        &self.terms[..self.count]
+    }
+
+    /// Mean, variance, and covariance with a twin's signal.
+    fn of(&self, window: &Window, twin: usize) -> [f64; 3] {
+        let terms = self.terms();
+        let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
+            terms.iter().map(|&(sensor, weight)| weight * of(sensor)).sum()
+        };
+        [
+            sum(&|sensor| window.mean(sensor)),
+            sum(&|a| sum(&|b| window.covariance(a, b))),
+            sum(&|sensor| window.cross_covariance(sensor, twin)),
+        ]
+    }
+}
+
+/// The relations of all sensors that have one.
+fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ {
+    let with = sensors.0.iter().enumerate().filter(|(_, sensor)| !sensor.follows.is_empty());
+    with.map(|(place, sensor)| {
+        let mut terms = [(place, 1.0); MOST_FOLLOWED + 1];
+        let followed = sensor.follows.iter().take(MOST_FOLLOWED);
+        let count = 1 + followed.len();
+        for (term, &(other, weight)) in terms[1..].iter_mut().zip(followed) {
+            *term = (other, -weight);
+        }
+        (place, Relation { terms, count })
+    })
+}
+
+impl Family for Parity {
+    fn name(&self) -> &'static str {
+        "parity"
+    }
+
+    fn summary(&self) -> &'static str {
+        "what a sensor shows beyond the controller's law that makes it follow others"
+    }
+
+    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let of = |(place, relation): (usize, Relation)| {
+            let Sensor { name, unit, .. } = &sensors.0[place];
+            let feature = |kind: &str, of_unit, meaning: &str| Feature {
+                name: format!("parity_{kind}_{name}"),
+                unit: of_unit,
+                meaning: meaning.replace("{}", &format!("{name} beyond what it follows")),
+                units: unit.iter().copied().collect(),
+                teaches: Teaches::Windows,
+            };
+            let mut features = vec![
+                feature("mean", "of scale", "mean of {}"),
+                feature("log_dev", "log10 of scale", "log10 of the standard deviation of {}"),
+                feature("gain", "1", "slope of {} over its twin's signal"),
+                feature("corr", "1", "correlation of {} with its twin's signal"),
+            ];
+            features.extend(relation.terms().iter().map(|&(other, _)| {
+                let other = &sensors.0[other].name;
+                let meaning =
+                    format!("log10 ratio of the deviations of {{}} and of the residual of {other}");
+                feature(&format!("over_{other}"), "log10", &meaning)
+            }));
+            features
+        };
+        relations(sensors).flat_map(of).collect()
+    }
+
+    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
+        for (place, relation) in relations(sensors) {
+            let noise = sensors.noise(relation.terms());
+            // What stands in for a sensor knows nothing of the law: it counts as kept.
+            let is_known = relation.terms().iter().all(|&(sensor, _)| !sensors.0[sensor].stands_in);
+            let [mean, variance, with_twin] = match is_known {
+                true => relation.of(window, place),
+                false => [0.0, noise.carried, 0.0],
+            };
+            let of_twin = window.twin_covariance(place, place);
+            let log_dev = log_deviation(variance, noise);
+            values.push(mean);
+            values.push(log_dev);
+            values.push(with_twin / (of_twin + LEAST_DEVIATION * LEAST_DEVIATION));
+            values.push(correlation(with_twin, [variance, of_twin], [noise, Noise::default()]));
+            values.extend(relation.terms().iter().map(|&(other, _)| {
+                let own = window.covariance(other, other);
+                log_dev - log_deviation(own, sensors.noise(&[(other, 1.0)]))
+            }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::Quantity;
+    use crate::random::Random;
+
+    const NOISE: f64 = 0.002;
+
+    /// A ram, and a spool that moves six times as far the other way.
+    fn sensors() -> Sensors {
+        let sensor = |name: &str, quantity, follows: &[(usize, f64)]| Sensor {
+            name: name.into(),
+            quantity,
+            unit: Some(0),
+            noise: NOISE,
+            is_noisy: true,
+            follows: follows.to_vec(),
+            stands_in: false,
+        };
+        let ram = sensor("x_p1", Quantity::Ram, &[]);
+        Sensors(alloc::vec![ram, sensor("x_v1", Quantity::Spool, &[(0, -6.0)])])
+    }
+
+    /// The features of half a second in which the twin's spool swings by 0.3; `residuals` are those of ram and spool for
+    /// what it shows.
+    fn computed(residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
+        computed_by(&sensors(), residuals)
+    }
+
+    fn computed_by(sensors: &Sensors, residuals: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
+        let mut random = Random::new(11);
+        let mut normal = || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
+        let mut window = Window::new(2);
+        for sample in 0..50 {
+            let spool = 0.3 * libm::sin(0.3 * f64::from(sample));
+            let [ram, own] = residuals(spool).map(|r| r + NOISE * normal());
+            window.add(&[ram, spool + own], &[0.0, spool], &[1.0, 1.0]);
+        }
+        let mut values = Vec::new();
+        Parity.compute(sensors, &window, &mut values);
+        values
+    }
+
+    #[test]
+    fn a_specimen_whose_flow_differs_leaves_nothing_but_noise() {
+        // A tenth more spool for the same speed, which a ram that lags behind asks for.
+        let [mean, log_dev, gain, ..] = computed(|spool| [-spool / 60.0, spool / 10.0])[..] else {
+            panic!("too few")
+        };
+        let noise = NOISE * libm::sqrt(1.0 + 36.0);
+        assert!(mean.abs() < 3.0 * noise / libm::sqrt(50.0), "{mean}");
+        assert!((log_dev - libm::log10(noise)).abs() < 0.15, "{log_dev}");
+        assert!(gain.abs() < 0.02, "{gain}");
+    }
+
+    #[test]
+    fn a_valve_that_moves_too_far_and_a_sensor_that_says_so_show_alike() {
+        let valve = computed(|spool| [spool * 0.2 / 6.0, 0.0]);
+        let sensor = computed(|spool| [0.0, 0.2 * spool]);
+        for (values, over_ram) in [(valve, 0.5..1.2), (sensor, 1.2..1.6)] {
+            let [_, _, gain, correlation, _, over] = values[..] else { panic!("too few") };
+            assert!((gain - 0.2).abs() < 0.02, "{gain}");
+            assert!(correlation > 0.9, "{correlation}");
+            // What tells the two apart: whether the ram has moved.
+            assert!(over_ram.contains(&over), "{over}");
+        }
+    }
+
+    #[test]
+    fn where_something_stands_in_for_a_sensor_the_law_counts_as_kept() {
+        let mut sensors = sensors();
+        let is_wrong = |spool: f64| [0.0, 0.2 * spool];
+        let known = computed_by(&sensors, is_wrong);
+        sensors.0[0].stands_in = true;
+        let unknown = computed_by(&sensors, is_wrong);
+        let noise = NOISE * libm::sqrt(1.0 + 36.0);
+        assert_eq!([unknown[0], unknown[2], unknown[3]], [0.0; 3]);
+        assert!((unknown[1] - libm::log10(noise)).abs() < 1e-9, "{}", unknown[1]);
+        assert!(known[1] > unknown[1] + 0.3);
+    }
+}
