@@ -242,7 +242,9 @@ impl Failure {
             }
             Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
             Failure::Job(JobError::File(_)) => 1,
-            Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
+            Failure::Job(JobError::Evaluation(error) | JobError::Unreadable { error, .. }) => {
+                of_evaluation(error)
+            }
             Failure::Job(_) => 3,
             Failure::Run(_)
             | Failure::Eigenvalues

@@ -202,13 +202,17 @@ const WRITERS: [(&str, &str); 9] = [
     ("evaluation.json", "evaluate FOLDER"),
 ];
 
+/// A file to which its command adds: it writes over none that is not what was written.
+const ADDED_TO: &str = "flights.json";
+
 /// What is to be done about a file that is not what was written.
 fn remedy(folder: &Path, name: &str) -> String {
     let writer = WRITERS.iter().find(|(beginning, _)| name.starts_with(beginning));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let first = if name == ADDED_TO { "move it away or delete it, and " } else { "" };
     let again = writer.map_or(String::new(), |(_, command)| {
         let command = command.replace("FOLDER", &folder.display().to_string());
-        format!("'servotwin {command}' makes it anew; ")
+        format!("{first}'servotwin {command}' makes it anew; ")
     });
     let manifest = folder.join(NAME);
     format!(

@@ -36,6 +36,13 @@ pub enum JobError {
         /// The command that writes it.
         stage: &'static str,
     },
+    /// A file that a stage adds to cannot be read. Written over, it would lose what it holds.
+    Unreadable {
+        /// What is wrong, with its path.
+        error: EvaluationError,
+        /// The command that adds to it.
+        stage: &'static str,
+    },
     /// A data set is not as the study says.
     DataSet {
         /// The file.
@@ -66,6 +73,10 @@ impl fmt::Display for JobError {
             JobError::Missing { path, stage } => {
                 write!(out, "{}: no such file; 'servotwin {stage}' writes it", path.display())
             }
+            JobError::Unreadable { error, stage } => write!(
+                out,
+                "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
+            ),
             JobError::DataSet { error, .. } if names_its_file(error) => write!(out, "{error}"),
             JobError::DataSet { path, error } => write!(out, "{}: {error}", path.display()),
             JobError::Evaluation(error) => write!(out, "{error}"),
