@@ -42,7 +42,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let wanted = |setting: Setting| setting.is_usual() || options.fitted;
     let folder = Folder::new(&options.study.out);
-    folder.keep_study(&study)?;
+    let _hold = folder.keep_study(&study)?;
     let flown = job::flights::results(&folder)?;
     let notes = Notes::new(global);
     for (role, settings) in runs(&study, wanted) {

@@ -318,6 +318,37 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
 }
 
 #[test]
+fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
+    let folder = Folder::new("held");
+    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
+    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    let lock = Path::new(&out).join(servotwin::job::hold::NAME);
+    let held = std::fs::File::options().write(true).open(&lock).unwrap();
+    held.lock().unwrap();
+    let before = contents(Path::new(&out));
+    let part = ["campaign", &study, "--out", &out, "--setting", "ideal", "--shards", "1/1"];
+    let busy = "out: another servotwin is working in this folder";
+    for command in ["study", "campaign", "flights", "fly", "band"] {
+        fails(&[command, &study, "--out", &out], 1, busy);
+    }
+    for command in ["train", "evaluate", "report", "features", "merge"] {
+        fails(&[command, &out], 1, busy);
+    }
+    fails(&part, 1, busy);
+    assert_same(&before, &contents(Path::new(&out)));
+    // Who only reads need not wait.
+    fails(&["explain", "0", "--out", &out], 3, "panel-ideal.json: no such file");
+    held.unlock().unwrap();
+    held.lock_shared().unwrap();
+    run(&part);
+    fails(&["train", &out], 1, busy);
+    held.unlock().unwrap();
+    run(&["features", &out]);
+    assert_same(&before, &contents(Path::new(&out)));
+    assert!(!before[Path::new("manifest.json")].windows(4).any(|word| word == b"lock"));
+}
+
+#[test]
 fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
     let folder = Folder::new("one-class");
     let class = "[[classes]]\ndetail = \"external_leakage\"\ncommand = \"shut_down\"\n\

@@ -24,6 +24,11 @@ pub enum JobError {
         /// The folder.
         folder: PathBuf,
     },
+    /// Another program works in the folder.
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A folder in which a part of a campaign shall work holds another study.
     OtherStudy {
         /// The folder.
@@ -63,6 +68,11 @@ impl fmt::Display for JobError {
             JobError::NoDataSet { folder } => write!(
                 out,
                 "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
+                folder.display()
+            ),
+            JobError::Busy { folder } => write!(
+                out,
+                "{}: another servotwin is working in this folder: wait until it has ended, or choose another folder",
                 folder.display()
             ),
             JobError::OtherStudy { folder } => write!(
