@@ -173,7 +173,7 @@ impl Folder {
         for folder in [self.0.clone(), self.0.join("shards"), self.figures()] {
             files::remove_leftovers(&folder)?;
         }
-        if !self.holds(study) {
+        if !self.is_made_of(study)? {
             self.remove_report()?;
             for file in self.results_there()? {
                 remove(&file)?;
@@ -207,10 +207,23 @@ impl Folder {
         Ok(hold)
     }
 
+    /// Whether the results in the folder come from a study. That is what the manifest says: a text may have been damaged
+    /// or changed since. Where it says nothing, the texts in the folder do.
+    fn is_made_of(&self, study: &Study) -> Result<bool, JobError> {
+        let known = manifest::read(&self.0)?;
+        let is_from = |path: PathBuf, text: &str| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            match known.as_ref().and_then(|known| known.hash_of(&name)) {
+                Some(known) => known.sha256 == manifest::sha256_of_text(text),
+                None => is_text(path, text),
+            }
+        };
+        Ok(is_from(self.study(), &study.text) && is_from(self.system(), &study.system.text))
+    }
+
     /// Whether the texts in the folder are those of a study.
     fn holds(&self, study: &Study) -> bool {
-        let same = |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|own| own == text);
-        same(self.study(), &study.text) && same(self.system(), &study.system.text)
+        is_text(self.study(), &study.text) && is_text(self.system(), &study.system.text)
     }
 
     /// Holds the folder and reads the study back.
@@ -226,9 +239,11 @@ impl Folder {
     /// Reads the study back, for who writes nothing.
     ///
     /// # Errors
-    /// It is missing or has mistakes.
+    /// It is missing, is not what the manifest says, or has mistakes.
     pub fn read_study(&self) -> Result<Study, JobError> {
         self.has_study()?;
+        manifest::check(&self.study())?;
+        manifest::check(&self.system())?;
         let text = files::read_text(self.study())?;
         Ok(Study::parse_with_system(&text, &self.study(), &self.system())?)
     }
@@ -245,6 +260,15 @@ fn remove(file: &Path) -> Result<(), JobError> {
     Ok(std::fs::remove_file(file).map_err(|cause| FileError::from_io(file, cause))?)
 }
 
+fn is_text(path: impl AsRef<Path>, text: &str) -> bool {
+    files::read_text(path).is_ok_and(|there| there == text)
+}
+
+/// Writes a text, unless it is there already: then the manifest goes on to vouch for it.
 fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
+    if is_text(path, text) && manifest::check(path).is_ok() {
+        return Ok(());
+    }
+    manifest::forget(path)?;
     Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
 }
