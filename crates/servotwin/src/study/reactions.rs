@@ -11,7 +11,6 @@
 
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
-use crate::document::Quantities;
 use serde::Deserialize;
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
@@ -99,12 +98,7 @@ impl Text {
         for (unit, of, parameter, &value) in own.chain(common) {
             let section = format!("{section}.{of}");
             let (component, place) = super::realism::find(reader, &section, unit, parameter)?;
-            let instance = &reader.system.network().components[component];
-            let declared = &instance.component.spec().parameters[place];
-            let fits = (declared.min..=declared.max).contains(&value);
-            let unit = declared.unit.symbol();
-            let allowed = Quantities(declared.min, declared.max, unit).to_string();
-            reader.range(&format!("{section}.{parameter}"), value, fits, allowed)?;
+            reader.parameter(&format!("{section}.{parameter}"), (component, place), value)?;
             reaction.parameters.push((component, place, value));
         }
         let (_, sensors) = reader.sensors()?;
