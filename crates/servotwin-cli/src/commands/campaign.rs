@@ -42,7 +42,7 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.setting.as_deref())?;
     let folder = Folder::new(&options.study.out);

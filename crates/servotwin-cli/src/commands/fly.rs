@@ -113,7 +113,7 @@ fn title(faults: &[Begins]) -> String {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     stop::heed();
     let folder = Folder::new(&options.study.out);
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };

@@ -33,7 +33,7 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     stop::heed();
     // What cannot be flown is told now, not after the campaigns.
     let flights = study.flights()?;

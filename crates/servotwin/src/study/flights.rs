@@ -173,6 +173,11 @@ impl Text {
         self.least_on
     }
 
+    /// The parameters of every unit that differ from environment to environment.
+    pub(super) fn varied_parameters(&self) -> impl Iterator<Item = &String> {
+        self.unit_parameters.keys()
+    }
+
     /// The same section with its full sizes.
     pub(super) fn full(&self) -> Option<Text> {
         let Full { learn, judge } = self.full?;

@@ -76,6 +76,13 @@ impl Reactions {
         found.and_then(|(_, units)| units.get(unit)).cloned().unwrap_or_default()
     }
 
+    /// Whether any of them gives a parameter (component, parameter) another value.
+    pub(super) fn change(&self, at: (usize, usize)) -> bool {
+        let all = self.list.iter().flat_map(|(_, units)| units);
+        let mut changed = all.flat_map(|reaction| &reaction.parameters);
+        changed.any(|&(component, parameter, _)| (component, parameter) == at)
+    }
+
     /// Whether a command switches its unit off.
     pub fn switches_off(&self, command: &str) -> bool {
         self.of(0, command, None).switches_off
