@@ -62,7 +62,8 @@ impl Bounded for system::Mistake {
     fn range(&self) -> Option<(f64, f64)> {
         match self {
             system::Mistake::Document(mistake) => mistake.range(),
-            system::Mistake::FluidTemperature { range_k, .. } => Some(*range_k),
+            system::Mistake::FluidTemperature { range_k, .. }
+            | system::Mistake::FluidTooSoft { range_k, .. } => Some(*range_k),
             _ => None,
         }
     }

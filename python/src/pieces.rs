@@ -14,7 +14,7 @@ use servotwin::flight::lessons::{self, Lessons};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::{foreign, plan};
 use servotwin::job::flights::{self, Crew};
-use servotwin::job::{self, Folder, Subject, manifest};
+use servotwin::job::{self, Among, Folder, Subject, manifest};
 use servotwin::study::campaign::CampaignError;
 use servotwin::study::{Flights, Setting, Study as Inner};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -94,7 +94,7 @@ pub fn join_evaluation(
 ) -> PyResult<String> {
     let folder = Folder::new(out);
     let result = long(py, None, |watch| -> Result<String, Failure> {
-        let study = folder.read_study()?;
+        let (study, _hold) = folder.open()?;
         let mut evaluated = vec![];
         for subject in job::subjects(&folder, &study)? {
             let own = found.iter().filter(|(name, _)| name == subject.name());
@@ -141,7 +141,7 @@ pub fn fly_all(
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
         let flights = sizes(study, full)?;
-        folder.keep_study(study)?;
+        let _hold = folder.keep_study(study)?;
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let crew = Crew { workers: watch.workers(threads), progress: &told };
         let results =
@@ -252,6 +252,7 @@ pub fn learn_from_flights(
     let setting = self::setting(study, setting)?;
     let result = long(py, None, |watch| -> Result<u64, Failure> {
         let flights = sizes(study, full)?;
+        let _hold = folder.hold(Among::Nobody)?;
         let mut lessons = Lessons::default();
         for text in &flown {
             lessons.add(from_text(text)?);
@@ -279,6 +280,7 @@ pub fn join_flights(
     let (study, folder) = (&*study.inner, Folder::new(out));
     let text = py.detach(|| -> Result<String, Failure> {
         let flights = sizes(study, full)?;
+        let _hold = folder.hold(Among::Nobody)?;
         let mut measured = vec![];
         for (name, failed, texts, said) in &found {
             let setting = setting(study, name)?;

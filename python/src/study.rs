@@ -6,7 +6,7 @@ use crate::system::System;
 use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::evaluation::EvaluationError;
-use servotwin::job::{self, Folder, JobError, manifest, report};
+use servotwin::job::{self, Among, Folder, JobError, manifest, report};
 use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, Prepared, runs};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
@@ -213,11 +213,10 @@ pub fn run_campaign(
         if runs.is_empty() {
             return Err(missing(&wanted));
         }
-        if part.is_some() {
-            folder.join_study(study)?
-        } else {
-            folder.keep_study(study)?
-        }
+        let _hold = match part {
+            Some(_) => folder.join_study(study)?,
+            None => folder.keep_study(study)?,
+        };
         let (mut list, mut bundles) = (vec![], 0);
         for (role, settings) in runs {
             let campaign = planned(study, role, settings.clone(), &folder, threads, watch);
@@ -284,6 +283,7 @@ pub fn run_calibration(
 ) -> PyResult<()> {
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(), Failure> {
+        let _hold = folder.hold(Among::Parts)?;
         let fitted = vec![Setting::Fitted];
         match planned(study, role(training), fitted, &folder, threads, watch).calibrate()? {
             true => Ok(()),
@@ -307,6 +307,7 @@ pub fn run_task(
 ) -> PyResult<(usize, usize)> {
     let (settings, folder) = (chosen(Some(settings))?, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(usize, usize), Failure> {
+        let _hold = folder.hold(Among::Parts)?;
         let campaign = planned(&study.inner, role(training), settings, &folder, threads, watch);
         let prepared = study.prepared(&campaign)?;
         let outcome = campaign.run_bundles(&prepared, vec![shards], |_, _| ())?;
@@ -329,7 +330,7 @@ pub fn merge_shards(
 ) -> PyResult<Vec<Done>> {
     let (wanted, folder) = (chosen(settings)?, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
-        let study = folder.read_study()?;
+        let (study, _hold) = folder.open()?;
         let mut list = vec![];
         for (role, settings) in runs(&study, |setting| wanted.contains(&setting)) {
             let campaign = planned(&study, role, settings.clone(), &folder, None, watch);
@@ -345,7 +346,7 @@ pub fn merge_shards(
 #[pyfunction]
 pub fn join_study(py: Python<'_>, study: &Study, out: PathBuf) -> PyResult<()> {
     let folder = Folder::new(out);
-    Ok(py.detach(|| folder.join_study(&study.inner)).map_err(Failure::from)?)
+    Ok(py.detach(|| folder.join_study(&study.inner).map(drop)).map_err(Failure::from)?)
 }
 
 /// Makes the data sets of a folder anew; the files.
@@ -358,7 +359,7 @@ pub fn make_features(
 ) -> PyResult<Vec<PathBuf>> {
     let folder = Folder::new(out);
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<PathBuf>, Failure> {
-        let study = folder.read_study()?;
+        let (study, _hold) = folder.open()?;
         let pairs =
             Setting::ALL.into_iter().flat_map(|s| study.roles().into_iter().map(move |r| (s, r)));
         let there: Vec<_> = pairs.filter(|&(s, r)| folder.data_set(s, r).exists()).collect();
@@ -387,7 +388,7 @@ pub fn train_folder(
 ) -> PyResult<Vec<(String, PathBuf)>> {
     let folder = Folder::new(out);
     let result = long(py, progress.as_ref(), |watch| -> Result<_, Failure> {
-        let study = folder.read_study()?;
+        let (study, _hold) = folder.open()?;
         let workers = watch.workers(threads);
         watch.tell("training", 0, 1);
         let trained = job::train_all(&folder, &study, workers)?;
@@ -411,7 +412,7 @@ pub fn evaluate_folder(
 ) -> PyResult<String> {
     let folder = Folder::new(out);
     let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
-        let study = folder.read_study()?;
+        let (study, _hold) = folder.open()?;
         let workers = watch.workers(threads);
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let results = job::evaluate_all(&folder, &study, workers, &told)?;
@@ -426,7 +427,8 @@ pub fn evaluate_folder(
 pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
     let folder = Folder::new(out);
     let result = long(py, None, |_| -> Result<PathBuf, Failure> {
-        report::write(&folder, &folder.read_study()?)?;
+        let (study, _hold) = folder.open()?;
+        report::write(&folder, &study)?;
         Ok(folder.report())
     })?;
     Ok(result?)
@@ -479,9 +481,9 @@ impl From<JobError> for Failure {
             JobError::Evaluation(error) => error.into(),
             error => {
                 let file = match &error {
-                    JobError::NoDataSet { folder } | JobError::OtherStudy { folder } => {
-                        Some(folder.clone())
-                    }
+                    JobError::NoDataSet { folder }
+                    | JobError::Busy { folder }
+                    | JobError::OtherStudy { folder } => Some(folder.clone()),
                     JobError::Missing { path, .. } | JobError::DataSet { path, .. } => {
                         Some(path.clone())
                     }

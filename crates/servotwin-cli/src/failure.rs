@@ -241,8 +241,10 @@ impl Failure {
                 of_campaign(error)
             }
             Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
-            Failure::Job(JobError::File(_)) => 1,
-            Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
+            Failure::Job(JobError::File(_) | JobError::Busy { .. }) => 1,
+            Failure::Job(JobError::Evaluation(error) | JobError::Unreadable { error, .. }) => {
+                of_evaluation(error)
+            }
             Failure::Job(_) => 3,
             Failure::Run(_)
             | Failure::Eigenvalues

@@ -42,6 +42,18 @@ impl Instance {
         }
     }
 
+    /// Between which values a parameter may lie: as declared, and the temperature of a circuit where the laws of its
+    /// fluid hold.
+    pub fn range(&self, parameter: usize) -> (f64, f64) {
+        let spec = self.component.spec();
+        let declared = &spec.parameters[parameter];
+        if !(spec.reference && declared.name == "temperature_k") {
+            return (declared.min, declared.max);
+        }
+        let (coldest, hottest) = self.fluid.range_k();
+        (declared.min.max(coldest), declared.max.min(hottest))
+    }
+
     /// Sets a parameter by name.
     ///
     /// # Panics

@@ -1,6 +1,6 @@
 //! What a folder's `manifest.json` says of the files beside it: where results come from, and the SHA-256 of each.
 //!
-//! Who reads a table or a model asks [`check`] first, who writes one tells [`forget`] first. So a file that was damaged or
+//! Who reads a table, a model or the study asks [`check`] first, who writes one tells [`forget`] first. So a file that was damaged or
 //! changed by hand is never taken for the one that was written, and a stage that ends early leaves a file of which
 //! nothing is claimed. Where there is no manifest, nothing is compared.
 
@@ -102,9 +102,9 @@ pub struct FailedVariant {
 }
 
 impl Manifest {
-    /// What was in an output file when it was written, if that is known.
+    /// What was in a file when it was written, if that is known.
     pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
-        self.outputs.iter().find(|known| known.file == file)
+        self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
     }
 
     /// Writes it into its folder; the same manifest gives the same bytes.
@@ -170,6 +170,7 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
     if manifest.hash_of(name).is_none() {
         return Ok(());
     }
+    manifest.inputs.retain(|known| known.file != name);
     manifest.outputs.retain(|known| known.file != name);
     manifest.write(folder)
 }
@@ -181,7 +182,16 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
 pub fn sha256(path: &Path) -> Result<String, FileError> {
     let mut digest = Sha256::new();
     read_through(path, |bytes| digest.update(bytes))?;
-    Ok(digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(in_hexadecimal(digest))
+}
+
+/// The same of a text.
+pub fn sha256_of_text(text: &str) -> String {
+    in_hexadecimal(Sha256::new_with_prefix(text))
+}
+
+fn in_hexadecimal(digest: Sha256) -> String {
+    digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// A file's folder and its name there.
@@ -190,7 +200,9 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// The command that writes the files whose names begin so, `FOLDER` standing for theirs.
-const WRITERS: [(&str, &str); 9] = [
+const WRITERS: [(&str, &str); 11] = [
+    ("study.toml", "campaign STUDY --out FOLDER"),
+    ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
     ("calibration-", "campaign STUDY --setting fitted --out FOLDER"),
     ("hierarchy-", "train FOLDER"),
@@ -202,13 +214,17 @@ const WRITERS: [(&str, &str); 9] = [
     ("evaluation.json", "evaluate FOLDER"),
 ];
 
+/// A file to which its command adds: it writes over none that is not what was written.
+const ADDED_TO: &str = "flights.json";
+
 /// What is to be done about a file that is not what was written.
 fn remedy(folder: &Path, name: &str) -> String {
     let writer = WRITERS.iter().find(|(beginning, _)| name.starts_with(beginning));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let first = if name == ADDED_TO { "move it away or delete it, and " } else { "" };
     let again = writer.map_or(String::new(), |(_, command)| {
         let command = command.replace("FOLDER", &folder.display().to_string());
-        format!("'servotwin {command}' makes it anew; ")
+        format!("{first}'servotwin {command}' makes it anew; ")
     });
     let manifest = folder.join(NAME);
     format!(
@@ -227,7 +243,8 @@ mod tests {
     #[test]
     fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
         let folder = Folder::new("out");
-        let mut files = vec![folder.flights(), folder.missing_sensors(), folder.results()];
+        let mut files = vec![folder.study(), folder.system()];
+        files.extend([folder.flights(), folder.missing_sensors(), folder.results()]);
         for setting in Setting::ALL {
             files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
             files.extend([folder.diagnoser(setting), folder.band(setting)]);

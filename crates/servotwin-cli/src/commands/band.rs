@@ -8,9 +8,8 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::score::Rate;
-use servotwin::files::create_folder;
 use servotwin::flight::band::{self, BandMerit};
-use servotwin::job::{Folder, JobError};
+use servotwin::job::{Among, Folder, JobError};
 use servotwin::study::{Setting, Study};
 use std::path::PathBuf;
 
@@ -66,15 +65,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         ));
     }
     stop::listen();
+    let folder = options.out.as_ref().map(Folder::new);
+    let _hold = folder.as_ref().map(|folder| folder.hold(Among::Nobody)).transpose()?;
     let merit = band::measure(&study, &flights, setting, options.share, workers(options.threads));
     stop::check()?;
     let merit = merit?;
     if let Some(path) = &options.plot {
         merit.picture(study.system.network()).draw().save(path)?;
     }
-    if let Some(path) = &options.out {
-        let folder = Folder::new(path);
-        create_folder(path).map_err(JobError::from)?;
+    if let Some(folder) = &folder {
         model_file::write(folder.band(setting), &merit).map_err(JobError::from)?;
     }
     Ok(match global {

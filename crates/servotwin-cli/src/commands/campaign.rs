@@ -42,14 +42,14 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.setting.as_deref())?;
     let folder = Folder::new(&options.study.out);
-    match options.shards {
+    let _hold = match options.shards {
         Some(_) => folder.join_study(&study)?,
         None => folder.keep_study(&study)?,
-    }
+    };
     let mut text = String::new();
     let mut results = Vec::new();
     let mut bundles = 0;

@@ -1,6 +1,7 @@
 //! `servotwin check`: whether a system or a study file is right.
 
 use super::features::read_traces_study;
+use super::warn;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::json;
@@ -14,6 +15,8 @@ use servotwin::system::{System, SystemError};
 use std::path::PathBuf;
 
 /// Check a system or a study file and show its mistakes at their places.
+///
+/// Of a study also what is no mistake, but hardly meant: a fault that changes nothing.
 ///
 /// What a file is shows in its content: a study names its system. The first 20 mistakes are shown,
 /// with --json all of them. A built-in name may stand for a system and a study: both are checked, and
@@ -34,6 +37,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         }
         Kind::Study => {
             let study = Study::read(&options.file).map_err(|error| told(error, global))?;
+            warn(global, &study.warnings_in_words());
             Ok(of_study(options, &study))
         }
         Kind::Traces => of_traces(options),
@@ -140,9 +144,17 @@ fn of_study(options: &Options, study: &Study) -> Checked {
             "file": options.file, "kind": "study", "valid": true, "mistakes": [],
             "name": study.name, "system": study.system.name, "units": study.units,
             "cases": cases, "faults": faults, "sensors": study.measured.len(),
-            "settings": settings,
+            "settings": settings, "warnings": warnings(study),
         }),
     }
+}
+
+fn warnings(study: &Study) -> Value {
+    let warnings = study.warnings().into_iter().map(|located| {
+        let (line, column, message) = (located.line, located.column, located.mistake.to_string());
+        json!({ "line": line, "column": column, "message": message })
+    });
+    warnings.collect()
 }
 
 /// A study of traces names no system: its columns are those of a table.

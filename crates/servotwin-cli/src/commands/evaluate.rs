@@ -66,7 +66,7 @@ pub const MODEL_OF_FOLDER: &str = "--model is for tables, not for folders";
 fn folder(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.input);
-    let study = folder.read_study()?;
+    let (study, _hold) = folder.open()?;
     let results = measure(job::evaluate_all, &folder, &study, options.judging.threads, global)?;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),

@@ -99,7 +99,7 @@ pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
 }
 
 fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
-    let study = folder.read_study()?;
+    let (study, _hold) = folder.open()?;
     let mut list = vec![];
     for setting in Setting::ALL {
         for role in study.roles() {

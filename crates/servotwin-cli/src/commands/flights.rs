@@ -38,7 +38,7 @@ pub struct Options {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     let sizes = if options.full { study.full_flights()? } else { study.flights()? };
     let Some(sizes) = sizes else { return Err(no_flights(&study)?) };
     let named =
@@ -49,7 +49,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     stop::heed();
     let folder = Folder::new(&options.study.out);
-    folder.keep_study(&study)?;
+    let _hold = folder.keep_study(&study)?;
     let threads = options.study.threads;
     let words = Vocabulary::of(&study);
     if options.missing_sensors {

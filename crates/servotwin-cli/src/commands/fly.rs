@@ -113,7 +113,7 @@ fn title(faults: &[Begins]) -> String {
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     stop::heed();
     let folder = Folder::new(&options.study.out);
     let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
@@ -175,9 +175,9 @@ fn diagnoser(
             "the study has no [flights] to learn from: docs/study-format.md says what stands there",
         ));
     };
-    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
     let crew = Crew { workers: workers(threads), progress: &|_, _| () };
-    folder.keep_study(study)?;
+    let _hold = folder.keep_study(study)?;
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
     let learned = flights::learn(folder, study, &plan, setting, &crew);
     stop::check()?;
     Ok(Arc::new(learned?.0))

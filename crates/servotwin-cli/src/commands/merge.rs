@@ -23,7 +23,7 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
-    let study = folder.read_study()?;
+    let (study, _hold) = folder.open()?;
     stop::heed();
     let mut text = String::new();
     let mut merged = vec![];

@@ -76,12 +76,14 @@ pub struct StudyOptions {
 }
 
 impl StudyOptions {
-    /// Reads the study.
-    fn read(&self) -> Result<Study, Failure> {
-        match &self.study {
-            Some(path) => Ok(Study::read(path)?),
-            None => Ok(Study::default()),
-        }
+    /// Reads the study; what is hardly meant in it is told before it runs.
+    fn read(&self, global: Global) -> Result<Study, Failure> {
+        let study = match &self.study {
+            Some(path) => Study::read(path)?,
+            None => Study::default(),
+        };
+        warn(global, &study.warnings_in_words());
+        Ok(study)
     }
 }
 

@@ -67,7 +67,8 @@ fn folder(options: &Options) -> Result<PathBuf, Failure> {
         ));
     }
     let folder = Folder::new(&options.input);
-    report::write(&folder, &folder.read_study()?)?;
+    let (study, _hold) = folder.open()?;
+    report::write(&folder, &study)?;
     Ok(folder.report())
 }
 

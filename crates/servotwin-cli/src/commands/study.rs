@@ -33,7 +33,7 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
-    let study = options.study.read()?;
+    let study = options.study.read(global)?;
     stop::heed();
     // What cannot be flown is told now, not after the campaigns.
     let flights = study.flights()?;
@@ -42,7 +42,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let wanted = |setting: Setting| setting.is_usual() || options.fitted;
     let folder = Folder::new(&options.study.out);
-    folder.keep_study(&study)?;
+    let _hold = folder.keep_study(&study)?;
+    let flown = job::flights::results(&folder)?;
     let notes = Notes::new(global);
     for (role, settings) in runs(&study, wanted) {
         let begin = Instant::now();
@@ -52,7 +53,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         notes.write(describe(&campaign, &outcome, seconds).trim_end());
     }
     stop::check()?;
-    let flown = job::flights::results(&folder).ok().flatten();
     if flown.is_some_and(|results| results.is_full_of(&study)) {
         notes.write("kept what was measured in the full flights (without flights.json the small ones are flown)");
     } else if let Some(flights) = &flights {

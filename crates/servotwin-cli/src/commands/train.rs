@@ -103,7 +103,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 fn folder(folder: &Folder, global: Global) -> Result<String, Failure> {
     stop::heed();
-    let study = folder.read_study()?;
+    let (study, _hold) = folder.open()?;
     let (mut text, mut results) = (String::new(), vec![]);
     for (subject, trained) in job::train_all(folder, &study, workers(None))? {
         let path = folder.panel(subject);

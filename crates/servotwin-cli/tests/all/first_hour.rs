@@ -114,6 +114,50 @@ fn studies_are_checked_with_their_places() {
 }
 
 #[test]
+fn a_fault_that_changes_nothing_is_told_with_its_place() {
+    let folder = Folder::new("inert");
+    let (system, study) = (folder.file("system.toml"), folder.file("study.toml"));
+    let text = include_str!("../../../../systems/spring_actuator.toml");
+    let cylinder = "kind = \"cylinder\"\n";
+    assert!(text.contains(cylinder));
+    let smooth = text.replace(cylinder, &format!("{cylinder}coulomb_friction_n = 0\n"));
+    std::fs::write(&system, smooth).unwrap();
+    let class = "[[classes]]\ndetail = \"friction\"\ncommand = \"warning\"\nfaults = [\n\
+                 \"cylinder.friction\",\n\"cylinder.viscous_friction\"]\n\n[[classes]]";
+    let text = include_str!("../../../../studies/spring_actuator.toml")
+        .replace("system = \"spring_actuator\"", "system = \"system.toml\"")
+        .replacen("[[classes]]", class, 1);
+    std::fs::write(&study, &text).unwrap();
+    let line = 1 + text.lines().position(|line| line == "\"cylinder.friction\",").unwrap();
+    let says = "the fault 'cylinder.friction' changes nothing: 'coulomb_friction_n' of 'cylinder' stays 0 N at \
+                every intensity";
+    let output = servotwin(&["check", &study, "--json"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(stderr(&output), format!("warning: {study}:{line}:1: {says}\n"));
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        told["warnings"],
+        serde_json::json!([{ "line": line, "column": 1, "message": says }])
+    );
+    assert!(stderr(&servotwin(&["check", &study, "--quiet"])).is_empty());
+    // Where it runs, it is told as well; this one cannot go on, because its folder is a file.
+    let begun = servotwin(&["study", &study, "--out", &study]);
+    assert!(stderr(&begun).starts_with("warning: ") && stderr(&begun).contains(says));
+    // In specimens whose friction is not exactly zero the fault acts.
+    let tolerance = "[\"cylinder.coulomb_friction_n\"], sigma = ";
+    let absolute =
+        text.replace(&format!("{tolerance}0.1"), &format!("{tolerance}1, absolute = true"));
+    assert_ne!(text, absolute);
+    std::fs::write(&study, absolute).unwrap();
+    let output = servotwin(&["check", &study]);
+    assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
+    for study in ["paper", "spring_actuator", "press_axis"] {
+        let output = servotwin(&["check", study]);
+        assert!(stderr(&output).is_empty(), "{study}: {}", stderr(&output));
+    }
+}
+
+#[test]
 fn the_first_twenty_mistakes_are_shown() {
     let folder = Folder::new("many");
     let wrong = folder.file("wrong.toml");

@@ -124,6 +124,39 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
 }
 
 #[test]
+fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
+    let folder = Folder::new("unreadable");
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    std::fs::write(&study, tiny()).unwrap();
+    let run =
+        |command: &str| servotwin(&[command, &study, "--out", &out, "--quiet", "--threads", "1"]);
+    let noise = ["--quiet", "--setting", "noise"];
+    let flown = servotwin(&[&["flights", &study, "--out", &out], &noise[..]].concat());
+    assert!(flown.status.success(), "{}", stderr(&flown));
+    let file = Path::new(&out).join("flights.json");
+    let good = std::fs::read(&file).unwrap();
+    let broken = [&good[..good.len() / 2], b"{}", b"\xff", b""];
+    let refused = |command: &str, bytes: &[u8]| {
+        std::fs::write(&file, bytes).unwrap();
+        let output = run(command);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(3), "{text}");
+        assert!(text.contains("flights.json: "), "{text}");
+        assert!(text.contains("move it away or delete it, and 'servotwin flights"), "{text}");
+        assert_eq!(text.trim_end().lines().count(), 1, "{text}");
+        assert_eq!(std::fs::read(&file).unwrap(), bytes);
+        assert!(!Path::new(&out).join("diagnoser-realistic.json").exists(), "nothing was flown");
+        assert!(!Path::new(&out).join("dataset-ideal.parquet").exists(), "nothing was simulated");
+    };
+    broken.iter().for_each(|bytes| refused("flights", bytes));
+    std::fs::remove_file(Path::new(&out).join("manifest.json")).unwrap();
+    broken.iter().for_each(|bytes| refused("flights", bytes));
+    refused("study", broken[0]);
+    std::fs::remove_file(&file).unwrap();
+    assert!(run("flights").status.success());
+}
+
+#[test]
 fn a_study_keeps_what_was_measured_in_full_flights() {
     let folder = Folder::new("full-flights");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));

@@ -261,7 +261,7 @@ fn broken_and_foreign_data_sets_are_named() {
 /// Flips a bit in the middle of a file, in text that of a digit; what the file was.
 fn flip(path: &Path) -> Vec<u8> {
     let before = std::fs::read(path).unwrap();
-    let is_text = path.extension().is_some_and(|ending| ending == "json");
+    let is_text = path.extension().is_some_and(|ending| ending == "json" || ending == "toml");
     let behind = before.len() / 2..before.len();
     let place = behind.into_iter().find(|&at| !is_text || before[at].is_ascii_digit()).unwrap();
     let mut after = before.clone();
@@ -294,6 +294,9 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
         ("diagnoser-realistic.json", &watch, "flights"),
         ("diagnoser-noise.json", &fly, "flights"),
         ("dataset-noise.parquet", &["train", &out], "features"),
+        ("study.toml", &["train", &out], "campaign"),
+        ("study.toml", &["explain", "0", "--out", &out], "campaign"),
+        ("system.toml", &["report", &out], "campaign"),
     ] {
         let before = flip(&file(name));
         fails(command, 3, &format!("{name}: damaged, or changed since: its SHA-256"));
@@ -307,6 +310,24 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     run(&["features", &out]);
     assert!(std::fs::read(file("dataset-ideal.parquet")).unwrap() == good);
     run(&["evaluate", &out]);
+    // Of a text too, and the results stay: they are still of the study that is given.
+    let (good, results) =
+        (flip(&file("study.toml")), std::fs::read(file("evaluation.json")).unwrap());
+    run(&["flights", &study, "--out", &out, "--setting", "noise"]);
+    assert!(std::fs::read(file("study.toml")).unwrap() == good);
+    assert!(std::fs::read(file("evaluation.json")).unwrap() == results);
+    // A text that was changed and is given as the study is another study.
+    std::fs::write(file("study.toml"), [&good[..], b"# changed\n"].concat()).unwrap();
+    let changed = file("study.toml").display().to_string();
+    let copy = folder.file("copy");
+    std::fs::create_dir(&copy).unwrap();
+    let copied = |name: &str| Path::new(&copy).join(name);
+    for name in ["study.toml", "system.toml", "manifest.json", "evaluation.json"] {
+        std::fs::copy(file(name), copied(name)).unwrap();
+    }
+    run(&["campaign", &changed, "--out", &copy, "--setting", "ideal"]);
+    assert!(!copied("evaluation.json").exists(), "it came from the text before");
+    std::fs::write(file("study.toml"), good).unwrap();
     // Of a manifest that cannot be read too; without one nothing is compared.
     let manifest = std::fs::read_to_string(file("manifest.json")).unwrap();
     std::fs::write(file("manifest.json"), &manifest[..manifest.len() / 2]).unwrap();
@@ -315,6 +336,37 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let results = std::fs::read_to_string(file("evaluation.json")).unwrap();
     std::fs::write(file("evaluation.json"), results + "\n").unwrap();
     run(&["report", &out]);
+}
+
+#[test]
+fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
+    let folder = Folder::new("held");
+    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
+    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    let lock = Path::new(&out).join(servotwin::job::hold::NAME);
+    let held = std::fs::File::options().write(true).open(&lock).unwrap();
+    held.lock().unwrap();
+    let before = contents(Path::new(&out));
+    let part = ["campaign", &study, "--out", &out, "--setting", "ideal", "--shards", "1/1"];
+    let busy = "out: another servotwin is working in this folder";
+    for command in ["study", "campaign", "flights", "fly", "band"] {
+        fails(&[command, &study, "--out", &out], 1, busy);
+    }
+    for command in ["train", "evaluate", "report", "features", "merge"] {
+        fails(&[command, &out], 1, busy);
+    }
+    fails(&part, 1, busy);
+    assert_same(&before, &contents(Path::new(&out)));
+    // Who only reads need not wait.
+    fails(&["explain", "0", "--out", &out], 3, "panel-ideal.json: no such file");
+    held.unlock().unwrap();
+    held.lock_shared().unwrap();
+    run(&part);
+    fails(&["train", &out], 1, busy);
+    held.unlock().unwrap();
+    run(&["features", &out]);
+    assert_same(&before, &contents(Path::new(&out)));
+    assert!(!before[Path::new("manifest.json")].windows(4).any(|word| word == b"lock"));
 }
 
 #[test]

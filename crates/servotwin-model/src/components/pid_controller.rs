@@ -3,9 +3,12 @@
 //! ```text
 //! e  = w + b − x,   de_f/dt = (e − e_f)/τ_d                                (PI1)
 //! y  = K (e + T_d (e − e_f)/τ_d) + z                                       (PI2)
-//! z' = K_i (K e + clamp(y, y_min, y_max) − y)                              (PI3)
-//! u  = clamp(y, y_min, y_max)                                             (PI4)
+//! z' = K_i (K e + u − y)                                                   (PI3)
+//! u  = clamp(y, y_min, y_max − (1 − s) (y_max − y_min))                    (PI4)
 //! ```
+//!
+//! s is the share of its range that the output stage reaches: a part of the range and not of y_max, so that the limits
+//! keep their order whatever their signs are.
 //!
 //! All signals are pure numbers: put a `gain`, or a sensor's share of its range, before it. The derivative is
 //! filtered with τ_d. The integral does not wind up: beyond a limit it follows the output with the time
@@ -30,6 +33,7 @@ const DERIVATIVE_FILTER: usize = 3;
 const LEAST: usize = 4;
 const LARGEST: usize = 5;
 const OFFSET: usize = 6;
+const REACH: usize = 7;
 
 static SPEC: Spec = Spec {
     kind: "pid_controller",
@@ -42,6 +46,7 @@ static SPEC: Spec = Spec {
         parameter("least", Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
         parameter("largest", Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
         parameter("offset", Unit::None, 0.0, (-1e6, 1e6), "what is wanted more, b"),
+        parameter("reach", Unit::None, 1.0, (0.0, 1.0), "reached share s of the output's range"),
     ],
     faults: &[
         gain_low("gain"),
@@ -50,8 +55,8 @@ static SPEC: Spec = Spec {
         adds("bias_negative", "offset", -0.2, (-1e6, 0.0), Category::Bias, "null shift"),
         scales(
             "output_loss",
-            "largest",
-            0.5,
+            "reach",
+            0.75,
             (0.0, 1.0),
             Category::Calibration,
             "the output stage ends before its largest output",
@@ -107,7 +112,7 @@ impl Equation<4, 3, 7> for PidLaw {
             given[DERIVATIVE_TIME] * per_filter,
             per_filter,
             given[LEAST],
-            given[LARGEST],
+            highest(given),
             given[OFFSET],
         ]
     }
@@ -122,6 +127,13 @@ impl Equation<4, 3, 7> for PidLaw {
         let output = demand.clamp(S::from_base(c[4]), S::from_base(c[5]));
         [output, (proportional + output - demand) * c[1], fast * c[3]]
     }
+}
+
+/// The upper limit of (PI4): to the last bit y_max where all of the range is reached, and never below y_min by rounding.
+fn highest<S: Scalar>(given: &Given<S>) -> S {
+    let (least, largest) = (given[LEAST], given[LARGEST]);
+    let lost = (S::constant(1.0) - given[REACH]) * (largest - least);
+    (largest - lost).max(least)
 }
 
 #[cfg(test)]
@@ -152,7 +164,34 @@ mod tests {
     }
 
     #[test]
+    fn a_loss_of_output_moves_the_upper_limit_to_the_lower_one_and_never_beyond() {
+        let fault = SPEC.faults[SPEC.fault("output_loss").unwrap()];
+        let limits = |least: f64, largest: f64, reach: f64| {
+            let changes = [("least", least), ("largest", largest), ("reach", reach)];
+            let c = constants::<PidLaw, 4, 3, 7>(&PidController, &changes, 0);
+            let output = |demand: f64| PidLaw::evaluate(&c, [0.0, 0.0, demand, 0.0])[0];
+            (output(-1e7), output(1e7))
+        };
+        for (least, largest) in [(-1.0, 1.0), (0.2, 0.9), (-0.9, -0.2), (-1.0, 0.0), (0.0, 1.0)] {
+            let mut before = largest;
+            for intensity in [0.0, 0.1, 0.3, 0.5, 0.7, 1.0] {
+                for full in [fault.full_min, fault.full, fault.full_max] {
+                    let reach = fault.law.apply(1.0, intensity, full);
+                    let (low, high) = limits(least, largest, reach);
+                    assert!(low == least && (least..=largest).contains(&high), "{low} … {high}");
+                }
+                let (_, high) = limits(least, largest, fault.law.apply(1.0, intensity, fault.full));
+                assert!(if intensity == 0.0 { high == largest } else { high < before }, "{high}");
+                before = high;
+            }
+            let (_, nothing) = limits(least, largest, 0.0);
+            assert!(nothing - least < 1e-15, "all of the range is lost: {nothing}");
+        }
+        assert_eq!(limits(-1.0, 1.0, fault.full), (-1.0, 0.5));
+    }
+
+    #[test]
     fn limits_in_the_wrong_order_are_impossible() {
-        assert!(PidController.check(&[1.0, 0.0, 0.0, 0.01, 1.0, 1.0]).is_err());
+        assert!(PidController.check(&[1.0, 0.0, 0.0, 0.01, 1.0, 1.0, 0.0, 1.0]).is_err());
     }
 }

@@ -209,7 +209,7 @@ macro_rules! liquids {
             pub fn range_k(&self) -> (f64, f64) {
                 match self.kind {
                     $(FluidKind::$variant => $module::$liquid::RANGE_K,)*
-                    FluidKind::Own => own::RANGE_K,
+                    FluidKind::Own => self.own.range_k(),
                     FluidKind::Table => self.table.range_k(),
                 }
             }
@@ -244,6 +244,15 @@ liquids! {
 }
 
 impl Fluid {
+    /// Its bulk modulus, Pa, at a temperature for which its numbers may be given, but at which it would be too soft
+    /// ([`own::LEAST_BULK_MODULUS_PA`]).
+    pub fn too_soft_pa(&self, temperature_k: f64) -> Option<f64> {
+        let is_within = |(min, max): (f64, f64)| (min..=max).contains(&temperature_k);
+        let is_too_soft = is_within(own::RANGE_K) && !is_within(self.range_k());
+        let is_own = self.kind == FluidKind::Own;
+        (is_own && is_too_soft).then(|| self.own.bulk_modulus_at(temperature_k))
+    }
+
     /// The properties at a temperature.
     pub fn at<S: Scalar>(&self, temperature_k: S) -> FluidState<S> {
         let (density, viscosity, bulk, slope) = self.laws(temperature_k);

@@ -15,8 +15,13 @@ use crate::scalar::{Scalar, lit};
 pub const NAME: &str = "own";
 /// One line for people.
 pub const SUMMARY: &str = "a liquid by its own numbers";
-/// Temperatures for which numbers may be given, K.
+/// Temperatures for which numbers may be given, K; [`OwnLiquid::range_k`] may end before.
 pub const RANGE_K: (f64, f64) = (253.15, 423.15);
+/// The least bulk modulus of a liquid by its own numbers, Pa: no hydraulic fluid is as soft. Equation (L3) is a straight
+/// line that goes through zero where it is hot enough.
+pub const LEAST_BULK_MODULUS_PA: f64 = 2e8;
+/// The temperature of the bulk modulus in data sheets, K.
+const SHEET_K: f64 = 313.15;
 
 /// The numbers of a liquid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +61,7 @@ impl OwnLiquid {
     pub fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S, f64) {
         let since_15 = temperature_k - lit::<S>(288.15);
         let number = |value: f64| S::constant(value);
-        let sheet = [(313.15, self.viscosity_40_m2_s), (373.15, self.viscosity_100_m2_s)];
+        let sheet = [(SHEET_K, self.viscosity_40_m2_s), (373.15, self.viscosity_100_m2_s)];
         let [a, b] = walther_through(sheet);
         (
             (number(1.0) - since_15 * number(self.expansion)) * number(self.density_kg_m3),
@@ -68,7 +73,41 @@ impl OwnLiquid {
 
     /// Equation (L3), Pa.
     pub fn bulk_modulus_at<S: Scalar>(&self, temperature_k: S) -> S {
-        let since_40 = temperature_k - lit::<S>(313.15);
+        let since_40 = temperature_k - lit::<S>(SHEET_K);
         S::constant(self.bulk_modulus_pa) + since_40 * S::constant(self.bulk_modulus_change)
+    }
+
+    /// Temperatures for which its laws hold, K: where the bulk modulus is not below [`LEAST_BULK_MODULUS_PA`].
+    pub fn range_k(&self) -> (f64, f64) {
+        let (coldest, hottest) = RANGE_K;
+        if self.bulk_modulus_change >= 0.0 {
+            return (coldest, hottest);
+        }
+        let spare_pa = self.bulk_modulus_pa - LEAST_BULK_MODULUS_PA;
+        (coldest, hottest.min(SHEET_K - spare_pa / self.bulk_modulus_change))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn soft(bulk_modulus_pa: f64, bulk_modulus_change: f64) -> OwnLiquid {
+        OwnLiquid { bulk_modulus_pa, bulk_modulus_change, ..OwnLiquid::default() }
+    }
+
+    #[test]
+    fn its_temperatures_end_where_it_would_be_too_soft() {
+        for (modulus, change) in [(1.2e9, -2e7), (8e8, -8e6), (LEAST_BULK_MODULUS_PA, -1.0)] {
+            let liquid = soft(modulus, change);
+            let (coldest, hottest) = liquid.range_k();
+            assert!(coldest == RANGE_K.0 && hottest < RANGE_K.1, "{hottest}");
+            let left = liquid.bulk_modulus_at(hottest) / LEAST_BULK_MODULUS_PA;
+            assert!((left - 1.0).abs() < 1e-12, "{left}");
+        }
+        for stiff in [OwnLiquid::default(), soft(LEAST_BULK_MODULUS_PA, 0.0), soft(1e10, -2e7)] {
+            assert_eq!(stiff.range_k(), RANGE_K);
+            assert!(stiff.bulk_modulus_at(RANGE_K.1) >= LEAST_BULK_MODULUS_PA);
+        }
     }
 }

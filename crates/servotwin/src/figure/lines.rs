@@ -5,7 +5,7 @@ use super::Figure;
 use super::axis::{Axis, extent, padded, plain};
 use super::frame::{Frame, TITLE_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
-use super::style::Look;
+use super::style::{Look, look_or_nth};
 use super::svg::{Area, Canvas, Type};
 use super::time_series::runs;
 
@@ -51,10 +51,6 @@ impl Curve {
     /// A curve with marked points.
     pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, intervals: Vec::new(), marked: true, look: None }
-    }
-
-    fn look(&self, index: usize) -> Look {
-        self.look.unwrap_or_else(|| Look::nth(index))
     }
 
     /// Gives each point an interval.
@@ -129,7 +125,7 @@ impl Lines {
         };
         canvas.clipped(wide, |canvas| {
             for (index, curve) in self.curves.iter().enumerate() {
-                draw_curve(canvas, curve, curve.look(index), &frame);
+                draw_curve(canvas, curve, look_or_nth(curve.look, index), &frame);
             }
         });
         frame.draw_outline(&mut canvas);
@@ -155,8 +151,8 @@ impl Lines {
             .map(|(index, curve)| Entry {
                 name: curve.name.clone(),
                 swatch: match curve.marked {
-                    true => Swatch::Marked(curve.look(index)),
-                    false => Swatch::Line(curve.look(index)),
+                    true => Swatch::Marked(look_or_nth(curve.look, index)),
+                    false => Swatch::Line(look_or_nth(curve.look, index)),
                 },
             })
             .collect()

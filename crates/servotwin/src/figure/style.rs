@@ -58,9 +58,14 @@ impl Look {
     }
 }
 
+/// The look that is given, or that of a place.
+pub(super) fn look_or_nth(given: Option<Look>, index: usize) -> Look {
+    given.unwrap_or_else(|| Look::nth(index))
+}
+
 /// The look that is given for a place, or that of the place.
 pub(super) fn look(looks: &[Look], index: usize) -> Look {
-    looks.get(index).copied().unwrap_or_else(|| Look::nth(index))
+    look_or_nth(looks.get(index).copied(), index)
 }
 
 /// The rules of a style sheet that make a drawing's colours readable on a dark ground; texts keep theirs.

@@ -8,7 +8,7 @@ use super::decimate::decimate;
 use super::font;
 use super::frame::{Frame, TICKS_BELOW, TITLE_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
-use super::style::Look;
+use super::style::{Look, look_or_nth};
 use super::svg::{Area, Canvas, Type};
 
 /// A figure of panels above each other.
@@ -80,10 +80,6 @@ impl<'a> Series<'a> {
         self.look = Some(look);
         self
     }
-
-    fn look(&self, index: usize) -> Look {
-        self.look.unwrap_or_else(|| Look::nth(index))
-    }
 }
 
 impl Band<'_> {
@@ -126,7 +122,7 @@ impl<'a> Panel<'a> {
         let series = self.series.iter().enumerate();
         let line = |(index, series): (usize, &Series)| Entry {
             name: series.name.clone(),
-            swatch: Swatch::Line(series.look(index)),
+            swatch: Swatch::Line(look_or_nth(series.look, index)),
         };
         let band =
             self.band.iter().map(|band| Entry { name: band.name.clone(), swatch: Swatch::Band });
@@ -220,7 +216,7 @@ fn draw_panel(canvas: &mut Canvas, panel: &Panel, frame: &Frame) {
             draw_band(canvas, band, frame);
         }
         for (index, series) in panel.series.iter().enumerate() {
-            draw_series(canvas, series, series.look(index), frame);
+            draw_series(canvas, series, look_or_nth(series.look, index), frame);
         }
     });
     frame.draw_outline(canvas);

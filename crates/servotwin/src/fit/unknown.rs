@@ -100,16 +100,15 @@ impl Unknown {
         }
     }
 
-    /// The tolerance, as far as all its parameters stay inside of what is declared for them.
+    /// The tolerance, as far as all its parameters stay inside of what is allowed for them.
     fn declared_range(&self, system: &System) -> (f64, f64) {
         let Moved::Parameters { members, .. } = &self.moved else { return self.range };
         let (mut low, mut high) = self.range;
         for &(component, parameter, nominal) in members {
-            let spec = system.network().components[component].component.spec();
-            let declared = &spec.parameters[parameter];
+            let (min, max) = system.network().components[component].range(parameter);
             let per_sigma = self.per_sigma(nominal);
             if per_sigma != 0.0 {
-                let ends = [declared.min, declared.max].map(|end| (end - nominal) / per_sigma);
+                let ends = [min, max].map(|end| (end - nominal) / per_sigma);
                 low = low.max(ends[0].min(ends[1]));
                 high = high.min(ends[0].max(ends[1]));
             }

@@ -24,6 +24,11 @@ pub enum JobError {
         /// The folder.
         folder: PathBuf,
     },
+    /// Another program works in the folder.
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A folder in which a part of a campaign shall work holds another study.
     OtherStudy {
         /// The folder.
@@ -34,6 +39,13 @@ pub enum JobError {
         /// The file.
         path: PathBuf,
         /// The command that writes it.
+        stage: &'static str,
+    },
+    /// A file that a stage adds to cannot be read. Written over, it would lose what it holds.
+    Unreadable {
+        /// What is wrong, with its path.
+        error: EvaluationError,
+        /// The command that adds to it.
         stage: &'static str,
     },
     /// A data set is not as the study says.
@@ -58,6 +70,11 @@ impl fmt::Display for JobError {
                 "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
                 folder.display()
             ),
+            JobError::Busy { folder } => write!(
+                out,
+                "{}: another servotwin is working in this folder: wait until it has ended, or choose another folder",
+                folder.display()
+            ),
             JobError::OtherStudy { folder } => write!(
                 out,
                 "{}: another study lies here; a part of a campaign removes nothing: choose another folder",
@@ -66,6 +83,10 @@ impl fmt::Display for JobError {
             JobError::Missing { path, stage } => {
                 write!(out, "{}: no such file; 'servotwin {stage}' writes it", path.display())
             }
+            JobError::Unreadable { error, stage } => write!(
+                out,
+                "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
+            ),
             JobError::DataSet { error, .. } if names_its_file(error) => write!(out, "{error}"),
             JobError::DataSet { path, error } => write!(out, "{}: {error}", path.display()),
             JobError::Evaluation(error) => write!(out, "{error}"),

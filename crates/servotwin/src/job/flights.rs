@@ -1,8 +1,9 @@
 //! The stage of flights: a diagnoser for each setting, and what it is worth.
 
 use super::{Folder, JobError, pools};
-use crate::evaluation::model_file;
 use crate::evaluation::parallel::Workers;
+use crate::evaluation::{EvaluationError, model_file};
+use crate::files::FileError;
 use crate::flight::flown::Flown;
 use crate::flight::foreign::{self, ForeignMerit};
 use crate::flight::further;
@@ -147,7 +148,7 @@ pub fn merit(
 /// Learns and judges in flights of some of [`settings`], and writes what was measured.
 ///
 /// # Errors
-/// As [`learn`].
+/// As [`results`], before anything is flown; as [`learn`].
 pub fn fly_all(
     folder: &Folder,
     study: &Study,
@@ -156,6 +157,8 @@ pub fn fly_all(
     is_full: bool,
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
+    // What is written in the end keeps what was measured before; hours later would be too late to say that it cannot.
+    results(folder)?;
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
@@ -219,7 +222,7 @@ fn limit_s(flights: &Flights, setting: Setting) -> f64 {
 /// sizes.
 ///
 /// # Errors
-/// The file cannot be written.
+/// As [`results`]; the file cannot be written.
 pub fn write(
     folder: &Folder,
     flights: &Flights,
@@ -236,8 +239,7 @@ pub fn write(
         merits,
         foreign,
     };
-    // What cannot be read is of another version, and of no use.
-    if let Ok(Some(before)) = results(folder) {
+    if let Some(before) = results(folder)? {
         all.join(before);
     }
     model_file::write(folder.flights(), &all)?;
@@ -247,11 +249,16 @@ pub fn write(
 /// Reads what was measured in flights; `None` if there were none.
 ///
 /// # Errors
-/// The file cannot be read.
+/// [`JobError::Unreadable`]; the file is not what the manifest says.
 pub fn results(folder: &Folder) -> Result<Option<FlightResults>, JobError> {
-    match folder.flights().exists() {
-        true => Ok(Some(model_file::read(folder.flights())?)),
-        false => Ok(None),
+    if !folder.flights().exists() {
+        return Ok(None);
+    }
+    match model_file::read(folder.flights()) {
+        Ok(results) => Ok(Some(results)),
+        // It says by itself what is to be done.
+        Err(error @ EvaluationError::File(FileError::Altered { .. })) => Err(error.into()),
+        Err(error) => Err(JobError::Unreadable { error, stage: "flights" }),
     }
 }
 

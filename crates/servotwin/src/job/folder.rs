@@ -14,7 +14,11 @@
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `manifest.json` | every stage |
+//! | `.servotwin.lock` | every stage, and nothing into it: [`super::hold`] |
+//!
+//! Who writes holds the folder ([`Hold`]); who only reads does not.
 
+use super::hold::{self, Among, Hold};
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::manifest;
@@ -147,41 +151,51 @@ impl Folder {
         files.iter().try_for_each(|file| remove(file))
     }
 
-    /// Makes the folder and writes the texts of the study and its system into it. Results of
+    /// Makes the folder, so that somebody may write into it.
+    ///
+    /// # Errors
+    /// [`JobError::Busy`]; the folder cannot be made.
+    pub fn hold(&self, among: Among) -> Result<Hold, JobError> {
+        create_folder(&self.0)?;
+        hold::take(&self.0, among)
+    }
+
+    /// Holds the folder and writes the texts of the study and its system into it. Results of
     /// another study are removed: they would be taken for this one's.
     ///
     /// # Errors
-    /// The study has no faults; the folder or a file cannot be written.
-    pub fn keep_study(&self, study: &Study) -> Result<(), JobError> {
+    /// The study has no faults; [`JobError::Busy`]; the folder or a file cannot be written.
+    pub fn keep_study(&self, study: &Study) -> Result<Hold, JobError> {
         if study.faults.is_empty() {
             return Err(CampaignError::NoVariants.into());
         }
-        create_folder(&self.0)?;
+        let hold = self.hold(Among::Nobody)?;
         for folder in [self.0.clone(), self.0.join("shards"), self.figures()] {
             files::remove_leftovers(&folder)?;
         }
-        if !self.holds(study) {
+        if !self.is_made_of(study)? {
             self.remove_report()?;
             for file in self.results_there()? {
                 remove(&file)?;
             }
         }
         write_text(&self.study(), &study.text)?;
-        write_text(&self.system(), &study.system.text)
+        write_text(&self.system(), &study.system.text)?;
+        Ok(hold)
     }
 
-    /// As [`Folder::keep_study`], where others may be working in the folder at the same time: nothing is
+    /// As [`Folder::keep_study`], where other parts may be working in the folder at the same time: nothing is
     /// removed.
     ///
     /// # Errors
-    /// The folder holds another study, or a file cannot be written.
-    pub fn join_study(&self, study: &Study) -> Result<(), JobError> {
+    /// The folder holds another study; [`JobError::Busy`]; a file cannot be written.
+    pub fn join_study(&self, study: &Study) -> Result<Hold, JobError> {
         if study.faults.is_empty() {
             return Err(CampaignError::NoVariants.into());
         }
-        create_folder(&self.0)?;
+        let hold = self.hold(Among::Parts)?;
         if self.holds(study) {
-            return Ok(());
+            return Ok(hold);
         }
         let other =
             |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|there| there != text);
@@ -189,25 +203,56 @@ impl Folder {
             return Err(JobError::OtherStudy { folder: self.0.clone() });
         }
         write_text(&self.system(), &study.system.text)?;
-        write_text(&self.study(), &study.text)
+        write_text(&self.study(), &study.text)?;
+        Ok(hold)
+    }
+
+    /// Whether the results in the folder come from a study. That is what the manifest says: a text may have been damaged
+    /// or changed since. Where it says nothing, the texts in the folder do.
+    fn is_made_of(&self, study: &Study) -> Result<bool, JobError> {
+        let known = manifest::read(&self.0)?;
+        let is_from = |path: PathBuf, text: &str| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            match known.as_ref().and_then(|known| known.hash_of(&name)) {
+                Some(known) => known.sha256 == manifest::sha256_of_text(text),
+                None => is_text(path, text),
+            }
+        };
+        Ok(is_from(self.study(), &study.text) && is_from(self.system(), &study.system.text))
     }
 
     /// Whether the texts in the folder are those of a study.
     fn holds(&self, study: &Study) -> bool {
-        let same = |path: PathBuf, text: &str| files::read_text(path).is_ok_and(|own| own == text);
-        same(self.study(), &study.text) && same(self.system(), &study.system.text)
+        is_text(self.study(), &study.text) && is_text(self.system(), &study.system.text)
     }
 
-    /// Reads the study back.
+    /// Holds the folder and reads the study back.
     ///
     /// # Errors
-    /// It is missing or has mistakes.
+    /// [`JobError::Busy`]; as [`Folder::read_study`].
+    pub fn open(&self) -> Result<(Study, Hold), JobError> {
+        self.has_study()?;
+        let hold = self.hold(Among::Nobody)?;
+        Ok((self.read_study()?, hold))
+    }
+
+    /// Reads the study back, for who writes nothing.
+    ///
+    /// # Errors
+    /// It is missing, is not what the manifest says, or has mistakes.
     pub fn read_study(&self) -> Result<Study, JobError> {
-        if !self.study().exists() {
-            return Err(JobError::NoDataSet { folder: self.0.clone() });
-        }
+        self.has_study()?;
+        manifest::check(&self.study())?;
+        manifest::check(&self.system())?;
         let text = files::read_text(self.study())?;
         Ok(Study::parse_with_system(&text, &self.study(), &self.system())?)
+    }
+
+    fn has_study(&self) -> Result<(), JobError> {
+        match self.study().exists() {
+            true => Ok(()),
+            false => Err(JobError::NoDataSet { folder: self.0.clone() }),
+        }
     }
 }
 
@@ -215,6 +260,15 @@ fn remove(file: &Path) -> Result<(), JobError> {
     Ok(std::fs::remove_file(file).map_err(|cause| FileError::from_io(file, cause))?)
 }
 
+fn is_text(path: impl AsRef<Path>, text: &str) -> bool {
+    files::read_text(path).is_ok_and(|there| there == text)
+}
+
+/// Writes a text, unless it is there already: then the manifest goes on to vouch for it.
 fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
+    if is_text(path, text) && manifest::check(path).is_ok() {
+        return Ok(());
+    }
+    manifest::forget(path)?;
     Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
 }

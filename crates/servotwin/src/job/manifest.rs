@@ -26,7 +26,7 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         format: FORMAT.into(),
         version: env!("CARGO_PKG_VERSION").into(),
         study: study.name.clone(),
-        inputs: hashes(folder, None, &[folder.study(), folder.system()])?,
+        inputs: hashes(folder, known.as_ref(), &[folder.study(), folder.system()])?,
         specimen_seed: study.realism.as_ref().map(|realism| realism.seed),
         split_seed: Subject::Ideal.settings(study).holding.seed,
         solver: in_words(&solver::Settings::campaign()),

@@ -8,6 +8,7 @@ mod error;
 pub mod explain;
 pub mod flights;
 pub mod folder;
+pub mod hold;
 pub mod manifest;
 pub mod report;
 pub mod results;
@@ -17,6 +18,7 @@ mod tests;
 
 pub use error::JobError;
 pub use folder::Folder;
+pub use hold::{Among, Hold};
 pub use results::Results;
 pub use subject::Subject;
 

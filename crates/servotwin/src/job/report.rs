@@ -20,7 +20,8 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let hierarchies: Vec<(Subject, Hierarchy)> = subjects
         .map(|subject| Ok((subject, hierarchy(folder, subject)?)))
         .collect::<Result<_, JobError>>()?;
-    // An older report is no source of the new one, and nothing is claimed of it any more.
+    // An older report is no source of the new one, and nothing is claimed of it any more: the manifest that is written in
+    // the end keeps what the one in the folder knows, and would keep the older report's hashes.
     folder.remove_report()?;
     let manifest = manifest::write(folder, study)?;
     let flights = flights::results(folder)?;

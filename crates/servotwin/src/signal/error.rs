@@ -7,6 +7,7 @@ use crate::shown::Shown;
 use crate::table::TableError;
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
+use std::borrow::Cow;
 use std::fmt;
 
 /// What is wrong with a signal.
@@ -102,7 +103,7 @@ pub enum SignalError {
         /// The kind.
         kind: &'static str,
         /// What does not fit.
-        reason: &'static str,
+        reason: Cow<'static, str>,
     },
     /// A run's duration that is not positive and finite.
     Duration {

@@ -37,6 +37,8 @@ const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;
 
 /// The samples in the window, over which the factor of (SN3) is sought again and again.
 const MOST_IN_WINDOW: f64 = 1e6;
+/// How often that is at most.
+const MOST_ROUNDS: usize = 60;
 
 static SPEC: Spec = Spec {
     kind: "noise",
@@ -164,7 +166,7 @@ impl Shape {
     fn factor(&self, filtered: &[f64], rms: f64, window_s: f64) -> Result<f64, CurveError> {
         let mut factor = rms;
         // The limit takes at most a third: each turn divides the error by two or more.
-        for _ in 0..60 {
+        for _ in 0..MOST_ROUNDS {
             let curve = self.curve(filtered, factor)?;
             let ratio = rms / curve.mean_square(0.0, window_s).sqrt();
             factor *= ratio;
@@ -202,10 +204,11 @@ impl Kind for Noise {
         }
         given.few_points(window_s.max(given.duration_s) * sampling_hz)?;
         if window_s * sampling_hz > MOST_IN_WINDOW {
-            return Err(given.impossible(
-                "'window' must hold at most 1000000 samples (10000 s at 100 Hz): it is gone through up to 60 \
-                 times; it may be shorter than the run",
-            ));
+            return Err(given.impossible(format!(
+                "'window' must hold at most {MOST_IN_WINDOW} samples ({} s at {sampling_hz} Hz): it is gone through \
+                 up to {MOST_ROUNDS} times; it may be shorter than the run",
+                MOST_IN_WINDOW / sampling_hz
+            )));
         }
         let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
         let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;

@@ -7,6 +7,7 @@ use super::units::Measure;
 use super::{Argument, Quantity};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
+use std::borrow::Cow;
 use std::fmt;
 
 /// What a parameter is.
@@ -241,14 +242,15 @@ impl<'a> Given<'a> {
         if count <= MOST_POINTS {
             return Ok(());
         }
-        Err(self.impossible(
-            "that is more than 10 million points: a shorter run or window, or a lower frequency",
-        ))
+        Err(self.impossible(format!(
+            "that is more than {} million points: a shorter run or window, or a lower frequency",
+            MOST_POINTS / 1e6
+        )))
     }
 
     /// The error for arguments that do not go together.
-    pub(super) fn impossible(&self, reason: &'static str) -> SignalError {
-        SignalError::Impossible { kind: self.spec.kind, reason }
+    pub(super) fn impossible(&self, reason: impl Into<Cow<'static, str>>) -> SignalError {
+        SignalError::Impossible { kind: self.spec.kind, reason: reason.into() }
     }
 }
 

@@ -5,6 +5,7 @@ use super::mistake::Mistake;
 use super::reader::{Noted, Reader};
 use crate::document::Span;
 use servotwin_model::program::FaultAt;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// A row of Table 1.
@@ -64,14 +65,17 @@ impl Reader<'_> {
     /// Where a key of one of the classes stands.
     fn place_in_class(&self, place: usize, key: &str) -> Span {
         let (root, _) = DeTable::parse_recoverable(self.source);
-        let own = root.get_ref().get("classes").and_then(|list| match list.get_ref() {
-            DeValue::Array(list) => match list.get(place)?.get_ref() {
-                DeValue::Table(class) => class.get(key).map(|value| value.span()),
-                _ => None,
-            },
-            _ => None,
-        });
-        own.unwrap_or(0..0)
+        of_class(root.get_ref(), place, key).map_or(0..0, Spanned::span)
+    }
+
+    /// Where a class names a fault.
+    pub(super) fn place_of_fault(&self, FaultCase { class, kind, .. }: &FaultCase) -> Span {
+        let (root, _) = DeTable::parse_recoverable(self.source);
+        let names =
+            of_class(root.get_ref(), *class, "faults").and_then(|list| list.get_ref().as_array());
+        let mut names = names.into_iter().flat_map(|names| names.iter());
+        let own = names.find(|name| name.get_ref().as_str() == Some(kind));
+        own.map_or(0..0, Spanned::span)
     }
 
     pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, Noted> {
@@ -105,6 +109,16 @@ impl Reader<'_> {
             self.unknown("classes", "fault in the system", id, all.iter().map(String::as_str))
         })
     }
+}
+
+/// What one of the classes says under a key.
+fn of_class<'r, 'a>(
+    root: &'r DeTable<'a>,
+    place: usize,
+    key: &str,
+) -> Option<&'r Spanned<DeValue<'a>>> {
+    let class = root.get("classes")?.get_ref().as_array()?.get(place)?;
+    class.get_ref().as_table()?.get(key)
 }
 
 /// A unit without a name stands for the whole system.

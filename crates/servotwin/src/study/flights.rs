@@ -23,7 +23,6 @@
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
 use super::training::filled;
-use crate::document::Quantities;
 use crate::signal::bus::as_sent;
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
@@ -174,6 +173,11 @@ impl Text {
         self.least_on
     }
 
+    /// The parameters of every unit that differ from environment to environment.
+    pub(super) fn varied_parameters(&self) -> impl Iterator<Item = &String> {
+        self.unit_parameters.keys()
+    }
+
     /// The same section with its full sizes.
     pub(super) fn full(&self) -> Option<Text> {
         let Full { learn, judge } = self.full?;
@@ -236,12 +240,9 @@ impl Text {
             for unit in units() {
                 let section = "flights.unit_parameters";
                 let (component, place) = super::realism::find(reader, section, unit, name)?;
-                let instance = &reader.system.network().components[component];
-                let declared = &instance.component.spec().parameters[place];
-                let fits = range.iter().all(|v| (declared.min..=declared.max).contains(v));
-                let unit = declared.unit.symbol();
-                let allowed = Quantities(declared.min, declared.max, unit).to_string();
-                reader.range(&format!("{section}.{name}"), range[0], fits, allowed)?;
+                for value in range {
+                    reader.parameter(&format!("{section}.{name}"), (component, place), *value)?;
+                }
             }
         }
         Ok(())

@@ -17,6 +17,7 @@ pub mod reactions;
 mod reader;
 mod realism;
 mod training;
+mod warning;
 
 pub use calibration::Calibration;
 pub use evaluating::Evaluating;
@@ -27,6 +28,7 @@ pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
 pub use realism::{Lot, Plants, Realism, Role, Setting, Tolerance};
 pub use training::Training;
+pub use warning::Warning;
 
 use crate::built_in;
 use crate::document::{self, Collector, Entry, Located, Span, entries, write_mistakes};

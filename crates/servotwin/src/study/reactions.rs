@@ -11,7 +11,6 @@
 
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
-use crate::document::Quantities;
 use serde::Deserialize;
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
@@ -77,6 +76,13 @@ impl Reactions {
         found.and_then(|(_, units)| units.get(unit)).cloned().unwrap_or_default()
     }
 
+    /// Whether any of them gives a parameter (component, parameter) another value.
+    pub(super) fn change(&self, at: (usize, usize)) -> bool {
+        let all = self.list.iter().flat_map(|(_, units)| units);
+        let mut changed = all.flat_map(|reaction| &reaction.parameters);
+        changed.any(|&(component, parameter, _)| (component, parameter) == at)
+    }
+
     /// Whether a command switches its unit off.
     pub fn switches_off(&self, command: &str) -> bool {
         self.of(0, command, None).switches_off
@@ -99,12 +105,7 @@ impl Text {
         for (unit, of, parameter, &value) in own.chain(common) {
             let section = format!("{section}.{of}");
             let (component, place) = super::realism::find(reader, &section, unit, parameter)?;
-            let instance = &reader.system.network().components[component];
-            let declared = &instance.component.spec().parameters[place];
-            let fits = (declared.min..=declared.max).contains(&value);
-            let unit = declared.unit.symbol();
-            let allowed = Quantities(declared.min, declared.max, unit).to_string();
-            reader.range(&format!("{section}.{parameter}"), value, fits, allowed)?;
+            reader.parameter(&format!("{section}.{parameter}"), (component, place), value)?;
             reaction.parameters.push((component, place, value));
         }
         let (_, sensors) = reader.sensors()?;

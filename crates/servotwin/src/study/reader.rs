@@ -77,6 +77,17 @@ impl<'a> Reader<'a> {
         Err(self.note(&self.place(field, ""), mistake))
     }
 
+    /// That a component's parameter may have the value of a field.
+    pub fn parameter(
+        &self,
+        field: &str,
+        (component, parameter): (usize, usize),
+        value: f64,
+    ) -> Result<(), Noted> {
+        let allowed = self.system.allows(component, parameter, value);
+        self.range(field, value, allowed.is_ok(), allowed.err().unwrap_or_default())
+    }
+
     /// That something of a section is missing.
     pub fn empty(&self, section: &str, field: &'static str) -> Noted {
         self.note(&self.place(section, ""), Mistake::Empty { field })

@@ -213,7 +213,7 @@ impl Realism {
     }
 
     /// The parameters of one specimen: (component, parameter, value), inside
-    /// the ranges that the components declare.
+    /// the ranges that are allowed for them.
     pub fn specimen(&self, study: &Study, lot: Lot, variant: usize) -> Vec<(usize, usize, f64)> {
         let mut random = Random::new(mix(self.seed, variant, 1 + 2 * lot as u64));
         let components = &study.system.network().components;
@@ -223,13 +223,13 @@ impl Realism {
             let deviation = random.normal().clamp(-3.0, 3.0) * tolerance.sigma;
             for &(component, parameter) in &tolerance.parameters {
                 let instance = &components[component];
-                let declared = &instance.component.spec().parameters[parameter];
+                let (min, max) = instance.range(parameter);
                 let nominal = instance.parameters[parameter];
                 let value = match tolerance.absolute {
                     true => nominal + deviation,
                     false => nominal * (1.0 + deviation),
                 };
-                values.push((component, parameter, value.clamp(declared.min, declared.max)));
+                values.push((component, parameter, value.clamp(min, max)));
             }
         }
         values

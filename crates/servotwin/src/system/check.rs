@@ -59,9 +59,12 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         };
         let (min, max) = fluid.range_k();
         if !(min..=max).contains(&kelvin) && once(&mut told, &part.at, 0) {
-            let (id, liquid) = (part.id.clone(), fluid.kind.name());
-            let range_k = (min, max);
-            let mistake = Mistake::FluidTemperature { id, kelvin, liquid, range_k };
+            let (id, range_k) = (part.id.clone(), (min, max));
+            let liquid = fluid.kind.name();
+            let mistake = match fluid.too_soft_pa(kelvin) {
+                Some(pa) => Mistake::FluidTooSoft { id, kelvin, pa, range_k },
+                None => Mistake::FluidTemperature { id, kelvin, liquid, range_k },
+            };
             reader.mistakes.note(&part.at, mistake);
         }
     }

@@ -2,6 +2,7 @@
 
 use super::units::word;
 use crate::document::{self, Explained, Quantity, suggest};
+use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::spec::Unit;
 use std::fmt;
 
@@ -104,6 +105,17 @@ pub enum Mistake {
         /// The liquid.
         liquid: &'static str,
         /// The temperatures that it holds for.
+        range_k: (f64, f64),
+    },
+    /// A liquid by its own numbers would be softer than any, at the temperature of its source.
+    FluidTooSoft {
+        /// The source.
+        id: String,
+        /// Its temperature.
+        kelvin: f64,
+        /// The bulk modulus there.
+        pa: f64,
+        /// The temperatures at which it is stiff enough.
         range_k: (f64, f64),
     },
     /// An end of a connection that names a component but no port.
@@ -310,6 +322,13 @@ impl fmt::Display for Mistake {
                 out,
                 "'{id}' is at {kelvin} K, but the liquid '{liquid}' is only known for {min} … {max} K"
             ),
+            Mistake::FluidTooSoft { id, kelvin, pa, range_k: (min, max) } => {
+                let pa = Quantity(*pa, "Pa");
+                write!(
+                    out,
+                    "'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {pa}: allowed are {min} … {max} K"
+                )
+            }
             Mistake::NoPort { id, .. } => write!(out, "'{id}' is a component: which of its ports?"),
             Mistake::UnknownPort { id, kind, port, .. } => {
                 write!(out, "'{id}' ({kind}) has no port '{port}'")
@@ -418,6 +437,10 @@ impl Explained for Mistake {
             }
             Mistake::WhichFluid { known, .. } => {
                 format!("add: fluid = \"…\"; known: {}", known.join(", "))
+            }
+            Mistake::FluidTooSoft { .. } => {
+                let least = Quantity(LEAST_BULK_MODULUS_PA, "Pa");
+                format!("by its bulk_modulus_pa at 40 °C and bulk_modulus_change; at least {least}")
             }
             Mistake::NoPort { known, .. } => format!("its ports: {}", known.join(", ")),
             Mistake::TwoInputs { .. } | Mistake::InputAndOutput { .. } => {

@@ -188,6 +188,28 @@ impl System {
         names.collect()
     }
 
+    /// Whether a parameter may have a value.
+    ///
+    /// # Errors
+    /// Which values it may have, in words.
+    pub fn allows(&self, component: usize, parameter: usize, value: f64) -> Result<(), String> {
+        let instance = &self.network().components[component];
+        let (min, max) = instance.range(parameter);
+        if (min..=max).contains(&value) {
+            return Ok(());
+        }
+        let unit = instance.component.spec().parameters[parameter].unit;
+        let range = Quantities(min, max, unit.symbol());
+        let soft = instance.fluid.too_soft_pa(value).filter(|_| unit == Unit::Kelvin);
+        Err(match soft {
+            Some(pa) => {
+                let (value, pa) = (Quantity(value, unit.symbol()), Quantity(pa, "Pa"));
+                format!("{range}; at {value} the bulk modulus of its liquid would be {pa}")
+            }
+            None => range.to_string(),
+        })
+    }
+
     /// Whether the system is possible with other values for some parameters: (component, parameter,
     /// value).
     ///
@@ -198,17 +220,11 @@ impl System {
         for &(component, parameter, value) in values {
             let instance = &mut network.components[component];
             let declared = &instance.component.spec().parameters[parameter];
-            let (mut min, mut max) = (declared.min, declared.max);
-            if declared.name == "temperature_k" && instance.component.spec().reference {
-                let (coldest, hottest) = instance.fluid.range_k();
-                (min, max) = (min.max(coldest), max.min(hottest));
-            }
-            if !(min..=max).contains(&value) {
-                let (unit, id) =
-                    (declared.unit.symbol(), format!("{}.{}", instance.id, declared.name));
-                let (value, range) = (Quantity(value, unit), Quantities(min, max, unit));
-                return Err(format!("{id} = {value} is out of range: allowed are {range}"));
-            }
+            self.allows(component, parameter, value).map_err(|allowed| {
+                let (id, name) = (&instance.id, declared.name);
+                let value = Quantity(value, declared.unit.symbol());
+                format!("{id}.{name} = {value} is out of range: allowed are {allowed}")
+            })?;
             instance.parameters[parameter] = value;
         }
         let ids = |component: usize| &self.network().components[component].id;

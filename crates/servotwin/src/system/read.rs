@@ -25,13 +25,16 @@ pub(crate) static FLUID: [Parameter; 10] = [
     parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.67), "of the gas"),
     parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
     parameter("bulk_modulus_slope", Unit::None, 11.0, (0.0, 20.0), "of it, Pa per pascal"),
-    parameter("bulk_modulus_pa", Unit::Pascal, 1.6e9, (2e8, 1e10), "of the liquid at 40 °C"),
+    parameter("bulk_modulus_pa", Unit::Pascal, 1.6e9, MODULUS_PA, "of the liquid at 40 °C"),
     parameter("bulk_modulus_change", Unit::None, -8e6, (-2e7, 0.0), "of it, Pa per kelvin"),
     parameter("density_kg_m3", Unit::KilogramPerCubicMetre, 880.0, (500.0, 2000.0), "at 15 °C"),
     parameter("expansion", Unit::None, 7e-4, (0.0, 5e-3), "of its volume, per kelvin"),
     parameter("viscosity_40_m2_s", Unit::SquareMetrePerSecond, 46e-6, (2e-6, 1e-3), "at 40 °C"),
     parameter("viscosity_100_m2_s", Unit::SquareMetrePerSecond, 6.8e-6, (1e-6, 5e-4), "at 100 °C"),
 ];
+
+/// What a bulk modulus may be, Pa.
+const MODULUS_PA: (f64, f64) = (own::LEAST_BULK_MODULUS_PA, 1e10);
 
 /// How many of them every fluid has.
 const OF_ALL: usize = 3;
@@ -78,7 +81,7 @@ pub(crate) static POINT: [Parameter; 4] = [
     required(
         "bulk_modulus_pa",
         Unit::Pascal,
-        (2e8, 1e10),
+        MODULUS_PA,
         "of the liquid, no more than at the colder point before",
     ),
 ];

@@ -5,11 +5,36 @@
 use crate::golden;
 use servotwin::built_in;
 use servotwin::study::{Study, StudyError};
+use servotwin::system::System;
 
 #[test]
 fn broken_studies_are_told_what_is_wrong() {
     let parse = |text: &str, name: &str| Study::parse(text, name).map(drop);
     golden::assert_mistakes("tests/broken_studies", 8, parse);
+}
+
+#[test]
+fn a_temperature_at_which_a_liquid_would_be_too_soft_is_refused_where_it_is_varied() {
+    let own = "kind = \"own\"\nbulk_modulus_pa = 6e8\nbulk_modulus_change = -1.6e7";
+    let text = built_in::SYSTEMS[0].1.replace("kind = \"phosphate_ester\"", own);
+    let soft = || System::parse(&text, "soft.toml").unwrap();
+    let system = soft();
+    let supply = system.parameter("actuator_1.supply.temperature_k").unwrap();
+    let set = |kelvin| system.possible_with(&[(supply.0, supply.1, kelvin)]);
+    let would_be = "at 345.65 K the bulk modulus of its liquid would be 8e7 Pa";
+    let allowed = "allowed are 253.15 … 338.15 K; ";
+    assert!(set(345.65).unwrap_err().ends_with(&format!("{allowed}{would_be}")));
+    assert!(set(500.0).unwrap_err().ends_with("allowed are 253.15 … 338.15 K"));
+    let study = |hot: &str| {
+        let text = built_in::STUDIES[0].1.replace("[253.15, 343.15]", &format!("[253.15, {hot}]"));
+        Study::parse_for(&text, "hot.toml", soft()).err()
+    };
+    assert!(study("338.15").is_none());
+    let Some(StudyError::Mistakes { mistakes, .. }) = study("345.65") else { panic!() };
+    let told: Vec<String> = mistakes.iter().map(|located| located.mistake.to_string()).collect();
+    let field = "flights.unit_parameters.supply.temperature_k is 345.65, but must be";
+    assert!(told[0].starts_with(field) && told[0].ends_with(would_be), "{told:?}");
+    assert!(mistakes[0].source.contains("supply.temperature_k"), "{}", mistakes[0].source);
 }
 
 /// A damaged file is told, whatever is left of it, and nothing that is told is built from it.

@@ -252,6 +252,8 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
         }
         Effect::Weather(rest, value) => {
             let (component, parameter) = parameter(rest)?;
+            // A liquid that does not bear it is not flown in it.
+            study.system.allows(component, parameter, value).ok()?;
             vec![Change::Weather(component, parameter, value)]
         }
         Effect::Missing(quantity) => {
@@ -310,8 +312,8 @@ fn moved(
         Effect::Swing(_, size) => was + size * (TAU * SWING_HZ * age_s).sin(),
         _ => was,
     };
-    let declared = &instance.component.spec().parameters[parameter];
-    value.clamp(declared.min, declared.max)
+    let (min, max) = instance.range(parameter);
+    value.clamp(min, max)
 }
 
 /// Readings and inputs as they reach the diagnosis.
