@@ -57,6 +57,6 @@ def with_fitted():
 
 
 def contents(folder):
-    """Every file of a folder and what is in it."""
-    files = (path for path in folder.rglob("*") if path.is_file())
+    """Every file of a folder and what is in it; what a storage has no use for, the lock of who works there, is none."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.name != ".servotwin.lock")
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
