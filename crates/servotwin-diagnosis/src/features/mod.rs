@@ -238,6 +238,18 @@ pub enum Teaches {
     Everybody,
 }
 
+impl Teaches {
+    /// Whether a diagnosis of records learns from it.
+    pub fn of_records(self) -> bool {
+        matches!(self, Teaches::Everybody | Teaches::TreesOfRecords)
+    }
+
+    /// Whether a diagnosis of windows that slide does.
+    pub fn of_windows(self) -> bool {
+        matches!(self, Teaches::Everybody | Teaches::Windows)
+    }
+}
+
 /// A family of features.
 pub trait Family: Sync {
     /// The word in a study file.

@@ -3,7 +3,7 @@
 //! The same windows, features and views as a session's, so what was learnt is what will be asked.
 
 use servotwin_diagnosis::Error;
-use servotwin_diagnosis::features::{Feature, Sensors, Teaches, Views, features};
+use servotwin_diagnosis::features::{Feature, Sensors, Views, features};
 use servotwin_diagnosis::hierarchy::{Examples, Label, Names};
 use servotwin_diagnosis::residual::Window;
 
@@ -25,7 +25,7 @@ impl Lessons {
     /// As [`Views::new`].
     pub fn new(sensors: Sensors, actuators: usize) -> Result<Self, Error> {
         let mut features = features(&sensors);
-        features.retain(|feature| matches!(feature.teaches, Teaches::Everybody | Teaches::Windows));
+        features.retain(|feature| feature.teaches.of_windows());
         let names: Vec<&str> = features.iter().map(|feature| feature.name.as_str()).collect();
         let views = if sensors.rotations(actuators).is_some() { actuators } else { 1 };
         let views = Views::new(sensors, &names, views)?;

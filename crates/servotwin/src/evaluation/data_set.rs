@@ -393,9 +393,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NoFeatures`].
     pub fn taught(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| {
-            matches!(feature.teaches, Teaches::Everybody | Teaches::TreesOfRecords)
-        })
+        self.with_features(|feature| feature.teaches.of_records())
     }
 
     /// The same data set with the features only that a diagnosis of windows that slide should learn from.
@@ -403,9 +401,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NoFeatures`].
     pub fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| {
-            matches!(feature.teaches, Teaches::Everybody | Teaches::Windows)
-        })
+        self.with_features(|feature| feature.teaches.of_windows())
     }
 
     /// The same data set, of which a committee reads what it should learn from.
@@ -414,10 +410,7 @@ impl DataSet {
     /// None for a data set that could be read.
     pub fn for_committee(&self) -> Result<Self, EvaluationError> {
         let columns = 0..self.features.len();
-        let is_read = |column: usize| {
-            matches!(self.features[column].teaches, Teaches::Everybody | Teaches::Windows)
-        };
-        let hidden = columns.filter(|&column| !is_read(column));
+        let hidden = columns.filter(|&column| !self.features[column].teaches.of_windows());
         Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
     }
 

@@ -31,7 +31,7 @@ use crate::study::campaign::{Campaign, data_features};
 use crate::study::{Role, Study};
 use crate::table;
 use results::SubjectResult;
-use servotwin_diagnosis::features::{Quantity, Teaches};
+use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
@@ -344,7 +344,7 @@ fn moving<'w>(
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
     let features = data_features(study).into_iter().enumerate();
     let own = features
-        .filter(|(_, known)| !matches!(known.feature.teaches, Teaches::Nobody | Teaches::Windows))
+        .filter(|(_, known)| known.feature.teaches.of_records())
         .filter(|(_, known)| subject.extra_sensor() || !known.extra);
     (!windows.is_empty()).then(|| Moving {
         sensors: study.sensors_in(subject.setting()),
