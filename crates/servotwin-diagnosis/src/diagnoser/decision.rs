@@ -4,17 +4,18 @@
 //! a window length ends, its committee gives each a probability p_h, and for every pair
 //!
 //! ```text
-//! z_hg = clip(ln p_h − ln p_g − a_g, ±c) · w^q
+//! z_hg = clip(ln p_h − ln p_g − a_hg, ±c) · w^q
 //! S_hg ← clamp(S_hg + z_hg, 0, K b_hg)
 //! S_hg ← 0 for every g where S_h0 = 0                           (1)
 //! h may be raised where S_hg ≥ b_hg for every g ≠ h             (2)
 //! ```
 //!
 //! with w the share of the window that is new (windows overlap: the same sample must not convince
-//! twice; but a later window also sees it in other company, hence the exponent q), a_g an allowance, and
+//! twice; but a later window also sees it in other company, hence the exponent q), a_hg an allowance, and
 //! c a clip, so that no single window decides. The allowance is larger against health where specimens have
 //! tolerances: what they show lasts, and without it whatever is a little likelier than health is raised
-//! some day, however high its limit. This is the matrix CuSum
+//! some day, however high its limit. For the same reason it is larger against another actuator where a command
+//! switches off. This is the matrix CuSum
 //! (Nikiforov, "A Simple Recursive Algorithm for Diagnosis of Abrupt Changes in Random Signals", IEEE
 //! Trans. Information Theory 46, 2000; Oskiper, Poor, "Online Activity Detection in a Multiuser
 //! Environment Using the Matrix CUSUM Algorithm", ibid. 48, 2002): evidence must beat the *best other
@@ -114,6 +115,10 @@ pub struct Settings {
     /// What is taken off besides for a command that switches off, in nats.
     #[serde(default)]
     pub off_allowance_nats: f64,
+    /// What is taken off besides of the evidence against another actuator for a command that switches off, in nats: what
+    /// looks a little more like the fault of one than of the other may do so for long, too.
+    #[serde(default)]
+    pub other_allowance_nats: f64,
     /// What a window in which every residual stays in its band counts for health, in nats.
     pub in_band_nats: f64,
     /// How much overlapping windows count: the exponent q of the share that is new. 1 counts every
@@ -151,6 +156,9 @@ pub struct Allowances {
     pub health_nats: f64,
     /// As [`Settings::off_allowance_nats`].
     pub off_nats: f64,
+    /// As [`Settings::other_allowance_nats`].
+    #[serde(default)]
+    pub other_nats: f64,
 }
 
 impl Allowances {
@@ -159,6 +167,7 @@ impl Allowances {
             ("of_pairs_nats", self.of_pairs_nats),
             ("health_nats", self.health_nats),
             ("off_nats", self.off_nats),
+            ("other_nats", self.other_nats),
         ];
         numbers.into_iter().try_for_each(|(name, value)| {
             require((0.0..=1e6).contains(&value), name, value, "0 to 1,000,000")
@@ -188,6 +197,7 @@ impl Settings {
             allowance_nats: 0.5,
             health_allowance_nats: 0.0,
             off_allowance_nats: 0.0,
+            other_allowance_nats: 0.0,
             in_band_nats: 4.0,
             overlap_exponent: 0.5,
             most_alike: most_alike(),
@@ -207,6 +217,7 @@ impl Settings {
             allowance_nats: allowances.of_pairs_nats,
             health_allowance_nats: allowances.health_nats,
             off_allowance_nats: allowances.off_nats,
+            other_allowance_nats: allowances.other_nats,
             ..self.clone()
         }
     }
@@ -231,6 +242,7 @@ impl Settings {
             ("allowance_nats", self.allowance_nats),
             ("health_allowance_nats", self.health_allowance_nats),
             ("off_allowance_nats", self.off_allowance_nats),
+            ("other_allowance_nats", self.other_allowance_nats),
             ("in_band_nats", self.in_band_nats),
             ("overlap_exponent", self.overlap_exponent),
             ("recover_s", self.recover_s),
@@ -288,7 +300,7 @@ impl Hypotheses {
 pub(super) struct Limits {
     hypotheses: Hypotheses,
     of_pairs: Vec<f64>,
-    /// What is taken off the evidence of each hypothesis against health.
+    /// What is taken off the evidence of each hypothesis against each other: `a_hg`, row by row.
     allowances_nats: Vec<f64>,
     /// The limit against health of an error of cost 1.
     pub of_change: f64,
@@ -312,17 +324,15 @@ impl Limits {
         };
         let of_pairs = (0..count * count).map(|place| limit(place / count, place % count));
         let of_change = of_change.max(LEAST_LIMIT);
-        let allowance = |claim: usize| match hypotheses.split(claim) {
-            None => 0.0,
-            Some((_, command)) if is_off[command] => {
-                settings.health_allowance_nats + settings.off_allowance_nats
-            }
-            Some(_) => settings.health_allowance_nats,
+        let allowance = |claim: usize, other: usize| {
+            settings.allowance_nats + besides(settings, hypotheses, is_off, (claim, other))
         };
         Limits {
             hypotheses,
             of_pairs: of_pairs.collect(),
-            allowances_nats: (0..count).map(allowance).collect(),
+            allowances_nats: (0..count * count)
+                .map(|place| allowance(place / count, place % count))
+                .collect(),
             of_change,
         }
     }
@@ -330,6 +340,30 @@ impl Limits {
     fn row(&self, claim: usize) -> &[f64] {
         let count = self.hypotheses.count();
         &self.of_pairs[claim * count..(claim + 1) * count]
+    }
+
+    fn allowances(&self, claim: usize) -> &[f64] {
+        let count = self.hypotheses.count();
+        &self.allowances_nats[claim * count..(claim + 1) * count]
+    }
+}
+
+/// What is taken off the evidence of a claim against another one, beside what is taken off that of every pair.
+fn besides(
+    settings: &Settings,
+    hypotheses: Hypotheses,
+    is_off: &[bool],
+    (claim, other): (usize, usize),
+) -> f64 {
+    let Some((own, command)) = hypotheses.split(claim) else { return 0.0 };
+    let (of_off, of_other) = match is_off[command] {
+        true => (settings.off_allowance_nats, settings.other_allowance_nats),
+        false => (0.0, 0.0),
+    };
+    match hypotheses.split(other) {
+        None => settings.health_allowance_nats + of_off,
+        Some((actuator, _)) if actuator != own => of_other,
+        Some(_) => 0.0,
     }
 }
 
@@ -403,12 +437,12 @@ impl Evidence {
             }
             Said::Probabilities(p, _) => libm::log(p[hypothesis].max(LEAST_PROBABILITY)),
         };
-        let weigh = |nats: f64| (nats - settings.allowance_nats).clamp(-clip, clip) * weight;
+        let weigh = |nats: f64| nats.clamp(-clip, clip) * weight;
         for claim in 0..count {
-            let (own, row) = (log(claim), limits.row(claim));
+            let (own, row) = (log(claim), limits.row(claim).iter().zip(limits.allowances(claim)));
             let statistics = &mut self.of_pairs[claim * count..(claim + 1) * count];
-            for (other, (statistic, limit)) in statistics.iter_mut().zip(row).enumerate() {
-                let allowed = if other == 0 { limits.allowances_nats[claim] } else { 0.0 };
+            for (other, (statistic, (limit, allowed))) in statistics.iter_mut().zip(row).enumerate()
+            {
                 *statistic = add(*statistic, weigh(own - log(other) - allowed), *limit);
             }
             if claim > 0 && statistics[0] == 0.0 {
@@ -422,6 +456,7 @@ impl Evidence {
                 (log_odds(1.0 - p[0]) - allowed, novelty.nats())
             }
         };
+        let weigh = |nats: f64| weigh(nats - settings.allowance_nats);
         self.change = add(self.change, weigh(change), limits.of_change);
         self.unknown = add(self.unknown, weigh(unknown), limits.of_change);
     }
@@ -615,6 +650,28 @@ mod tests {
             evidence.take(Said::Probabilities(&said, KNOWN), 0.2, &settings, &limits);
         }
         assert!(evidence.of_pairs[2 * hypotheses.count()] > 0.0);
+    }
+
+    /// A hundred windows, each of which says that it is actuator 1 rather than 0 by some 1.4 nats.
+    #[test]
+    fn what_is_hardly_told_from_another_actuator_never_switches_off() {
+        let (usual, hypotheses, _) = setup();
+        let most = |other_allowance_nats: f64, claim: usize| {
+            let settings = Settings { other_allowance_nats, ..usual.clone() };
+            let limits = Limits::new(&settings, hypotheses, &IS_OFF, 0.5);
+            let mut evidence = Evidence::new(hypotheses);
+            let mut said = vec![1e-6; 7];
+            let rival = hypotheses.place(0, hypotheses.split(claim).unwrap().1);
+            (said[claim], said[rival]) = (0.8, 0.2);
+            let margins = (0..100).map(|_| {
+                evidence.take(Said::Probabilities(&said, KNOWN), 1.0, &settings, &limits);
+                evidence.margin(claim, &limits)
+            });
+            margins.fold(0.0, f64::max)
+        };
+        let (off, other) = (hypotheses.place(1, 0), hypotheses.place(1, 1));
+        assert!(most(0.0, off) >= 1.0 && most(1.5, off) == 0.0);
+        assert!(most(1.5, other) >= 1.0, "what does not switch off is raised as before");
     }
 
     #[test]
