@@ -8,6 +8,9 @@
 //! One text serves every width. Compiled with `-DWIDTH=8` a register holds eight lanes (AVX-512), with 4 four
 //! (AVX2), with 1 one; `-DSTRIDE` is the number of lanes in the arrays. Neither fused nor reassociated arithmetic is
 //! allowed (`-ffp-contract=off`). What is called how stands in [`crate::solver::Functions`].
+//!
+//! A processor with AVX-512 has one unit for roots and divisions, for which the derivatives wait. Every second root is
+//! therefore found by iteration: correctly rounded as well, so that no bit differs.
 
 use crate::program::Program;
 use crate::scalar::Scalar;
@@ -214,13 +217,20 @@ impl Text<'_> {
         for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
             self.put(c, *value);
         }
+        let mut is_root_iterated = false;
         for (node, &expression) in self.expressions.iter().enumerate() {
             if !needed[node] {
                 continue;
             }
             if !matches!(expression, Expression::Variable(..)) {
                 let kind = if expression.is_truth() { "TRUTH" } else { "LANES" };
-                line(c, format_args!("    const {kind} v{node} = {};", self.value(expression)));
+                let is_root = matches!(expression, Expression::Unary(Unary::SquareRoot, _));
+                is_root_iterated ^= is_root;
+                let how = if is_root && is_root_iterated { "iterated_" } else { "" };
+                line(
+                    c,
+                    format_args!("    const {kind} v{node} = {how}{};", self.value(expression)),
+                );
             }
             self.put(c, Operand::Node(node as u32));
         }
