@@ -57,7 +57,7 @@ pub struct Sensor {
     pub noise: f64,
     /// Whether the samples carry it: those of a simulation with perfect sensors do not.
     pub is_noisy: bool,
-    /// Which others its controller makes it follow: their places, and how far it moves for each, in parts of scale.
+    /// Which others it follows by a law: their places, and how far it moves for each, in parts of scale.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub follows: Vec<(u32, f64)>,
 }

@@ -81,7 +81,7 @@ pub struct Sensor {
     pub noise: f64,
     /// Whether the samples carry it: those of a simulation with perfect sensors do not.
     pub is_noisy: bool,
-    /// Which others its controller makes it follow: their places, and how far it moves for each, in parts of scale.
+    /// Which others it follows by a law: their places, and how far it moves for each, in parts of scale.
     pub follows: Vec<(usize, f64)>,
     /// Whether something stands in its place that looks healthy.
     pub stands_in: bool,

@@ -10,7 +10,9 @@
 //!
 //! A healthy specimen whose flow or friction differs from the twin's by its tolerances moves all of them and leaves q; so
 //! does an error of a sensor that the controller believes. A valve that no longer does what it is told, or a sensor that
-//! shows the spool wrongly, is in q alone. Sensors without such a law ([`super::Sensor::follows`]) have no such features.
+//! shows the spool wrongly, is in q alone. A law of the hydraulics serves as well: with four like edges a critical valve keeps
+//! `p_A + p_B = p_S + p_T`, so a return pressure that really changes moves the chambers, and leaves less in q than a sensor that
+//! errs. Sensors without such a law ([`super::Sensor::follows`]) have no such features.
 //!
 //! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
 
@@ -76,7 +78,7 @@ impl Family for Parity {
     }
 
     fn summary(&self) -> &'static str {
-        "what a sensor shows beyond the controller's law that makes it follow others"
+        "what a sensor shows beyond the law by which it follows others"
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {

@@ -57,7 +57,7 @@ static LOAD: [Key; 2] = [
 static SENSOR: [Key; 3] = [
     must("quantity", Value::Word(quantities), "what it measures"),
     must("unit", Value::Whole(0.0, 1e6), "the unit it belongs to, from 1; 0 for none"),
-    may("follows", Value::Names(0, &ANY), "how far its controller moves it for others, SI over SI"),
+    may("follows", Value::Names(0, &ANY), "how far it moves for others by a law, SI over SI"),
 ];
 
 static EXTRA: [Key; 2] = [
