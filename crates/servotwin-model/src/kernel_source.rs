@@ -11,13 +11,18 @@
 //!
 //! A processor with AVX-512 has one unit for roots and divisions, for which the derivatives wait. Every second root is
 //! therefore found by iteration: correctly rounded as well, so that no bit differs.
+//!
+//! What depends on nothing but constants, parameters that stand in for signals and external inputs is *quiet*: it stays
+//! while these do. `update` puts what has changed where `begin` and `motion` find it (the array `quiet`); it is told by a
+//! bit for each input (`input_bit`), and by `NUMBERS`. A function of its own: in `begin` or `motion` its choices would
+//! split the straight lines, which the compiler orders and keeps in registers only between choices.
 
 use crate::program::Program;
 use crate::scalar::Scalar;
 use crate::solver::Method;
 use crate::solver::tableau::Tableau;
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
-use alloc::collections::BTreeMap;
+use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec;
@@ -32,8 +37,7 @@ pub fn write(program: &Program, method: Method) -> Option<String> {
     for function in Function::ALL {
         kernel(&mut c, function);
     }
-    begin(&mut c, program);
-    motion(&mut c, program);
+    evaluations(&mut c, program);
     factor(&mut c, program);
     solve_first(&mut c, program);
     solve(&mut c, program);
@@ -51,9 +55,106 @@ fn kernel(c: &mut String, function: Function) {
     let graph = Graph::new();
     let value = function.kernel(graph.variable(ARGUMENT, 0));
     line(c, format_args!("INLINE LANES {}_of(LANES x)\n{{", function.name()));
-    let text = Text { expressions: graph.expressions(), stores: BTreeMap::new() };
+    let expressions = &graph.expressions();
+    let text = Text { expressions, stores: BTreeMap::new(), quiet: &Quiet::default(), part: None };
     text.statements(c, &[value.operand()]);
     line(c, format_args!("    return {};\n}}\n", text.operand(value.operand())));
+}
+
+/// What changes where a variant's constants or parameters do.
+pub(crate) const NUMBERS: u64 = 1 << 63;
+
+/// What changes where an external input does.
+pub(crate) fn input_bit(external: usize) -> u64 {
+    // Some share the last bit where there are very many: what is done too often does no harm.
+    1 << external.min(62)
+}
+
+/// What the quiet part of two evaluations is, and where each number of it stands.
+#[derive(Default)]
+struct Quiet {
+    /// What each expression changes with; `None` where it is not quiet.
+    changes_with: Vec<Option<u64>>,
+    /// Where those stand that other expressions need, or that are results, by the number of the expression.
+    places: BTreeMap<u32, usize>,
+}
+
+impl Quiet {
+    /// Of everything that is needed for these values.
+    fn new(program: &Program, expressions: &[Expression], values: &[Operand]) -> Self {
+        let mut changes_with: Vec<Option<u64>> = Vec::with_capacity(expressions.len());
+        for &expression in expressions {
+            let mut of_needed = expression.needs().map(|other| changes_with[other as usize]);
+            changes_with.push(match expression {
+                Expression::Variable(array, place) => source(program, array, place as usize),
+                // A truth is no number that could be kept.
+                Expression::Less(..) => None,
+                _ => of_needed.try_fold(0, |all, one| Some(all | one?)),
+            });
+        }
+        let needed = symbol::needed(expressions, values);
+        let mut kept: BTreeSet<u32> = values.iter().filter_map(|value| node(*value)).collect();
+        for (user, expression) in expressions.iter().enumerate().filter(|(user, _)| needed[*user]) {
+            let other = |&used: &u32| changes_with[used as usize] != changes_with[user];
+            kept.extend(expression.needs().filter(other));
+        }
+        kept.retain(|&node| {
+            let is_variable = matches!(expressions[node as usize], Expression::Variable(..));
+            changes_with[node as usize].is_some() && !is_variable
+        });
+        let places = kept.into_iter().enumerate().map(|(place, node)| (node, place)).collect();
+        Self { changes_with, places }
+    }
+
+    /// The parts that change together, each after those that it needs.
+    fn parts(&self) -> Vec<u64> {
+        let parts = self.places.keys().filter_map(|&node| self.changes_with[node as usize]);
+        let mut parts: Vec<u64> = parts.collect::<BTreeSet<u64>>().into_iter().collect();
+        parts.sort_by_key(|part| part.count_ones());
+        parts
+    }
+
+    /// The function that does those parts anew that have changed.
+    fn update(&self, c: &mut String, expressions: &[Expression]) {
+        let head = "update(IN constants, IN variables, OUT quiet, uint64_t changed)";
+        function(c, head, |c| {
+            for part in self.parts() {
+                line(c, format_args!("    if (changed & UINT64_C({part:#x})) {{"));
+                self.update_part(c, expressions, part);
+                line(c, format_args!("    }}"));
+            }
+        });
+    }
+
+    fn update_part(&self, c: &mut String, expressions: &[Expression], part: u64) {
+        let of_part = |node: u32| self.changes_with[node as usize] == Some(part);
+        let kept = self.places.iter().filter(|(node, _)| of_part(**node));
+        let stores = kept.map(|(&node, &place)| (Operand::Node(node), vec![("quiet", place)]));
+        let stores: BTreeMap<_, _> = stores.collect();
+        let values: Vec<Operand> = stores.keys().copied().collect();
+        Text { expressions, stores, quiet: self, part: Some(part) }.statements(c, &values);
+    }
+}
+
+/// What an entry of an array changes with; `None` where that is more than what is quiet.
+fn source(program: &Program, array: &str, place: usize) -> Option<u64> {
+    let (externals, stand_ins) = (program.externals(), program.stand_ins());
+    match array {
+        "constants" => Some(NUMBERS),
+        "variables" if externals.contains(&place) => Some(input_bit(place - externals.start)),
+        "variables" if stand_ins.contains(&place) => {
+            (!program.is_held(place - stand_ins.start)).then_some(NUMBERS)
+        }
+        _ => None,
+    }
+}
+
+/// The number of an expression.
+fn node(value: Operand) -> Option<u32> {
+    match value {
+        Operand::Node(node) => Some(node),
+        Operand::Constant(_) => None,
+    }
 }
 
 /// A function that fills places of arrays.
@@ -64,21 +165,37 @@ struct CFunction<'g> {
 }
 
 impl CFunction<'_> {
-    fn write(self, c: &mut String, graph: &Graph) {
+    /// Where each value is put.
+    fn stores(&self) -> BTreeMap<Operand, Vec<(&'static str, usize)>> {
         let mut stores: BTreeMap<Operand, Vec<(&str, usize)>> = BTreeMap::new();
-        for (array, place, value) in self.stores {
+        for &(array, place, value) in &self.stores {
             // What stays where it is.
             if value.expression() != Some(Expression::Variable(array, place as u32)) {
                 stores.entry(value.operand()).or_default().push((array, place));
             }
         }
-        let values: Vec<Operand> = stores.keys().copied().collect();
-        let text = Text { expressions: graph.expressions(), stores };
-        line(c, format_args!("void {}\n{{", self.head));
-        line(c, format_args!("    for (int lane = 0; lane < STRIDE; lane += WIDTH) {{"));
-        text.statements(c, &values);
-        line(c, format_args!("    }}\n}}\n"));
+        stores
     }
+
+    fn write(self, c: &mut String, graph: &Graph) {
+        self.write_beside(c, &graph.expressions(), &Quiet::default());
+    }
+
+    /// The function, which finds what is quiet in its array.
+    fn write_beside(self, c: &mut String, expressions: &[Expression], quiet: &Quiet) {
+        let stores = self.stores();
+        let values: Vec<Operand> = stores.keys().copied().collect();
+        let text = Text { expressions, stores, quiet, part: None };
+        function(c, &self.head, |c| text.statements(c, &values));
+    }
+}
+
+/// A function over all lanes.
+fn function(c: &mut String, head: &str, body: impl FnOnce(&mut String)) {
+    line(c, format_args!("void {head}\n{{"));
+    line(c, format_args!("    for (int lane = 0; lane < STRIDE; lane += WIDTH) {{"));
+    body(c);
+    line(c, format_args!("    }}\n}}\n"));
 }
 
 /// An array from outside.
@@ -101,11 +218,25 @@ fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     gradients
 }
 
-fn begin(c: &mut String, program: &Program) {
+/// `begin` and `motion`, which share what is quiet.
+fn evaluations(c: &mut String, program: &Program) {
     let graph = Graph::new();
-    let constants = array(&graph, "constants", program.constants());
-    let mut variables = variables(&graph, program);
-    let mut gradients = gradients(&graph, program);
+    let (begin, motion) = (begin(&graph, program), motion(&graph, program));
+    let values: Vec<Operand> =
+        begin.stores().into_keys().chain(motion.stores().into_keys()).collect();
+    let expressions = graph.expressions();
+    let quiet = Quiet::new(program, &expressions, &values);
+    line(c, format_args!("unsigned long quiet_places(void)\n{{"));
+    line(c, format_args!("    return {};\n}}\n", quiet.places.len()));
+    quiet.update(c, &expressions);
+    begin.write_beside(c, &expressions, &quiet);
+    motion.write_beside(c, &expressions, &quiet);
+}
+
+fn begin<'g>(graph: &'g Graph, program: &Program) -> CFunction<'g> {
+    let constants = array(graph, "constants", program.constants());
+    let mut variables = variables(graph, program);
+    let mut gradients = gradients(graph, program);
     program.trace_with_jacobian(&constants, &mut variables, &mut gradients);
     // What only clocks write stays as it is.
     let untouched = Symbol::constant(0.0).operand();
@@ -114,20 +245,20 @@ fn begin(c: &mut String, program: &Program) {
     let rows = program.rows().read_places();
     let rows = rows.into_iter().map(|place| ("gradients", place, gradients[place]));
     CFunction {
-        head: "begin(IN constants, OUT variables, OUT gradients)".into(),
+        head: "begin(IN constants, IN quiet, OUT variables, OUT gradients)".into(),
         stores: sums.chain(rows).collect(),
     }
-    .write(c, &graph);
 }
 
-fn motion(c: &mut String, program: &Program) {
-    let graph = Graph::new();
-    let constants = array(&graph, "constants", program.constants());
-    let mut variables = variables(&graph, program);
+fn motion<'g>(graph: &'g Graph, program: &Program) -> CFunction<'g> {
+    let constants = array(graph, "constants", program.constants());
+    let mut variables = variables(graph, program);
     program.motion().trace(&constants, &mut variables);
     let stores = program.derivatives().map(|place| ("variables", place, variables[place]));
-    CFunction { head: "motion(IN constants, OUT variables)".into(), stores: stores.collect() }
-        .write(c, &graph);
+    CFunction {
+        head: "motion(IN constants, IN quiet, OUT variables)".into(),
+        stores: stores.collect(),
+    }
 }
 
 fn factor(c: &mut String, program: &Program) {
@@ -205,15 +336,18 @@ fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
 
 /// Writes expressions as C.
 struct Text<'a> {
-    expressions: Vec<Expression>,
+    expressions: &'a [Expression],
     /// (array, place) where a value is put.
     stores: BTreeMap<Operand, Vec<(&'a str, usize)>>,
+    quiet: &'a Quiet,
+    /// Which part of what is quiet this is; `None` for what is not.
+    part: Option<u64>,
 }
 
 impl Text<'_> {
     /// What the values need, each put where it belongs as soon as it is known.
     fn statements(&self, c: &mut String, values: &[Operand]) {
-        let needed = symbol::needed(&self.expressions, values);
+        let needed = symbol::needed(self.expressions, values);
         for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
             self.put(c, *value);
         }
@@ -222,7 +356,7 @@ impl Text<'_> {
             if !needed[node] {
                 continue;
             }
-            if !matches!(expression, Expression::Variable(..)) {
+            if self.is_here(node) && !matches!(expression, Expression::Variable(..)) {
                 let kind = if expression.is_truth() { "TRUTH" } else { "LANES" };
                 let is_root = matches!(expression, Expression::Unary(Unary::SquareRoot, _));
                 is_root_iterated ^= is_root;
@@ -234,6 +368,11 @@ impl Text<'_> {
             }
             self.put(c, Operand::Node(node as u32));
         }
+    }
+
+    /// Whether an expression belongs to the part that is written.
+    fn is_here(&self, node: usize) -> bool {
+        self.quiet.changes_with.get(node).copied().flatten() == self.part
     }
 
     fn put(&self, c: &mut String, value: Operand) {
@@ -267,7 +406,8 @@ impl Text<'_> {
             Operand::Constant(bits) => number(f64::from_bits(bits)),
             Operand::Node(node) => match self.expressions[node as usize] {
                 variable @ Expression::Variable(..) => self.value(variable),
-                _ => format!("v{node}"),
+                _ if self.is_here(node as usize) => format!("v{node}"),
+                _ => format!("AT(quiet, {})", self.quiet.places[&node]),
             },
         }
     }

@@ -2,6 +2,7 @@
 
 use super::kernels::Functions;
 use super::tableau::Tableau;
+use crate::kernel_source::{NUMBERS, input_bit};
 use crate::program::Program;
 use crate::scalar::{Lanes, Work};
 use alloc::vec;
@@ -31,6 +32,10 @@ pub struct Batch<'p, V> {
     moving: Vec<(usize, [V; 4])>,
     /// What does the same as the lists, for lanes of this width.
     compiled: Option<&'p Functions>,
+    /// What compiled functions keep from one evaluation to the next.
+    quiet: Vec<V>,
+    /// What of that is no longer true.
+    changed: u64,
 }
 
 /// The largest number of lanes of any level.
@@ -57,6 +62,8 @@ impl<'p, V: Lanes> Batch<'p, V> {
             lowest: program.states().iter().map(|s| s.lowest).collect(),
             moving: Vec::new(),
             compiled: None,
+            quiet: Vec::new(),
+            changed: u64::MAX,
         }
     }
 
@@ -64,6 +71,9 @@ impl<'p, V: Lanes> Batch<'p, V> {
     /// now on; whether there are any.
     pub(super) fn use_compiled(&mut self, compiled: Option<&'p Functions>) -> bool {
         self.compiled = compiled;
+        let places = compiled.map_or(0, Functions::quiet_places);
+        self.quiet = vec![V::constant(0.0); places];
+        self.changed = u64::MAX;
         compiled.is_some()
     }
 
@@ -72,11 +82,13 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for (place, &value) in self.constants.iter_mut().zip(constants) {
             place.set_lane(lane, value);
         }
+        self.changed |= NUMBERS;
     }
 
     /// Sets one variable (an input or a stand-in) of a lane.
     pub fn set_variable(&mut self, lane: usize, slot: usize, value: f64) {
         self.variables[slot].set_lane(lane, value);
+        self.changed = u64::MAX;
     }
 
     /// One variable of a lane, as of the last evaluation.
@@ -130,6 +142,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
         let first = self.program.externals().start;
         for &(external, [a, b, c, d]) in &self.moving {
             self.variables[first + external] = a + offset * (b + offset * (c + offset * d));
+            self.changed |= input_bit(external);
         }
     }
 
@@ -146,9 +159,10 @@ impl<'p, V: Lanes> Batch<'p, V> {
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
-        let Self { program, constants, variables, gradients, compiled, .. } = self;
+        self.update_quiet();
+        let Self { program, constants, variables, gradients, compiled, quiet, .. } = self;
         if let Some(compiled) = compiled {
-            return compiled.begin(constants, variables, gradients);
+            return compiled.begin(constants, quiet, variables, gradients);
         }
         program.evaluate_with_jacobian(constants, variables, gradients);
     }
@@ -184,7 +198,10 @@ impl<'p, V: Lanes> Batch<'p, V> {
             // The first one has no sum: its argument is where the step begins.
             if stage > 0 {
                 self.stage_sums(method, stage, reciprocal);
-                self.load_inputs(h * V::constant(method.alpha[stage]));
+                // The last two stages of the stiffly accurate methods stand at the same time.
+                if method.alpha[stage] != method.alpha[stage - 1] {
+                    self.load_inputs(h * V::constant(method.alpha[stage]));
+                }
                 self.evaluate_motion();
             }
             self.solve_stage(h * V::constant(method.gamma_sum[stage]), stage);
@@ -192,12 +209,25 @@ impl<'p, V: Lanes> Batch<'p, V> {
         self.combine(method)
     }
 
+    /// Tells compiled functions what has changed since their last evaluation.
+    #[inline(always)]
+    fn update_quiet(&mut self) {
+        let changed = core::mem::take(&mut self.changed);
+        let Self { constants, variables, compiled: Some(compiled), quiet, .. } = self else {
+            return;
+        };
+        if changed != 0 {
+            compiled.update(constants, variables, quiet, changed);
+        }
+    }
+
     /// What the derivatives depend on; nothing else is known after it.
     #[inline(always)]
     fn evaluate_motion(&mut self) {
-        let Self { program, constants, variables, compiled, .. } = self;
+        self.update_quiet();
+        let Self { program, constants, variables, compiled, quiet, .. } = self;
         match compiled {
-            Some(compiled) => compiled.motion(constants, variables),
+            Some(compiled) => compiled.motion(constants, quiet, variables),
             None => program.motion().run(constants, variables),
         }
     }

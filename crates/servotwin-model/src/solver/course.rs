@@ -84,6 +84,8 @@ pub(super) struct Course {
     pub end_s: f64,
     /// The external inputs that move.
     pub moving: Vec<Moving>,
+    /// When the first of their pieces begins or ends behind where the lane stands, s, as far as they were looked for.
+    pub next_break_s: f64,
     pub sample_period_s: f64,
     pub next_sample: u64,
     /// A time that no step may pass: the end of the run, or a change of parameters.
@@ -107,6 +109,7 @@ impl Course {
             step_s: FIRST_STEP_S,
             end_s: 0.0,
             moving,
+            next_break_s: f64::NEG_INFINITY,
             sample_period_s,
             next_sample: 0,
             halt_s: f64::INFINITY,
@@ -178,10 +181,7 @@ impl Course {
         for (tick, period) in self.next_tick.iter().zip(periods_s) {
             consider(*tick as f64 * period);
         }
-        for moving in &self.moving {
-            consider(moving.until_s);
-            consider(moving.from_s);
-        }
+        consider(self.next_break_s);
         event
     }
 

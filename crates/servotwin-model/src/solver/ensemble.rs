@@ -154,12 +154,19 @@ impl<'a> Job<'a> {
     fn find_pieces(&mut self, course: &mut Course) {
         let running = matches!(course.phase, Phase::Running);
         let time = if running { course.time_s } else { 0.0 } + SAME_TIME_S;
+        if time < course.next_break_s {
+            return;
+        }
+        course.next_break_s = f64::INFINITY;
         for (piece, moving) in self.pieces.iter_mut().zip(&mut course.moving) {
             let input = self.case.inputs[moving.external];
             while moving.until_s <= time {
                 *piece += 1;
                 *moving = Moving::nth(moving.external, input, *piece);
             }
+            let begins_later = moving.from_s > time;
+            let next_break_s = if begins_later { moving.from_s } else { moving.until_s };
+            course.next_break_s = course.next_break_s.min(next_break_s);
         }
     }
 }

@@ -6,9 +6,12 @@ use crate::program::Program;
 use crate::scalar::Lanes;
 use alloc::format;
 use alloc::vec::Vec;
+use core::ffi::c_ulong;
 
-type Begin = unsafe extern "C" fn(*const f64, *mut f64, *mut f64);
-type Motion = unsafe extern "C" fn(*const f64, *mut f64);
+type Places = unsafe extern "C" fn() -> c_ulong;
+type Update = unsafe extern "C" fn(*const f64, *const f64, *mut f64, u64);
+type Begin = unsafe extern "C" fn(*const f64, *const f64, *mut f64, *mut f64);
+type Motion = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
 type Factor = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
 type Solve = unsafe extern "C" fn(*const f64, *const f64, *const f64, *const f64, *mut f64);
 type Sums = unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *mut f64);
@@ -18,6 +21,9 @@ type Sums = unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *
 pub struct Functions {
     /// Number of lanes in the arrays.
     stride: usize,
+    /// How much of what is quiet is kept.
+    quiet_places: usize,
+    update: Update,
     begin: Begin,
     motion: Motion,
     factor: Factor,
@@ -52,9 +58,12 @@ impl Functions {
         assert!(stages <= MOST_STAGES);
         // SAFETY: promised by the caller.
         unsafe {
+            let quiet_places = function::<Places>(find("quiet_places")?)() as usize;
             let sums = (1..stages).map(|stage| Some(function(find(&format!("sums_{stage}"))?)));
             Some(Self {
                 stride,
+                quiet_places,
+                update: function(find("update")?),
                 begin: function(find("begin")?),
                 motion: function(find("motion")?),
                 factor: function(find("factor")?),
@@ -78,23 +87,43 @@ fn first_mut<V: Lanes>(lanes: &mut [V]) -> *mut f64 {
 // SAFETY of all: [`Kernels::new`] promises that the functions fit the program, and `Kernels::of` that they fit the
 // lanes; the arrays are those of a batch of the program, as long as its lists need them.
 impl Functions {
+    /// How many numbers of what is quiet are kept.
+    pub(super) fn quiet_places(&self) -> usize {
+        self.quiet_places
+    }
+
+    /// Does anew what is quiet and has changed ([`crate::kernel_source`]). To be called before the other evaluations.
+    #[inline(always)]
+    pub(super) fn update<V: Lanes>(
+        &self,
+        constants: &[V],
+        variables: &[V],
+        quiet: &mut [V],
+        changed: u64,
+    ) {
+        // SAFETY: see above.
+        unsafe { (self.update)(first(constants), first(variables), first_mut(quiet), changed) }
+    }
+
     /// [`Program::evaluate_with_jacobian`]; of the gradients only what a step reads.
     #[inline(always)]
     pub(super) fn begin<V: Lanes>(
         &self,
         constants: &[V],
+        quiet: &[V],
         variables: &mut [V],
         gradients: &mut [V],
     ) {
+        let (variables, gradients) = (first_mut(variables), first_mut(gradients));
         // SAFETY: see above.
-        unsafe { (self.begin)(first(constants), first_mut(variables), first_mut(gradients)) }
+        unsafe { (self.begin)(first(constants), first(quiet), variables, gradients) }
     }
 
     /// The derivatives, and nothing else.
     #[inline(always)]
-    pub(super) fn motion<V: Lanes>(&self, constants: &[V], variables: &mut [V]) {
+    pub(super) fn motion<V: Lanes>(&self, constants: &[V], quiet: &[V], variables: &mut [V]) {
         // SAFETY: see above.
-        unsafe { (self.motion)(first(constants), first_mut(variables)) }
+        unsafe { (self.motion)(first(constants), first(quiet), first_mut(variables)) }
     }
 
     /// [`Plan::factor`](crate::lu::Plan::factor).
