@@ -248,7 +248,7 @@ pub fn diagnoser() -> Arc<Diagnoser> {
 pub const REFERENCE: reference::Settings =
     reference::Settings { settle_samples: 205, memory_samples: 2000 };
 pub const ALLOWANCES: decision::Allowances =
-    decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0 };
+    decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0, other_nats: 0.0 };
 
 /// The trained diagnoser, of short windows beyond a reference too: the third length.
 pub fn with_reference() -> Diagnoser {
