@@ -3,6 +3,7 @@
 use super::progress::is_shown;
 use super::{note, warn};
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side};
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -81,6 +82,29 @@ pub struct Options {
 
 /// The time between two checkpoints, s.
 const CHECKPOINT_S: f64 = 60.0;
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let log = match Address::parse(&self.source) {
+            Ok(Address::File(path)) => Some(path),
+            _ => None,
+        };
+        let is_file = |target: &&PathBuf| !target.to_string_lossy().contains("://");
+        let files = self.mcap.iter().filter(is_file);
+        Paths::default()
+            .read("the log", log)
+            .read_study(self.study.as_ref())
+            .read("the diagnoser", [self.model.clone().unwrap_or_else(usual_diagnoser)])
+            .read("--band", &self.band)
+            .read("--map", &self.map)
+            .write("--make-map", Format::TOML, &self.make_map)
+            .write("--html", Format::HTML, &self.html)
+            .write("--mcap", Format::MCAP, files)
+            .write("--events", Format::LINES, &self.events)
+            .write("--checkpoint", Format::Any, &self.checkpoint)
+    }
+}
 
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
