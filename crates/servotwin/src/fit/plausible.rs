@@ -90,8 +90,9 @@ pub(super) fn check(
         let what = format!("no sensor leaves its mean by {MOVES} times its noise");
         return Err(RecordError::NoMotion { what });
     }
-    lag(&moving)?;
-    signs(&moving)
+    // What is turned around looks late to whoever seeks a shift: its half-waves fit one later.
+    signs(&moving)?;
+    lag(&moving)
 }
 
 /// What moves against the twin.
