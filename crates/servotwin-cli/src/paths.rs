@@ -26,10 +26,15 @@ pub enum Format {
 }
 
 impl Format {
+    /// A page.
     pub const HTML: Format = Format::Only(&["html", "htm"]);
+    /// A system or a map.
     pub const TOML: Format = Format::Only(&["toml"]);
+    /// A model.
     pub const JSON: Format = Format::Only(&["json"]);
+    /// A recording.
     pub const MCAP: Format = Format::Only(&["mcap"]);
+    /// Events, one a line.
     pub const LINES: Format = Format::Only(&["jsonl", "ndjson", "json", "log", "txt"]);
 
     fn check(self, option: &'static str, path: &Path) -> Result<(), Failure> {

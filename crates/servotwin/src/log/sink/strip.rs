@@ -104,7 +104,7 @@ impl Strip {
         });
         let last = shown[TO_AND_FRO - 1].more;
         // Whoever has come back an even number of times comes from the last one shown.
-        let next = TO_AND_FRO - if last % 2 == 0 { 2 } else { 1 };
+        let next = TO_AND_FRO - if last.is_multiple_of(2) { 2 } else { 1 };
         is_to_and_fro && shown[next].finding.says_the_same(finding)
     }
 
