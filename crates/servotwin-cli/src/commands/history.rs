@@ -5,6 +5,7 @@ use super::progress::Stages;
 use super::read_table;
 use super::watch::read_diagnoser;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
@@ -64,6 +65,20 @@ pub struct Options {
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long)]
     threads: Option<usize>,
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        Paths::default()
+            .read("the log", logs(&self.folder).unwrap_or_default())
+            .read("SYSTEM", &self.system)
+            .read_study(self.study.as_ref())
+            .read("--diagnoser", &self.diagnoser)
+            .read("--band", &self.band)
+            .write("--out", Format::Table, &self.out)
+            .write("--plot", Format::Figure, &self.plot)
+    }
 }
 
 /// The text for standard output.

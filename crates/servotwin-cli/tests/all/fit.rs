@@ -159,6 +159,50 @@ fn wrong_logs_and_names_are_told() {
     }
 }
 
+/// What is said of a press axis that moves for 20 s, with a fault and with the numbers of some column changed.
+fn said_of_press(
+    folder: &Folder,
+    fault: &[&str],
+    changed: &dyn Fn(usize, &[f64]) -> Vec<f64>,
+) -> String {
+    let log = folder.file("press.csv");
+    let first =
+        ["simulate", "press_axis", "--noise", "4", "--duration", "20s", "--out", &log, "-q"];
+    let command = ["--command", "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=5"];
+    let output = servotwin(&[&first[..], &command, fault].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let table = table::read(&log).unwrap();
+    let columns = table.columns().iter().enumerate().map(|(place, column)| {
+        Column::new(column.name.clone(), "", changed(place, &column.numbers().unwrap()))
+    });
+    table::write(&log, &Table::from_columns(columns.collect()).unwrap()).unwrap();
+    stderr(&servotwin(&["fit", &log, "--study", "press_axis"]))
+}
+
+#[test]
+fn signs_shifts_and_faults_that_look_late_are_told_apart() {
+    let folder = Folder::new("fit-late");
+    const COMMAND: usize = 1;
+    const STROKE: usize = 4;
+    let turned = said_of_press(&folder, &[], &|place, v| {
+        v.iter().map(|v| if place == STROKE { -v } else { *v }).collect()
+    });
+    assert!(turned.contains("x_p_m moves against the twin"), "{turned}");
+    let shifted = said_of_press(&folder, &[], &|place, v| {
+        let by = if place == COMMAND { 6 } else { 0 };
+        (0..v.len()).map(|k| v[(k + by).min(v.len() - 1)]).collect()
+    });
+    assert!(shifted.contains("the sensors come 0.06 s too late"), "{shifted}");
+    let drifting = said_of_press(&folder, &[], &|place, v| {
+        let by = |k: usize| if place == COMMAND { k / 100 } else { 0 };
+        (0..v.len()).map(|k| v[(k + by(k)).min(v.len() - 1)]).collect()
+    });
+    assert!(drifting.contains("clocks of inputs and sensors do not agree"), "{drifting}");
+    let slow = ["--fault", "valve.gain_low=0.5"];
+    let faulty = said_of_press(&folder, &slow, &|_, v| v.to_vec());
+    assert!(faulty.contains("it looks like valve.gain_low of intensity 0.5"), "{faulty}");
+}
+
 /// Eight flights with a leak that grows by 0.05 in each, and a file that is no log.
 fn flights(folder: &Folder) -> String {
     let logs = folder.file("logs");
