@@ -273,19 +273,11 @@ pub(super) fn find(
     name: &str,
 ) -> Result<(usize, usize), Noted> {
     let id = full_name(unit, name);
-    let components = &reader.system.network().components;
-    let all = || {
-        components.iter().flat_map(|c| {
-            let parameters = c.component.spec().parameters.iter();
-            parameters.map(|p| format!("{}.{}", c.id, p.name)).collect::<Vec<_>>()
-        })
-    };
-    let found = id.rsplit_once('.').and_then(|(component, parameter)| {
-        let index = components.iter().position(|c| c.id == component)?;
-        Some((index, components[index].component.spec().parameter(parameter)?))
-    });
-    found.ok_or_else(|| {
-        let all: Vec<String> = all().collect();
+    reader.system.parameter(&id).ok_or_else(|| {
+        if reader.system.parameter(name).is_some() {
+            return reader.shared(section, "parameter", unit, name);
+        }
+        let all = reader.system.all_parameters();
         reader.unknown(section, "parameter in the system", &id, all.iter().map(String::as_str))
     })
 }
