@@ -26,7 +26,7 @@ pub use flights::Flights;
 pub(crate) use imperfection::{Imperfection, Imperfections};
 pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
-pub use realism::{Lot, Plants, Realism, Role, Setting, Tolerance};
+pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
 pub use training::Training;
 pub use warning::Warning;
 
