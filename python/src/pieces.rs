@@ -141,7 +141,7 @@ pub fn fly_all(
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<String, Failure> {
         let flights = sizes(study, full)?;
-        let _hold = folder.keep_study(study)?;
+        let _hold = folder.keep_study(study, false)?.hold;
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let crew = Crew { workers: watch.workers(threads), progress: &told };
         let results =

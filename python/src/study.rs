@@ -215,7 +215,7 @@ pub fn run_campaign(
         }
         let _hold = match part {
             Some(_) => folder.join_study(study)?,
-            None => folder.keep_study(study)?,
+            None => folder.keep_study(study, false)?.hold,
         };
         let (mut list, mut bundles) = (vec![], 0);
         for (role, settings) in runs {

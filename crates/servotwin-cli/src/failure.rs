@@ -269,6 +269,7 @@ impl Failure {
             }
             Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
             Failure::Job(JobError::File(_) | JobError::Busy { .. }) => 1,
+            Failure::Job(JobError::OtherResults { .. }) => 2,
             Failure::Job(JobError::Evaluation(error) | JobError::Unreadable { error, .. }) => {
                 of_evaluation(error)
             }
@@ -291,6 +292,8 @@ impl Failure {
 /// A campaign's files are its own: what is wrong with them is no mistake of an input file, unless it was damaged.
 fn of_campaign(error: &CampaignError) -> u8 {
     match error {
+        // A setting was asked for that the study does not have.
+        CampaignError::NoSection { .. } => 2,
         CampaignError::Unfinished { damaged: Some(_), .. }
         | CampaignError::File(FileError::Altered { .. })
         | CampaignError::Table(TableError::File(FileError::Altered { .. })) => 3,

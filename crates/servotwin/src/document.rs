@@ -196,6 +196,11 @@ pub fn suggest(nearest: &Option<String>, known: &[String]) -> String {
     }
 }
 
+/// So many of something that has a plain plural.
+pub fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
 /// A number with its unit.
 pub struct Quantity<'a>(pub f64, pub &'a str);
 
@@ -306,7 +311,7 @@ pub fn write_mistakes<M: Explained>(
         writeln!(out)?;
     }
     let count = mistakes.len();
-    write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })?;
+    write!(out, "{path}: {}", counted(count, "mistake"))?;
     if count > MOST { write!(out, ", of which the first {MOST} are shown") } else { Ok(()) }
 }
 

@@ -158,17 +158,55 @@ impl Value {
         }
     }
 
-    /// Takes out of a value all keys that are not known.
-    pub fn keep_known(&self, value: &mut toml::Value) {
+    /// A value as it should be: without keys that are not known, and with a stand-in for whatever is missing or cannot be
+    /// read. So what is right elsewhere can be understood, and what is wrong there be told.
+    fn mended(&self, value: Option<toml::Value>) -> toml::Value {
+        use toml::Value as Toml;
         match (self, value) {
-            (Value::List(_, of), toml::Value::Array(list)) => {
-                list.iter_mut().for_each(|element| of.keep_known(element));
+            (Value::Number(min, max, _), value) => {
+                let number = value.as_ref().and_then(as_number);
+                let number = number.filter(|number| (*min..=*max).contains(number));
+                Toml::Float(number.unwrap_or(1.0_f64.clamp(*min, *max)))
             }
-            (Value::Names(_, of), toml::Value::Table(table)) => {
-                table.iter_mut().for_each(|(_, named)| of.keep_known(named));
+            (Value::Whole(min, max), value) => {
+                let number = value.and_then(|value| value.as_integer());
+                let number = number.filter(|number| (*min..=*max).contains(&(*number as f64)));
+                Toml::Integer(number.unwrap_or(1.0_f64.clamp(*min, *max) as i64))
             }
-            (Value::Table(keys), toml::Value::Table(table)) => keep_known(keys, table),
-            _ => {}
+            (Value::Range, value) => {
+                let ends: Vec<f64> =
+                    value.iter().flat_map(elements).filter_map(as_number).collect();
+                match ends[..] {
+                    [low, high] if low <= high => value.unwrap_or_else(|| list([low, high])),
+                    _ => list([0.0, 1.0]),
+                }
+            }
+            (Value::Flag, value) => {
+                Toml::Boolean(value.and_then(|value| value.as_bool()).unwrap_or_default())
+            }
+            (Value::Text, Some(Toml::String(text))) => Toml::String(text),
+            (Value::Text, _) => Toml::String(String::new()),
+            (Value::Word(words), value) => {
+                let words = words();
+                let word = value.as_ref().and_then(Toml::as_str);
+                let word = word.filter(|word| words.contains(word)).unwrap_or(words[0]);
+                Toml::String(word.into())
+            }
+            (Value::Signal, Some(value)) if Signal::deserialize(value.clone()).is_ok() => value,
+            (Value::Signal, _) => Toml::Float(0.0),
+            (Value::List(least, of), value) => {
+                let there = value.iter().flat_map(elements);
+                let mut all: Vec<Toml> = there.map(|one| of.mended(Some(one.clone()))).collect();
+                all.resize_with(all.len().max(*least), || of.mended(None));
+                Toml::Array(all)
+            }
+            (Value::Names(_, of), Some(Toml::Table(table))) => {
+                let all = table.into_iter().map(|(name, one)| (name, of.mended(Some(one))));
+                Toml::Table(all.collect())
+            }
+            (Value::Names(..), _) => Toml::Table(toml::Table::new()),
+            (Value::Table(keys), Some(Toml::Table(table))) => Toml::Table(mended(keys, table)),
+            (Value::Table(keys), _) => Toml::Table(mended(keys, toml::Table::new())),
         }
     }
 
@@ -232,14 +270,43 @@ impl Value {
     }
 }
 
-/// Takes all keys out of a table that are not known.
-pub fn keep_known(keys: &[Key], table: &mut toml::Table) {
-    table.retain(|name, _| keys.iter().any(|key| key.name == name));
-    for key in keys {
-        if let Some(value) = table.get_mut(key.name) {
-            key.value.keep_known(value);
-        }
-    }
+/// A table as it should be: see [`Value::mended`].
+pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
+    let there = keys.iter().filter_map(|key| {
+        let value = table.remove(key.name);
+        let wanted = key.obligatory || value.is_some();
+        wanted.then(|| (key.name.to_owned(), key.value.mended(value)))
+    });
+    there.collect()
+}
+
+/// The keys of which a value is missing or cannot be read. What is unknown, or one word of several, changes nothing that
+/// others rest on.
+pub fn doubtful(keys: &[Key], all: &[Entry]) -> Vec<&'static str> {
+    use document::Mistake::{UnknownKey, UnknownWord};
+    let is_doubtful = |key: &&Key| {
+        let Some(entry) = all.iter().find(|entry| entry.key == key.name) else {
+            return key.obligatory;
+        };
+        let mut wrong = false;
+        key.value.check(key.summary, entry, &mut |_, mistake| {
+            wrong |= !matches!(mistake, UnknownKey { .. } | UnknownWord { .. });
+        });
+        wrong
+    };
+    keys.iter().filter(is_doubtful).map(|key| key.name).collect()
+}
+
+fn as_number(value: &toml::Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+}
+
+fn elements(value: &toml::Value) -> &[toml::Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
+
+fn list<const N: usize>(numbers: [f64; N]) -> toml::Value {
+    toml::Value::Array(numbers.map(toml::Value::Float).to_vec())
 }
 
 fn enough(count: usize, least: usize, entry: &Entry) -> Result<(), document::Mistake> {

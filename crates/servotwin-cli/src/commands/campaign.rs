@@ -48,7 +48,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.study.out);
     let _hold = match options.shards {
         Some(_) => folder.join_study(&study)?,
-        None => folder.keep_study(&study)?,
+        None => options.study.keep(&study, global)?,
     };
     let mut text = String::new();
     let mut results = Vec::new();
@@ -87,7 +87,7 @@ pub fn chosen(
     let runs = runs(study, named);
     match Setting::ALL.into_iter().find(|setting| named(*setting)) {
         // A setting was named that the study does not have.
-        Some(setting) if runs.is_empty() => Err(CampaignError::NoSection { setting }),
+        Some(setting) if runs.is_empty() => Err(CampaignError::no_section(setting, study)),
         _ => Ok(runs),
     }
 }

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::{Value, json};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
-use servotwin::document::{Explained, Located};
+use servotwin::document::{Explained, Located, counted};
 use servotwin::files;
 use servotwin::kind::Kind;
 use servotwin::study::{Setting, Study, StudyError};
@@ -116,12 +116,14 @@ fn of_system(options: &Options, system: &System) -> Checked {
             "faults": faults, "inputs": inputs, "sensors": system.sensors.len(),
         }),
         text: format!(
-            "{}: no mistakes: {}, {} components, {states} states, {faults} faults, {inputs} \
-             inputs, {} sensors\n",
+            "{}: no mistakes: {}, {}, {}, {}, {}, {}\n",
             options.file.display(),
             system.name,
-            components.len(),
-            system.sensors.len(),
+            counted(components.len(), "component"),
+            counted(states, "state"),
+            counted(faults, "fault"),
+            counted(inputs, "input"),
+            counted(system.sensors.len(), "sensor"),
         ),
     }
 }
@@ -132,12 +134,13 @@ fn of_study(options: &Options, study: &Study) -> Checked {
     let settings: Vec<&str> = settings.into_iter().map(Setting::name).collect();
     Checked {
         text: format!(
-            "{}: no mistakes: {} with the system {}, {faults} faults with their intensities in \
-             {cases} cases, {} sensors, settings {}\n",
+            "{}: no mistakes: {} with the system {}, {} with their intensities in {}, {}, settings {}\n",
             options.file.display(),
             study.name,
             study.system.name,
-            study.measured.len(),
+            counted(faults, "fault"),
+            counted(cases, "case"),
+            counted(study.measured.len(), "sensor"),
             settings.join(", "),
         ),
         json: json!({

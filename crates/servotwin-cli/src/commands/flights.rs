@@ -49,7 +49,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     stop::heed();
     let folder = Folder::new(&options.study.out);
-    let _hold = folder.keep_study(&study)?;
+    let _hold = options.study.keep(&study, global)?;
     let threads = options.study.threads;
     let words = Vocabulary::of(&study);
     if options.missing_sensors {

@@ -131,7 +131,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Some(first) => first.onset_s,
         None => seconds("--at", &options.at[0])?,
     };
-    let diagnoser = diagnoser(&folder, &study, setting, options.study.threads, global)?;
+    let diagnoser = diagnoser(&options.study, &folder, &study, setting, global)?;
     let kept = Kept::of(&study);
     let fly = |reacts: bool| {
         let inputs = inputs.clone();
@@ -161,10 +161,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 /// The diagnoser of a setting, learned if there is none.
 fn diagnoser(
+    options: &StudyOptions,
     folder: &Folder,
     study: &Study,
     setting: Setting,
-    threads: Option<usize>,
     global: Global,
 ) -> Result<Arc<Diagnoser>, Failure> {
     if folder.diagnoser(setting).exists() {
@@ -175,8 +175,8 @@ fn diagnoser(
             "the study has no [flights] to learn from: docs/study-format.md says what stands there",
         ));
     };
-    let crew = Crew { workers: workers(threads), progress: &|_, _| () };
-    let _hold = folder.keep_study(study)?;
+    let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
+    let _hold = options.keep(study, global)?;
     note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
     let learned = flights::learn(folder, study, &plan, setting, &crew);
     stop::check()?;

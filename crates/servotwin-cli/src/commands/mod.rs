@@ -30,10 +30,12 @@ pub mod watch;
 
 use crate::Global;
 use crate::failure::Failure;
+use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::{
     ClassWeights, HoldOut, Prepared, Selection, Unused, prepare,
 };
+use servotwin::job::{Folder, Hold, Kept};
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
@@ -69,6 +71,9 @@ pub struct StudyOptions {
     /// The folder for data sets, models, results and the report.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
+    /// Remove what the folder holds of another study.
+    #[arg(long)]
+    replace: bool,
     /// Number of threads [default: all processors; the results do not depend
     /// on it].
     #[arg(long)]
@@ -84,6 +89,16 @@ impl StudyOptions {
         };
         warn(global, &study.warnings_in_words());
         Ok(study)
+    }
+
+    /// Makes the folder ready for the study; what is removed there is told.
+    fn keep(&self, study: &Study, global: Global) -> Result<Hold, Failure> {
+        let Kept { hold, dropped } = Folder::new(&self.out).keep_study(study, self.replace)?;
+        if dropped > 0 {
+            let (folder, files) = (self.out.display(), counted(dropped, "result file"));
+            note(global, &format!("{folder}: {files} of before the study was changed removed"));
+        }
+        Ok(hold)
     }
 }
 

@@ -38,11 +38,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     // What cannot be flown is told now, not after the campaigns.
     let flights = study.flights()?;
     if options.fitted && !Setting::Fitted.is_possible(&study) {
-        return Err(CampaignError::NoSection { setting: Setting::Fitted }.into());
+        return Err(CampaignError::no_section(Setting::Fitted, &study).into());
     }
     let wanted = |setting: Setting| setting.is_usual() || options.fitted;
     let folder = Folder::new(&options.study.out);
-    let _hold = folder.keep_study(&study)?;
+    let _hold = options.study.keep(&study, global)?;
     let flown = job::flights::results(&folder)?;
     let notes = Notes::new(global);
     for (role, settings) in runs(&study, wanted) {

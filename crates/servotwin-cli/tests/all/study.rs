@@ -217,8 +217,15 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     // A file where a folder is needed, and a folder that nobody can write to.
     fails(&["study", &study, "--out", &study], 1, "tiny.toml");
     let spring = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/spring_actuator.toml");
-    fails(&["study", spring, "--out", &out, "--fitted"], 1, "[realistic] and [fitted] sections");
-    fails(&["campaign", spring, "--out", &out, "--setting", "fitted"], 1, "setting 'fitted' needs");
+    let lacks = |arguments: &[&str], told: [&str; 2]| {
+        let output = servotwin(arguments);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{text}");
+        assert!(told.iter().all(|told| text.contains(told)), "{text}");
+    };
+    let fitted = ["the study lacks [fitted], which setting 'fitted' needs", "\n  fitted = {"];
+    lacks(&["study", spring, "--out", &out, "--fitted"], fitted);
+    lacks(&["campaign", spring, "--out", &out, "--setting", "fitted"], fitted);
     assert!(!Path::new(&out).exists());
     fails(&["study", &study, "--out", "/proc/servotwin"], 1, "/proc/servotwin");
     for stage in [&["train", &out][..], &["evaluate", &out], &["report", &out]] {
@@ -367,6 +374,25 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     run(&["features", &out]);
     assert_same(&before, &contents(Path::new(&out)));
     assert!(!before[Path::new("manifest.json")].windows(4).any(|word| word == b"lock"));
+}
+
+#[test]
+fn results_of_another_study_are_only_replaced_when_that_is_asked_for() {
+    let folder = Folder::new("another");
+    let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
+    run(&["campaign", &study, "--out", &out, "--setting", "ideal"]);
+    let before = contents(Path::new(&out));
+    let other = folder.file("other.toml");
+    std::fs::write(&other, tiny(CLASSES).replacen("name = \"", "name = \"another_", 1)).unwrap();
+    for command in ["study", "campaign", "flights", "fly"] {
+        fails(&[command, &other, "--out", &out], 2, "--replace removes them");
+    }
+    assert_same(&before, &contents(Path::new(&out)));
+    let ideal = ["--out", &out, "--setting", "ideal"];
+    std::fs::write(&study, tiny(CLASSES).replace("0.4, 0.6", "0.5, 0.6")).unwrap();
+    let edited = stderr(&run(&[&["campaign", &study][..], &ideal].concat()));
+    assert!(edited.contains("2 result files of before the study was changed removed"), "{edited}");
+    run(&[&["campaign", &other, "--replace"][..], &ideal].concat());
 }
 
 #[test]

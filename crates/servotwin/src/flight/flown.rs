@@ -152,7 +152,7 @@ impl<'s> Flown<'s> {
     /// An actuator for each environment, with its calibration flight.
     fn calibrate(&self, workers: Workers) -> Result<Vec<Actuator>, CampaignError> {
         let Some(realism) = &self.study.realism else {
-            return Err(CampaignError::NoSection { setting: self.setting });
+            return Err(CampaignError::no_section(self.setting, self.study));
         };
         let number = |place: usize| place + (self.seed as usize) * 1_000_000;
         let lot = self.purpose.lot();

@@ -1,5 +1,6 @@
 //! Why a stage of the main job stops.
 
+use crate::document::counted;
 use crate::evaluation::EvaluationError;
 use crate::evaluation::parallel::Cancelled;
 use crate::files::FileError;
@@ -33,6 +34,15 @@ pub enum JobError {
     OtherStudy {
         /// The folder.
         folder: PathBuf,
+    },
+    /// A folder holds what is of another study.
+    OtherResults {
+        /// The folder.
+        folder: PathBuf,
+        /// Of what, in words.
+        there: String,
+        /// How many results.
+        count: usize,
     },
     /// What an earlier stage should have written is not there.
     Missing {
@@ -79,6 +89,12 @@ impl fmt::Display for JobError {
                 out,
                 "{}: another study lies here; a part of a campaign removes nothing: choose another folder",
                 folder.display()
+            ),
+            JobError::OtherResults { folder, there, count } => write!(
+                out,
+                "{}: {there} is here, with {}, which stay as they are: choose another folder (--out), or --replace removes them",
+                folder.display(),
+                counted(*count, "result file")
             ),
             JobError::Missing { path, stage } => {
                 write!(out, "{}: no such file; 'servotwin {stage}' writes it", path.display())

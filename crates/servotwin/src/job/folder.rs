@@ -26,6 +26,9 @@ use crate::study::campaign::{CampaignError, calibration_file};
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 
+/// What the names of the report's figures begin with.
+const FIGURES: &str = "figures/";
+
 /// An output folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Folder(PathBuf);
@@ -98,7 +101,7 @@ impl Folder {
 
     /// The folder of the report's figures.
     pub fn figures(&self) -> PathBuf {
-        self.0.join("figures")
+        self.0.join(FIGURES)
     }
 
     /// Where everything comes from.
@@ -119,26 +122,16 @@ impl Folder {
         files.extend(Setting::ALL.map(|setting| self.band(setting)));
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.flights(), self.missing_sensors(), self.results(), self.report()]);
-        files.retain(|file| file.exists());
         files.extend(self.figure_files()?);
+        files.retain(|file| file.exists());
         Ok(files)
     }
 
+    /// The report's figures, as the manifest knows them: what else lies beside them is not ours.
     fn figure_files(&self) -> Result<Vec<PathBuf>, JobError> {
-        let folder = self.figures();
-        if !folder.exists() {
-            return Ok(vec![]);
-        }
-        let wrong = |cause| FileError::from_io(&folder, cause);
-        let mut files = vec![];
-        for entry in std::fs::read_dir(&folder).map_err(wrong)? {
-            let path = entry.map_err(wrong)?.path();
-            if path.extension().is_some_and(|ending| ending == "svg") {
-                files.push(path);
-            }
-        }
-        files.sort();
-        Ok(files)
+        let known = manifest::read(&self.0)?.map(|manifest| manifest.outputs).unwrap_or_default();
+        let figures = known.iter().filter_map(|known| known.file.strip_prefix(FIGURES));
+        Ok(figures.map(|name| self.figures().join(name)).collect())
     }
 
     /// Removes the report and its figures.
@@ -147,7 +140,8 @@ impl Folder {
     /// They cannot be removed.
     pub fn remove_report(&self) -> Result<(), JobError> {
         let mut files = self.figure_files()?;
-        files.extend(Some(self.report()).filter(|report| report.exists()));
+        files.push(self.report());
+        files.retain(|file| file.exists());
         files.iter().try_for_each(|file| remove(file))
     }
 
@@ -160,28 +154,46 @@ impl Folder {
         hold::take(&self.0, among)
     }
 
-    /// Holds the folder and writes the texts of the study and its system into it. Results of
-    /// another study are removed: they would be taken for this one's.
+    /// Holds the folder and writes the texts of the study and its system into it. Results of the study as it was before
+    /// are removed: they would be taken for those of the study as it is. Those of another study only where `replace`
+    /// allows it.
     ///
     /// # Errors
-    /// The study has no faults; [`JobError::Busy`]; the folder or a file cannot be written.
-    pub fn keep_study(&self, study: &Study) -> Result<Hold, JobError> {
+    /// The study has no faults; [`JobError::Busy`]; [`JobError::OtherResults`]; the folder or a file cannot be written.
+    pub fn keep_study(&self, study: &Study, replace: bool) -> Result<Kept, JobError> {
         if study.faults.is_empty() {
             return Err(CampaignError::NoVariants.into());
         }
         let hold = self.hold(Among::Nobody)?;
+        let mut dropped = vec![];
+        if !self.is_made_of(study)? {
+            dropped = self.results_there()?;
+            if !replace && let Some(there) = self.other_study(study, &dropped)? {
+                let (folder, count) = (self.0.clone(), dropped.len());
+                return Err(JobError::OtherResults { folder, there, count });
+            }
+        }
         for folder in [self.0.clone(), self.0.join("shards"), self.figures()] {
             files::remove_leftovers(&folder)?;
         }
-        if !self.is_made_of(study)? {
-            self.remove_report()?;
-            for file in self.results_there()? {
-                remove(&file)?;
-            }
-        }
+        dropped.iter().try_for_each(|file| remove(file))?;
         write_text(&self.study(), &study.text)?;
         write_text(&self.system(), &study.system.text)?;
-        Ok(hold)
+        Ok(Kept { hold, dropped: dropped.len() })
+    }
+
+    /// What is in the folder, in words, where it is not of a study of the same name: a study that was edited is the same.
+    fn other_study(&self, study: &Study, results: &[PathBuf]) -> Result<Option<String>, JobError> {
+        let texts = [self.study(), self.system()];
+        if results.is_empty() && texts.iter().all(|text| !text.exists()) {
+            return Ok(None);
+        }
+        let told = manifest::read(&self.0)?.map(|manifest| manifest.study);
+        Ok(match told.or_else(|| name_in(&self.study())) {
+            Some(name) if name == study.name => None,
+            Some(name) => Some(format!("the study '{name}'")),
+            None => Some("no study of this name".into()),
+        })
     }
 
     /// As [`Folder::keep_study`], where other parts may be working in the folder at the same time: nothing is
@@ -256,6 +268,22 @@ impl Folder {
     }
 }
 
+/// The right to write into an output folder that was made ready for a study.
+#[derive(Debug)]
+#[must_use = "the folder is free again when this is dropped"]
+pub struct Kept {
+    /// The right.
+    pub hold: Hold,
+    /// How many results were removed, being of the study as it was before.
+    pub dropped: usize,
+}
+
+/// The name that a study's text says.
+fn name_in(study: &Path) -> Option<String> {
+    let text: toml::Table = toml::from_str(&files::read_text(study).ok()?).ok()?;
+    Some(text.get("name")?.as_str()?.to_owned())
+}
+
 fn remove(file: &Path) -> Result<(), JobError> {
     Ok(std::fs::remove_file(file).map_err(|cause| FileError::from_io(file, cause))?)
 }
@@ -271,4 +299,47 @@ fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     }
     manifest::forget(path)?;
     Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in::STUDIES;
+
+    #[test]
+    fn what_is_of_another_study_or_of_somebody_else_stays() {
+        let path = std::env::temp_dir().join(format!("servotwin-kept-{}", std::process::id()));
+        let folder = Folder::new(&path);
+        let study = |text: &str| Study::parse(text, "study.toml").unwrap();
+        let (spring, press) = (study(STUDIES[1].1), study(STUDIES[2].1));
+        let dropped = |study: &Study, replace| folder.keep_study(study, replace).unwrap().dropped;
+        assert_eq!(dropped(&spring, false), 0);
+        let figure = |name: &str| folder.figures().join(name);
+        let (ours, others) = (figure("bands.svg"), [figure("my.svg"), path.join("notes.txt")]);
+        let measure = |study: &Study| {
+            create_folder(folder.figures()).unwrap();
+            for file in [&folder.results(), &ours, &others[0], &others[1]] {
+                std::fs::write(file, "{}").unwrap();
+            }
+            crate::job::manifest::write_with(&folder, study, &[ours.clone()]).unwrap();
+        };
+        measure(&spring);
+        let refused = folder.keep_study(&press, false).unwrap_err();
+        assert!(matches!(refused, JobError::OtherResults { count: 2, .. }), "{refused}");
+        assert!(refused.to_string().contains("the study 'spring_actuator' is here"), "{refused}");
+        assert!(folder.results().exists() && ours.exists());
+        assert_eq!(dropped(&spring, false), 0, "the same study goes on");
+        let edited = study(&STUDIES[1].1.replace("duration_s = 30", "duration_s = 20"));
+        assert_eq!(dropped(&edited, false), 2, "what was edited is the same study");
+        assert!(!folder.results().exists() && !ours.exists());
+        measure(&edited);
+        assert_eq!(dropped(&press, true), 2);
+        folder.remove_report().unwrap();
+        assert!(others.iter().all(|file| file.exists()), "what others wrote is theirs");
+        // A study of the user's own under that name, beside which nothing was measured.
+        std::fs::remove_file(folder.manifest()).unwrap();
+        std::fs::write(folder.study(), "name = \"mine\"\n").unwrap();
+        assert!(matches!(folder.keep_study(&press, false), Err(JobError::OtherResults { .. })));
+        std::fs::remove_dir_all(&path).unwrap();
+    }
 }

@@ -18,7 +18,16 @@ pub use crate::manifest::{DataSetEntry, FORMAT, FailedVariant, FileHash, KindEff
 /// # Errors
 /// A file cannot be read.
 pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
+    with(folder, study, &[])
+}
+
+/// The same with figures that have just been drawn.
+fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest, JobError> {
     let known = manifest::read(folder.path())?;
+    let mut results = folder.results_there()?;
+    results.extend(
+        figures.iter().filter(|&figure| !results.contains(figure)).cloned().collect::<Vec<_>>(),
+    );
     let both = |setting| Role::ALL.map(|role| (setting, role));
     let data_sets = Setting::ALL.into_iter().flat_map(both);
     let data_sets = data_sets.filter(|&(setting, role)| folder.data_set(setting, role).exists());
@@ -33,7 +42,7 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
         data_sets: data_sets
             .map(|(s, role)| data_set(folder, known.as_ref(), s, role))
             .collect::<Result<_, _>>()?,
-        outputs: hashes(folder, known.as_ref(), &folder.results_there()?)?,
+        outputs: hashes(folder, known.as_ref(), &results)?,
     })
 }
 
@@ -55,7 +64,19 @@ fn in_words(settings: &solver::Settings) -> String {
 /// # Errors
 /// A file cannot be read or written.
 pub fn write(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
-    let manifest = of(folder, study)?;
+    write_with(folder, study, &[])
+}
+
+/// The same with figures that have just been drawn.
+///
+/// # Errors
+/// A file cannot be read or written.
+pub fn write_with(
+    folder: &Folder,
+    study: &Study,
+    figures: &[PathBuf],
+) -> Result<Manifest, JobError> {
+    let manifest = with(folder, study, figures)?;
     manifest.write(folder.path())?;
     Ok(manifest)
 }

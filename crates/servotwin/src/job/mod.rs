@@ -17,7 +17,7 @@ mod subject;
 mod tests;
 
 pub use error::JobError;
-pub use folder::Folder;
+pub use folder::{Folder, Kept};
 pub use hold::{Among, Hold};
 pub use results::Results;
 pub use subject::Subject;

@@ -41,12 +41,15 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         manifest: &manifest,
     });
     create_folder(folder.figures())?;
+    let mut drawn = vec![];
     for (name, figure) in figures {
         let path = folder.figures().join(format!("{name}.svg"));
-        write_atomically(path, |out| out.write_all(figure.svg.as_bytes()))?;
+        write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
+        drawn.push(path);
     }
+    drawn.sort();
     write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
-    manifest::write(folder, study).map(drop)
+    manifest::write_with(folder, study, &drawn).map(drop)
 }
 
 /// An excerpt of the data set whose trees are drawn; `None` where it is not there any more.

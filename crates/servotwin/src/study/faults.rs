@@ -84,7 +84,7 @@ impl Reader<'_> {
             for (index, class) in classes.iter().enumerate() {
                 for kind in &class.kinds {
                     let id = full_name(unit_name, kind);
-                    let Ok((component, fault)) = self.find_fault(&id) else { continue };
+                    let Ok((component, fault)) = self.find_fault(unit_name, kind) else { continue };
                     for &intensity in &self.text.intensities {
                         let at = FaultAt { component, fault, intensity };
                         let (id, kind) = (id.clone(), kind.clone());
@@ -96,8 +96,13 @@ impl Reader<'_> {
         Ok(faults)
     }
 
-    fn find_fault(&self, id: &str) -> Result<(usize, usize), Noted> {
-        self.system.program.find_fault(id).ok_or_else(|| {
+    fn find_fault(&self, unit: &str, kind: &str) -> Result<(usize, usize), Noted> {
+        let id = &full_name(unit, kind);
+        let find = |id: &str| self.system.program.find_fault(id);
+        find(id).ok_or_else(|| {
+            if find(kind).is_some() {
+                return self.shared("classes", "fault", unit, kind);
+            }
             let components = &self.system.network().components;
             let all: Vec<String> = components
                 .iter()

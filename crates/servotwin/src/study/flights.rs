@@ -22,7 +22,7 @@
 
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
-use super::training::filled;
+use super::training::{check_pattern, filled};
 use crate::signal::bus::as_sent;
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
@@ -173,6 +173,11 @@ impl Text {
         self.least_on
     }
 
+    /// The patterns of all commands.
+    pub(super) fn patterns(&self) -> impl Iterator<Item = &str> {
+        self.commands.iter().map(String::as_str)
+    }
+
     /// The parameters of every unit that differ from environment to environment.
     pub(super) fn varied_parameters(&self) -> impl Iterator<Item = &String> {
         self.unit_parameters.keys()
@@ -190,6 +195,11 @@ impl Text {
         let ranges = self.check_ranges(reader);
         self.check(reader)?;
         ranges?;
+        let driven = reader.input("command", &reader.text.command.input)?;
+        for pattern in self.patterns() {
+            let (section, seconds) = ("flights.commands", self.duration_s);
+            let _ = check_pattern(reader, section, pattern, driven, seconds);
+        }
         let one_each = Size { environments: self.commands.len(), further: 0, ..self.learn };
         self.environments(reader, 'L', one_each).map(drop)
     }

@@ -2,6 +2,7 @@
 
 use crate::signal::random::Random;
 use crate::system::System;
+use servotwin_model::components::Component;
 use servotwin_model::scalar::Primitive;
 
 /// Noise and quantisation of one sensor, in physical units.
@@ -17,11 +18,16 @@ impl Imperfection {
     /// `bits` over the whole range.
     pub fn of(system: &System, sensor: usize) -> Self {
         let instance = &system.network().components[system.sensors[sensor].component];
-        let Some(span) = instance.component.span(&instance.parameters) else {
+        Self::of_component(instance.component, &instance.parameters)
+    }
+
+    /// The same of a component with its parameters; none of one that is no sensor.
+    pub fn of_component(component: &dyn Component, parameters: &[f64]) -> Self {
+        let Some(span) = component.span(parameters) else {
             return Self { sigma: 0.0, step: 0.0 };
         };
-        let spec = instance.component.spec();
-        let value = |name: &str| spec.parameter(name).map_or(0.0, |p| instance.parameters[p]);
+        let spec = component.spec();
+        let value = |name: &str| spec.parameter(name).map_or(0.0, |p| parameters[p]);
         let bits = value("bits");
         let step = if bits > 0.0 { span.range / f64::powi(2.0, bits as i32) } else { 0.0 };
         Self { sigma: value("noise_sigma") * span.full_scale, step }

@@ -19,6 +19,15 @@ pub enum Mistake {
         /// All right ones, where they are few.
         known: Vec<String>,
     },
+    /// A fault or a parameter of a component that all units share, where one of each unit is meant.
+    Shared {
+        /// What it is.
+        what: &'static str,
+        /// Its name.
+        name: String,
+        /// The first of the units.
+        unit: String,
+    },
     /// A number outside its range.
     OutOfRange {
         /// The field.
@@ -62,6 +71,10 @@ impl fmt::Display for Mistake {
         match self {
             Mistake::Document(mistake) => write!(out, "{mistake}"),
             Mistake::Unknown { what, name, .. } => write!(out, "there is no {what} '{name}'"),
+            Mistake::Shared { what, name, unit } => write!(
+                out,
+                "the {what} '{name}' is of a component that units share: a name here stands for one of every unit, '{unit}.{name}' and so on"
+            ),
             Mistake::OutOfRange { field, value, allowed } => {
                 let value = document::Quantity(*value, "");
                 write!(out, "{field} is {value}, but must be {allowed}")
@@ -82,6 +95,11 @@ impl Explained for Mistake {
             Mistake::Document(mistake) => mistake.help(),
             Mistake::Unknown { nearest: None, known, .. } if known.is_empty() => None,
             Mistake::Unknown { nearest, known, .. } => Some(suggest(nearest, known)),
+            Mistake::Shared { .. } => Some(
+                "a diagnosis says which unit is at fault, and of what units share it is none: leave it out, or write \
+                 a second study with units = [\"\"], in which the whole system is one unit"
+                    .into(),
+            ),
             _ => None,
         }
     }

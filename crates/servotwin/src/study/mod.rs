@@ -26,7 +26,7 @@ pub use flights::Flights;
 pub(crate) use imperfection::{Imperfection, Imperfections};
 pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
-pub use realism::{Lot, Plants, Realism, Role, Setting, Tolerance};
+pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
 pub use training::Training;
 pub use warning::Warning;
 
@@ -38,7 +38,7 @@ use crate::kind::{Kind, named_system};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::{System, SystemError};
-use reader::{Noted, Reader};
+use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::decision::usual_least_on;
 use servotwin_diagnosis::features::{MOST_FOLLOWED, MOST_UNITS, Quantity, Sensor, Sensors};
@@ -214,16 +214,16 @@ impl Study {
     /// # Errors
     /// Every mistake that was found.
     pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
-        let (parsed, mistakes) = read_text(text, path)?;
-        let system = find_system(&parsed.system, path);
+        let understood = read_text(text, path)?;
+        let system = find_system(&understood.parsed.system, path);
         let system = system.map_err(|error| {
             error.unwrap_or_else(|unknown| {
-                let mut mistakes = mistakes.clone();
+                let mut mistakes = understood.mistakes.clone();
                 mistakes.note(&system_at(text), unknown);
                 StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }
             })
         })?;
-        Self::build(text, parsed, path, system, mistakes)
+        Self::build(text, understood, path, system)
     }
 
     /// Reads a study from a text, with the system in a file of its own: as results are stored.
@@ -249,20 +249,18 @@ impl Study {
     /// # Errors
     /// Every mistake that was found.
     pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, StudyError> {
-        let (parsed, mistakes) = read_text(text, path)?;
-        Self::build(text, parsed, path, system, mistakes)
+        Self::build(text, read_text(text, path)?, path, system)
     }
 
     fn build(
         source: &str,
-        parsed: Text,
+        Understood { parsed, doubtful, mistakes }: Understood,
         path: &str,
         system: System,
-        mistakes: Collector<Mistake>,
     ) -> Result<Self, StudyError> {
-        let mistakes = RefCell::new(mistakes);
-        let document = OnceCell::new();
-        let reader = Reader { path, source, text: &parsed, system: &system, mistakes, document };
+        let (mistakes, document) = (RefCell::new(mistakes), OnceCell::new());
+        let text = &parsed;
+        let reader = Reader { path, source, text, system: &system, mistakes, document, doubtful };
         let parts = Parts::new(&reader);
         let Parts {
             measured,
@@ -311,6 +309,7 @@ impl Study {
             system: &self.system,
             mistakes: RefCell::default(),
             document: OnceCell::new(),
+            doubtful: vec![],
         }
     }
 
@@ -430,7 +429,7 @@ pub fn keys() -> &'static [format::Key] {
 
 /// What a file says, with what is wrong with its form. Where no more can be said, all of that is the
 /// error.
-fn read_text(text: &str, path: &str) -> Result<(Text, Collector<Mistake>), StudyError> {
+fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
     if let Some(mistakes) = Kind::Study.wanted(text) {
         return Err(StudyError::Mistakes { path: path.into(), mistakes });
     }
@@ -455,33 +454,41 @@ fn read_text(text: &str, path: &str) -> Result<(Text, Collector<Mistake>), Study
         let note = &mut |at: &Span, mistake| mistakes.note(at, mistake);
         format::check_table(&keys::STUDY, &(0..0), "the file", &all, note);
         repetitions(&all, &mut mistakes);
-        // What is unknown was told and must not hide the rest.
-        let mut known: toml::Table = toml::from_str(text).unwrap_or_default();
-        format::keep_known(&keys::STUDY, &mut known);
+        // What is wrong was told and must not hide the rest.
+        let known: toml::Table = toml::from_str(text).unwrap_or_default();
+        let mut known = format::mended(&keys::STUDY, known);
         known.remove("format");
         match Text::deserialize(known) {
-            // With numbers outside their range nothing is built.
-            Ok(text) if mistakes.all(is_only_a_name) => parsed = Some(text),
+            Ok(text) => parsed = Some(text),
             Err(error) if mistakes.is_empty() => {
                 let message = error.message().to_owned();
                 mistakes.note(&(0..0), document::Mistake::Syntax { message });
             }
-            _ => {}
+            Err(_) => {}
         }
     }
-    match parsed {
-        Some(parsed) => Ok((parsed, mistakes)),
+    let mut doubtful = format::doubtful(&keys::STUDY, &all);
+    if !mistakes.all(|mistake| is_form(mistake) || matches!(mistake, Mistake::Repeated { .. })) {
+        doubtful.push("units");
+    }
+    // Without the name of a system there is nothing in which others could be looked up.
+    match parsed.filter(|_| !doubtful.contains(&"system")) {
+        Some(parsed) => Ok(Understood { parsed, doubtful, mistakes }),
         None => Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }),
     }
 }
 
-/// Whether the rest of a file can be understood in spite of a mistake.
-fn is_only_a_name(mistake: &Mistake) -> bool {
-    use document::Mistake::{UnknownKey, UnknownWord};
-    matches!(
-        mistake,
-        Mistake::Document(UnknownKey { .. } | UnknownWord { .. }) | Mistake::Repeated { .. }
-    )
+/// Whether a mistake is one of a file's form.
+fn is_form(mistake: &Mistake) -> bool {
+    matches!(mistake, Mistake::Document(_))
+}
+
+/// What a file says, with stand-ins where it says nothing that can be read.
+struct Understood {
+    parsed: Text,
+    /// The keys in which something stands in.
+    doubtful: Vec<&'static str>,
+    mistakes: Collector<Mistake>,
 }
 
 /// What stands twice in a list where each is one thing.
@@ -705,7 +712,7 @@ impl Reader<'_> {
         let others = || (0..measured.len()).filter(|&other| other != place);
         let known = || others().map(|other| sensor(other).id.as_str());
         let other = others().find(|&other| sensor(other).id == followed);
-        let other = other.ok_or_else(|| self.unknown(field, "other sensor", followed, known()))?;
+        let other = other.ok_or_else(|| self.unknown(field, OTHER_SENSOR, followed, known()))?;
         Ok((other, weight * (sensor(other).scale / sensor(place).scale)))
     }
 

@@ -10,7 +10,7 @@
 //! parameters with `unit_` are those of the faulty unit.
 
 use super::faults::full_name;
-use super::reader::{Noted, Reader};
+use super::reader::{Noted, OF_A_CLASS, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
@@ -56,8 +56,7 @@ impl Reactions {
         for (name, text) in texts {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
-                let what = "command, or command/detail, of a class";
-                reader.unknown("reactions", what, name, known);
+                reader.unknown("reactions", OF_A_CLASS, name, known);
                 continue;
             }
             let units = 0..reader.text.units.len();

@@ -3,7 +3,7 @@
 
 use super::mistake::Mistake;
 use super::{StudyError, Text};
-use crate::document::{Collector, Entry, Span, entries};
+use crate::document::{self, Collector, Entry, Span, entries};
 use crate::nearest::nearest;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
@@ -26,7 +26,14 @@ pub(super) struct Reader<'a> {
     pub mistakes: RefCell<Collector<Mistake>>,
     /// The file as a document, once somebody asks for a place in it.
     pub document: OnceCell<Spanned<DeTable<'a>>>,
+    /// The keys of the file in which something stands in for what cannot be read.
+    pub doubtful: Vec<&'static str>,
 }
+
+/// What a reaction is for.
+pub(super) const OF_A_CLASS: &str = "command, or command/detail, of a class";
+/// What a sensor may follow.
+pub(super) const OTHER_SENSOR: &str = "other sensor";
 
 /// Beyond so many mistakes none comes with advice; fewer are told.
 const TOLD: usize = 100;
@@ -34,13 +41,33 @@ const TOLD: usize = 100;
 const LISTED: usize = 30;
 
 impl<'a> Reader<'a> {
-    /// Notes a mistake; of every place one is told.
+    /// Notes a mistake; of every place one is told, and none that comes of what stands in for another.
     pub fn note(&self, at: &Span, mistake: Mistake) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
-        if !mistakes.knows(at) {
+        if !mistakes.knows(at) && self.is_certain(&mistake) {
             mistakes.note(at, mistake);
         }
         Noted
+    }
+
+    /// Whether a mistake would be one whatever else the file should say.
+    fn is_certain(&self, mistake: &Mistake) -> bool {
+        match mistake {
+            _ if self.doubtful.is_empty() => true,
+            Mistake::Document(_) | Mistake::Signal { .. } => true,
+            Mistake::Shared { .. } => self.is_sound(&["units"]),
+            // Of what is looked up in the system, nothing but the units stands in the study.
+            Mistake::Unknown { name, .. } if name.is_empty() => false,
+            Mistake::Unknown { what: OF_A_CLASS, .. } => self.is_sound(&["classes"]),
+            Mistake::Unknown { what: OTHER_SENSOR, .. } => self.is_sound(&["sensors"]),
+            Mistake::Unknown { .. } => self.is_sound(&["units"]),
+            _ => false,
+        }
+    }
+
+    /// Whether all of some keys of the file could be read.
+    fn is_sound(&self, keys: &[&str]) -> bool {
+        keys.iter().all(|key| !self.doubtful.contains(key))
     }
 
     /// A name in a section that is none of those known.
@@ -60,6 +87,17 @@ impl<'a> Reader<'a> {
         let known = if few { known.into_iter().map(Into::into).collect() } else { vec![] };
         let mistake = Mistake::Unknown { what, name: name.into(), nearest, known };
         self.note(&self.place(section, name), mistake)
+    }
+
+    /// The name of something that all units share, where one of each unit is meant.
+    pub fn shared(&self, section: &str, what: &'static str, unit: &str, name: &str) -> Noted {
+        let mistake = Mistake::Shared { what, name: name.into(), unit: unit.into() };
+        self.note(&self.place(section, name), mistake)
+    }
+
+    /// What is wrong with a text of a section.
+    pub fn in_text(&self, section: &str, text: &str, mistake: document::Mistake) -> Noted {
+        self.note(&self.place(section, text), mistake.into())
     }
 
     /// That a number of a field is as it must be.
@@ -121,6 +159,11 @@ impl<'a> Reader<'a> {
     ) -> Result<Piecewise, Noted> {
         let built = signal.and_then(|signal| self.system.driven(input, &signal, duration_s));
         built.map_err(|error| {
+            // What is wrong with a unit is so in runs of any length.
+            let is_certain = matches!(error, SignalError::WrongUnit { .. });
+            if !is_certain && !self.is_sound(&["duration_s", "sample_hz", first(section)]) {
+                return Noted;
+            }
             let mistake = Mistake::Signal { name: name.into(), error: error.to_string() };
             self.note(&self.place(section, name), mistake)
         })
@@ -144,7 +187,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Where a name stands in a field: as a text first, then as a key.
-    fn place(&self, field: &str, name: &str) -> Span {
+    pub fn place(&self, field: &str, name: &str) -> Span {
         let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
         let mut found = 0..0;
         let mut all = entries(root.get_ref());
@@ -169,6 +212,11 @@ impl<'a> Reader<'a> {
         };
         within(true).or_else(|| within(false)).unwrap_or(found)
     }
+}
+
+/// The key of the file that a path begins with.
+fn first(path: &str) -> &str {
+    path.split('.').next().unwrap_or(path)
 }
 
 /// Whether a path goes on with a key.

@@ -78,6 +78,25 @@ pub enum Plants {
     Pool,
 }
 
+/// A section of a study that a setting needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Section {
+    /// Its name.
+    pub name: &'static str,
+    /// How it may be written, in one line.
+    pub example: &'static str,
+}
+
+const REALISTIC: Section = Section {
+    name: "realistic",
+    example: "realistic = { seed = 1, healthy = 20, tolerances = [{ parameters = [\"…\"], sigma = 0.03 }] }",
+};
+
+const FITTED: Section = Section {
+    name: "fitted",
+    example: "fitted = { command = \"noise:rms=…,bandwidth=1Hz,seed=9\", duration_s = 30, judge = 24, learn = 24, in_each_case = 6 }",
+};
+
 impl Setting {
     /// Every setting, from the kindest to the hardest.
     pub const ALL: [Setting; 4] =
@@ -119,8 +138,16 @@ impl Setting {
 
     /// Whether a study says all that it needs.
     pub fn is_possible(self, study: &Study) -> bool {
-        let is_calibrated = self.plants() != Plants::Pool || study.calibration.is_some();
-        (study.realism.is_some() || !self.has_noise()) && is_calibrated
+        self.lacks(study).is_empty()
+    }
+
+    /// The sections that it needs and a study does not have.
+    pub fn lacks(self, study: &Study) -> Vec<Section> {
+        let needed = [
+            (REALISTIC, self.has_noise() && study.realism.is_none()),
+            (FITTED, self.plants() == Plants::Pool && study.calibration.is_none()),
+        ];
+        needed.into_iter().filter(|(_, lacks)| *lacks).map(|(section, _)| section).collect()
     }
 
     /// The settings of a study that a choice allows, in groups whose variants are the same
@@ -273,19 +300,11 @@ pub(super) fn find(
     name: &str,
 ) -> Result<(usize, usize), Noted> {
     let id = full_name(unit, name);
-    let components = &reader.system.network().components;
-    let all = || {
-        components.iter().flat_map(|c| {
-            let parameters = c.component.spec().parameters.iter();
-            parameters.map(|p| format!("{}.{}", c.id, p.name)).collect::<Vec<_>>()
-        })
-    };
-    let found = id.rsplit_once('.').and_then(|(component, parameter)| {
-        let index = components.iter().position(|c| c.id == component)?;
-        Some((index, components[index].component.spec().parameter(parameter)?))
-    });
-    found.ok_or_else(|| {
-        let all: Vec<String> = all().collect();
+    reader.system.parameter(&id).ok_or_else(|| {
+        if reader.system.parameter(name).is_some() {
+            return reader.shared(section, "parameter", unit, name);
+        }
+        let all = reader.system.all_parameters();
         reader.unknown(section, "parameter in the system", &id, all.iter().map(String::as_str))
     })
 }

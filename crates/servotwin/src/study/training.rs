@@ -21,6 +21,7 @@
 
 use super::OperatingCase;
 use super::reader::{Noted, Reader};
+use crate::document::Mistake::NotInOrder;
 use crate::signal::{Signal, SignalError};
 use serde::Deserialize;
 use servotwin_model::math::{exp, ln};
@@ -45,6 +46,11 @@ pub(super) struct Text {
 impl Text {
     pub(super) fn has_healthy(&self) -> bool {
         self.healthy > 0
+    }
+
+    /// The patterns of all commands that are drawn.
+    pub(super) fn patterns(&self) -> impl Iterator<Item = &str> {
+        self.draws.iter().map(|draws| draws.signal.as_str())
     }
 }
 
@@ -85,11 +91,14 @@ impl Training {
             return Err(reader.empty("training", "training.draws and training.signals"));
         }
         let command = reader.input("command", &reader.text.command.input)?;
+        let duration_s = reader.text.duration_s;
+        for pattern in text.patterns() {
+            let _ = check_pattern(reader, "training.draws", pattern, command, duration_s);
+        }
         let mut cases = vec![];
-        for (place, (section, name, signal)) in signals.into_iter().enumerate() {
+        for (place, Command { section, name, said, signal }) in signals.into_iter().enumerate() {
             let mut inputs = reader.default_inputs();
-            let duration_s = reader.text.duration_s;
-            let Ok(built) = reader.signal(section, &name, signal, command, duration_s) else {
+            let Ok(built) = reader.signal(section, said, signal, command, duration_s) else {
                 continue;
             };
             inputs[command] = built;
@@ -118,19 +127,34 @@ impl Training {
 /// No fault is weaker than this in training.
 const LEAST_INTENSITY: f64 = 0.01;
 
+/// A command to learn from.
+struct Command<'t> {
+    /// Where it stands.
+    section: &'static str,
+    name: String,
+    /// By what it is found there: its pattern, or its name.
+    said: &'t str,
+    signal: Result<Signal, SignalError>,
+}
+
 impl Text {
-    /// The commands with where they stand and their names: those drawn, then those named.
-    fn commands(&self) -> Vec<(&'static str, String, Result<Signal, SignalError>)> {
+    /// The commands: those drawn, then those named.
+    fn commands(&self) -> Vec<Command<'_>> {
         let mut commands = vec![];
-        for draws in &self.draws {
+        for DrawsText { count, signal: said } in &self.draws {
             let first = commands.len();
-            for draw in 1..=draws.count {
-                let name = format!("T{:02}", first + draw);
-                commands.push(("training.draws", name, filled(&draws.signal, draw).parse()));
+            for draw in 1..=*count {
+                let (section, name) = ("training.draws", format!("T{:02}", first + draw));
+                let signal = filled(said, draw).parse();
+                commands.push(Command { section, name, said, signal });
             }
         }
-        let named = self.signals.iter();
-        let named = named.map(|(name, s)| ("training.signals", name.clone(), Ok(s.clone())));
+        let named = self.signals.iter().map(|(name, signal)| Command {
+            section: "training.signals",
+            name: name.clone(),
+            said: name,
+            signal: Ok(signal.clone()),
+        });
         commands.extend(named);
         commands
     }
@@ -146,8 +170,41 @@ impl Text {
     }
 }
 
+/// That the ranges of a pattern are in order, and possible for an input at either end, the others being in their middle:
+/// a few draws may not come near an end that more of them would reach.
+pub(super) fn check_pattern(
+    reader: &Reader,
+    section: &str,
+    pattern: &str,
+    input: usize,
+    duration_s: f64,
+) -> Result<(), Noted> {
+    let ranges = ranges(pattern);
+    if let Some(&(low, high)) = ranges.iter().find(|(low, high)| low > high) {
+        let key = format!("{{{low}..{high}}}");
+        return Err(reader.in_text(section, pattern, NotInOrder { key, low, high }));
+    }
+    let ends = (0..ranges.len()).flat_map(|range| [(range, 0.0), (range, 1.0)]);
+    ends.into_iter().try_for_each(|(range, end)| {
+        let at = |place| if place == range { end } else { 0.5 };
+        let signal = filled_at(pattern, 1, at).parse();
+        reader.signal(section, pattern, signal, input, duration_s).map(drop)
+    })
+}
+
+/// The ranges of a pattern.
+fn ranges(pattern: &str) -> Vec<(f64, f64)> {
+    let behind = pattern.split('{').skip(1);
+    behind.filter_map(|text| range(text.split_once('}')?.0)).collect()
+}
+
 /// A pattern with its ranges replaced by the numbers of a draw.
 pub(super) fn filled(pattern: &str, draw: usize) -> String {
+    filled_at(pattern, draw, |place| halton(draw as u64, BASES[1 + place % (BASES.len() - 1)]))
+}
+
+/// The same with where each range is met, from 0 to 1.
+pub(super) fn filled_at(pattern: &str, draw: usize, at: impl Fn(usize) -> f64) -> String {
     let mut text = String::new();
     let mut rest = pattern;
     let mut ranges = 0;
@@ -159,9 +216,8 @@ pub(super) fn filled(pattern: &str, draw: usize) -> String {
         };
         match range(inside) {
             Some((low, high)) => {
+                text += &rounded(between(low, high, at(ranges))).to_string();
                 ranges += 1;
-                let at = halton(draw as u64, BASES[1 + (ranges - 1) % (BASES.len() - 1)]);
-                text += &rounded(between(low, high, at)).to_string();
             }
             None if inside == "n" => text += &draw.to_string(),
             None => text += &format!("{{{inside}}}"),

@@ -1,8 +1,10 @@
 //! What is no mistake in a study, but hardly what was meant.
 
-use super::Study;
 use super::faults::full_name;
-use crate::document::{Collector, Located, Quantity};
+use super::reader::Reader;
+use super::{Study, training};
+use crate::document::{Collector, Located, Quantities, Quantity};
+use crate::signal::{Argument, Signal, Sort};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -23,16 +25,43 @@ pub enum Warning {
         /// The unit.
         unit: Unit,
     },
+    /// A range of draws that goes beyond all that an input may become: only how short the flights are, or how few are
+    /// drawn, keeps it inside.
+    BeyondInput {
+        /// The parameter of the signal.
+        parameter: &'static str,
+        /// What the range reaches.
+        value: f64,
+        /// The input.
+        input: String,
+        /// The least that it may become.
+        min: f64,
+        /// The most.
+        max: f64,
+        /// The unit of all three.
+        unit: Unit,
+    },
 }
 
 impl fmt::Display for Warning {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Warning::InertFault { fault, component, parameter, value, unit } = self;
-        let value = Quantity(*value, unit.symbol());
-        write!(
-            out,
-            "the fault '{fault}' changes nothing: '{parameter}' of '{component}' stays {value} at every intensity"
-        )
+        match self {
+            Warning::InertFault { fault, component, parameter, value, unit } => {
+                let value = Quantity(*value, unit.symbol());
+                write!(
+                    out,
+                    "the fault '{fault}' changes nothing: '{parameter}' of '{component}' stays {value} at every intensity"
+                )
+            }
+            Warning::BeyondInput { parameter, value, input, min, max, unit } => {
+                let (value, unit) = (Quantity(*value, unit.symbol()), unit.symbol());
+                let range = Quantities(*min, *max, unit);
+                write!(
+                    out,
+                    "'{parameter}' is drawn up to {value}, but '{input}' may only become {range}"
+                )
+            }
+        }
     }
 }
 
@@ -49,7 +78,44 @@ impl Study {
                 found.note(&reader.place_of_fault(case), warning);
             }
         }
+        self.beyond_input(&reader, &mut found);
         found.locate(&self.text)
+    }
+
+    /// Draws that would leave their input, were they flown for long enough.
+    fn beyond_input(&self, reader: &Reader, found: &mut Collector<Warning>) {
+        let (training, flights) = (self.parsed.training.iter(), self.parsed.flights.iter());
+        let draws = training.flat_map(|text| text.patterns()).map(|text| ("training.draws", text));
+        let flown = flights.flat_map(|text| text.patterns());
+        for (section, pattern) in draws.chain(flown.map(|text| ("flights.commands", text))) {
+            let at_end = |end: f64| training::filled_at(pattern, 1, |_| end).parse().ok();
+            let signals = [0.0, 1.0].into_iter().filter_map(at_end);
+            for warning in signals.flat_map(|signal: Signal| self.larger_than_input(&signal)) {
+                found.note(&reader.place(section, pattern), warning);
+            }
+        }
+    }
+
+    /// The values of a signal that are larger than all that the driven input may become.
+    fn larger_than_input(&self, signal: &Signal) -> Vec<Warning> {
+        let input = &self.system.network().inputs[self.command_input];
+        let (min, max) = self.system.network().input_range(self.command_input);
+        let given = signal.terms().iter().flat_map(|term| {
+            let spec = term.kind().spec();
+            let is_value = |name| {
+                let declared = spec.parameter(name).map(|place| &spec.parameters[place]);
+                declared.is_some_and(|declared| declared.sort == Sort::Value)
+            };
+            term.arguments().filter(move |(name, _)| is_value(name))
+        });
+        let larger = given.filter_map(|(parameter, argument)| match argument {
+            Argument::Quantity(given) if given.si().abs() > min.abs().max(max.abs()) => {
+                let (value, input, unit) = (given.si(), input.id.clone(), input.unit);
+                Some(Warning::BeyondInput { parameter, value, input, min, max, unit })
+            }
+            _ => None,
+        });
+        larger.collect()
     }
 
     /// The same, one line for each: path, line, column and what it is.

@@ -185,6 +185,21 @@ pub enum Mistake {
         /// Outputs that it may have meant.
         known: Vec<String>,
     },
+    /// A sensor whose noise is more than what its residuals are divided by.
+    ScaleBelowNoise {
+        /// The sensor.
+        sensor: String,
+        /// The component that it reads.
+        component: String,
+        /// What the file says.
+        scale: f64,
+        /// The standard deviation of its noise and its steps.
+        noise: f64,
+        /// The full scale of the component.
+        full_scale: Option<f64>,
+        /// The unit of all three.
+        unit: Unit,
+    },
     /// A port that must be connected is open.
     OpenPort {
         /// The port.
@@ -349,6 +364,14 @@ impl fmt::Display for Mistake {
             Mistake::NoOutput { signal, .. } => {
                 write!(out, "'{signal}' is no signal output of a component")
             }
+            Mistake::ScaleBelowNoise { sensor, component, scale, noise, unit, .. } => {
+                let [scale, noise] =
+                    [*scale, rounded(*noise)].map(|si| Quantity(si, unit.symbol()));
+                write!(
+                    out,
+                    "the scale of sensor '{sensor}' is {scale}, less than noise and steps of '{component}': {noise}"
+                )
+            }
             Mistake::OpenPort { end, family, .. } => {
                 write!(out, "the {family} port '{end}' is connected to nothing")
             }
@@ -383,6 +406,11 @@ impl fmt::Display for Mistake {
             Mistake::TooLarge => write!(out, "the system is too large for one program"),
         }
     }
+}
+
+/// To three digits: more of them hide how large a number is.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// "sets" to "set".
@@ -461,6 +489,13 @@ impl Explained for Mistake {
                 "a sensor is a signal output, such as the 'reading' of a pressure_sensor".into()
             }
             Mistake::NoOutput { known, .. } => format!("outputs: {}", known.join(", ")),
+            Mistake::ScaleBelowNoise { full_scale, unit, .. } => {
+                let full_scale = full_scale.unwrap_or_default();
+                let full_scale = Quantity(full_scale, unit.symbol());
+                format!(
+                    "residuals are divided by it; usual is the full scale of the sensor, {full_scale}"
+                )
+            }
             Mistake::OpenPort { summary, also, .. } if also.is_empty() => {
                 format!("the port is: {summary}")
             }

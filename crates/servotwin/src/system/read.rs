@@ -6,6 +6,7 @@ use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor, units};
 use crate::document::{self, Collector, Entry, Span, entries};
 use crate::nearest::nearest;
+use crate::study::Imperfection;
 use servotwin_model::components::{ALL, find};
 use servotwin_model::fluid::table::{LEAST_STEP_K, Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};
@@ -933,6 +934,9 @@ impl Reader {
         let (Some(label), Some((port, unit)), Some(scale)) = (label, port, scale) else {
             return;
         };
+        if let Some(at) = get(&all, "scale").map(Entry::value_at) {
+            self.above_noise(&scope.parts[port.component], (entry.key, scale, unit), &at);
+        }
         self.sensors.push(Sensor {
             id: entry.key.into(),
             label: label.into(),
@@ -941,6 +945,18 @@ impl Reader {
             unit,
             scale,
         });
+    }
+
+    /// That the scale of a sensor is more than its noise: residuals would be nothing else.
+    fn above_noise(&mut self, part: &Part, (id, scale, unit): (&str, f64, Unit), at: &Span) {
+        let noise = Imperfection::of_component(part.component, &part.parameters).deviation();
+        if part.sound && noise > scale {
+            let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);
+            let (sensor, component) = (id.into(), part.id.clone());
+            let mistake =
+                Mistake::ScaleBelowNoise { sensor, component, scale, noise, full_scale, unit };
+            self.mistakes.note(at, mistake);
+        }
     }
 
     /// The output that a sensor names.

@@ -113,7 +113,7 @@ fn what_the_setting_needs_is_told() {
     let none = study("");
     let folder = Folder::new("none");
     let error = campaign(&none, Setting::Fitted, &folder, 1).run(|_, _| ()).unwrap_err();
-    assert!(matches!(error, CampaignError::NoSection { setting: Setting::Fitted }));
+    assert!(matches!(error, CampaignError::NoSection { setting: Setting::Fitted, .. }));
     assert!(error.to_string().contains("[fitted]"), "{error}");
     assert!(Setting::groups(&none, |_| true).iter().flatten().all(|s| *s != Setting::Fitted));
     assert!(Setting::groups(&study(FITTED), |_| true).contains(&vec![Setting::Fitted]));

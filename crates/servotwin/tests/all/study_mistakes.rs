@@ -37,6 +37,19 @@ fn a_temperature_at_which_a_liquid_would_be_too_soft_is_refused_where_it_is_vari
     assert!(mistakes[0].source.contains("supply.temperature_k"), "{}", mistakes[0].source);
 }
 
+/// None of twelve draws comes near that end, and no ramp is flown for so long.
+#[test]
+fn draws_beyond_what_an_input_may_become_are_told_at_their_place() {
+    let study = |from: &str, to: &str| {
+        Study::parse(&built_in::STUDIES[2].1.replacen(from, to, 1), "drawn.toml").unwrap()
+    };
+    assert_eq!(study("", "").warnings_in_words(), [""; 0]);
+    let told = study("to={0.04..0.1}m", "to={0.5..11.2}m").warnings_in_words();
+    let beyond =
+        "drawn.toml:88:27: 'to' is drawn up to 11.2 m, but 'command' may only become -10 … 10 m";
+    assert_eq!(told, [beyond]);
+}
+
 /// A damaged file is told, whatever is left of it, and nothing that is told is built from it.
 #[test]
 fn damaged_studies_are_no_reason_to_panic() {

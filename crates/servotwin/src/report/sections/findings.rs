@@ -12,6 +12,7 @@ use crate::report::Material;
 use crate::report::lines::{self, Who};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{begun, bracketed, chosen, percent, spoken};
+use crate::study::Setting;
 
 /// What a finding is about, and the finding.
 type Finding = (String, String);
@@ -166,7 +167,11 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
             ),
             None => format!(
                 "tolerances hide what perfect specimens show ({seen_by}): a twin that is fitted to its specimen \
-                 (servotwin fit) shows more; 'servotwin study --fitted' measures how much"
+                 (servotwin fit) shows more; {}'servotwin study --fitted' measures how much",
+                match Setting::Fitted.is_possible(material.study) {
+                    true => "",
+                    false => "with a section [fitted] in the study ",
+                }
             ),
         });
     }

@@ -88,7 +88,7 @@ impl Calibrating<'_> {
         noise: impl Fn(usize) -> Random,
     ) -> Result<Calibrated, CampaignError> {
         let Some(calibration) = &self.study.calibration else {
-            return Err(CampaignError::NoSection { setting: Setting::Fitted });
+            return Err(CampaignError::no_section(Setting::Fitted, self.study));
         };
         let measured = self.measured(calibration, specimens, noise)?;
         let sensors = self.study.measured[..self.study.base_sensors()].to_vec();
@@ -179,7 +179,7 @@ impl Campaign<'_> {
     pub(super) fn calibrated(&self) -> Result<Option<Vec<Overrides>>, CampaignError> {
         let (Some(realism), Some(calibration)) = (&self.study.realism, &self.study.calibration)
         else {
-            return Err(CampaignError::NoSection { setting: Setting::Fitted });
+            return Err(CampaignError::no_section(Setting::Fitted, self.study));
         };
         if let Some(known) = self.known(calibration.specimens(self.role)) {
             return Ok(Some(known));

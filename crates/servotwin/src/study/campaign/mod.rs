@@ -33,7 +33,9 @@ pub use part::{Part, runs};
 pub use prepared::Prepared;
 pub use shard::Row;
 
-use super::{Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Setting, Study};
+use super::{
+    Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Section, Setting, Study,
+};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::files::{FileError, create_folder};
 use crate::table::{self, Column, Table, TableError, Values};
@@ -124,6 +126,8 @@ pub enum CampaignError {
     NoSection {
         /// The setting.
         setting: Setting,
+        /// The sections that are not there.
+        lacks: Vec<Section>,
     },
     /// A specimen's twin could not be fitted.
     Calibration {
@@ -152,6 +156,13 @@ pub enum CampaignError {
     },
 }
 
+impl CampaignError {
+    /// That a study does not say what a setting needs.
+    pub fn no_section(setting: Setting, study: &Study) -> Self {
+        CampaignError::NoSection { setting, lacks: setting.lacks(study) }
+    }
+}
+
 impl fmt::Display for CampaignError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -160,16 +171,13 @@ impl fmt::Display for CampaignError {
             CampaignError::NoVariants => {
                 write!(out, "the study has no faults: add [[classes]] with 'faults'")
             }
-            CampaignError::NoSection { setting } => {
-                let sections = match setting {
-                    Setting::Fitted => "[realistic] and [fitted] sections",
-                    _ => "[realistic] section",
-                };
-                write!(
-                    out,
-                    "the study lacks the {sections} that setting '{}' needs",
-                    setting.name()
-                )
+            CampaignError::NoSection { setting, lacks } => {
+                let names: Vec<String> =
+                    lacks.iter().map(|section| format!("[{}]", section.name)).collect();
+                let (setting, names) = (setting.name(), names.join(" and "));
+                write!(out, "the study lacks {names}, which setting '{setting}' needs")?;
+                write!(out, "; for example, above its first section:")?;
+                lacks.iter().try_for_each(|section| write!(out, "\n  {}", section.example))
             }
             CampaignError::Calibration { specimen, reason } => {
                 write!(out, "the twin of specimen {specimen} cannot be fitted: {reason}")

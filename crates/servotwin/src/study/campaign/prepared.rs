@@ -35,7 +35,7 @@ impl Campaign<'_> {
             return Err(CampaignError::NoVariants);
         }
         if let Some(&setting) = self.settings.iter().find(|s| !s.is_possible(self.study)) {
-            return Err(CampaignError::NoSection { setting });
+            return Err(CampaignError::no_section(setting, self.study));
         }
         let images = self.images(&plan);
         Ok(self.prepared_with(plan, images))
