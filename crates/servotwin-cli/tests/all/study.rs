@@ -343,6 +343,10 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let results = std::fs::read_to_string(file("evaluation.json")).unwrap();
     std::fs::write(file("evaluation.json"), results + "\n").unwrap();
     run(&["report", &out]);
+    // But rows that are not those of the shards are. (The report has written a manifest.)
+    std::fs::remove_file(file("manifest.json")).unwrap();
+    std::fs::copy(file("dataset-ideal.parquet"), file("dataset-ideal-training.parquet")).unwrap();
+    fails(&["evaluate", &out], 3, "but the shards beside it hold");
 }
 
 #[test]

@@ -65,6 +65,15 @@ pub enum JobError {
         /// What is wrong.
         error: EvaluationError,
     },
+    /// A data set has other rows than the shards that it was made of.
+    OtherRows {
+        /// The data set.
+        path: PathBuf,
+        /// How many rows it has.
+        rows: usize,
+        /// How many the shards have.
+        windows: usize,
+    },
     /// Training or evaluation refused the data.
     Evaluation(EvaluationError),
 }
@@ -79,6 +88,11 @@ impl fmt::Display for JobError {
                 out,
                 "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
                 folder.display()
+            ),
+            JobError::OtherRows { path, rows, windows } => write!(
+                out,
+                "{}: with its training commands {rows} rows, but the shards beside it hold {windows}; 'servotwin features' makes it anew",
+                path.display()
             ),
             JobError::Busy { folder } => write!(
                 out,

@@ -331,6 +331,10 @@ fn windows(
             windows.extend(ran.map(|row| row.window));
         }
     }
+    if windows.len() != data.rows.len() {
+        let path = folder.data_set(subject.setting(), Role::Judged);
+        return Err(JobError::OtherRows { path, rows: data.rows.len(), windows: windows.len() });
+    }
     Ok(windows)
 }
 

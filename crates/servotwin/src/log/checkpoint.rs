@@ -119,6 +119,9 @@ impl Checkpoint {
         if self.period_s != period_s {
             return Err(CheckpointError::Other { what: "period" });
         }
+        if !self.progress.has_width(map.width()) {
+            return Err(CheckpointError::Other { what: "number of inputs and sensors" });
+        }
         Ok(self.progress.clone())
     }
 }

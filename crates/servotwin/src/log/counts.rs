@@ -136,6 +136,11 @@ impl Counts {
         }
     }
 
+    /// Whether it counts every kind, and of so many inputs and sensors.
+    pub(super) fn has_width(&self, channels: usize) -> bool {
+        self.tallies.len() == Kind::ALL.len() && self.missing.len() == channels
+    }
+
     /// Counts one of a kind.
     pub fn note(&mut self, kind: Kind, place: u64) {
         self.note_with(kind, place, &"");

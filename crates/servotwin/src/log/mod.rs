@@ -331,6 +331,14 @@ impl<'w> Watch<'w> {
 }
 
 impl Progress {
+    /// Whether everything in it is of so many inputs and sensors.
+    fn has_width(&self, width: usize) -> bool {
+        self.held.len() == width
+            && self.ages.len() == width
+            && self.counts.has_width(width)
+            && self.sequencer.has_width(width)
+    }
+
     /// Counts a row.
     fn begin(&mut self, place: u64) {
         self.counts.frames += u64::from(place != self.place);

@@ -140,6 +140,13 @@ impl Sequencer {
         }
     }
 
+    /// Whether everything that waits has so many values, or none.
+    pub(super) fn has_width(&self, width: usize) -> bool {
+        let waiting = self.grid.iter().flat_map(|grid| &grid.waiting);
+        let all = waiting.chain(&self.suspects).map(|sample| sample.values.len());
+        self.width == width && all.into_iter().all(|values| values == 0 || values == width)
+    }
+
     /// Takes a sample with a finite time. Everything that [`next`](Self::next) has to give should be taken
     /// before.
     pub fn push(&mut self, sample: Stamped, counts: &mut Counts) {

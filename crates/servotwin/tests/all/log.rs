@@ -476,6 +476,19 @@ fn a_checkpoint_of_something_else_is_refused() {
         let error = result.unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
+    let whole = std::fs::read_to_string(&path).unwrap();
+    for list in ["held", "ages", "missing", "tallies"] {
+        let mut damaged: serde_json::Value = serde_json::from_str(&whole).unwrap();
+        let progress = &mut damaged["progress"];
+        let holder = match progress.get(list) {
+            Some(_) => progress,
+            None => &mut progress["counts"],
+        };
+        holder[list] = serde_json::json!([]);
+        folder.write("c.json", damaged.to_string());
+        let error = run(&map, &log, 0.01, true).unwrap_err().to_string();
+        assert!(error.contains("another number of inputs and sensors"), "{list}: {error}");
+    }
     folder.write("c.json", "{\"format\": 1}");
     let error = run(&map, &log, 0.01, true).unwrap_err().to_string();
     assert!(error.contains("no checkpoint that can be used"), "{error}");
