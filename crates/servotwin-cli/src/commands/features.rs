@@ -154,6 +154,7 @@ fn of_traces(
     let told = |error| match (error, &options.healthy) {
         (TraceError::Healthy(error), Some(path)) => of(path, error),
         (TraceError::Evaluation(error) | TraceError::Healthy(error), _) => of(traces, error),
+        (error @ TraceError::TooFar { .. }, _) => Failure::Trace { path: traces.into(), error },
         (error, _) => Failure::Trace { path: study.clone(), error },
     };
     let healthy = match &options.healthy {

@@ -539,6 +539,12 @@ fn the_nominal_is_learnt_from_healthy_rows() {
     assert_eq!(features.names().nth(1), Some("mean_y_part1"));
     let mean = features.f64("mean_y_part2").unwrap();
     assert!(mean[0].abs() < 1e-12 && (mean[3] + 0.5).abs() < 1e-12, "{mean:?}");
+    let mut far = table.clone();
+    let mut measured = far.take("y").unwrap().numbers().unwrap().into_owned();
+    measured[30] = 1e300;
+    far.push(Column::new("y", "", measured)).unwrap();
+    let error = TraceStudy::parse(text).unwrap().features(&far, None).unwrap_err().to_string();
+    assert!(error.starts_with("row 31, column 'y': 1e300 is too far"), "{error}");
     let mut healthy = table.clone();
     healthy.take("mode").unwrap();
     let apart = TraceStudy::parse(&text.replace("[healthy]\nmode = \"none\"\n", "")).unwrap();

@@ -40,6 +40,9 @@ use std::fmt;
 /// The format of study files for traces that this version reads.
 const FORMAT: u32 = 1;
 
+/// Residuals may be so many scales: products of four of them, of which features are made, are still numbers.
+const FARTHEST: f64 = 1e50;
+
 /// What is in a table of traces.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -127,6 +130,19 @@ pub enum TraceError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// A number is so large that squares of residuals have no end.
+    TooFar {
+        /// The column.
+        column: String,
+        /// Where it stands.
+        place: String,
+        /// The number.
+        value: f64,
+        /// Its nominal value.
+        nominal: f64,
+        /// The sensor's scale.
+        scale: f64,
+    },
     /// The table is not as the file says.
     Evaluation(EvaluationError),
     /// Neither are the healthy traces that nominal values are to be learnt from.
@@ -156,6 +172,11 @@ impl fmt::Display for TraceError {
                 out,
                 "the nominal value of '{sensor}' is to be learnt, but no row is healthy: \
                  name them in [healthy], or give healthy traces with --healthy"
+            ),
+            TraceError::TooFar { column, place, value, nominal, scale } => write!(
+                out,
+                "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; \
+                 allowed is {FARTHEST:e} times the scale of {scale:e}"
             ),
             TraceError::Nominal { sensor, problem } => write!(out, "sensor '{sensor}': {problem}"),
             TraceError::Evaluation(error) | TraceError::Healthy(error) => write!(out, "{error}"),
@@ -363,6 +384,17 @@ impl TraceStudy {
             if scale <= 0.0 {
                 let problem = "it never varies in healthy rows, so it needs a scale";
                 return Err(TraceError::Nominal { sensor: sensor.name.clone(), problem });
+            }
+            let is_too_far =
+                |(measured, nominal): (&f64, &f64)| (measured - nominal).abs() > FARTHEST * scale;
+            if let Some(row) = measured.iter().zip(nominal.iter()).position(is_too_far) {
+                return Err(TraceError::TooFar {
+                    column: sensor.measured.clone(),
+                    place: traces.origin().place(row),
+                    value: measured[row],
+                    nominal: nominal[row],
+                    scale,
+                });
             }
             Ok(SensorColumns { measured, nominal, scale })
         };
