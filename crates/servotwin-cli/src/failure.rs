@@ -1,5 +1,6 @@
 //! Why a command ends without its result, and the exit code for it.
 
+use crate::paths::Named;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::TableModelError;
 use servotwin::evaluation::traces::TraceError;
@@ -53,6 +54,29 @@ pub enum Failure {
     },
     /// A file that would be overwritten.
     Exists(PathBuf),
+    /// An output that is what the command reads.
+    Overwritten {
+        /// The output.
+        written: Named,
+        /// What is read.
+        read: Named,
+    },
+    /// Two outputs that are one file.
+    Twice {
+        /// The one.
+        written: Named,
+        /// The other.
+        again: Named,
+    },
+    /// An output that ends like a file of another kind.
+    Ending {
+        /// The option.
+        option: &'static str,
+        /// The output.
+        path: PathBuf,
+        /// How it should end.
+        ending: &'static str,
+    },
     /// Parameters that the system cannot have.
     Parameters {
         /// The option.
@@ -230,6 +254,9 @@ impl Failure {
             | Failure::NoComponent { .. }
             | Failure::NoCommand { .. }
             | Failure::Exists(_)
+            | Failure::Overwritten { .. }
+            | Failure::Twice { .. }
+            | Failure::Ending { .. }
             | Failure::Parameters { .. }
             | Failure::NoEqualSign { .. }
             | Failure::Repeated { .. }
@@ -346,6 +373,25 @@ impl fmt::Display for Failure {
             }
             Failure::Exists(path) => {
                 write!(out, "error: {} is there already and stays as it is", path.display())
+            }
+            Failure::Overwritten { written, read } => {
+                let (path, other) = (written.path.display(), read.path.display());
+                write!(
+                    out,
+                    "error: {} {path} would overwrite {} {other}, which is read: name another file",
+                    written.option, read.option
+                )
+            }
+            Failure::Twice { written, again } => {
+                let (path, other) = (written.path.display(), again.path.display());
+                write!(
+                    out,
+                    "error: {} {path} and {} {other} are the same file: name two",
+                    written.option, again.option
+                )
+            }
+            Failure::Ending { option, path, ending } => {
+                write!(out, "error: {option} must end in .{ending}, not as {} does", path.display())
             }
             Failure::Parameters { option, reason } => write!(out, "error: {option}: {reason}"),
             Failure::NoEqualSign { option, given } => {

@@ -13,6 +13,7 @@
 
 mod commands;
 mod failure;
+mod paths;
 mod render;
 mod stop;
 
@@ -23,6 +24,7 @@ use commands::{
     watch,
 };
 use failure::Failure;
+use paths::Paths;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -79,6 +81,24 @@ enum Command {
 }
 
 impl Command {
+    /// The files that it reads and writes, where the user names what it writes. Who writes into a folder of results knows
+    /// which file there is whose.
+    fn paths(&self) -> Paths {
+        match self {
+            Command::Simulate(options) => options.paths(),
+            Command::Features(options) => options.paths(),
+            Command::Train(options) => options.paths(),
+            Command::Predict(options) => options.paths(),
+            Command::Fit(options) => options.paths(),
+            Command::History(options) => options.paths(),
+            Command::Band(options) => options.paths(),
+            Command::Watch(options) => options.paths(),
+            Command::Report(options) => options.paths(),
+            Command::Describe(options) => options.paths(),
+            _ => Paths::default(),
+        }
+    }
+
     /// The text for standard output.
     fn run(&self, global: Global) -> Result<String, Failure> {
         match self {
@@ -115,7 +135,8 @@ impl Command {
 fn main() -> ExitCode {
     stop::listen();
     let cli = Cli::parse();
-    let outcome = cli.command.run(cli.global).and_then(|text| print(&text));
+    let allowed = cli.command.paths().check();
+    let outcome = allowed.and_then(|()| cli.command.run(cli.global)).and_then(|text| print(&text));
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -36,6 +36,7 @@ typedef __mmask8 TRUTH;
 #define DOWN(x) _mm512_srli_epi64(x, 52)
 /* Of every class of numbers what a root is: of zeros themselves, of the negative infinity none, of others what was found. */
 #define ROOTS_OF_CLASSES _mm512_set1_epi64(0x30100)
+#ifdef ITERATE_ROOTS
 /*
  * The correctly rounded root, without the unit for roots and divisions. With m in [1/2, 2) and y = 1/sqrt(m) to 14 bits,
  * s and h come near sqrt(m) and 1/(2 sqrt(m)); what is left of m corrects s, and the exponent is put back.
@@ -54,6 +55,7 @@ INLINE LANES iterated_root(LANES x)
     s = _mm512_fmadd_pd(_mm512_fnmadd_pd(s, s, m), h, s);
     return _mm512_fixupimm_pd(_mm512_scalef_pd(s, exponent), x, ROOTS_OF_CLASSES, 0);
 }
+#endif
 
 #elif WIDTH == 4
 #include <immintrin.h>
@@ -123,7 +125,7 @@ typedef int TRUTH;
 #endif
 #endif
 
-#if WIDTH != 8
+#ifndef ITERATE_ROOTS
 #define iterated_root(x) root(x)
 #endif
 INLINE LANES rounded(LANES x)

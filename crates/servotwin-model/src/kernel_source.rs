@@ -9,8 +9,8 @@
 //! (AVX2), with 1 one; `-DSTRIDE` is the number of lanes in the arrays. Neither fused nor reassociated arithmetic is
 //! allowed (`-ffp-contract=off`). What is called how stands in [`crate::solver::Functions`].
 //!
-//! A processor with AVX-512 has one unit for roots and divisions, for which the derivatives wait. Every second root is
-//! therefore found by iteration: correctly rounded as well, so that no bit differs.
+//! On some processors with AVX-512 the derivatives wait for the one unit for roots and divisions. Compiled with
+//! `-DITERATE_ROOTS` every second root is found by iteration: correctly rounded as well, so that no bit differs.
 //!
 //! What depends on nothing but constants, parameters that stand in for signals and external inputs is *quiet*: it stays
 //! while these do. `update` puts what has changed where `begin` and `motion` find it (the array `quiet`); it is told by a

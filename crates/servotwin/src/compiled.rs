@@ -185,6 +185,18 @@ fn libraries(
     levels.iter().map(load).collect()
 }
 
+/// Has every second root found by iteration.
+const ITERATING: &str = "-DITERATE_ROOTS";
+
+/// Whether the derivatives of eight lanes wait for the unit for roots and divisions: on processors of Intel, where a
+/// campaign takes 7 % less time with every second root iterated, and not on those of AMD, where it takes 4 % more.
+fn roots_wait() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::x86_64::__cpuid(0).ebx.to_le_bytes() == *b"Genu";
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
 /// Starts to compile for the lanes of a level.
 fn compile(
     compiler: &str,
@@ -200,6 +212,7 @@ fn compile(
         _ if Level::Avx2Once.available() => &["-mavx2"],
         _ => &[],
     };
+    let iterating = Some(ITERATING).filter(|_| level.register_width() == 8 && roots_wait());
     let mut words = compiler.split_whitespace();
     let mut command = Command::new(words.next()?);
     // Ctrl-C is for us, who go on with the lists or end as we should.
@@ -211,6 +224,7 @@ fn compile(
         .args(["-shared", "-fPIC"])
         .args(flags)
         .args(wide)
+        .args(iterating)
         .arg(format!("-DWIDTH={}", level.register_width()))
         .arg(format!("-DSTRIDE={}", level.width()))
         .arg("-o")
@@ -382,7 +396,8 @@ mod tests {
         let patience =
             Patience { until: Instant::now() + LONGEST, given_up: &given_up, cancel: None };
         let (compiler, level) = (compiler().unwrap(), Level::Avx512);
-        let library = libraries(&compiler, &[], &[level], (&source, &folder), &patience).unwrap();
+        let library =
+            libraries(&compiler, &[ITERATING], &[level], (&source, &folder), &patience).unwrap();
         type Roots = unsafe extern "C" fn(*const f64, *mut f64, *mut f64);
         // SAFETY: the function of the text above, which reads eight numbers and writes as many twice.
         let function = unsafe { library[0].get::<Roots>(b"roots").unwrap() };

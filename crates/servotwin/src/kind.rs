@@ -114,7 +114,7 @@ impl Kind {
 }
 
 /// The system that a study names.
-fn named_system(text: &str) -> Option<&str> {
+pub(crate) fn named_system(text: &str) -> Option<&str> {
     let line = text.lines().find_map(|line| line.trim_start().strip_prefix("system"))?;
     line.trim_start().strip_prefix('=')?.trim().trim_matches('"').split('"').next()
 }

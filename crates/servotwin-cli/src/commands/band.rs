@@ -3,6 +3,7 @@
 use super::evaluate::workers;
 use super::flights::no_flights;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
@@ -43,6 +44,14 @@ pub struct Options {
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let read = Paths::default().read_study(self.study.as_ref());
+        read.write("--plot", Format::Figure, &self.plot)
+    }
 }
 
 /// The text for standard output.

@@ -3,6 +3,7 @@
 use super::SystemOption;
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, number_and_unit, shown};
 use servotwin::report::schematic;
 use servotwin::rest::{self, Rest};
@@ -20,6 +21,14 @@ pub struct Options {
     /// Draw components and connections to a .svg or .png file.
     #[arg(long, value_name = "FILE")]
     schematic: Option<PathBuf>,
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let read = Paths::default().read("SYSTEM", &self.system.path);
+        read.write("--schematic", Format::Figure, &self.schematic)
+    }
 }
 
 /// The text for standard output.

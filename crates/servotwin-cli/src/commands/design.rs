@@ -82,7 +82,7 @@ fn as_json(design: &Design, problem: &Problem) -> serde_json::Value {
         json!({
             "name": unknown.name,
             "error_sigma": design.known.error(k),
-            "knowledge": design.known.sentence(&problem.unknowns, k),
+            "knowledge": design.known.forecast(&problem.unknowns, k),
         })
     });
     json!({
@@ -116,7 +116,7 @@ fn people(found: &[Design], best: &Design, problem: &Problem, unit: Unit) -> Str
     let mut grid =
         Grid::new(&[("parameter", Side::Left), ("± 1 σ", Side::Right), ("", Side::Left)]);
     for (k, unknown) in problem.unknowns.iter().enumerate() {
-        let sentence = best.known.sentence(&problem.unknowns, k);
+        let sentence = best.known.forecast(&problem.unknowns, k);
         grid.push(vec![unknown.name.clone(), number(best.known.error(k), 2), sentence]);
     }
     text + &grid.text()

@@ -4,6 +4,7 @@
 use super::{not_as, read_table};
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
@@ -41,6 +42,17 @@ pub struct Options {
     /// Write the data sets of a folder as .csv, too.
     #[arg(long)]
     csv: bool,
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        Paths::default()
+            .read("INPUT", &self.input)
+            .read("--study", &self.study)
+            .read("--healthy", &self.healthy)
+            .write("--out", Format::Table, &self.out)
+    }
 }
 
 /// The text for standard output.

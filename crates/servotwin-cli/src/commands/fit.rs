@@ -3,6 +3,7 @@
 use super::progress::Stages;
 use super::{design, note, read_table};
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
 use serde_json::{Value, json};
@@ -64,6 +65,17 @@ pub struct Options {
 /// The runs that a fit of so many unknowns with so many suspects usually takes.
 fn usual_runs(unknowns: usize, suspects: usize) -> usize {
     3 * (unknowns + 1) + 20 + suspects
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        Paths::default()
+            .read("LOG", self.log.iter().chain(&self.more))
+            .read("SYSTEM", &self.system)
+            .read_study(self.study.as_ref())
+            .write("--out", Format::TOML, &self.out)
+    }
 }
 
 /// The text for standard output.

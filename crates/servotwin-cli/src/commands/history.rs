@@ -5,6 +5,7 @@ use super::progress::Stages;
 use super::read_table;
 use super::watch::read_diagnoser;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
@@ -64,6 +65,20 @@ pub struct Options {
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        Paths::default()
+            .read("the log", logs(&self.folder).unwrap_or_default())
+            .read("SYSTEM", &self.system)
+            .read_study(self.study.as_ref())
+            .read("--diagnoser", &self.diagnoser)
+            .read("--band", &self.band)
+            .write("--out", Format::Table, &self.out)
+            .write("--plot", Format::Figure, &self.plot)
+    }
 }
 
 /// The text for standard output.
@@ -418,9 +433,10 @@ fn figure(
             updates.filter_map(|(n, f)| Some((n as f64, f.fitted.as_ref().ok()?.z[unknown])));
         let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
         let name = problem.unknowns[unknown].name.clone();
-        parameters = parameters.with(Series::new(name, x, y));
+        parameters = parameters.with(Series::new(name, x, y).marked());
     }
-    match parameters.series.is_empty() {
+    // One flight is no course.
+    match parameters.series.iter().all(|series| series.x.len() < 2) {
         true => figure,
         false => figure.with(parameters.with_band(Band::constant("tolerance", -3.0, 3.0))),
     }
@@ -467,12 +483,13 @@ fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
         track.points.iter().map(of).collect()
     };
     let mut panel = Panel::new(track.name.clone(), "intensity");
-    panel = panel.with(Series::new("fitted", measured(|p| p.at), measured(|p| p.level)));
+    panel = panel.with(Series::new("fitted", measured(|p| p.at), measured(|p| p.level)).marked());
     let last_flight = flights.saturating_sub(1) as f64;
     let mut end = last_flight;
     if let Some(trend) = &track.trend {
         let reached = trend.reaches(threshold);
-        let far = 3.0 * last_flight;
+        // The crossing that is told is shown, however far it is.
+        let far = (3.0 * last_flight).max(1.1 * reached.expected.unwrap_or(0.0));
         let latest = reached.latest.or(reached.expected).unwrap_or(0.3 * last_flight);
         end = last_flight + latest.max(0.1 * last_flight).min(far);
         let ahead: Vec<f64> =

@@ -3,6 +3,7 @@
 use super::{not_as_model, note, read_table, warn};
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json};
 use serde_json::json;
 use servotwin::evaluation::model_file;
@@ -29,6 +30,14 @@ pub struct Options {
     /// Columns to copy into the result.
     #[arg(long, value_delimiter = ',')]
     keep: Vec<String>,
+}
+
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let read = Paths::default().read("MODEL", [&self.model]).read("TABLE", [&self.table]);
+        read.write("--out", Format::Table, &self.out)
+    }
 }
 
 /// The text for standard output.

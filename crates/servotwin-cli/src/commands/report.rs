@@ -4,6 +4,7 @@ use super::evaluate::{Judging, MODEL_OF_FOLDER, OfTable, judge, workers};
 use super::{TableOptions, warn};
 use crate::Global;
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::EvaluationError;
@@ -34,6 +35,17 @@ pub struct Options {
     out: Option<PathBuf>,
 }
 
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        Paths::default()
+            .read("INPUT", [&self.input])
+            .read("--test", &self.table.test)
+            .read("--model", &self.judging.model)
+            .write("--out", Format::HTML, &self.out)
+    }
+}
+
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let path = match options.input.is_dir() {
@@ -46,10 +58,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => format!("{path}\n"),
     })
-}
-
-fn is_html(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"))
 }
 
 fn folder(options: &Options) -> Result<PathBuf, Failure> {
@@ -74,9 +82,6 @@ fn folder(options: &Options) -> Result<PathBuf, Failure> {
 
 fn of_table(options: &Options, global: Global) -> Result<PathBuf, Failure> {
     let (table, out) = (&options.table, options.out.as_ref());
-    if out.is_some_and(|out| !is_html(out)) {
-        return Err(Failure::Options("a report is HTML: --out must end in .html"));
-    }
     let html = match (&options.judging.model, &table.label, out) {
         (Some(_), _, _) if table.is_given() => {
             return Err(Failure::Options(

@@ -3,13 +3,13 @@
 use super::progress::is_shown;
 use super::{SystemOption, note};
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, shown};
 use crate::{Global, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use servotwin::ensemble::{Ensemble, Sink, Variant};
-use servotwin::figure::FigureError;
 use servotwin::figure::time_series::TimeSeries;
 use servotwin::nearest::UnknownName;
 use servotwin::recording::{self, Recorded, with_suffix};
@@ -140,9 +140,23 @@ struct Plan<'s> {
     recorded: Vec<Recorded>,
 }
 
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let inputs = self.inputs.iter();
+        let inputs = inputs.filter_map(|text| text.split_once('=')?.1.parse::<Signal>().ok());
+        let signals = self.command.iter().chain(&self.load).cloned().chain(inputs);
+        let tables = signals.flat_map(|signal| signal.files());
+        Paths::default()
+            .read("SYSTEM", &self.system.path)
+            .read("the table", tables)
+            .write("--out", Format::Table, &self.out)
+            .write("--plot", Format::Figure, &self.plot)
+    }
+}
+
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    check_formats(options)?;
     let system = options.system.read()?;
     let plan = Plan::new(options, &system)?;
     stop::heed();
@@ -175,23 +189,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => plan.people(&runs),
     })
-}
-
-/// Wrong file names are found before the run, not after it.
-fn check_formats(options: &Options) -> Result<(), Failure> {
-    if let Some(path) = &options.out {
-        table::format_of(path)?;
-    }
-    match &options.plot {
-        Some(path)
-            if !path.extension().is_some_and(|e| {
-                e.eq_ignore_ascii_case("svg") || e.eq_ignore_ascii_case("png")
-            }) =>
-        {
-            Err(FigureError::UnknownFormat { path: path.clone() }.into())
-        }
-        _ => Ok(()),
-    }
 }
 
 /// The SI value of an option within `(0, largest]`.

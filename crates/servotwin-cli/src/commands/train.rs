@@ -3,6 +3,7 @@
 use super::evaluate::workers;
 use super::{TableOptions, warn};
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json};
 use crate::{Global, stop};
 use clap::ValueEnum;
@@ -69,6 +70,12 @@ impl ValueEnum for Choice {
 }
 
 impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let read = Paths::default().read("INPUT", [&self.input]).read("--test", &self.table.test);
+        read.write("--out", Format::JSON, &self.out)
+    }
+
     fn settings(&self) -> Result<Settings, Failure> {
         let chosen = default_classifiers().into_iter().find(|s| s.kind() == self.classifier.0);
         let mut chosen = chosen.unwrap_or_else(|| self.classifier.0.default_settings());

@@ -3,6 +3,7 @@
 use super::progress::is_shown;
 use super::{note, warn};
 use crate::failure::Failure;
+use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side};
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -24,8 +25,9 @@ use servotwin::log::source::Address;
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
 use servotwin::quoted;
 use servotwin::study::{Setting, Study};
-use servotwin::system::System;
+use servotwin::system::{System, units};
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::diagnoser::environment::Input;
 use servotwin_model::lanes::Level;
 use std::fs::OpenOptions;
 use std::io::{self, Write};
@@ -82,6 +84,29 @@ pub struct Options {
 /// The time between two checkpoints, s.
 const CHECKPOINT_S: f64 = 60.0;
 
+impl Options {
+    /// The files that it reads and writes.
+    pub fn paths(&self) -> Paths {
+        let log = match Address::parse(&self.source) {
+            Ok(Address::File(path)) => Some(path),
+            _ => None,
+        };
+        let is_file = |target: &&PathBuf| !target.to_string_lossy().contains("://");
+        let files = self.mcap.iter().filter(is_file);
+        Paths::default()
+            .read("the log", log)
+            .read_study(self.study.as_ref())
+            .read("the diagnoser", [self.model.clone().unwrap_or_else(usual_diagnoser)])
+            .read("--band", &self.band)
+            .read("--map", &self.map)
+            .write("--make-map", Format::TOML, &self.make_map)
+            .write("--html", Format::HTML, &self.html)
+            .write("--mcap", Format::MCAP, files)
+            .write("--events", Format::LINES, &self.events)
+            .write("--checkpoint", Format::Any, &self.checkpoint)
+    }
+}
+
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = match &options.study {
@@ -103,6 +128,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
     let needed = needed(&diagnoser, system);
     let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
+    let believed = believed(&diagnoser, system);
     let (mut observer, period_s) = observer(options, &study, diagnoser, &map, &needed, global)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
@@ -112,6 +138,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     };
     let mut outputs = Outputs::new(options, scene, resumed.as_ref(), global)?;
     let mut watch = Watch::new(&mut *source, &map, &mut observer, period_s);
+    watch.believed(&believed);
     if let Some(checkpoint) = resumed {
         watch.resume(checkpoint)?;
     }
@@ -134,6 +161,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     bar.finish_and_clear();
     let end = end?;
     let counts = watch.counts().clone();
+    let doubts = watch.doubts().sentences(system, &map, period_s, &counts);
     drop(watch);
     if end == End::Complete && counts.samples == 0 {
         return Err(nothing(&address, &counts));
@@ -155,36 +183,50 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => outputs.strip.text() + "\n" + &people(&counts, &signals, &lost),
     };
-    if end == End::Complete && !outputs.is_judged && !options.resume {
+    if end == End::Complete && counts.judged == 0 && !options.resume {
+        let mut reasons = doubts;
+        reasons.extend(unmeasured(&map, &needed));
+        if reasons.is_empty() {
+            let shortest_s = shortest.map_or(0.0, |n| n as f64 * period_s);
+            reasons.push(gaps(&map, &needed, &counts, shortest_s));
+        }
+        let states = outputs.unjudged.join(" or ");
         let reason =
-            unjudged(&map, &needed, &counts, shortest.map_or(0.0, |n| n as f64 * period_s));
+            format!("nothing could be judged, every period is {states}: {}", reasons.join("; "));
         return Err(Failure::Unjudged { output, log: address.to_string(), reason });
     }
+    warn(global, &doubts);
     Ok(output)
 }
 
-/// Why nothing of a whole log was judged: the sensors that were missing, or that it is short.
-fn unjudged(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String {
-    let samples = counts.samples;
-    let mut reasons = vec![];
+/// That a log has no column for sensors that the diagnoser reads.
+fn unmeasured(map: &Map, needed: &[&str]) -> Option<String> {
     let without: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
-    if !without.is_empty() {
-        reasons.push(format!("the log has no {}", without.join(", ")));
-    }
+    (!without.is_empty()).then(|| format!("the log has no {}", without.join(", ")))
+}
+
+/// Why nothing was judged of a log that has all columns, in its units and often enough.
+fn gaps(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String {
+    let samples = counts.samples;
     let missing = |channel: usize| counts.missing[channel];
     let of = |channel: &usize| needed.contains(&map.id(*channel)) && missing(*channel) > 0;
     let channels = (map.inputs()..map.width()).filter(of);
     let often = channels.map(|channel| format!("{} in {}", map.id(channel), missing(channel)));
     let often: Vec<String> = often.collect();
-    if !often.is_empty() {
-        reasons.push(format!("of {samples} samples are without a value: {}", often.join(", ")));
+    match often.is_empty() {
+        true => {
+            format!("of {samples} samples no {shortest_s} s without a gap, the shortest window")
+        }
+        false => format!("of {samples} samples are without a value: {}", often.join(", ")),
     }
-    if reasons.is_empty() {
-        reasons.push(format!(
-            "of {samples} samples no {shortest_s} s without a gap, the shortest window"
-        ));
-    }
-    format!("nothing could be judged, every period is 'no data': {}", reasons.join("; "))
+}
+
+/// For each input of the system between which values the diagnoser believes it.
+fn believed(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
+    let known = |id: &str| diagnoser.environment.inputs.iter().find(|input| input.name == id);
+    let inputs = system.network().inputs.iter().map(|input| known(&input.id));
+    let range = |input: Option<&Input>| input.map(|input| (input.least, input.largest));
+    inputs.map(|input| range(input).unwrap_or((f64::NEG_INFINITY, f64::INFINITY))).collect()
 }
 
 /// Why nothing came of a log that was read to its end.
@@ -270,6 +312,7 @@ fn map(
         if !unmeasured.is_empty() {
             note(global, &format!("without a column: {}", unmeasured.join(", ")));
         }
+        commanded(&map, address, study)?;
         return Ok(map);
     }
     if address.is_live() {
@@ -282,7 +325,42 @@ fn map(
     }
     let map = Map::parse(&guess.text, "the columns as they were found", system)?;
     told(&guess, global);
+    commanded(&map, address, study)?;
     Ok(map)
+}
+
+/// Whether the log, or the map, says what the study's command is. A twin that stands still beside an actuator that moves
+/// tells faults that are none.
+fn commanded(map: &Map, address: &Address, study: &Study) -> Result<(), Failure> {
+    let command = study.command_input;
+    if !map.is_default(command) {
+        return Ok(());
+    }
+    let input = &study.system.network().inputs[command];
+    let unused = match address.is_live() {
+        true => String::new(),
+        false => unused(map, address)?,
+    };
+    let (id, unit) = (&input.id, units::word(input.unit));
+    let reason = format!(
+        "no column is the input '{id}', which the study '{}' commands, and without it the twin stands still{unused}; \
+         name its column in a map file (--make-map writes one) below [inputs], {id} = {{ column = \"…\", unit = \"{unit}\" }}, \
+         or say that it is the same always, {id} = {{ value = {:?}, unit = \"{unit}\" }}",
+        study.name, input.default
+    );
+    Err(Failure::NoSample { log: address.to_string(), reason })
+}
+
+/// The columns of a file that a map does not read, as the part of a sentence.
+fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
+    let columns = address.columns()?;
+    let names = columns.iter().map(|(name, _)| name.as_str());
+    let unused: Vec<&str> =
+        names.filter(|name| !map.wanted().names.iter().any(|wanted| wanted == name)).collect();
+    Ok(match unused.is_empty() {
+        true => ", and no column is left that may be it".into(),
+        false => format!("; columns that nothing was found for: {}", quoted::list(&unused)),
+    })
 }
 
 /// That a log has no sensor of the study: nothing of it could be judged.
@@ -318,18 +396,16 @@ fn told(guess: &Guess, global: Global) {
     warn(global, &warnings);
     if !guess.sensors.is_empty() {
         note(global, &format!("no column for the sensors {}", list(&guess.sensors)));
-        if !guess.unused.is_empty() {
-            note(
-                global,
-                &format!(
-                    "columns that are no input and no sensor: {}",
-                    quoted::list(&guess.unused)
-                ),
-            );
-        }
     }
     if !guess.inputs.is_empty() {
-        note(global, &format!("no column for the inputs {}", list(&guess.inputs)));
+        let text =
+            format!("no column for the inputs {}: they are at their defaults", list(&guess.inputs));
+        note(global, &text);
+    }
+    let is_lacking = !guess.sensors.is_empty() || !guess.inputs.is_empty();
+    if is_lacking && !guess.unused.is_empty() {
+        let unused = quoted::list(&guess.unused);
+        note(global, &format!("columns that are no input and no sensor: {unused}"));
     }
 }
 
@@ -390,8 +466,8 @@ struct Outputs {
     strip: Strip,
     timeline: Option<Timeline>,
     mcaps: Vec<Mcap>,
-    /// Whether anything was said of any sample.
-    is_judged: bool,
+    /// What was said instead of a judgement, as it came.
+    unjudged: Vec<String>,
     /// Whether it was said that a connection is lost.
     is_loss_told: bool,
     global: Global,
@@ -408,13 +484,13 @@ impl Outputs {
         global: Global,
     ) -> Result<Self, Failure> {
         let events = match &options.events {
-            Some(path) => Some(Events::new(events_file(path, resumed)?)),
+            Some(path) => Some(Events::to_file(events_file(path, resumed)?, path)),
             None => None,
         };
         let mcaps = options.mcap.iter().map(|target| Mcap::open(target, &scene));
         Ok(Outputs {
             mcaps: mcaps.collect::<Result<_, _>>()?,
-            is_judged: false,
+            unjudged: vec![],
             is_loss_told: false,
             global,
             strip: Strip::default(),
@@ -433,6 +509,13 @@ impl Outputs {
         }
     }
 
+    fn keep_unjudged(&mut self, state: State) {
+        let words = format!("'{}'", state.words());
+        if !state.is_judgement() && !self.unjudged.contains(&words) {
+            self.unjudged.push(words);
+        }
+    }
+
     /// Says once that nobody takes a stream any more.
     fn tell_loss(&mut self) {
         let lost = if self.is_loss_told { None } else { self.mcaps.iter().find_map(Mcap::lost) };
@@ -447,7 +530,7 @@ impl Outputs {
 impl Sink for Outputs {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
         self.told(sample);
-        self.is_judged |= sample.observation.finding.state != State::NoData;
+        self.keep_unjudged(sample.observation.finding.state);
         self.strip.sample(sample)?;
         if let Some(timeline) = &mut self.timeline {
             timeline.sample(sample)?;
@@ -515,6 +598,7 @@ fn summary(counts: &Counts, signals: &[&str], lost: &[Lost]) -> Value {
     json!({ "summary": {
         "frames": counts.frames,
         "samples": counts.samples,
+        "judged": counts.judged,
         "met": met,
         "missing": missing,
         "unsent": unsent.collect::<serde_json::Map<String, Value>>(),
@@ -524,7 +608,9 @@ fn summary(counts: &Counts, signals: &[&str], lost: &[Lost]) -> Value {
 /// What was counted, for people.
 fn people(counts: &Counts, signals: &[&str], lost: &[Lost]) -> String {
     let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
-    let mut text = format!("{frames} {counted}s became {samples} samples\n");
+    let judged = counts.judged;
+    let mut text =
+        format!("{frames} {counted}s became {samples} samples, {judged} of them judged\n");
     let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
     let missing: Vec<String> = missing.map(|(id, count)| format!("{id} in {count}")).collect();
     if !missing.is_empty() {

@@ -311,7 +311,7 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
         std::fs::create_dir_all(path).unwrap();
     }
     std::fs::write(format!("{unusable}/a.csv"), "").unwrap();
-    let pdf = folder.file("report.pdf");
+    let (pdf, windows) = (folder.file("report.pdf"), folder.file("windows.csv"));
     let cases: &[(&[&str], i32, &str)] = &[
         (&["train", &ragged, "--label", "b", "--out", &model], 3, "line 3"),
         (&["report", &ragged, "--label", "b", "--out", "r.html"], 3, "line 3"),
@@ -325,12 +325,12 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
             "to test with: there is no column",
         ),
         (
-            &["features", &nan, "--study", &traces, "--out", &model],
+            &["features", &nan, "--study", &traces, "--out", &windows],
             3,
             &format!("error: {nan} is not as {traces} says: there is no column 'pressure'"),
         ),
         (
-            &["features", &nan, "--study", &healthy, "--healthy", &other, "--out", &model],
+            &["features", &nan, "--study", &healthy, "--healthy", &other, "--out", &windows],
             3,
             &format!("error: {other} is not as {healthy} says: there is no column 'a'"),
         ),

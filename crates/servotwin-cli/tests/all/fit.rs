@@ -159,20 +159,84 @@ fn wrong_logs_and_names_are_told() {
     }
 }
 
+/// What is said of a press axis that moves for 20 s, with a fault and with the numbers of some column changed.
+fn said_of_press(
+    folder: &Folder,
+    fault: &[&str],
+    changed: &dyn Fn(usize, &[f64]) -> Vec<f64>,
+) -> String {
+    let log = folder.file("press.csv");
+    let first =
+        ["simulate", "press_axis", "--noise", "4", "--duration", "20s", "--out", &log, "-q"];
+    let command = ["--command", "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=5"];
+    let output = servotwin(&[&first[..], &command, fault].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let table = table::read(&log).unwrap();
+    let columns = table.columns().iter().enumerate().map(|(place, column)| {
+        Column::new(column.name.clone(), "", changed(place, &column.numbers().unwrap()))
+    });
+    table::write(&log, &Table::from_columns(columns.collect()).unwrap()).unwrap();
+    stderr(&servotwin(&["fit", &log, "--study", "press_axis"]))
+}
+
+#[test]
+fn signs_shifts_and_faults_that_look_late_are_told_apart() {
+    let folder = Folder::new("fit-late");
+    const COMMAND: usize = 1;
+    const STROKE: usize = 4;
+    let turned = said_of_press(&folder, &[], &|place, v| {
+        v.iter().map(|v| if place == STROKE { -v } else { *v }).collect()
+    });
+    assert!(turned.contains("x_p_m moves against the twin"), "{turned}");
+    let shifted = said_of_press(&folder, &[], &|place, v| {
+        let by = if place == COMMAND { 6 } else { 0 };
+        (0..v.len()).map(|k| v[(k + by).min(v.len() - 1)]).collect()
+    });
+    assert!(shifted.contains("the sensors come 0.06 s too late"), "{shifted}");
+    let drifting = said_of_press(&folder, &[], &|place, v| {
+        let by = |k: usize| if place == COMMAND { k / 100 } else { 0 };
+        (0..v.len()).map(|k| v[(k + by(k)).min(v.len() - 1)]).collect()
+    });
+    assert!(drifting.contains("clocks of inputs and sensors do not agree"), "{drifting}");
+    let slow = ["--fault", "valve.gain_low=0.5"];
+    let faulty = said_of_press(&folder, &slow, &|_, v| v.to_vec());
+    assert!(faulty.contains("it looks like valve.gain_low of intensity 0.5"), "{faulty}");
+}
+
 /// Eight flights with a leak that grows by 0.05 in each, and a file that is no log.
 fn flights(folder: &Folder) -> String {
+    let logs = leaking(folder, &[0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4]);
+    std::fs::write(format!("{logs}/flight_9.csv"), "a,b\n1,2\n").unwrap();
+    logs
+}
+
+/// Flights from the first on, each with a leak.
+fn leaking(folder: &Folder, leaks: &[f64]) -> String {
     let logs = folder.file("logs");
     std::fs::create_dir_all(&logs).unwrap();
-    for flight in 1..=8 {
+    for (flight, leak) in (1..).zip(leaks) {
         let command = format!("noise:rms=4deg,bandwidth=1Hz,seed={flight}");
-        let fault = format!("leakage_a.leakage={}", 0.05 * f64::from(flight));
+        let fault = format!("leakage_a.leakage={leak}");
         let out = format!("{logs}/flight_{flight}.csv");
         let first = ["simulate", SPRING, "--command", &command, "--fault", &fault];
         let output = servotwin(&[&first[..], &["--duration", "8s", "--out", &out, "-q"]].concat());
         assert!(output.status.success(), "{}", stderr(&output));
     }
-    std::fs::write(format!("{logs}/flight_9.csv"), "a,b\n1,2\n").unwrap();
     logs
+}
+
+#[test]
+fn a_history_is_drawn_up_to_where_its_threshold_is_reached() {
+    let folder = Folder::new("history-drawn");
+    let logs = leaking(&folder, &[0.0, 0.01, 0.02, 0.03, 0.04]);
+    let plot = folder.file("history.svg");
+    let output = servotwin(&["history", &logs, "--study", STUDY, "--plot", &plot]);
+    let text = stdout(&output);
+    assert!(text.contains("reaches 0.5 in 4"), "{text}");
+    let drawn = std::fs::read_to_string(&plot).unwrap();
+    assert!(drawn.contains(">50<"), "the crossing at flight 50");
+    assert!(drawn.matches("<circle").count() >= 5, "every flight has its marker");
+    assert!(!drawn.contains("parameters, in standard"), "one healthy flight is no course");
 }
 
 #[test]
@@ -218,6 +282,8 @@ fn a_history_needs_logs_and_a_design_keeps_limits() {
     assert!(best["amplitude"].as_f64().unwrap() <= 5.001_f64.to_radians(), "{best}");
     assert!(best["rate"].as_f64().unwrap() <= 20.01_f64.to_radians(), "{best}");
     assert!(best["gain_bits"].as_f64().unwrap() > 1.0, "{best}");
+    let people = stdout(&servotwin(&[&design[..], &["--rate", "20deg/s"]].concat()));
+    assert!(people.contains("from the flight") && !people.contains("record"), "{people}");
     let text = stdout(&servotwin(&[&design[..], &["-q"]].concat()));
     assert_eq!(text.lines().count(), 1, "{text}");
     let output = servotwin(&[&design[..], &["--rate", "20s"]].concat());

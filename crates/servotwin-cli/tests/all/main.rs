@@ -4,6 +4,7 @@ mod book;
 mod first_hour;
 mod fit;
 mod flights;
+mod paths;
 mod public_tables;
 mod study;
 mod tables;

@@ -284,7 +284,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     run(&["study", &study, "--out", &out]);
     let file = |name: &str| Path::new(&out).join(name);
     let (log, diagnoser) = (folder.file("log.csv"), file("diagnoser-realistic.json"));
-    run(&["simulate", "--duration", "1s", "--out", &log]);
+    run(&["simulate", "--duration", "1s", "--command", "step:size=1deg", "--out", &log]);
     let watch =
         ["watch", "--quiet", &log, "--study", &study, "--model", diagnoser.to_str().unwrap()];
     let fly = ["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"];

@@ -296,3 +296,89 @@ fn mistakes_in_watching_are_said_with_their_place() {
         assert!(!text.contains("panicked"), "{arguments:?}: {text}");
     }
 }
+
+/// A log with one column renamed, or its numbers changed.
+fn rewritten(rows: &str, column: &str, name: &str, factor: f64) -> String {
+    let place = rows.lines().next().unwrap().split(',').position(|n| n == column).unwrap();
+    let line = |(row, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        cells[place] = match row {
+            0 => name.to_owned(),
+            _ => format!("{:e}", factor * cells[place].parse::<f64>().unwrap()),
+        };
+        cells.join(",") + "\n"
+    };
+    rows.lines().enumerate().map(line).collect()
+}
+
+#[test]
+fn what_speaks_against_a_log_is_told_with_its_likely_reason() {
+    let folder = Folder::new("watch-doubts");
+    let rows = std::fs::read_to_string(flight(&folder)).unwrap();
+    let [study, model] = learned(&folder);
+    let log = folder.file("doubtful.csv");
+    let watch = |rows: &str, more: &[&str]| {
+        std::fs::write(&log, rows).unwrap();
+        let first = ["watch", &log, "--study", &study, "--model", &model];
+        let output = servotwin(&[&first[..], more].concat());
+        (output.status.code(), stdout(&output), stderr(&output))
+    };
+    let every_second: String = rows
+        .lines()
+        .enumerate()
+        .filter(|(row, _)| row % 2 == 0)
+        .map(|(_, line)| format!("{line}\n"))
+        .collect();
+    let of = |column: &str, factor: f64| rewritten(&rows, column, column, factor);
+    let renamed = rewritten(&rows, "command_rad", "set_point", 1.0);
+    let lost: String = rows
+        .lines()
+        .enumerate()
+        .filter(|(row, _)| *row != 200)
+        .map(|(_, line)| format!("{line}\n"))
+        .collect();
+    let cases: &[(&str, i32, &[&str])] = &[
+        (&rows, 0, &[]),
+        (
+            &renamed,
+            3,
+            &["no column is the input 'command'", "found for: set_point;", "{ value = 0.0"],
+        ),
+        (&of("command_rad", 1.0_f64.to_degrees()), 3, &["nothing could be judged", "in degrees"]),
+        (&of("time_s", 1e3), 3, &["its times seem to be in ms"]),
+        (&every_second, 3, &["usually 0.04 s apart", "log at 50 Hz", "at 25 Hz (sample_hz"]),
+        (&of("x_p_1_m", 1e3), 0, &["warning: x_p_1 is outside", "seems to be in mm"]),
+        (&of("p_a_1_pa", 1e-5), 0, &["warning: p_a_1 seems to be in bar"]),
+        (&lost, 0, &["command has no value in 1 of 401 periods", "hold_s"]),
+    ];
+    for (rows, code, parts) in cases {
+        let (found, text, told) = watch(rows, &[]);
+        assert_eq!(found, Some(*code), "{parts:?}: {told}");
+        assert!(parts.iter().all(|part| told.contains(part)), "{parts:?}: {told}");
+        assert!(!parts.is_empty() || !told.contains("warning"), "{told}");
+        assert!(text.lines().count() < 40, "what goes to and fro is folded: {text}");
+    }
+    // A command that is meant to stand still is said to do so.
+    let map = folder.file("constant.toml");
+    std::fs::write(&log, &renamed).unwrap();
+    let made = ["watch", &log, "--study", &study, "--make-map", &map];
+    assert!(servotwin(&made).status.success());
+    let (found, _, told) = watch(&renamed, &["--map", &map]);
+    assert_eq!(found, Some(3), "{told}");
+    let text = std::fs::read_to_string(&map).unwrap();
+    std::fs::write(&map, text.replace("# command = ", "command = ")).unwrap();
+    let (found, _, told) = watch(&renamed, &["--map", &map]);
+    assert_eq!(found, Some(0), "{told}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_with_the_file_that_is_on_it() {
+    let folder = Folder::new("watch-full");
+    let log = flight(&folder);
+    let [study, model] = learned(&folder);
+    let with = ["watch", &log, "--study", &study, "--model", &model, "--events", "/dev/full"];
+    let output = servotwin(&with);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("/dev/full: the disk is full"), "{}", stderr(&output));
+}

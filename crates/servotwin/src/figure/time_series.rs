@@ -50,6 +50,8 @@ pub struct Series<'a> {
     pub y: Cow<'a, [f64]>,
     /// How it looks; without it, as its place in the panel says.
     pub look: Option<Look>,
+    /// Whether every value has a marker: for few, each of which is an event.
+    pub is_marked: bool,
 }
 
 /// A shaded band between two lines.
@@ -72,7 +74,13 @@ impl<'a> Series<'a> {
         x: impl Into<Cow<'a, [f64]>>,
         y: impl Into<Cow<'a, [f64]>>,
     ) -> Self {
-        Self { name: name.into(), x: x.into(), y: y.into(), look: None }
+        Self { name: name.into(), x: x.into(), y: y.into(), look: None, is_marked: false }
+    }
+
+    /// Gives every value a marker.
+    pub fn marked(mut self) -> Self {
+        self.is_marked = true;
+        self
     }
 
     /// Gives the signal a look.
@@ -122,7 +130,10 @@ impl<'a> Panel<'a> {
         let series = self.series.iter().enumerate();
         let line = |(index, series): (usize, &Series)| Entry {
             name: series.name.clone(),
-            swatch: Swatch::Line(look_or_nth(series.look, index)),
+            swatch: match series.is_marked {
+                true => Swatch::Marked(look_or_nth(series.look, index)),
+                false => Swatch::Line(look_or_nth(series.look, index)),
+            },
         };
         let band =
             self.band.iter().map(|band| Entry { name: band.name.clone(), swatch: Swatch::Band });
@@ -251,6 +262,9 @@ fn draw_series(canvas: &mut Canvas, series: &Series, look: Look, frame: &Frame) 
         match run.as_slice() {
             [only] => canvas.circle(*only, 1.2, &format!(" fill=\"{}\"", look.colour)),
             run => canvas.path(run, &style),
+        }
+        if series.is_marked {
+            run.iter().for_each(|at| legend::marker(canvas, look, *at));
         }
     }
 }

@@ -98,16 +98,25 @@ impl Known {
         self.covariance.at(a, b) / (self.error(a) * self.error(b))
     }
 
-    /// A plain sentence about an unknown.
+    /// A plain sentence about an unknown after a record.
     pub fn sentence(&self, unknowns: &[Unknown], k: usize) -> String {
+        self.sentence_of("record", unknowns, k)
+    }
+
+    /// The same of a flight that was not flown so far.
+    pub fn forecast(&self, unknowns: &[Unknown], k: usize) -> String {
+        self.sentence_of("flight", unknowns, k)
+    }
+
+    fn sentence_of(&self, source: &str, unknowns: &[Unknown], k: usize) -> String {
         let name = |k: usize| unknowns[k].name.as_str();
         match &self.each[k] {
-            Knowledge::Known => "well known from the record".into(),
+            Knowledge::Known => format!("well known from the {source}"),
             Knowledge::Partly => {
-                "partly known: the record narrows its tolerance, by less than half".into()
+                format!("partly known: the {source} narrows its tolerance, by less than half")
             }
             Knowledge::NotSeen => {
-                "not seen in this record: only its tolerance says where it lies".into()
+                format!("not seen in this {source}: only its tolerance says where it lies")
             }
             Knowledge::AtBound => "stands at the bound of its tolerance".into(),
             Knowledge::TradesOff { with, correlation } => {

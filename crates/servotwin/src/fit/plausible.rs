@@ -2,8 +2,8 @@
 //! that do not agree. The nominal twin is the measure; what is left to a fit are differences of
 //! percents.
 
-use super::record::{LeftOut, Record, RecordError, named, other_unit};
-use crate::system::System;
+use super::record::{LeftOut, Record, RecordError, named};
+use crate::system::{System, units};
 
 /// A sensor moves where it leaves its mean by so many of its deviations.
 const MOVES: f64 = 5.0;
@@ -90,8 +90,9 @@ pub(super) fn check(
         let what = format!("no sensor leaves its mean by {MOVES} times its noise");
         return Err(RecordError::NoMotion { what });
     }
-    lag(&moving)?;
-    signs(&moving)
+    // What is turned around looks late to whoever seeks a shift: its half-waves fit one later.
+    signs(&moving)?;
+    lag(&moving)
 }
 
 /// What moves against the twin.
@@ -174,7 +175,7 @@ impl Pair<'_> {
         let moves_alike = |factor: f64| {
             !is_moving || (self.sd_measured / self.sd_twin / factor).ln().abs() < ALIKE
         };
-        match other_unit(unit, measured / twin).filter(|(factor, _)| moves_alike(*factor)) {
+        match units::other(unit, measured / twin).filter(|(factor, _)| moves_alike(*factor)) {
             Some((factor, looks_like)) => Err(RecordError::OtherUnit {
                 column: self.column.clone(),
                 unit,

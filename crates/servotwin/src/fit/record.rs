@@ -14,7 +14,7 @@
 use crate::document::{Quantities, Quantity};
 use crate::evaluation::table_model::times;
 use crate::quoted;
-use crate::system::System;
+use crate::system::{System, units};
 use crate::table::{Table, TableError};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
@@ -430,27 +430,13 @@ fn check_input(
     let ratio = largest / default.abs();
     let factor =
         factor.or(Some(ratio).filter(|ratio| unit == Unit::Pascal && !(0.1..10.0).contains(ratio)));
-    if let Some((factor, looks_like)) = factor.and_then(|factor| other_unit(unit, factor)) {
+    if let Some((factor, looks_like)) = factor.and_then(|factor| units::other(unit, factor)) {
         return Err(RecordError::OtherUnit { column: column.into(), unit, factor, looks_like });
     }
     match values.iter().find(|value| !(range.0..=range.1).contains(*value)) {
         Some(&value) => Err(RecordError::Input { column: column.into(), value, range, unit }),
         None => Ok(()),
     }
-}
-
-/// The unit that a column seems to be in whose values are so many times what they should be.
-pub(super) fn other_unit(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
-    let known: &[(f64, &'static str)] = match unit {
-        Unit::Pascal => &[(1e-5, "bar"), (1e-6, "MPa"), (1e-3, "kPa"), (1.450_377e-4, "psi")],
-        Unit::Metre => &[(1e3, "mm"), (1e2, "cm"), (1e6, "µm"), (39.370_079, "inches")],
-        Unit::Radian => &[(57.295_78, "degrees"), (1e3, "mrad")],
-        Unit::Newton => &[(1e-3, "kN"), (0.224_809, "pounds")],
-        _ => &[(1e2, "%")],
-    };
-    let near = |factor: f64| (ratio / factor).ln().abs();
-    let best = known.iter().min_by(|a, b| near(a.0).total_cmp(&near(b.0)))?;
-    (near(best.0) < 0.35).then_some(*best)
 }
 
 /// A signal through samples (FI1).

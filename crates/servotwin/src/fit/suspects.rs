@@ -16,7 +16,7 @@
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
 use super::linear::{Symmetric, dot};
-use super::record::Record;
+use super::record::{Record, RecordError};
 use super::response::{Difference, Linear, append, residual};
 use super::solve::Minimum;
 use super::{FitError, Problem};
@@ -43,6 +43,10 @@ const LIKELIEST: usize = 5;
 const DELAYS: [f64; 6] = [-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
 /// By which shares a clock may be fast.
 const CLOCKS: [f64; 6] = [-0.02, -0.01, -0.003, 0.003, 0.01, 0.02];
+/// In which parts of what they seem to be wrong times are tried: that is known to a sample.
+const AROUND: [f64; 9] = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2];
+/// Times that are wrong explain a record clearly better than a fault that leaves so many times as much.
+const CLEARLY: f64 = 2.0;
 /// So many suspects are simulated together: their samples are kept.
 const AT_ONCE: usize = 8;
 
@@ -165,21 +169,49 @@ impl Problem<'_> {
             let score = (2.0 * (healthy - cost).max(0.0)).sqrt();
             Suspect { name, score, intensity }
         };
-        let every: Vec<usize> = (0..self.suspects.len()).collect();
-        let coarse = self.costs(&linear, &every, &COARSE)?;
-        let mut order = every;
-        order.sort_by(|&a, &b| coarse[a].0.total_cmp(&coarse[b].0));
-        order.truncate(LIKELIEST);
-        let fine = self.costs(&linear, &order, &FINE)?;
-        let faults = order.iter().zip(fine).map(|(&k, found)| {
-            let least = if found.0 < coarse[k].0 { found } else { coarse[k] };
-            suspect(self.fault_name(self.suspects[k]), least)
-        });
-        let mut all: Vec<Suspect> = faults.collect();
+        let faults = self.likeliest_faults(&linear)?.into_iter();
+        let mut all: Vec<Suspect> =
+            faults.map(|(at, least)| suspect(self.fault_name(at), least)).collect();
         all.push(suspect(DELAY.into(), self.retimed(&linear, &DELAYS, delayed)?));
         all.push(suspect(CLOCK.into(), self.retimed(&linear, &CLOCKS, on_fast_clock)?));
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(all)
+    }
+
+    /// The faults with the least (FF2), that and the intensity with it.
+    fn likeliest_faults(&self, linear: &Linear) -> Result<Vec<Likely>, FitError> {
+        let every: Vec<usize> = (0..self.suspects.len()).collect();
+        let coarse = self.costs(linear, &every, &COARSE)?;
+        let mut order = every;
+        order.sort_by(|&a, &b| coarse[a].0.total_cmp(&coarse[b].0));
+        order.truncate(LIKELIEST);
+        let fine = self.costs(linear, &order, &FINE)?;
+        let least = |(&k, fine): (&usize, (f64, f64))| {
+            (self.suspects[k], if fine.0 < coarse[k].0 { fine } else { coarse[k] })
+        };
+        Ok(order.iter().zip(fine).map(least).collect())
+    }
+
+    /// Whether a record whose times seem to be wrong shows a fault as likely: a valve that gives less follows late, too.
+    /// Such a record is fitted, and what it looks like is a finding; where times explain it clearly better, they are
+    /// wrong.
+    pub(super) fn is_rather_a_fault(
+        &self,
+        record: &Record,
+        error: &RecordError,
+    ) -> Result<bool, FitError> {
+        let (size, change): (f64, fn(&Record, f64) -> Retimed) = match error {
+            RecordError::Shifted { by_s } => (by_s / record.period_s, delayed),
+            RecordError::Clock { share } => (*share, drifting),
+            _ => return Ok(false),
+        };
+        let (records, unknowns) = (vec![record.clone()], self.unknowns.clone());
+        let own = Problem { records, unknowns, suspects: self.suspects.clone(), ..*self };
+        let linear = own.linear(&vec![0.0; own.unknowns.len()], Difference::Forward)?;
+        let faults = own.likeliest_faults(&linear)?;
+        let fault = faults.iter().map(|(_, least)| least.0).fold(f64::INFINITY, f64::min);
+        let (times, _) = own.retimed(&linear, &AROUND.map(|share| share * size), change)?;
+        Ok(fault < CLEARLY * times)
     }
 
     /// The least (FF2) of each of some suspects, and at which intensity.
@@ -300,6 +332,9 @@ fn least(costs: &[f64], intensities: &[f64]) -> (f64, f64) {
     pairs.min_by(|a, b| a.0.total_cmp(&b.0)).expect("an intensity")
 }
 
+/// A fault, its least (FF2), and at which intensity.
+type Likely = ((usize, usize), (f64, f64));
+
 /// A record with other times.
 struct Retimed {
     inputs: Vec<Piecewise>,
@@ -322,7 +357,17 @@ fn delayed(record: &Record, samples: f64) -> Retimed {
 /// A record whose clock is fast by a share.
 fn on_fast_clock(record: &Record, share: f64) -> Retimed {
     let stretch = 1.0 - share;
-    let faster = |signal: &Piecewise| {
+    Retimed { inputs: stretched(record, stretch), stretch, size: share }
+}
+
+/// Sensors on a clock of their own, on which they come later and later.
+fn drifting(record: &Record, share: f64) -> Retimed {
+    Retimed { inputs: stretched(record, 1.0 + share), stretch: 1.0, size: share }
+}
+
+/// The inputs of a record in another time.
+fn stretched(record: &Record, stretch: f64) -> Vec<Piecewise> {
+    let slower = |signal: &Piecewise| {
         let breaks = signal.breaks_s().iter().map(|b| b * stretch).collect();
         let piece = |[c0, c1, c2, c3]: &[f64; 4]| {
             [*c0, c1 / stretch, c2 / (stretch * stretch), c3 / (stretch * stretch * stretch)]
@@ -330,7 +375,7 @@ fn on_fast_clock(record: &Record, share: f64) -> Retimed {
         let pieces = signal.pieces().iter().map(piece).collect();
         Piecewise::new(breaks, pieces).expect("breaks still increase")
     };
-    Retimed { inputs: record.inputs.iter().map(faster).collect(), stretch, size: share }
+    record.inputs.iter().map(slower).collect()
 }
 
 /// What suspects are compared with.

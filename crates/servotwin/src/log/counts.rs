@@ -113,6 +113,9 @@ pub struct Counts {
     pub frames: u64,
     /// How many periods were given on, those without a sample included.
     pub samples: u64,
+    /// In how many of them anything was said of the actuator.
+    #[serde(default)]
+    pub judged: u64,
     /// For each kind of [`Kind::ALL`] how often it was met.
     tallies: Vec<Tally>,
     /// For each input and sensor in how many periods it had no value.
@@ -127,6 +130,7 @@ impl Counts {
             counted: counted.into(),
             frames: 0,
             samples: 0,
+            judged: 0,
             tallies,
             missing: vec![0; channels],
         }

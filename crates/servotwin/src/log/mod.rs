@@ -12,6 +12,7 @@
 mod bits;
 pub mod checkpoint;
 pub mod counts;
+pub mod doubts;
 pub mod map;
 pub mod observer;
 pub mod sequencer;
@@ -23,6 +24,7 @@ pub use observer::{Finding, Observation, Observer, Phase, State};
 use crate::document::Quantity;
 use checkpoint::{Checkpoint, CheckpointError};
 use counts::{Counts, Kind};
+use doubts::Doubts;
 use map::Map;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
@@ -111,6 +113,8 @@ pub struct Watch<'w> {
     checkpoints: Option<Checkpoints>,
     period_s: f64,
     progress: Progress,
+    /// Of what was read since this watch began.
+    doubts: Doubts,
 }
 
 /// How watching ended.
@@ -142,12 +146,27 @@ impl<'w> Watch<'w> {
             changes: 0,
             time_s: f64::NAN,
         };
-        Watch { source, map, observer, sinks: vec![], checkpoints: None, period_s, progress }
+        let doubts = Doubts::new(map);
+        Watch {
+            source,
+            map,
+            observer,
+            sinks: vec![],
+            checkpoints: None,
+            period_s,
+            progress,
+            doubts,
+        }
     }
 
     /// Adds somebody who is told everything.
     pub fn sink(&mut self, sink: &'w mut dyn Sink) {
         self.sinks.push(sink);
+    }
+
+    /// Says in which ranges the observer believes the inputs.
+    pub fn believed(&mut self, ranges: &[(f64, f64)]) {
+        self.doubts.narrow(ranges);
     }
 
     /// Writes checkpoints.
@@ -221,6 +240,11 @@ impl<'w> Watch<'w> {
         &self.progress.counts
     }
 
+    /// What in the log speaks against its map.
+    pub fn doubts(&self) -> &Doubts {
+        &self.doubts
+    }
+
     /// Reads on; `false` at the end.
     fn row(&mut self, row: &mut Row) -> Result<bool, WatchError> {
         let read = self.source.read(row)?;
@@ -233,6 +257,7 @@ impl<'w> Watch<'w> {
                     let detail = format_args!("{} of {}", row.bad, row.values.len());
                     progress.counts.note_with(Kind::BadValue, row.place, &detail);
                 }
+                self.doubts.sample(&sample);
                 if let Some((id, value)) = self.map.leave_out(&mut sample) {
                     let detail = format_args!("{id} = {} in SI", Quantity(value, ""));
                     progress.counts.note_with(Kind::Impossible, row.place, &detail);
@@ -279,6 +304,8 @@ impl<'w> Watch<'w> {
             }
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);
+            self.doubts.twin(observation.twin);
+            counts.judged += u64::from(observation.finding.state.is_judgement());
             let changed = !observation.finding.says_the_same(finding);
             if changed {
                 finding.clone_from(observation.finding);

@@ -76,6 +76,11 @@ impl State {
         State::EnvironmentInvalid,
     ];
 
+    /// Whether it says anything of the actuator: not without data, nor behind inputs that are not believed.
+    pub fn is_judgement(self) -> bool {
+        !matches!(self, State::NoData | State::EnvironmentInvalid)
+    }
+
     /// In words.
     pub fn words(self) -> &'static str {
         match self {

@@ -132,6 +132,16 @@ impl Signal {
         &self.terms
     }
 
+    /// The files that it reads.
+    pub fn files(&self) -> Vec<String> {
+        let arguments = self.terms.iter().flat_map(Term::arguments);
+        let file = |(name, argument): (&str, &Argument)| match argument {
+            Argument::Word(word) if name == table::FILE => Some(word.clone()),
+            _ => None,
+        };
+        arguments.filter_map(file).collect()
+    }
+
     /// The function of time for an input of this unit, from 0 to `duration_s`.
     ///
     /// # Errors

@@ -14,6 +14,9 @@ use servotwin_model::spec::Unit;
 /// A recorded signal.
 pub struct Recorded;
 
+/// The parameter that names the file.
+pub(super) const FILE: &str = "file";
+
 static SPEC: Spec = Spec {
     kind: "table",
     summary: "a column of a CSV or Parquet file over its time column",
@@ -21,7 +24,7 @@ static SPEC: Spec = Spec {
     continuous: true,
     parameters: &[
         Parameter {
-            name: "file",
+            name: FILE,
             sort: Sort::Text,
             range: Range::Any,
             fallback: Fallback::Required,
@@ -69,7 +72,7 @@ impl Kind for Recorded {
     }
 
     fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
-        let (file, column) = (given.word("file"), given.word("column"));
+        let (file, column) = (given.word(FILE), given.word("column"));
         let (unit, factor) = unit_of(column).unwrap_or((given.unit, 1.0));
         if unit != given.unit {
             return Err(SignalError::ColumnUnit {

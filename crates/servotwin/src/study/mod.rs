@@ -34,7 +34,7 @@ use crate::built_in;
 use crate::document::{self, Collector, Entry, Located, Span, entries, write_mistakes};
 use crate::files::FileError;
 use crate::format;
-use crate::kind::Kind;
+use crate::kind::{Kind, named_system};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::{System, SystemError};
@@ -336,6 +336,13 @@ impl Study {
         reader.finish(drawn)
     }
 
+    /// The file of the system that a study file names; `None` where it is built in, or nothing can be read.
+    pub fn system_file(path: &Path) -> Option<PathBuf> {
+        let (text, _) = Kind::Study.read(path).ok()?;
+        let name = named_system(&text).filter(|name| name.ends_with(".toml"))?;
+        Some(beside(name, path))
+    }
+
     /// Reads a study file, or a built-in study by its name.
     ///
     /// # Errors
@@ -554,8 +561,12 @@ fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, Mis
             known: known.map(Into::into).collect(),
         }));
     }
-    let beside: PathBuf = Path::new(study).parent().unwrap_or(Path::new("")).join(name);
-    System::read(beside).map_err(system)
+    System::read(beside(name, Path::new(study))).map_err(system)
+}
+
+/// Where a study looks for the file of its system.
+fn beside(name: &str, study: &Path) -> PathBuf {
+    study.parent().unwrap_or(Path::new("")).join(name)
 }
 
 /// What a study is made of, once its text is understood.

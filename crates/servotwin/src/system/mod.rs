@@ -34,7 +34,7 @@ mod mistake;
 mod read;
 mod rewrite;
 mod scope;
-pub(crate) mod units;
+pub mod units;
 
 pub use listing::ListedFault;
 pub use mistake::Mistake;

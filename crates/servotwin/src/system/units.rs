@@ -38,6 +38,33 @@ pub fn convert(text: &str) -> Option<(Unit, f64, f64)> {
     Unit::ALL.into_iter().find(si).map(|unit| (unit, 1.0, 0.0))
 }
 
+/// Units that logs are often in instead of SI, and how many of each are one of SI.
+fn of_logs(unit: Unit) -> &'static [(f64, &'static str)] {
+    match unit {
+        Unit::Pascal => &[(1e-5, "bar"), (1e-6, "MPa"), (1e-3, "kPa"), (1.450_377e-4, "psi")],
+        Unit::Metre => &[(1e3, "mm"), (1e2, "cm"), (1e6, "µm"), (39.370_079, "inches")],
+        Unit::Radian => &[(57.295_78, "degrees"), (1e3, "mrad")],
+        Unit::Newton => &[(1e-3, "kN"), (0.224_809, "pounds")],
+        Unit::Second => &[(1e3, "ms"), (1e6, "µs"), (1e9, "ns")],
+        _ => &[(1e2, "%")],
+    }
+}
+
+/// The unit that a column seems to be in whose values are so many times what they should be.
+pub fn other(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
+    let near = |factor: f64| (ratio / factor).ln().abs();
+    let best = of_logs(unit).iter().min_by(|a, b| near(a.0).total_cmp(&near(b.0)))?;
+    (near(best.0) < 0.35).then_some(*best)
+}
+
+/// The unit that a value seems to be in which is outside of its range and would be inside in that unit; of several the
+/// one that is nearest to SI.
+pub fn within(unit: Unit, value: f64, range: (f64, f64)) -> Option<(f64, &'static str)> {
+    let is_inside = |factor: f64| (range.0..=range.1).contains(&(value / factor));
+    let fitting = of_logs(unit).iter().filter(|(factor, _)| is_inside(*factor));
+    fitting.min_by(|a, b| a.0.ln().abs().total_cmp(&b.0.ln().abs())).copied()
+}
+
 /// How numbers for a unit may be written, for messages.
 pub fn spellings(unit: Unit) -> Vec<String> {
     let foreign = FOREIGN.iter().filter(|f| f.unit == unit).map(|f| f.suffix.to_owned());
@@ -138,4 +165,18 @@ pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> 
     });
     let longest = candidates.max_by_key(|(parameter, _)| stem(parameter).len());
     longest.map(|(parameter, si)| Slip { parameter, si })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_outside_of_its_range_is_in_the_unit_in_which_it_is_inside() {
+        let named = |unit, value, range| within(unit, value, range).map(|(_, unit)| unit);
+        assert_eq!(named(Unit::Metre, -37.5, (-0.1, 0.07)), Some("mm"));
+        assert_eq!(named(Unit::Pascal, 210.0, (150e5, 280e5)), Some("bar"));
+        assert_eq!(named(Unit::Radian, 12.0, (-0.3, 0.3)), Some("degrees"));
+        assert_eq!(named(Unit::Metre, 1e12, (-0.1, 0.1)), None);
+    }
 }

@@ -648,7 +648,7 @@ fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
     let address = Address::File(path.clone());
     let found = guess(&address.columns().unwrap(), &system);
     assert!(found.time && found.sensors.is_empty() && found.inputs.is_empty(), "{}", found.text);
-    assert!(found.text.contains("\"measured.p_a_pa\", unit = \"pa\""), "{}", found.text);
+    assert!(found.text.contains("\"measured.p_a_pa\", unit = \"Pa\""), "{}", found.text);
     let map = Map::parse(&found.text, "map", &system).unwrap();
     let (again, counts, _) = watch_file(&path, &map);
     let bits =

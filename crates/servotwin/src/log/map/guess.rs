@@ -143,7 +143,7 @@ impl Guess {
         let (id, column) = (bare(id), quoted(name));
         let _ = match text {
             Some(text) => {
-                let text = quoted(text);
+                let text = quoted(spelt(text));
                 writeln!(self.text, "{id} = {{ column = {column}, unit = {text} }}")
             }
             None => {
@@ -164,6 +164,12 @@ fn known(text: &str) -> Option<(Unit, &str)> {
     let text = text.trim();
     let found = units::convert(text).filter(|_| !text.is_empty());
     found.map(|(unit, ..)| (unit, text))
+}
+
+/// A unit as people write it: a name's `_pa` is Pa.
+fn spelt(text: &str) -> &str {
+    let si = units::convert(text).filter(|(_, factor, offset)| (*factor, *offset) == (1.0, 0.0));
+    si.map_or(text, |(unit, ..)| units::word(unit))
 }
 
 /// The ways to divide a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank

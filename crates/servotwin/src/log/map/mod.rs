@@ -63,6 +63,8 @@ enum Origin {
     Column { place: usize, factor: f64, offset: f64 },
     /// The same value always, SI.
     Value(f64),
+    /// The same, because neither the log nor a person says another: the system's default.
+    Default(f64),
     /// Nothing is known of it.
     Nothing,
 }
@@ -156,7 +158,7 @@ impl Map {
                 // Adding zero would change the sign of zero.
                 if offset == 0.0 { scaled } else { scaled + offset }
             }
-            Origin::Value(_) | Origin::Nothing => f64::NAN,
+            Origin::Value(_) | Origin::Default(_) | Origin::Nothing => f64::NAN,
         };
         Stamped { place: row.place, time_s, values: self.channels.iter().map(value).collect() }
     }
@@ -177,7 +179,7 @@ impl Map {
     /// For each channel the constant that the map gives it.
     pub fn constant(&self, channel: usize) -> Option<f64> {
         match self.channels[channel].from {
-            Origin::Value(value) => Some(value),
+            Origin::Value(value) | Origin::Default(value) => Some(value),
             _ => None,
         }
     }
@@ -190,6 +192,16 @@ impl Map {
     /// Whether a channel has values at all.
     pub fn is_known(&self, channel: usize) -> bool {
         self.channels[channel].from != Origin::Nothing
+    }
+
+    /// Whether neither a column nor a person says what an input is.
+    pub fn is_default(&self, channel: usize) -> bool {
+        matches!(self.channels[channel].from, Origin::Default(_))
+    }
+
+    /// Between which values a channel lies at all, SI.
+    pub fn possible(&self, channel: usize) -> (f64, f64) {
+        self.channels[channel].possible
     }
 
     /// The id of a channel.

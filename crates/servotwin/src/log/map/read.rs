@@ -44,7 +44,7 @@ impl<'s> Reader<'s> {
             |id: &String, from, possible| Channel { id: id.clone(), from, hold_s: 0.0, possible };
         let inputs = system.network().inputs.iter().enumerate();
         let inputs =
-            inputs.map(|(n, i)| channel(&i.id, Origin::Value(i.default), system.tellable(n)));
+            inputs.map(|(n, i)| channel(&i.id, Origin::Default(i.default), system.tellable(n)));
         let sensors = system.sensors.iter().enumerate();
         let sensors = sensors.map(|(n, s)| channel(&s.id, Origin::Nothing, system.readable(n)));
         let channels: Vec<Channel> = inputs.chain(sensors).collect();

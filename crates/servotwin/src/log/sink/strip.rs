@@ -10,6 +10,19 @@ const PARTS: usize = 128;
 /// The most changes that are kept; of more, the number is said.
 const CHANGES: usize = 1000;
 
+/// So many changes to and fro between two findings are shown; what follows of them is one line.
+const TO_AND_FRO: usize = 6;
+
+/// A change of what is said.
+#[derive(Debug)]
+struct Change {
+    time_s: f64,
+    finding: Finding,
+    /// How often it went to and fro between this finding and the one before since, and when last.
+    more: usize,
+    last_s: f64,
+}
+
 /// Gathers states and changes.
 #[derive(Debug, Default)]
 pub struct Strip {
@@ -20,7 +33,7 @@ pub struct Strip {
     filled: usize,
     begin_s: f64,
     end_s: f64,
-    changes: Vec<(f64, Finding)>,
+    changes: Vec<Change>,
     left_out: usize,
 }
 
@@ -61,18 +74,40 @@ impl Sink for Strip {
         if let Some(last) = self.parts.last_mut() {
             *last = severest(*last, finding.state);
         }
-        match sample.changed {
-            true if self.changes.len() < CHANGES => {
-                self.changes.push((sample.time_s, finding.clone()));
-            }
-            true => self.left_out += 1,
-            false => {}
+        if sample.changed {
+            self.change(sample.time_s, finding);
         }
         Ok(())
     }
 }
 
 impl Strip {
+    fn change(&mut self, time_s: f64, finding: &Finding) {
+        if self.goes_on(finding) {
+            let last = self.changes.last_mut().expect("what goes on has begun");
+            (last.more, last.last_s) = (last.more + 1, time_s);
+        } else if self.changes.len() < CHANGES {
+            let (finding, more, last_s) = (finding.clone(), 0, time_s);
+            self.changes.push(Change { time_s, finding, more, last_s });
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    /// Whether a finding goes on with what went to and fro between two for long already.
+    fn goes_on(&self, finding: &Finding) -> bool {
+        let Some(first) = self.changes.len().checked_sub(TO_AND_FRO) else { return false };
+        let shown = &self.changes[first..];
+        let is_to_and_fro = shown.windows(3).all(|three| {
+            let [one, between, other] = three else { return false };
+            one.finding.says_the_same(&other.finding) && between.more == 0
+        });
+        let last = shown[TO_AND_FRO - 1].more;
+        // Whoever has come back an even number of times comes from the last one shown.
+        let next = TO_AND_FRO - if last.is_multiple_of(2) { 2 } else { 1 };
+        is_to_and_fro && shown[next].finding.says_the_same(finding)
+    }
+
     /// The lines.
     pub fn text(&self) -> String {
         if self.parts.is_empty() {
@@ -85,16 +120,46 @@ impl Strip {
         let legend: Vec<String> =
             legend.map(|state| format!("'{}' {}", state.mark(), state.words())).collect();
         let _ = writeln!(text, "{}\n", legend.join(", "));
-        for (time_s, finding) in &self.changes {
+        for Change { time_s, finding, more, last_s } in &self.changes {
             let sure = match finding.confidence {
                 sure if sure > 0.0 => format!(" ({:.0} %)", 100.0 * sure),
                 _ => String::new(),
             };
             let _ = writeln!(text, "{time_s:>10.2} s  {}{sure}", finding.words());
+            if *more > 0 {
+                let _ =
+                    writeln!(text, "{last_s:>10.2} s  until here {more} more between these two");
+            }
         }
         if self.left_out > 0 {
             let _ = writeln!(text, "and {} changes more", self.left_out);
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(states: impl IntoIterator<Item = State>) -> String {
+        let mut strip = Strip { parts: vec![State::NoData], ..Strip::default() };
+        for (second, state) in states.into_iter().enumerate() {
+            strip.change(second as f64, &Finding { state, ..Finding::default() });
+        }
+        strip.text()
+    }
+
+    #[test]
+    fn what_goes_to_and_fro_for_long_is_one_line() {
+        let two = [State::NoData, State::EnvironmentInvalid];
+        let text = told(two.into_iter().cycle().take(6));
+        assert!(text.matches(" s  ").count() == 6 && !text.contains("more"), "{text}");
+        let longer = two.into_iter().cycle().take(1001);
+        let text = told(longer.chain([State::Healthy, State::NoData]));
+        assert!(text.contains("   1000.00 s  until here 995 more between these two"), "{text}");
+        assert_eq!(text.matches(" s  ").count(), 9, "{text}");
+        let three = [State::NoData, State::Healthy, State::Unknown];
+        assert!(!told(three.into_iter().cycle().take(90)).contains("more"));
     }
 }

@@ -1,0 +1,166 @@
+//! The files that a command reads and those that it writes, looked at before it does either.
+//!
+//! A result that takes the place of what it was made from is lost work, and no message afterwards brings it back. So no
+//! output may be a file that the same command reads, by whatever name or link, nor another of its outputs; and none may
+//! end like a file of another kind.
+
+use crate::failure::Failure;
+use servotwin::figure::FigureError;
+use servotwin::study::Study;
+use servotwin::table;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What an output is, which says how its name may end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// A table: its ending decides in which format it is written.
+    Table,
+    /// A figure: likewise.
+    Figure,
+    /// One format whatever the ending says, which may be one of these or none.
+    Only(&'static [&'static str]),
+    /// A file of the toolkit's own, which nobody looks into.
+    Any,
+}
+
+impl Format {
+    /// A page.
+    pub const HTML: Format = Format::Only(&["html", "htm"]);
+    /// A system or a map.
+    pub const TOML: Format = Format::Only(&["toml"]);
+    /// A model.
+    pub const JSON: Format = Format::Only(&["json"]);
+    /// A recording.
+    pub const MCAP: Format = Format::Only(&["mcap"]);
+    /// Events, one a line.
+    pub const LINES: Format = Format::Only(&["jsonl", "ndjson", "json", "log", "txt"]);
+
+    fn check(self, option: &'static str, path: &Path) -> Result<(), Failure> {
+        let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
+        let ending = ending.to_ascii_lowercase();
+        match self {
+            Format::Table => Ok(table::format_of(path).map(|_| ())?),
+            Format::Figure if !["svg", "png"].contains(&&*ending) => {
+                Err(FigureError::UnknownFormat { path: path.into() }.into())
+            }
+            Format::Only(allowed) if !ending.is_empty() && !allowed.contains(&&*ending) => {
+                let ending = allowed[0];
+                Err(Failure::Ending { option, path: path.into(), ending })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A file with the option that names it.
+#[derive(Debug)]
+pub struct Named {
+    /// The option, or what is read.
+    pub option: &'static str,
+    /// The file.
+    pub path: PathBuf,
+}
+
+/// The files of a command.
+#[derive(Debug, Default)]
+pub struct Paths {
+    reads: Vec<Named>,
+    writes: Vec<(Named, Format)>,
+}
+
+impl Paths {
+    /// Files that are read, as they are called in messages.
+    pub fn read<P: AsRef<Path>>(
+        mut self,
+        option: &'static str,
+        paths: impl IntoIterator<Item = P>,
+    ) -> Self {
+        let named = paths.into_iter().map(|path| Named { option, path: path.as_ref().into() });
+        self.reads.extend(named);
+        self
+    }
+
+    /// A study file that is read, and with it the file of the system that it names.
+    pub fn read_study(self, study: Option<&PathBuf>) -> Self {
+        let system = study.and_then(|path| Study::system_file(path));
+        self.read("the study", study).read("the study's system", system)
+    }
+
+    /// Files that are written.
+    pub fn write<P: AsRef<Path>>(
+        mut self,
+        option: &'static str,
+        format: Format,
+        paths: impl IntoIterator<Item = P>,
+    ) -> Self {
+        let named = paths.into_iter().map(|path| Named { option, path: path.as_ref().into() });
+        self.writes.extend(named.map(|named| (named, format)));
+        self
+    }
+
+    /// Whether all of them may be read and written together.
+    ///
+    /// # Errors
+    /// The first output that may not.
+    pub fn check(self) -> Result<(), Failure> {
+        let Paths { mut reads, writes } = self;
+        let mut before: Vec<(Named, Format)> = vec![];
+        for (written, format) in writes {
+            let is_same = |other: &Named| are_one(&written.path, &other.path);
+            if let Some(place) = reads.iter().position(is_same) {
+                let read = reads.swap_remove(place);
+                return Err(Failure::Overwritten { written, read });
+            }
+            if let Some(place) = before.iter().position(|(other, _)| is_same(other)) {
+                let (first, _) = before.swap_remove(place);
+                return Err(Failure::Twice { written: first, again: written });
+            }
+            before.push((written, format));
+        }
+        // Whose file would be lost comes first: another ending would not help there.
+        before.iter().try_for_each(|(written, format)| format.check(written.option, &written.path))
+    }
+}
+
+/// Whether two paths lead to one regular file, or would. A device or a pipe takes what comes from several.
+fn are_one(one: &Path, other: &Path) -> bool {
+    match (fs::metadata(one), fs::metadata(other)) {
+        (Ok(own), Ok(others)) => {
+            own.is_file() && others.is_file() && (is_same_file(&own, &others) || leads(one, other))
+        }
+        (Err(_), Err(_)) => leads(one, other),
+        _ => false,
+    }
+}
+
+/// Whether two paths are the same without links.
+fn leads(one: &Path, other: &Path) -> bool {
+    match (resolved(one), resolved(other)) {
+        (Some(one), Some(other)) => one == other,
+        _ => one == other,
+    }
+}
+
+/// A path without links; of a file that is not there yet, its folder's.
+fn resolved(path: &Path) -> Option<PathBuf> {
+    if let Ok(found) = fs::canonicalize(path) {
+        return Some(found);
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = fs::canonicalize(folder.unwrap_or(Path::new("."))).ok()?;
+    Some(folder.join(path.file_name()?))
+}
+
+/// Hard links are one file by two names.
+#[cfg(unix)]
+fn is_same_file(one: &fs::Metadata, other: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
+}
+
+#[cfg(not(unix))]
+fn is_same_file(_: &fs::Metadata, _: &fs::Metadata) -> bool {
+    false
+}

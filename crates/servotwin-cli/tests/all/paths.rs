@@ -1,0 +1,88 @@
+//! No result takes the place of what it was made from, of another result, or the name of another kind of file.
+
+use super::{Folder, SPRING, servotwin, stderr};
+use std::fs;
+
+/// A folder with files that commands read. They are refused before they would find that these are no logs.
+fn inputs(name: &str) -> Folder {
+    let folder = Folder::new(name);
+    for input in ["a.csv", "b.html", "m.json", "own.toml", "c.jsonl"] {
+        fs::write(folder.file(input), "time_s,command_rad\n0,0\n1,0\n").unwrap();
+    }
+    let study = "name = \"s\"\nsystem = \"own.toml\"\n[command]\ninput = \"command\"\n";
+    fs::write(folder.file("study.toml"), study).unwrap();
+    fs::hard_link(folder.file("a.csv"), folder.file("hard.html")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(folder.file("a.csv"), folder.file("soft.html")).unwrap();
+    folder
+}
+
+#[test]
+fn no_output_overwrites_an_input_or_another_output() {
+    let folder = inputs("overwritten");
+    let cases: &[(&str, &str)] = &[
+        ("watch A/a.csv --html A/a.csv", "--html A/a.csv would overwrite the log A/a.csv"),
+        ("watch A/a.csv --html A/hard.html", "would overwrite the log A/a.csv"),
+        ("watch A/a.csv --html A/soft.html", "would overwrite the log A/a.csv"),
+        ("watch A/c.jsonl --events A/./c.jsonl", "would overwrite the log A/c.jsonl"),
+        ("watch A/a.csv --checkpoint A/a.csv", "--checkpoint A/a.csv would overwrite the log"),
+        (
+            "watch A/a.csv --model A/m.json --checkpoint A/m.json",
+            "overwrite the diagnoser A/m.json",
+        ),
+        (
+            "watch A/a.csv --events A/new.log --checkpoint A/./new.log",
+            "--events A/new.log and --checkpoint A/./new.log are the same file",
+        ),
+        ("fit A/a.csv --out A/a.csv", "--out A/a.csv would overwrite LOG A/a.csv"),
+        ("fit A/a.csv A/own.toml --out A/own.toml", "would overwrite SYSTEM A/own.toml"),
+        ("fit A/a.csv --study A/study.toml --out A/own.toml", "the study's system A/own.toml"),
+        ("history A --out A/a.csv", "--out A/a.csv would overwrite the log A/a.csv"),
+        ("train A/a.csv --label K --out A/a.csv", "would overwrite INPUT A/a.csv"),
+        ("predict A/m.json A/a.csv --out A/a.csv", "would overwrite TABLE A/a.csv"),
+        (
+            "simulate --command table:file=A/a.csv,column=command_rad --out A/a.csv",
+            "--out A/a.csv would overwrite the table A/a.csv",
+        ),
+        ("simulate --input load=table:file=A/a.csv,column=b --out A/a.csv", "the table A/a.csv"),
+        ("report A/a.csv --label K --out A/a.csv", "--out A/a.csv would overwrite INPUT A/a.csv"),
+        ("features A/a.csv --study A/study.toml --out A/a.csv", "overwrite INPUT A/a.csv"),
+        ("describe A/own.toml --schematic A/own.toml", "would overwrite SYSTEM A/own.toml"),
+        ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
+        ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
+        ("train A/a.csv --label K --out A/x.csv", "--out must end in .json, not as A/x.csv does"),
+        ("history A --plot A/x.pdf", "A/x.pdf: a figure is saved as .svg or .png"),
+    ];
+    let read = || {
+        let files = ["a.csv", "m.json", "own.toml", "c.jsonl", "study.toml"];
+        files.map(|file| fs::read(folder.file(file)).unwrap())
+    };
+    let before = read();
+    let root = folder.file("");
+    let root = root.trim_end_matches('/');
+    for (arguments, message) in cases {
+        let own: Vec<String> =
+            arguments.split(' ').map(|word| word.replace("A/", &format!("{root}/"))).collect();
+        let own: Vec<&str> =
+            own.iter().map(|word| if word == "A" { root } else { word.as_str() }).collect();
+        let output = servotwin(&own);
+        let text = stderr(&output);
+        let wanted = message.replace("A/", &format!("{root}/"));
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {text}");
+        assert!(text.contains(&wanted), "{arguments}: {text}");
+    }
+    assert_eq!(read(), before);
+    assert!(!std::path::Path::new(&folder.file("new.log")).exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_takes_several_outputs() {
+    let step = ["simulate", SPRING, "--command", "1deg", "--duration", "50ms", "-q"];
+    let folder = Folder::new("devices");
+    let out = folder.file("a.csv");
+    assert!(servotwin(&[&step[..], &["--out", &out]].concat()).status.success());
+    let null = ["--html", "/dev/null", "--events", "/dev/null", "--checkpoint", "/dev/null"];
+    let text = stderr(&servotwin(&[&["watch", &out][..], &null].concat()));
+    assert!(!text.contains("same file") && !text.contains("overwrite"), "{text}");
+}

@@ -1,0 +1,204 @@
+//! What in a log speaks against its map: samples that are farther apart than the diagnosis needs them, columns that are
+//! likely in another unit, inputs that come and go.
+//!
+//! No sample is changed or left out for it. It is for whoever reads that nothing could be judged, or reads a judgement of
+//! a log in which `mm` were taken for `m`: the likely reason, as a sentence.
+
+use super::counts::Counts;
+use super::map::Map;
+use super::sequencer::Stamped;
+use crate::document::{Quantities, Quantity};
+use crate::system::{System, units};
+use servotwin_model::spec::Unit;
+
+/// So many steps between samples say how far apart they usually are.
+const STEPS: usize = 1000;
+/// Samples farther apart than so many periods leave periods without one.
+const SLOW: f64 = 1.5;
+/// Samples closer than this share of a period are hardly meant as seconds.
+const FAST: f64 = 0.02;
+/// Fewer values say nothing of a column.
+const LEAST_VALUES: u64 = 20;
+/// A twin's values below this share of its sensor's scale have no unit.
+const LEAST_SHARE: f64 = 0.01;
+
+/// What is gathered while a log is watched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Doubts {
+    last_s: f64,
+    steps_s: Vec<f64>,
+    /// The inputs, then the sensors.
+    columns: Vec<Column>,
+}
+
+/// One input or sensor.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Column {
+    /// Between which values it is believed.
+    range: (f64, f64),
+    /// How many values came, how many of them are outside of the range, and the one that is farthest from zero.
+    values: u64,
+    outside: u64,
+    largest: f64,
+    /// The sum of the values' squares.
+    square: f64,
+    /// The same of the twin.
+    twins: u64,
+    twin_square: f64,
+}
+
+impl Doubts {
+    /// Before the first sample.
+    pub(super) fn new(map: &Map) -> Self {
+        let column = |channel| Column { range: map.possible(channel), ..Column::default() };
+        let columns = (0..map.width()).map(column).collect();
+        Doubts { last_s: f64::NAN, steps_s: vec![], columns }
+    }
+
+    /// Inputs are believed in these ranges only.
+    pub(super) fn narrow(&mut self, ranges: &[(f64, f64)]) {
+        for (column, range) in self.columns.iter_mut().zip(ranges) {
+            column.range = *range;
+        }
+    }
+
+    /// A sample as the log has it.
+    pub(super) fn sample(&mut self, sample: &Stamped) {
+        let step_s = sample.time_s - self.last_s;
+        if step_s > 0.0 && self.steps_s.len() < STEPS {
+            self.steps_s.push(step_s);
+        }
+        self.last_s = sample.time_s;
+        for (column, value) in self.columns.iter_mut().zip(&sample.values) {
+            if value.is_finite() {
+                column.take(*value);
+            }
+        }
+    }
+
+    /// What the twin shows.
+    pub(super) fn twin(&mut self, twin: &[f64]) {
+        let sensors = self.columns.len() - twin.len();
+        for (column, value) in self.columns[sensors..].iter_mut().zip(twin) {
+            if value.is_finite() {
+                column.twins += 1;
+                column.twin_square += value * value;
+            }
+        }
+    }
+
+    /// How far samples are usually apart, s.
+    pub fn step_s(&self) -> Option<f64> {
+        let mut sorted = self.steps_s.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied()
+    }
+
+    /// All of it as sentences; of a log as it should be, none.
+    pub fn sentences(
+        &self,
+        system: &System,
+        map: &Map,
+        period_s: f64,
+        counts: &Counts,
+    ) -> Vec<String> {
+        let pace = self.pace(period_s);
+        let network = system.network();
+        let inputs = network.inputs.iter().map(|input| (input.unit, f64::INFINITY));
+        let sensors = system.sensors.iter().map(|sensor| (sensor.unit, sensor.scale));
+        let signals = inputs.chain(sensors).enumerate();
+        let columns = self.columns.iter().zip(signals);
+        let columns = columns.filter_map(|(column, (channel, (unit, scale)))| {
+            column.sentence(map.id(channel), unit, scale)
+        });
+        let mut all: Vec<String> = pace.into_iter().chain(columns).collect();
+        if all.is_empty() {
+            // What else is wrong makes inputs missing, and letting them stand would not mend it.
+            all.extend(comes_and_goes(map, counts));
+        }
+        all
+    }
+
+    fn pace(&self, period_s: f64) -> Option<String> {
+        let step_s = self.step_s()?;
+        let apart = format!(
+            "its samples are usually {} s apart, those of the diagnosis {period_s} s",
+            rounded(step_s)
+        );
+        match units::other(Unit::Second, step_s / period_s) {
+            Some((_, unit)) => Some(format!("its times seem to be in {unit}: {apart}")),
+            None if step_s < FAST * period_s => {
+                Some(format!("its times seem to be in a larger unit than the map says: {apart}"))
+            }
+            None if step_s > SLOW * period_s => Some(format!(
+                "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",
+                rounded(1.0 / period_s),
+                rounded(1.0 / step_s)
+            )),
+            None => None,
+        }
+    }
+}
+
+impl Column {
+    fn take(&mut self, value: f64) {
+        self.values += 1;
+        self.square += value * value;
+        let (low, high) = self.range;
+        self.outside += u64::from(value < low || value > high);
+        if value.abs() > self.largest.abs() {
+            self.largest = value;
+        }
+    }
+
+    fn sentence(&self, id: &str, unit: Unit, scale: f64) -> Option<String> {
+        let Column { range: (low, high), values, outside, largest, .. } = *self;
+        if values < LEAST_VALUES {
+            return None;
+        }
+        let looks_like = self.looks_like(unit, scale);
+        let seems = |unit| format!("seems to be in {unit}");
+        if 2 * outside > values {
+            let range = Quantities(rounded(low), rounded(high), unit.symbol());
+            let largest = Quantity(rounded(largest), unit.symbol());
+            let seems =
+                looks_like.map_or(String::new(), |(_, unit)| format!(" and {}", seems(unit)));
+            return Some(format!(
+                "{id} is outside of what is believed ({range}) in {outside} of {values} values, up to {largest}{seems}"
+            ));
+        }
+        let (factor, unit_of_log) = looks_like?;
+        let twin = format!("{factor:.1e} times what the twin shows in {}", unit.symbol());
+        Some(format!("{id} {}: it is {twin}", seems(unit_of_log)))
+    }
+
+    /// The unit that it seems to be in: beside its twin, and where there is none or it stands still, by its range.
+    fn looks_like(&self, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
+        let rms = |square: f64, count: u64| (square / count.max(1) as f64).sqrt();
+        let (own, twin) = (rms(self.square, self.values), rms(self.twin_square, self.twins));
+        if self.twins >= LEAST_VALUES && twin > LEAST_SHARE * scale {
+            return units::other(unit, own / twin);
+        }
+        let is_outside = 2 * self.outside > self.values;
+        is_outside.then(|| units::within(unit, self.largest, self.range)).flatten()
+    }
+}
+
+/// Inputs without a value in some periods, behind each of which nothing is judged for a while.
+fn comes_and_goes(map: &Map, counts: &Counts) -> Option<String> {
+    let of = |channel: &usize| (1..counts.samples).contains(&counts.missing[*channel]);
+    let lost: Vec<usize> = (0..map.inputs()).filter(of).collect();
+    let most = lost.iter().map(|&channel| counts.missing[channel]).max()?;
+    let names: Vec<&str> = lost.iter().map(|&channel| map.id(channel)).collect();
+    Some(format!(
+        "{} has no value in {most} of {} periods, and behind each nothing is judged for a second: hold_s in the map lets \
+         the last value stand",
+        names.join(", "),
+        counts.samples
+    ))
+}
+
+/// Three digits: what follows says nothing here.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
