@@ -2,6 +2,7 @@
 
 use crate::paths::Named;
 use servotwin::evaluation::EvaluationError;
+use servotwin::evaluation::table_model::TableModelError;
 use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::files::FileError;
@@ -128,6 +129,8 @@ pub enum Failure {
     Eigenvalues,
     /// Ctrl-C.
     Stopped,
+    /// Ctrl-C in a job that goes on where it was when it is run again.
+    StoppedOnTheWay,
     /// A table cannot be made or written.
     Table(TableError),
     /// A figure cannot be written.
@@ -224,6 +227,14 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// The same of a job that goes on where it was when it is run again.
+    pub fn on_the_way(self) -> Self {
+        match self {
+            Failure::Stopped => Failure::StoppedOnTheWay,
+            other => other,
+        }
+    }
+
     /// The exit code of the program, as the head of `main.rs` lists them.
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -284,7 +295,7 @@ impl Failure {
             | Failure::NoUpdate { .. }
             | Failure::Alarm { .. }
             | Failure::Print(_) => 1,
-            Failure::Stopped => 130,
+            Failure::Stopped | Failure::StoppedOnTheWay => 130,
         }
     }
 }
@@ -324,6 +335,10 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
     match error {
         EvaluationError::File(error) => of_file(error),
         EvaluationError::Table(error) => of_table(error),
+        // What an option asks for, and the table does not have.
+        EvaluationError::TableModel(TableModelError::NoRow { .. })
+        | EvaluationError::TooFewGroups { .. }
+        | EvaluationError::Diagnosis(servotwin_diagnosis::Error::TooFewForFolds { .. }) => 2,
         _ => 3,
     }
 }
@@ -331,6 +346,7 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
 impl fmt::Display for Failure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Failure::System(SystemError::File(error)) => write!(out, "error: {error}"),
             Failure::System(error) => write!(out, "{error}"),
             Failure::Study(error) => match error.as_ref() {
                 StudyError::File(error) => write!(out, "error: {error}"),
@@ -395,6 +411,9 @@ impl fmt::Display for Failure {
                 write!(out, "error: the equations at rest give numbers that are not finite")
             }
             Failure::Stopped => write!(out, "stopped"),
+            Failure::StoppedOnTheWay => {
+                write!(out, "stopped; the same command again goes on where it was")
+            }
             Failure::Table(error) => write!(out, "error: {error}"),
             Failure::Figure(error) => write!(out, "error: {error}"),
             Failure::Evaluation(error) => write!(out, "error: {error}"),

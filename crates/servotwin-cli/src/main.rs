@@ -104,8 +104,10 @@ impl Command {
         match self {
             Command::Simulate(options) => simulate::run(options, global),
             Command::Faults(options) => faults::run(options, global),
-            Command::Study(options) => study::run(options, global),
-            Command::Campaign(options) => campaign::run(options, global),
+            Command::Study(options) => study::run(options, global).map_err(Failure::on_the_way),
+            Command::Campaign(options) => {
+                campaign::run(options, global).map_err(Failure::on_the_way)
+            }
             Command::Merge(options) => merge::run(options, global),
             Command::Features(options) => features::run(options, global),
             Command::Train(options) => train::run(options, global),

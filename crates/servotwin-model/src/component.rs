@@ -2,6 +2,7 @@
 
 use crate::spec::Spec;
 use crate::wiring::Wiring;
+use alloc::string::String;
 
 /// A component of the catalogue.
 pub trait Component: Sync {
@@ -22,7 +23,7 @@ pub trait Component: Sync {
     ///
     /// # Errors
     /// What does not fit, naming the parameters.
-    fn check(&self, _parameters: &[f64]) -> Result<(), &'static str> {
+    fn check(&self, _parameters: &[f64]) -> Result<(), String> {
         Ok(())
     }
 }

@@ -142,7 +142,7 @@ pub enum Mistake {
         /// The component.
         component: usize,
         /// What does not fit.
-        reason: &'static str,
+        reason: String,
     },
     /// The system has no states.
     Empty,

@@ -3,8 +3,9 @@
 
 use crate::document::{Quantities, Quantity};
 use crate::system::units::word;
+use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 use servotwin_model::components::{ALL, description};
-use servotwin_model::fluid::{Fluid, FluidKind};
+use servotwin_model::fluid::{Fluid, FluidKind, own, table as by_table};
 use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind, Spec};
 
 /// Every component, in the order of the documentation.
@@ -87,12 +88,20 @@ pub fn default(parameter: &Parameter) -> String {
 pub fn law(fault: &Fault, spec: &Spec) -> String {
     let (name, full) = (fault.parameter, Quantity(fault.full, ""));
     let unit = spec.parameter(name).map_or("", |p| spec.parameters[p].unit.symbol());
-    let sign = if fault.full < 0.0 { '−' } else { '+' };
+    let is_less = fault.full < if fault.law == Law::Scale { 1.0 } else { 0.0 };
+    let sign = if is_less { '−' } else { '+' };
     match fault.law {
         Law::Add => format!("{name} {sign} {} i", Quantity(fault.full.abs(), unit)),
-        Law::Scale => format!("{name} (1 − i (1 − {full}))"),
+        Law::Scale => format!("{name} (1 {sign} {}i)", change_of(fault.full)),
         Law::Geometric => format!("{name} · {full}^i"),
     }
+}
+
+/// How far a factor is from one, in front of an intensity.
+fn change_of(factor: f64) -> String {
+    // Of what is written in decimals the difference is, too.
+    let change = ((factor - 1.0).abs() * 1e12).round() / 1e12;
+    if change == 1.0 { String::new() } else { format!("{} ", Quantity(change, "")) }
 }
 
 /// What flows through a port, in words.
@@ -140,6 +149,23 @@ pub fn fluids() -> Vec<[String; 6]> {
         ]
     };
     FluidKind::ALL.iter().map(one).collect()
+}
+
+/// Whether a word is the name of a kind of fluid.
+pub fn is_fluid(word: &str) -> bool {
+    FluidKind::ALL.iter().any(|kind| kind.name() == word)
+}
+
+/// The keys that describe a fluid of a kind in a system file, under what they are.
+pub fn fluid_keys(kind: &str) -> Vec<(&'static str, &'static [Parameter])> {
+    let of_fluid = "keys of [fluids.NAME], beside kind";
+    match kind {
+        own::NAME => vec![(of_fluid, &FLUID)],
+        by_table::NAME => {
+            vec![("keys of each of its points", &POINT), (of_fluid, &FLUID[..WITH_MODULUS])]
+        }
+        _ => vec![(of_fluid, &FLUID[..OF_ALL])],
+    }
 }
 
 /// All that the book says of the catalogue: a page for each component, and the liquids.
@@ -224,7 +250,11 @@ mod tests {
     #[test]
     fn laws_read_as_they_act() {
         let spec = find("relief_valve").unwrap();
-        assert_eq!(law(&spec.faults[0], spec), "set_pa (1 − i (1 − 0.5))");
+        assert_eq!(law(&spec.faults[0], spec), "set_pa (1 − 0.5 i)");
+        let controller = find("position_controller").unwrap();
+        let gains = controller.faults.iter().filter(|fault| fault.parameter == "gain_per_m");
+        let gains: Vec<String> = gains.map(|fault| law(fault, controller)).collect();
+        assert_eq!(gains, ["gain_per_m (1 − 0.8 i)", "gain_per_m (1 + i)"]);
         assert_eq!(law(&spec.faults[1], spec), "leak_area_m2 + 2e-7 m² i");
     }
 }

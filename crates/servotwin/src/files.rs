@@ -22,6 +22,15 @@ pub enum FileError {
         /// The file asked for.
         path: PathBuf,
     },
+    /// The file does not exist, nor is anything built in by that name.
+    NotBuiltIn {
+        /// What was asked for.
+        path: PathBuf,
+        /// The nearest name that is built in.
+        nearest: Option<&'static str>,
+        /// All names.
+        known: Vec<&'static str>,
+    },
     /// The folder that should hold the file does not exist.
     MissingFolder {
         /// The file that was to be written.
@@ -95,6 +104,7 @@ impl FileError {
     pub fn path(&self) -> &Path {
         match self {
             FileError::Missing { path }
+            | FileError::NotBuiltIn { path, .. }
             | FileError::MissingFolder { path }
             | FileError::IsFolder { path }
             | FileError::NotFolder { path }
@@ -113,6 +123,17 @@ impl fmt::Display for FileError {
         write!(out, "{}: ", self.path().display())?;
         match self {
             FileError::Missing { .. } => write!(out, "no such file"),
+            FileError::NotBuiltIn { nearest: Some(name), .. } => {
+                write!(
+                    out,
+                    "no such file, and nothing is built in by that name; did you mean '{name}'?"
+                )
+            }
+            FileError::NotBuiltIn { known, .. } => write!(
+                out,
+                "no such file, and nothing is built in by that name: there are {}",
+                known.join(", ")
+            ),
             FileError::MissingFolder { path } => {
                 write!(out, "the folder {} does not exist", folder_of(path).display())
             }

@@ -4,6 +4,7 @@
 use crate::built_in;
 use crate::document::{Collector, Located, Mistake};
 use crate::files::{self, FileError};
+use crate::nearest::nearest;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -60,7 +61,25 @@ impl Kind {
                 return Ok((text.into(), format!("{folder}/{shown}.toml")));
             }
         }
-        Ok((files::read_text(path)?.into(), shown.to_string()))
+        let text = files::read_text(path).map_err(|error| self.named(error))?;
+        Ok((text.into(), shown.to_string()))
+    }
+
+    /// What is missing and has no ending was meant for a name of what is built in.
+    fn named(self, error: FileError) -> FileError {
+        let FileError::Missing { path } = error else { return error };
+        let list = match self {
+            Kind::System => &built_in::SYSTEMS[..],
+            Kind::Study => &built_in::STUDIES[..],
+            Kind::Traces => return FileError::Missing { path },
+        };
+        let is_name = path.extension().is_none() && path.components().count() == 1;
+        let Some(name) = path.to_str().filter(|_| is_name) else {
+            return FileError::Missing { path };
+        };
+        let known: Vec<&str> = list.iter().map(|(known, _)| *known).collect();
+        let nearest = nearest(name, known.iter().copied());
+        FileError::NotBuiltIn { nearest, known, path }
     }
 
     fn words(self) -> &'static str {

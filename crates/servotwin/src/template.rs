@@ -29,6 +29,14 @@ impl Like {
         }
     }
 
+    /// What it is, in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Like::ServoActuator => "a servo actuator against a spring",
+            Like::PressAxis => "the axis of a press",
+        }
+    }
+
     /// What a name lets expect: a press where it has that word.
     pub fn of_name(name: &str) -> Self {
         match name.split('_').any(|word| word == "press") {

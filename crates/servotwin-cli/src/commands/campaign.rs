@@ -167,15 +167,15 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
     );
     if outcome.images > 0 {
         text.push_str(&format!(
-            "  {} variants are shown by simulations of the same fault of another unit (--all simulates \
-             them)\n",
+            "  {} variants are shown by simulations of the same fault of another unit ('campaign --all' \
+             simulates them)\n",
             outcome.images
         ));
     }
     if outcome.alike > 0 {
         text.push_str(&format!(
             "  {} healthy specimens differ by the noise of their sensors alone from one that is \
-             simulated (--all simulates them)\n",
+             simulated ('campaign --all' simulates them)\n",
             outcome.alike
         ));
     }

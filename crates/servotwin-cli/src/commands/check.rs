@@ -8,7 +8,6 @@ use crate::render::json;
 use serde_json::{Value, json};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
 use servotwin::document::{Explained, Located, counted};
-use servotwin::files;
 use servotwin::kind::Kind;
 use servotwin::study::{Setting, Study, StudyError};
 use servotwin::system::{System, SystemError};
@@ -69,7 +68,7 @@ fn what(options: &Options) -> Result<Vec<Kind>, SystemError> {
     if !built_in.is_empty() {
         return Ok(built_in);
     }
-    let text = files::read_text(&options.file).map_err(SystemError::File)?;
+    let (text, _) = Kind::System.read(&options.file).map_err(SystemError::File)?;
     Ok(vec![Kind::of(&text).unwrap_or(Kind::System)])
 }
 

@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::render::{Grid, Side, json, shown};
 use serde_json::{Value, json};
 use servotwin::catalogue::{self, Hit, default, flow, law, prose, range};
+use servotwin::document::counted;
 use servotwin::nearest::nearest;
 use servotwin_model::spec::{PortKind, Spec};
 
@@ -34,6 +35,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         }
         return Ok(match options.markdown || global.json {
             true => whole(hits.iter().map(|hit| hit.spec), global),
+            false if catalogue::is_fluid(word) => fluid(word, &fluids, hits.len()),
             false => hits.iter().map(found).collect::<String>() + &fluids,
         });
     }
@@ -48,8 +50,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 fn unknown(word: &str) -> Failure {
-    let known: Vec<String> = catalogue::all().map(|spec| spec.kind.to_owned()).collect();
-    let hint = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
+    let kinds = || catalogue::all().map(|spec| spec.kind);
+    // A kind goes before a word of one.
+    let words = || kinds().flat_map(|kind| kind.split('_'));
+    let hint = nearest(word, kinds()).or_else(|| nearest(word, words())).map(str::to_owned);
     Failure::NoComponent { word: word.into(), nearest: hint }
 }
 
@@ -90,6 +94,23 @@ fn fluids(word: &str) -> String {
     }
     rows.into_iter().for_each(|row| grid.push(row.into()));
     grid.text()
+}
+
+/// A kind of fluid with the keys that describe one, and in how many components else the word stands.
+fn fluid(kind: &str, row: &str, hits: usize) -> String {
+    let mut text = row.to_owned();
+    for (title, keys) in catalogue::fluid_keys(kind) {
+        let heads = ["key", "default", "range", "meaning"].map(|head| (head, Side::Left));
+        let mut grid = Grid::new(&heads);
+        for key in keys {
+            grid.push(vec![key.name.into(), default(key), range(key), key.summary.into()]);
+        }
+        text += &format!("\n{title}:\n{}", grid.text());
+    }
+    match hits {
+        0 => text,
+        _ => text + &format!("\nThe word also stands in {}.\n", counted(hits, "component")),
+    }
 }
 
 fn found(hit: &Hit) -> String {

@@ -68,6 +68,9 @@ fn components(network: &Network) -> String {
     text
 }
 
+/// Parts of its scale to which a state at rest is known.
+const KNOWN: f64 = 1e-12;
+
 fn states(system: &System, rest: &Rest) -> String {
     let mut grid = Grid::new(&[
         ("state", Side::Left),
@@ -76,6 +79,8 @@ fn states(system: &System, rest: &Rest) -> String {
         ("unit", Side::Left),
     ]);
     for (state, &value) in system.program.states().iter().zip(&rest.states) {
+        // Below what the search for rest knows of a state, a number is only its noise.
+        let value = if value.abs() < KNOWN * state.scale { 0.0 } else { value };
         grid.push(vec![
             state.name.clone(),
             number(state.unit.to_shown(value), 5),

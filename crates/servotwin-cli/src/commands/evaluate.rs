@@ -39,7 +39,7 @@ pub struct Judging {
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Number of threads [default: all processors; the results do not depend on it].
-    #[arg(long)]
+    #[arg(long, value_parser = super::threads)]
     pub threads: Option<usize>,
 }
 

@@ -58,7 +58,7 @@ pub struct Options {
     #[command(flatten)]
     limits: design::Limits,
     /// Number of threads [default: all processors; the results do not depend on it].
-    #[arg(long)]
+    #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
 }
 

@@ -63,7 +63,7 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Number of threads [default: all processors; the results do not depend on it].
-    #[arg(long)]
+    #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
 }
 

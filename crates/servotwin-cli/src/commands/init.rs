@@ -29,6 +29,13 @@ fn likes() -> impl TypedValueParser<Value = Like> {
     })
 }
 
+/// How to get what was not written.
+fn others(like: Like) -> String {
+    let others = Like::ALL.into_iter().filter(|other| *other != like);
+    let told = |other: Like| format!("; --like {} writes {} instead", other.name(), other.words());
+    others.map(told).collect()
+}
+
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let like = options.like.unwrap_or_else(|| Like::of_name(&options.name));
@@ -46,13 +53,18 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let (system, study) = (system.display().to_string(), study.display().to_string());
     Ok(match global {
-        Global { json: true, .. } => json(&json!({ "system": system, "study": study })),
+        Global { json: true, .. } => {
+            json(&json!({ "system": system, "study": study, "like": like.name() }))
+        }
         Global { quiet: true, .. } => String::new(),
         _ => format!(
             "{system}: the system    servotwin simulate {system} --command {}\n\
-             {study}: the study    servotwin study {study} --out out_{}\n",
+             {study}: the study    servotwin study {study} --out out_{}\n\
+             both are of {}{}\n",
             like.command(),
-            options.name
+            options.name,
+            like.words(),
+            others(like)
         ),
     })
 }

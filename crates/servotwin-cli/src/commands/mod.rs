@@ -40,6 +40,7 @@ use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
 use std::io::{self, Write};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// The system that a command is about.
@@ -76,7 +77,7 @@ pub struct StudyOptions {
     replace: bool,
     /// Number of threads [default: all processors; the results do not depend
     /// on it].
-    #[arg(long)]
+    #[arg(long, value_parser = threads)]
     threads: Option<usize>,
 }
 
@@ -149,6 +150,12 @@ pub struct TableOptions {
     /// train.
     #[arg(long, value_name = "FILE", conflicts_with = "folds")]
     test: Option<PathBuf>,
+}
+
+/// A number of threads from the command line.
+fn threads(text: &str) -> Result<usize, String> {
+    let threads = text.parse::<NonZeroUsize>();
+    threads.map(NonZeroUsize::get).map_err(|_| "a number of threads is 1 or more".into())
 }
 
 /// Weights of classes from the command line.

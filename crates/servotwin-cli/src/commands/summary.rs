@@ -5,7 +5,7 @@ use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::{Results, Subject};
 use servotwin::report::lines::{self, OF_PAPER, PAPER};
 use servotwin::report::vocabulary::Vocabulary;
-use servotwin::report::words::{percent, share};
+use servotwin::report::words::{of_count, percent, share};
 use servotwin::study::Study;
 
 /// One table for trees and committee.
@@ -19,7 +19,7 @@ pub fn text(results: &Results, study: &Study) -> String {
         let title = if row.title == last { String::new() } else { row.title.clone() };
         last = row.title;
         let mut cells = vec![title, row.who.to_owned()];
-        cells.extend(row.rates.iter().map(|rate| share(*rate)));
+        cells.extend(row.rates.iter().map(|rate| of_count(*rate)));
         grid.push(cells);
     }
     let judged = settings.last().and_then(|result| result.evaluation.headline());

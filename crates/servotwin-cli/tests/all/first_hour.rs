@@ -27,6 +27,37 @@ fn components_are_listed_described_and_found() {
     let wrong = servotwin(&["components", "servo_vlave"]);
     assert_eq!(wrong.status.code(), Some(2));
     assert!(stderr(&wrong).contains("did you mean 'servo_valve'?"), "{}", stderr(&wrong));
+    let word = servotwin(&["components", "pmp"]);
+    assert!(stderr(&word).contains("did you mean 'pump'?"), "{}", stderr(&word));
+    // A kind of fluid is described by its keys.
+    let own = stdout(&servotwin(&["components", "own"]));
+    assert!(own.contains("keys of [fluids.NAME]") && own.contains("viscosity_40_m2_s"), "{own}");
+    let points = stdout(&servotwin(&["components", "table"]));
+    assert!(points.contains("keys of each of its points:\nkey"), "{points}");
+}
+
+#[test]
+fn a_template_says_what_it_is_and_what_else_there_is() {
+    let folder = Folder::new("like");
+    let init = |name: &str| {
+        stdout(&servotwin(&["init", name, "--folder", &folder.0.display().to_string()]))
+    };
+    let servo = "both are of a servo actuator against a spring; --like press_axis writes the axis of a press instead";
+    assert!(init("presse").contains(servo));
+    assert!(init("my_press").contains("both are of the axis of a press; --like servo_actuator"));
+}
+
+#[test]
+fn a_state_at_rest_has_no_digits_of_noise() {
+    for system in ["aileron_dual", "spring_actuator", "press_axis"] {
+        let text = stdout(&servotwin(&["describe", system]));
+        let states = text.split("States at rest").nth(1).unwrap().split("\n\n").next().unwrap();
+        let noise = states.lines().filter(|line| {
+            let rest = line.split_whitespace().nth(1).unwrap_or_default();
+            rest.parse::<f64>().is_ok_and(|rest| rest != 0.0 && rest.abs() < 1e-15)
+        });
+        assert_eq!(noise.count(), 0, "{states}");
+    }
 }
 
 #[test]
@@ -362,7 +393,9 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
 #[test]
 fn a_study_that_is_stopped_early_says_so() {
     let folder = Folder::new("stopped");
-    for (signal, after_ms) in [("-INT", 60), ("-INT", 250), ("-TERM", 400), ("-INT", 700)] {
+    for (signal, after_ms) in
+        [("-INT", 60), ("-INT", 250), ("-TERM", 400), ("-INT", 700), ("-INT", 3000)]
+    {
         let child = std::process::Command::new(env!("CARGO_BIN_EXE_servotwin"))
             .args(["study", "--out", &folder.file("out")])
             .stdout(std::process::Stdio::piped())
@@ -376,7 +409,11 @@ fn a_study_that_is_stopped_early_says_so() {
         let output = child.wait_with_output().unwrap();
         let told = stderr(&output);
         assert_eq!(output.status.code(), Some(130), "{signal} after {after_ms} ms: {told}");
-        assert!(told.trim_end().ends_with("stopped"), "{signal} after {after_ms} ms: {told}");
+        let last = told.trim_end().lines().last().unwrap_or_default();
+        // Before it is at work there is nothing to go on with.
+        let on_the_way = "stopped; the same command again goes on where it was";
+        assert!([on_the_way, "stopped"].contains(&last), "{signal} after {after_ms} ms: {told}");
+        assert!(last == on_the_way || after_ms < 3000, "{signal} after {after_ms} ms: {told}");
         assert!(output.stdout.is_empty());
     }
 }

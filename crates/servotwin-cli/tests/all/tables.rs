@@ -159,6 +159,16 @@ fn tables_that_do_not_serve_are_refused_with_their_line() {
         "line 3: column 'class' holds 'c', which the model was not trained with; it knows a, b";
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     assert!(stderr(&output).contains(told), "{}", stderr(&output));
+    // What an option asks for, and the table does not have, is wrong use.
+    let wrong_use = |arguments: &[&str], what: &str| {
+        let output = servotwin(arguments);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        assert!(stderr(&output).contains(what), "{}", stderr(&output));
+    };
+    let train = ["train", &good, "--label", "class", "--folds", "100"];
+    wrong_use(&train, "100 folds asked for");
+    wrong_use(&[&train[..], &["--group", "batch"]].concat(), "batch");
+    wrong_use(&["explain", "800", "--table", &good, "--model", &model], "there is no row 800");
     let measured = table("x,class,batch", |row| format!("{row},{},{}", row as f64 * 0.3, row % 4));
     refused(&measured, "--label-limits");
 }

@@ -32,6 +32,8 @@ use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, pressure_rate_pa_s};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
+use alloc::format;
+use alloc::string::String;
 
 /// See the module.
 pub struct Cylinder;
@@ -174,15 +176,20 @@ impl Component for Cylinder {
         wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
     }
 
-    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+    fn check(&self, parameters: &[f64]) -> Result<(), String> {
         let half = parameters[STROKE_HALF];
-        let room = 1.0 - SMALLEST;
-        let fits = |area: usize, volume: usize| parameters[area] * half < parameters[volume] * room;
-        if fits(AREA_A, VOLUME_A) && fits(AREA_B, VOLUME_B) {
-            Ok(())
-        } else {
-            Err("area_a_m2 (area_b_m2) times stroke_half_m must be below volume_a_m3 (volume_b_m3)")
-        }
+        let sides = [(AREA_A, VOLUME_A, 'a'), (AREA_B, VOLUME_B, 'b')];
+        sides.into_iter().try_for_each(|(area, volume, side)| {
+            let (area, volume) = (parameters[area], parameters[volume]);
+            if area * half < volume * (1.0 - SMALLEST) {
+                return Ok(());
+            }
+            Err(format!(
+                "area_{side}_m2 ({area:e}) times stroke_half_m ({half}) is {:.3e}, which must be below \
+                 volume_{side}_m3 ({volume:e}), the volume at mid stroke",
+                area * half
+            ))
+        })
     }
 }
 

@@ -22,6 +22,7 @@ use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
+use alloc::string::String;
 
 /// See the module.
 pub struct PidController;
@@ -79,11 +80,11 @@ impl Component for PidController {
         &SPEC
     }
 
-    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+    fn check(&self, parameters: &[f64]) -> Result<(), String> {
         if parameters[LEAST] < parameters[LARGEST] {
             return Ok(());
         }
-        Err("least must be below largest")
+        Err("least must be below largest".into())
     }
 
     fn connect(&self, wiring: &mut Wiring) {

@@ -20,6 +20,7 @@ use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Parameter, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
+use alloc::string::String;
 
 /// See the module.
 pub struct SampledPositionController;
@@ -62,11 +63,11 @@ impl Component for SampledPositionController {
         wiring.set("current", [newest, delayed, twice_delayed][delay]);
     }
 
-    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+    fn check(&self, parameters: &[f64]) -> Result<(), String> {
         if [0.0, 1.0, 2.0].contains(&parameters[PERIOD + 1]) {
             Ok(())
         } else {
-            Err("delay_samples must be 0, 1 or 2")
+            Err("delay_samples must be 0, 1 or 2".into())
         }
     }
 }

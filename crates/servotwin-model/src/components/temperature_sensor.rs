@@ -18,6 +18,7 @@ use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
+use alloc::string::String;
 
 /// See the module.
 pub struct TemperatureSensor;
@@ -84,11 +85,11 @@ impl Component for TemperatureSensor {
         wiring.set("reading", reading.variable());
     }
 
-    fn check(&self, parameters: &[f64]) -> Result<(), &'static str> {
+    fn check(&self, parameters: &[f64]) -> Result<(), String> {
         if parameters[LOW] < parameters[HIGH] {
             Ok(())
         } else {
-            Err("range_low_k must be below range_high_k")
+            Err("range_low_k must be below range_high_k".into())
         }
     }
 }

@@ -2,10 +2,10 @@
 //! and what its compilation finds, told where the file says it.
 
 use super::mistake::Mistake;
-use super::read::Reader;
+use super::read::{Named, Reader};
 use super::scope::{Input, Part, Scope};
 use crate::document::{self, Collector, Quantities, Span};
-use servotwin_model::fluid::Fluid;
+use servotwin_model::fluid::{Fluid, FluidKind};
 use servotwin_model::network::{self, PortOf};
 use servotwin_model::program::Program;
 use servotwin_model::spec::{PortKind, Unit};
@@ -60,7 +60,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         let (min, max) = fluid.range_k();
         if !(min..=max).contains(&kelvin) && once(&mut told, &part.at, 0) {
             let (id, range_k) = (part.id.clone(), (min, max));
-            let liquid = fluid.kind.name();
+            let liquid = liquid(part, &reader.fluids);
             let mistake = match fluid.too_soft_pa(kelvin) {
                 Some(pa) => Mistake::FluidTooSoft { id, kelvin, pa, range_k },
                 None => Mistake::FluidTemperature { id, kelvin, liquid, range_k },
@@ -69,6 +69,16 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         }
     }
     fluids.into_iter().map(Option::unwrap_or_default).collect()
+}
+
+/// What the liquid of a source is called: one by its own numbers, or by a table, as the file calls it.
+fn liquid(part: &Part, fluids: &[Named<Option<Fluid>>]) -> String {
+    let declared = part.fluid.map(|index| &fluids[index]);
+    let kind = declared.and_then(|declared| declared.value.as_ref()).map(|fluid| fluid.kind);
+    match (kind.unwrap_or(Fluid::default().kind), declared) {
+        (FluidKind::Own | FluidKind::Table, Some(declared)) => declared.name.clone(),
+        (kind, _) => kind.name().into(),
+    }
 }
 
 fn temperature_k(part: &Part) -> Option<f64> {
@@ -223,11 +233,11 @@ fn explained(
             let ids = components.iter().map(|&c| id(c)).collect();
             (place(components[0]), Mistake::AlgebraicLoop { ids })
         }
-        network::Mistake::Impossible { component, reason } => {
+        network::Mistake::Impossible { component, ref reason } => {
             if !scope.parts[component].sound {
                 return None;
             }
-            (place(component), Mistake::Impossible { id: id(component), reason })
+            (place(component), Mistake::Impossible { id: id(component), reason: reason.clone() })
         }
         network::Mistake::Empty => (0..0, Mistake::Empty),
         network::Mistake::TooLarge => (0..0, Mistake::TooLarge),

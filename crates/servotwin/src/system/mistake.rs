@@ -103,7 +103,7 @@ pub enum Mistake {
         /// Its temperature.
         kelvin: f64,
         /// The liquid.
-        liquid: &'static str,
+        liquid: String,
         /// The temperatures that it holds for.
         range_k: (f64, f64),
     },
@@ -263,7 +263,7 @@ pub enum Mistake {
         /// The component.
         id: String,
         /// What does not fit.
-        reason: &'static str,
+        reason: String,
     },
     /// The system has no states.
     Empty,
@@ -509,7 +509,12 @@ impl Explained for Mistake {
             Mistake::TwoSources { family: "signal", .. } => {
                 "a signal has one source: keep one of them".into()
             }
-            Mistake::TwoSources { .. } => "put an attachment or a spring between them".into(),
+            Mistake::TwoSources { family: "translational", .. } => {
+                "put an attachment between them (port a to the one, b to the other), or make them one mass".into()
+            }
+            Mistake::TwoSources { .. } => {
+                "make them one inertia, or let a rod with an attachment and a lever move one of them".into()
+            }
             Mistake::NoSource { family: "hydraulic", .. } => {
                 "join them with a volume, a cylinder chamber, a source or a tank".into()
             }

@@ -38,7 +38,7 @@ pub mod units;
 
 pub use listing::ListedFault;
 pub use mistake::Mistake;
-pub(crate) use read::{FLUID, POINT};
+pub(crate) use read::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;

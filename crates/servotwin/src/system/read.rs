@@ -38,11 +38,11 @@ pub(crate) static FLUID: [Parameter; 10] = [
 const MODULUS_PA: (f64, f64) = (own::LEAST_BULK_MODULUS_PA, 1e10);
 
 /// How many of them every fluid has.
-const OF_ALL: usize = 3;
+pub(crate) const OF_ALL: usize = 3;
 /// How many one whose points give the bulk modulus.
 const WITH_SLOPE: usize = 4;
 /// How many one whose points do not.
-const WITH_MODULUS: usize = 6;
+pub(crate) const WITH_MODULUS: usize = 6;
 
 fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
     match index {

@@ -155,7 +155,8 @@ pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> 
         if rest.is_empty() {
             return Some((parameter, value));
         }
-        let suffix = rest.strip_prefix('_')?;
+        // As people write it: temperature_degC.
+        let suffix = &*rest.strip_prefix('_')?.to_lowercase().replace("degc", "deg_c");
         let known = FOREIGN.iter().find(|f| f.suffix == suffix && f.unit == parameter.unit);
         let si = known.zip(value).map(|(f, v)| v * f.si_per_unit + f.offset);
         let another = Unit::ALL.iter().any(|unit| unit.suffix().strip_prefix('_') == Some(suffix));

@@ -256,6 +256,7 @@ impl Step {
     /// The answer as a statement: `pressure_pa > 2.1e7`.
     pub fn said(&self) -> String {
         let Step { column, is, value, threshold, right } = self;
+        let threshold = without_rounding(*threshold);
         match (is, value) {
             (Some(text), _) if *right => format!("{column} is '{text}'"),
             (Some(text), _) => format!("{column} is not '{text}'"),
@@ -323,6 +324,11 @@ pub struct Explanation {
     pub steps: Vec<Step>,
     /// For a tree, the rows of each class that training had in the leaf.
     pub leaf: Vec<(String, u32)>,
+}
+
+/// A threshold without what arithmetic has left in its last digits: it lies between two values of a table.
+fn without_rounding(threshold: f64) -> f64 {
+    format!("{threshold:.11e}").parse().unwrap_or(threshold)
 }
 
 /// Explains one row, counted from 1.
