@@ -63,7 +63,7 @@ pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
         Some(Rate { share: Some(share), of, .. }) => {
-            let decimals = [10 * FEW, 100 * FEW].into_iter().filter(|&many| of >= many).count();
+            let decimals = [10 * FEW, 50 * FEW].into_iter().filter(|&many| of >= many).count();
             format!("{:.decimals$} %", 100.0 * share)
         }
         _ => NONE.into(),
