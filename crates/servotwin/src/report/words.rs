@@ -63,7 +63,7 @@ pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
         Some(Rate { share: Some(share), of, .. }) => {
-            let decimals = [10 * FEW, 100 * FEW].into_iter().filter(|&many| of >= many).count();
+            let decimals = if of < MANY { 1 } else { 2 };
             format!("{:.decimals$} %", 100.0 * share)
         }
         _ => NONE.into(),
@@ -72,6 +72,8 @@ pub fn of_count(rate: Option<Rate>) -> String {
 
 /// Of fewer cases a share is told as their count.
 const FEW: u64 = 20;
+/// Of as many a second decimal tells something.
+const MANY: u64 = 1000;
 
 /// An identifier as words: `external_leakage` → `external leakage`.
 pub fn spoken(name: &str) -> String {
@@ -135,7 +137,7 @@ mod tests {
         assert_eq!(number(1234.5), "1234");
         let counts = [(3, 3), (19, 20), (199, 200), (1999, 2000)];
         let told = counts.map(|(count, of)| of_count(Some(Rate::new(count, of))));
-        assert_eq!(told, ["3 of 3", "95 %", "99.5 %", "99.95 %"]);
+        assert_eq!(told, ["3 of 3", "95.0 %", "99.5 %", "99.95 %"]);
         assert_eq!((chosen(100.0 * 3e-4), chosen(90.0)), ("0.03".into(), "90".into()));
         assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
         assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % (94.55 … 99.82)");
