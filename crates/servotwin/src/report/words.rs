@@ -10,25 +10,20 @@ pub fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| NONE.into(), |share| format!("{:.2} %", 100.0 * share))
 }
 
-/// A rate with its interval: `99.84 % (99.67 … 99.92)`.
+/// A rate with its interval, in square brackets because round ones may follow: `99.84 % [99.67 … 99.92]`.
 pub fn rate(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(share), low, high, .. }) => {
             let [share, low, high] = [share, low, high].map(|part| 100.0 * part);
-            format!("{share:.2} % ({low:.2} … {high:.2})")
+            format!("{share:.2} % [{low:.2} … {high:.2}]")
         }
         _ => NONE.into(),
     }
 }
 
-/// A rate with its interval in square brackets, where round ones follow.
-pub fn bracketed(value: Option<Rate>) -> String {
-    rate(value).replace('(', "[").replace(')', "]")
-}
-
 /// A rate with its interval below it: a line feed begins what stands in small type.
 pub fn stacked(value: Option<Rate>) -> String {
-    rate(value).replace(" (", "\n").replace(')', "")
+    rate(value).replace(" [", "\n").replace(']', "")
 }
 
 /// The interval of a rate that comes from drawing whole kinds of fault: `90.50 … 95.10`.
@@ -140,7 +135,7 @@ mod tests {
         assert_eq!(told, ["3 of 3", "95.0 %", "99.5 %", "99.95 %"]);
         assert_eq!((chosen(100.0 * 3e-4), chosen(90.0)), ("0.03".into(), "90".into()));
         assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
-        assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % (94.55 … 99.82)");
+        assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % [94.55 … 99.82]");
         assert_eq!(rate(None), "–");
         assert_eq!(stacked(Some(Rate::new(99, 100))), "99.00 %\n94.55 … 99.82");
         let of_kinds = Rate { by_kind: Some((0.905, 0.951)), ..Rate::new(99, 100) };
