@@ -146,9 +146,9 @@ fn setting(name: &str) -> Result<Setting, Failure> {
 }
 
 /// That the study does not have what a setting needs.
-fn missing(wanted: &[Setting]) -> Failure {
+fn missing(wanted: &[Setting], study: &Inner) -> Failure {
     match wanted.first() {
-        Some(&setting) => CampaignError::NoSection { setting }.into(),
+        Some(&setting) => CampaignError::no_section(setting, study).into(),
         None => Failure::value("settings are empty"),
     }
 }
@@ -211,7 +211,7 @@ pub fn run_campaign(
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
         let runs = runs(study, |setting| wanted.contains(&setting));
         if runs.is_empty() {
-            return Err(missing(&wanted));
+            return Err(missing(&wanted, study));
         }
         let _hold = match part {
             Some(_) => folder.join_study(study)?,
@@ -253,7 +253,7 @@ pub fn tasks(py: Python<'_>, study: &Study, settings: Option<Vec<String>>) -> Py
         let (watch, folder, mut list) = (Watch::default(), Folder::new(""), vec![]);
         let runs = runs(&study.inner, |setting| wanted.contains(&setting));
         if runs.is_empty() {
-            return Err(missing(&wanted));
+            return Err(missing(&wanted, &study.inner));
         }
         for (role, settings) in runs {
             let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();

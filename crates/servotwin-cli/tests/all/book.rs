@@ -1,5 +1,6 @@
-//! The book: every command of it is run, in the order of its page and in a folder of the page's own; its files are
-//! those that are shipped; its tables are what the program declares.
+//! The book: every command of it is run, in the order of its page and in a folder of the page's own; what a block
+//! `text said` shows is what the command before it has said; its files are those that are shipped; its tables are what the
+//! program declares.
 //!
 //! `UPDATE=1 cargo test -p servotwin-cli --test all book` writes these tables anew.
 
@@ -51,8 +52,8 @@ fn run(folder: &Folder, arguments: &[&str]) -> Output {
     command.args(arguments).current_dir(&folder.0).output().expect("the binary can be run")
 }
 
-/// Runs a command of the book; what stands behind `>` is the file for its output.
-fn run_line(folder: &Folder, line: &str) {
+/// Runs a command of the book; what stands behind `>` is the file for its output. What it said.
+fn run_line(folder: &Folder, line: &str) -> String {
     let (line, file) = match line.split_once(" > ") {
         Some((line, file)) => (line, Some(file.trim())),
         None => (line, None),
@@ -61,9 +62,11 @@ fn run_line(folder: &Folder, line: &str) {
     assert_eq!(words[0], "servotwin", "{line}");
     let output = run(folder, &words[1..]);
     assert!(output.status.success(), "{line}: {}", stderr(&output));
+    let said = stdout(&output);
     if let Some(file) = file {
-        std::fs::write(folder.file(file), stdout(&output)).unwrap();
+        std::fs::write(folder.file(file), &said).unwrap();
     }
+    said
 }
 
 /// What a command cannot be without: of one that takes minutes it is asked whether it is understood.
@@ -85,6 +88,7 @@ fn every_command_of_the_book_works() {
             continue;
         }
         let folder = Folder::new(&format!("book-{}", name.trim_end_matches(".md")));
+        let mut said = String::new();
         for (kind, text) in blocks(&page(&name)) {
             match kind.split_once(' ').unwrap_or((&kind, "")) {
                 ("sh", "long") => {
@@ -92,9 +96,12 @@ fn every_command_of_the_book_works() {
                 }
                 ("sh", _) => {
                     for line in commands(&text) {
-                        run_line(&folder, &line);
+                        said = run_line(&folder, &line);
                         run += 1;
                     }
+                }
+                ("text", "said") => {
+                    assert!(said.contains(&text), "{name} shows:\n{text}\nand said is:\n{said}");
                 }
                 ("toml" | "csv", file) if !file.is_empty() => {
                     std::fs::write(folder.file(file), text).unwrap();

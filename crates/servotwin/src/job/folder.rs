@@ -321,7 +321,7 @@ mod tests {
             for file in [&folder.results(), &ours, &others[0], &others[1]] {
                 std::fs::write(file, "{}").unwrap();
             }
-            crate::job::manifest::write_with(&folder, study, &[ours.clone()]).unwrap();
+            crate::job::manifest::write_with(&folder, study, std::slice::from_ref(&ours)).unwrap();
         };
         measure(&spring);
         let refused = folder.keep_study(&press, false).unwrap_err();

@@ -162,16 +162,14 @@ pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
     };
     let entries: Vec<Entry> = sections.iter().map(entry).collect();
     let mut in_appendix = false;
-    // What was found stands before where to look.
-    for (place, (section, written)) in sections.into_iter().enumerate() {
+    // In a few lines, so that what was found is on the first screen, too.
+    page.contents(&entries);
+    for (section, written) in sections {
         if section.is_appendix() && !in_appendix {
             page.appendix();
             in_appendix = true;
         }
         page.append(written);
-        if place == 0 {
-            page.contents(&entries);
-        }
     }
     page.finish(&material.study.title)
 }

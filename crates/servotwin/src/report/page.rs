@@ -113,17 +113,17 @@ impl Page {
     /// A list of links to sections.
     pub fn contents(&mut self, entries: &[Entry]) {
         self.html += "<nav aria-label=\"Contents\">";
-        for (is_appendix, head) in [(false, ""), (true, "<p>Appendix: what this rests on</p>\n")] {
+        for (is_appendix, head) in [(false, "Findings"), (true, "Appendix, what this rests on")] {
             let own = || entries.iter().filter(|entry| entry.is_appendix == is_appendix);
             if own().next().is_none() {
                 continue;
             }
-            let _ = writeln!(self.html, "{head}<ul>");
+            let _ = writeln!(self.html, "<div><p>{head}</p>\n<ul>");
             for Entry { id, title, .. } in own() {
                 let (id, title) = (escaped(id), escaped(title));
                 let _ = writeln!(self.html, "<li><a href=\"#{id}\">{title}</a></li>");
             }
-            self.html += "</ul>\n";
+            self.html += "</ul></div>\n";
         }
         self.html += "</nav>\n";
     }
@@ -156,9 +156,17 @@ impl Page {
         self.draw(name, figure, caption, "drawing");
     }
 
-    /// A figure that keeps its size however wide it is, and is scrolled.
+    /// A figure that keeps its size however wide it is, and is scrolled. In print, what would not be read on an upright
+    /// page is turned, as wide as the page, and goes over as many as it needs.
     pub fn wide_figure(&mut self, name: &str, figure: Figure, caption: &str) {
-        self.draw(name, figure, caption, "drawing full");
+        let (width, height) = PAPER;
+        let is_large = figure.width > width || figure.height > height;
+        self.draw(
+            name,
+            figure,
+            caption,
+            if is_large { "drawing full large" } else { "drawing full" },
+        );
     }
 
     fn draw(&mut self, name: &str, figure: Figure, caption: &str, class: &str) {
@@ -310,6 +318,9 @@ fn breakable(html: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
+/// What an upright page of paper holds of a figure in its own size, its caption left out: wide and high, in pixels.
+const PAPER: (f64, f64) = (690.0, 900.0);
+
 /// A table with so many columns is set in smaller type.
 const WIDE: usize = 8;
 
@@ -331,6 +342,30 @@ mod tests {
         assert!(html.contains("<h2>A &amp; B</h2>\n<p>p &lt; 3 &quot;bar&quot;</p>"));
         assert!(!html.contains("empty") && html.contains("<h1>&lt;title&gt;</h1>"));
         assert!(figures.is_empty());
+    }
+
+    #[test]
+    fn a_figure_too_large_for_a_page_is_turned_in_print() {
+        let figure =
+            |width, height| Figure { svg: "<svg ></svg>".into(), width, height, values: vec![] };
+        let mut page = Page::default();
+        page.wide_figure("small", figure(600.0, 389.0), "fits");
+        page.wide_figure("large", figure(1214.0, 2671.0), "does not");
+        let (html, _) = page.finish("");
+        assert_eq!(html.matches("class=\"drawing full\"").count(), 1);
+        assert_eq!(html.matches("class=\"drawing full large\"").count(), 1);
+    }
+
+    #[test]
+    fn the_contents_stand_before_everything_else() {
+        let entry = |id: &str, is_appendix| Entry { id: id.into(), title: id.into(), is_appendix };
+        let mut page = Page::default();
+        page.contents(&[entry("found", false), entry("rests", true)]);
+        page.section("found", "found", |page| page.text("text"));
+        let (html, _) = page.finish("title");
+        let begin = html.find("<h1>title</h1>\n<nav").unwrap();
+        assert!(begin < html.find("<section").unwrap(), "{html}");
+        assert!(html.contains("Appendix, what this rests on</p>\n<ul>\n<li><a href=\"#rests\">"));
     }
 
     #[test]

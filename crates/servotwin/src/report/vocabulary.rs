@@ -75,7 +75,7 @@ impl Vocabulary {
         match (least_on, self.units) {
             _ if !self.has_off() => String::new(),
             (0, _) => String::new(),
-            (1, 2) => format!(", and once a {unit} is off no other {unit} can be switched off"),
+            (1, 2) => format!(", and once one {unit} is off no other can be switched off"),
             (1, _) => format!(", and the last {unit} that is on can never be switched off"),
             (kept, _) => format!(", and {kept} {unit}s can never be switched off"),
         }

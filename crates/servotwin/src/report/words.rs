@@ -10,25 +10,20 @@ pub fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| NONE.into(), |share| format!("{:.2} %", 100.0 * share))
 }
 
-/// A rate with its interval: `99.84 % (99.67 … 99.92)`.
+/// A rate with its interval, in square brackets because round ones may follow: `99.84 % [99.67 … 99.92]`.
 pub fn rate(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(share), low, high, .. }) => {
             let [share, low, high] = [share, low, high].map(|part| 100.0 * part);
-            format!("{share:.2} % ({low:.2} … {high:.2})")
+            format!("{share:.2} % [{low:.2} … {high:.2}]")
         }
         _ => NONE.into(),
     }
 }
 
-/// A rate with its interval in square brackets, where round ones follow.
-pub fn bracketed(value: Option<Rate>) -> String {
-    rate(value).replace('(', "[").replace(')', "]")
-}
-
 /// A rate with its interval below it: a line feed begins what stands in small type.
 pub fn stacked(value: Option<Rate>) -> String {
-    rate(value).replace(" (", "\n").replace(')', "")
+    rate(value).replace(" [", "\n").replace(']', "")
 }
 
 /// The interval of a rate that comes from drawing whole kinds of fault: `90.50 … 95.10`.
@@ -63,7 +58,7 @@ pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
         Some(Rate { share: Some(share), of, .. }) => {
-            let decimals = [10 * FEW, 50 * FEW].into_iter().filter(|&many| of >= many).count();
+            let decimals = if of < MANY { 1 } else { 2 };
             format!("{:.decimals$} %", 100.0 * share)
         }
         _ => NONE.into(),
@@ -72,6 +67,8 @@ pub fn of_count(rate: Option<Rate>) -> String {
 
 /// Of fewer cases a share is told as their count.
 const FEW: u64 = 20;
+/// Of as many a second decimal tells something.
+const MANY: u64 = 1000;
 
 /// An identifier as words: `external_leakage` → `external leakage`.
 pub fn spoken(name: &str) -> String {
@@ -135,10 +132,10 @@ mod tests {
         assert_eq!(number(1234.5), "1234");
         let counts = [(3, 3), (19, 20), (199, 200), (1999, 2000)];
         let told = counts.map(|(count, of)| of_count(Some(Rate::new(count, of))));
-        assert_eq!(told, ["3 of 3", "95 %", "99.5 %", "99.95 %"]);
+        assert_eq!(told, ["3 of 3", "95.0 %", "99.5 %", "99.95 %"]);
         assert_eq!((chosen(100.0 * 3e-4), chosen(90.0)), ("0.03".into(), "90".into()));
         assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
-        assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % (94.55 … 99.82)");
+        assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % [94.55 … 99.82]");
         assert_eq!(rate(None), "–");
         assert_eq!(stacked(Some(Rate::new(99, 100))), "99.00 %\n94.55 … 99.82");
         let of_kinds = Rate { by_kind: Some((0.905, 0.951)), ..Rate::new(99, 100) };

@@ -142,11 +142,11 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
     for text in [
         "<td>servo_<wbr>valve.<wbr>null_<wbr>bias</td>",
         "<td class=\"number\">40</td>",
-        "95.00 % (",
+        "95.00 % [",
     ] {
         assert!(html.contains(text), "{text}");
     }
-    for text in ["2.00 % (", "3.00 % (", "90.00 % (", "1.60 … 2.50"] {
+    for text in ["2.00 % [", "3.00 % [", "90.00 % [", "1.60 … 2.50"] {
         assert!(html.contains(text), "{text}");
     }
     assert!(html.contains("3 of the healthy flights were flown at points outside"), "{html}");

@@ -9,7 +9,7 @@ use crate::report::lines::{self, Measure, Who};
 use crate::report::looks;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
-use crate::report::words::{NONE, bracketed, chosen, stacked};
+use crate::report::words::{NONE, chosen, rate, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::residual::BAND;
@@ -90,7 +90,7 @@ pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
              leave them there, and {} % was promised. They were learned from few records (at most {records} \
              of a kind of sensor), or from commands unlike those judged: more healthy specimens ([training] \
              healthy) or training commands nearer to the judged ones are needed.",
-            bracketed(Some(alarms)),
+            rate(Some(alarms)),
             alarms.of,
             chosen(100.0 * ALARMS)
         )

@@ -146,7 +146,7 @@ fn least(detection: &Detection) -> Figure {
         digits: digits(all.iter().copied()),
         values: rows.into_iter().map(|row| row.1).collect(),
         range: (0.0, 1.0),
-        meaning: "the smallest intensity that is detected together with all greater ones".into(),
+        meaning: "the smallest intensity from which on every one is detected".into(),
         worst: Some(("never".into(), "not detected even at the greatest intensity".into())),
     }
     .draw()

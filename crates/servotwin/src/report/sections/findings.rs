@@ -11,7 +11,7 @@ use crate::job::results::SubjectResult;
 use crate::report::Material;
 use crate::report::lines::{self, Who};
 use crate::report::vocabulary::Vocabulary;
-use crate::report::words::{begun, bracketed, chosen, percent, spoken};
+use crate::report::words::{begun, chosen, percent, rate, spoken};
 use crate::study::Setting;
 
 /// What a finding is about, and the finding.
@@ -68,11 +68,11 @@ impl Seen<'_> {
         };
         let never = match self.never.len() {
             0 => String::new(),
-            all if all == self.cases => ", never together with all greater intensities".into(),
+            all if all == self.cases => ", in no case at its greatest intensity".into(),
             few if few <= 3 => format!(", never in {}", self.never.join(" and ")),
             many => format!(", never in {many} of {} cases", self.cases),
         };
-        format!("{}{called}: {}{never}{from}", spoken(self.kind), bracketed(Some(self.rate)))
+        format!("{}{called}: {}{never}{from}", spoken(self.kind), rate(Some(self.rate)))
     }
 }
 
@@ -129,7 +129,7 @@ fn unseen(material: &Material, result: &SubjectResult) -> Finding {
     let all = seen(material, result);
     let late = all.iter().filter(|seen| seen.rate.share.is_some_and(|share| share < LATE));
     let late: Vec<String> = late.map(Seen::in_words).collect();
-    let detected = bracketed(Some(result.evaluation.detection.detected));
+    let detected = rate(Some(result.evaluation.detection.detected));
     let detected = format!("{detected} of all faults leave the bands");
     if late.is_empty() {
         return ("Detected".into(), detected + &of_every_kind(&all));
@@ -163,7 +163,7 @@ fn advice(material: &Material, hardest: &SubjectResult) -> Option<Finding> {
             Some(fitted) => format!(
                 "tolerances hide what perfect specimens show ({seen_by}): beside twins that are fitted to their \
                  specimens (servotwin fit) {} leave the bands",
-                bracketed(Some(detected(fitted)))
+                rate(Some(detected(fitted)))
             ),
             None => format!(
                 "tolerances hide what perfect specimens show ({seen_by}): a twin that is fitted to its specimen \
@@ -262,11 +262,11 @@ fn dangerous(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
     if let Some(alarms) = evaluation.false_alarms.as_ref().filter(|alarms| alarms.alarms.of > 0) {
         let text = format!(
             "{} of {} healthy specimens leave the bands; {} are then {} by the trees, {} by the committee.",
-            bracketed(Some(alarms.alarms)),
+            rate(Some(alarms.alarms)),
             alarms.alarms.of,
-            bracketed(Some(alarms.tree_shutdowns)),
+            rate(Some(alarms.tree_shutdowns)),
             words.switched_off(),
-            bracketed(Some(alarms.committee_shutdowns)),
+            rate(Some(alarms.committee_shutdowns)),
         );
         list.push(("False alarms".into(), text));
     }
@@ -294,10 +294,10 @@ fn both(of: &dyn Fn(Who) -> Option<Rate>) -> Option<String> {
     let counted = |who| of(who).filter(|rate| rate.of > 0);
     match (counted(Who::Trees), counted(Who::Committee)) {
         (None, None) => None,
-        (trees, None) => Some(format!("{} (trees)", bracketed(trees))),
-        (None, committee) => Some(format!("{} (committee)", bracketed(committee))),
+        (trees, None) => Some(format!("{} (trees)", rate(trees))),
+        (None, committee) => Some(format!("{} (committee)", rate(committee))),
         (trees, committee) => {
-            Some(format!("{} (trees), {} (committee)", bracketed(trees), bracketed(committee)))
+            Some(format!("{} (trees), {} (committee)", rate(trees), rate(committee)))
         }
     }
 }
@@ -321,7 +321,7 @@ fn confused(result: &SubjectResult, words: &Vocabulary) -> Option<Finding> {
             "{} for {} in {} of its tests ({} is then wrong)",
             spoken(&pair.kind),
             spoken(&pair.taken_for),
-            bracketed(Some(Rate::new(pair.count, of))),
+            rate(Some(Rate::new(pair.count, of))),
             words.question(pair.question)
         )
     });

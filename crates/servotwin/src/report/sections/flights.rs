@@ -10,7 +10,7 @@ use crate::report::looks;
 use crate::report::looks::Looks;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
-use crate::report::words::{NONE, bracketed, chosen, number, spoken, stacked};
+use crate::report::words::{NONE, chosen, number, rate, spoken, stacked};
 use crate::report::{Material, Section};
 use crate::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
@@ -508,7 +508,7 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
     if words.has_off() && merit.in_time.of > 0 {
         parts.push(format!(
             "{} of the visible {} faults of intensity {STRONG} and more are isolated within {} s",
-            bracketed(Some(merit.in_time)),
+            rate(Some(merit.in_time)),
             words.off(),
             chosen(merit.limit_s)
         ));

@@ -6,7 +6,7 @@ use crate::job::Subject;
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Who};
 use crate::report::page::{Grid, Page, Side};
-use crate::report::words::{begun, bracketed, change, percent, stacked};
+use crate::report::words::{begun, change, percent, rate, stacked};
 use crate::report::{Material, Section};
 use crate::study::Role;
 use crate::study::campaign::data_features;
@@ -123,8 +123,8 @@ pub(super) fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
     };
     format!(
         "the trees are right end to end in {} without it and in {} with it ({} points). {}",
-        bracketed(first),
-        bracketed(second),
+        rate(first),
+        rate(second),
         change(first, second),
         match overlap {
             true => "The intervals overlap: no gain is shown.",

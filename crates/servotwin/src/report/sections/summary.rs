@@ -10,7 +10,7 @@ use crate::job::results::SubjectResult;
 use crate::report::lines::{self, OF_PAPER, PAPER};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
-use crate::report::words::{NONE, bracketed, number, percent, rate, stacked};
+use crate::report::words::{NONE, number, percent, rate, stacked};
 use crate::report::{Material, Section};
 use servotwin_diagnosis::hierarchy::Question;
 
@@ -103,14 +103,14 @@ fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
              the others",
             percent(level.abstained.share),
             words.action(),
-            bracketed(Some(level.right_action)),
+            rate(Some(level.right_action)),
         );
         if words.has_off() && words.has_several() {
-            let wrong = bracketed(Some(level.wrong_actuator_shutdown));
+            let wrong = rate(Some(level.wrong_actuator_shutdown));
             text += &format!(", the wrong {} is {} in {wrong}", words.unit(), words.switched_off());
         }
         if words.has_off() && level.shutdown_answered_wrongly.of > 0 {
-            let wrong = bracketed(Some(level.shutdown_answered_wrongly));
+            let wrong = rate(Some(level.shutdown_answered_wrongly));
             text += &format!(
                 ", a fault that calls for a {} is answered wrongly in {wrong}",
                 words.off()
@@ -126,9 +126,9 @@ fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
             format!(
                 "Moved within the uncertainty of their windows, {} of the trees' answers about {} change, \
                  and {} of the committee's.",
-                bracketed(Some(trees.action)),
+                rate(Some(trees.action)),
                 words.action(),
-                bracketed(Some(committee.action)),
+                rate(Some(committee.action)),
             ),
         );
     }
