@@ -159,7 +159,7 @@ fn held(program: &Program) -> CFunction {
 }
 
 /// The parameters of all components as variables.
-fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {
+pub(crate) fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {
     let mut index = 0;
     let components = program.network().components.iter();
     let mut next = |_: &f64| {

@@ -17,6 +17,7 @@
 //! bit for each input (`input_bit`), and by `NUMBERS`. A function of its own: in `begin` or `motion` its choices would
 //! split the straight lines, which the compiler orders and keeps in registers only between choices.
 
+use crate::c_source::parameter_symbols;
 use crate::program::Program;
 use crate::scalar::Scalar;
 use crate::solver::Method;
@@ -218,10 +219,24 @@ fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     gradients
 }
 
+/// Constants from outside. Those that no parameter changes are numbers, and of those that are made alike of the same
+/// parameters the first is read: eight lanes of a number take eight times its room in the nearest cache.
+fn constants<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
+    let of_parameters = Graph::new();
+    let values = program.block_constants(&parameter_symbols(program, &of_parameters));
+    let mut first = BTreeMap::new();
+    let constant = |(place, value): (usize, &Symbol)| match value.operand() {
+        Operand::Constant(bits) => Symbol::constant(f64::from_bits(bits)),
+        node => graph.variable("constants", *first.entry(node).or_insert(place)),
+    };
+    values.iter().enumerate().map(constant).collect()
+}
+
 /// `begin` and `motion`, which share what is quiet.
 fn evaluations(c: &mut String, program: &Program) {
     let graph = Graph::new();
-    let (begin, motion) = (begin(&graph, program), motion(&graph, program));
+    let constants = constants(&graph, program);
+    let (begin, motion) = (begin(&graph, program, &constants), motion(&graph, program, &constants));
     let values: Vec<Operand> =
         begin.stores().into_keys().chain(motion.stores().into_keys()).collect();
     let expressions = graph.expressions();
@@ -233,11 +248,10 @@ fn evaluations(c: &mut String, program: &Program) {
     motion.write_beside(c, &expressions, &quiet);
 }
 
-fn begin<'g>(graph: &'g Graph, program: &Program) -> CFunction<'g> {
-    let constants = array(graph, "constants", program.constants());
+fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> CFunction<'g> {
     let mut variables = variables(graph, program);
     let mut gradients = gradients(graph, program);
-    program.trace_with_jacobian(&constants, &mut variables, &mut gradients);
+    program.trace_with_jacobian(constants, &mut variables, &mut gradients);
     // What only clocks write stays as it is.
     let untouched = Symbol::constant(0.0).operand();
     let sums = program.sums().filter(|&place| variables[place].operand() != untouched);
@@ -250,10 +264,9 @@ fn begin<'g>(graph: &'g Graph, program: &Program) -> CFunction<'g> {
     }
 }
 
-fn motion<'g>(graph: &'g Graph, program: &Program) -> CFunction<'g> {
-    let constants = array(graph, "constants", program.constants());
+fn motion<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> CFunction<'g> {
     let mut variables = variables(graph, program);
-    program.motion().trace(&constants, &mut variables);
+    program.motion().trace(constants, &mut variables);
     let stores = program.derivatives().map(|place| ("variables", place, variables[place]));
     CFunction {
         head: "motion(IN constants, IN quiet, OUT variables)".into(),
