@@ -5,7 +5,7 @@ then: peers/.venv/bin/python peers/scipy_fit.py [target/release/servotwin] [TURN
 
 Both have the same record (every sensor of the paper's study at 100 Hz with the noise that the system declares), the
 same start (the nominal twin), the same unknowns with the same priors and bounds, the same tolerance of the solver
-(8e-6 of each state's scale), differences of the same width, and end where a step would lower half of the squared
+(4e-6 of each state's scale), differences of the same width, and end where a step would lower half of the squared
 residuals by less than 0.005. SciPy integrates the C source that servotwin writes, compiled with -O3, by LSODA
 (odeint); the command and its interpolation are C too, so that Python only passes pointers on. `servotwin fit` is the
 whole command: it also reads the file, looks at whether the record can be of the system, and compares 82 faults.
@@ -43,7 +43,7 @@ PLANT = {
 }
 COMMAND = "noise:rms=4deg,bandwidth=1Hz,seed=77"
 DURATION_S, PERIOD_S, WARM_UP_S = 60.0, 0.01, 1.0
-SOLVER_TOLERANCE = 8e-6
+SOLVER_TOLERANCE = 4e-6
 LEAST_GAIN = 0.005
 
 WRAPPER = r"""

@@ -124,7 +124,7 @@ class Twin:
         faults: Optional[dict[str, float]] = None,
         parameters: Optional[dict[str, float]] = None,
         method: Method = "rodas4p2",
-        tolerance: float = 8e-6,
+        tolerance: float = 4e-6,
         step_s: Optional[float] = None,
     ) -> Twin: ...
     def settle(

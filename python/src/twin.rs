@@ -124,7 +124,7 @@ impl Twin {
     #[new]
     #[pyo3(signature = (
         system, *, sample_period_s = 0.01, record = None, between = None, faults = None,
-        parameters = None, method = "rodas4p2", tolerance = 8e-6, step_s = None
+        parameters = None, method = "rodas4p2", tolerance = 4e-6, step_s = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn new(

@@ -38,7 +38,7 @@ def test_a_twin_gives_the_bits_of_a_run_with_the_same_samples(system):
     command = np.cumsum(rng.normal(0, 0.002, 40))
     options = {"faults": {FAULT: 0.3}, "record": ["p_a_1", "actuator_1.cylinder.position_m"]}
     run = servotwin.simulate(
-        system, inputs={"command": command}, duration_s=0.39, tolerance=8e-6, **options
+        system, inputs={"command": command}, duration_s=0.39, tolerance=4e-6, **options
     )
     twin = servotwin.Twin(system, between={"command": "cubic"}, **options)
     stepped = np.array([twin.step({"command": value}) for value in command])

@@ -47,6 +47,8 @@ pub struct StateOf {
     pub state: usize,
     /// The size that errors are measured against.
     pub scale: f64,
+    /// How many times as large an error over scale may be in a step as that of others.
+    pub leeway: f64,
     /// The search for the steady state does not go below.
     pub lowest: f64,
     /// The unit.

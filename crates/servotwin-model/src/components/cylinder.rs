@@ -138,7 +138,10 @@ static SPEC: Spec = Spec {
         pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
         pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
-        state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
+        with_leeway(
+            VELOCITY_LEEWAY,
+            state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
+        ),
     ],
     reference: false,
 };

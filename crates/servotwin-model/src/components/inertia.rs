@@ -61,7 +61,10 @@ static SPEC: Spec = Spec {
     ports: &[turning("shaft", "what turns with it")],
     states: &[
         state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
-        state("rate_rad_s", Unit::RadianPerSecond, 1.0, Start::Value(0.0), "rate"),
+        with_leeway(
+            VELOCITY_LEEWAY,
+            state("rate_rad_s", Unit::RadianPerSecond, 1.0, Start::Value(0.0), "rate"),
+        ),
     ],
     reference: false,
 };

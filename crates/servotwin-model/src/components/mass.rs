@@ -73,7 +73,10 @@ static SPEC: Spec = Spec {
     ports: &[moving("port", "what moves with it")],
     states: &[
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),
-        state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "velocity"),
+        with_leeway(
+            VELOCITY_LEEWAY,
+            state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "velocity"),
+        ),
     ],
     reference: false,
 };

@@ -30,12 +30,16 @@ pub const fn ports(current: &'static str) -> [Port; 7] {
 pub const fn states() -> [State; 2] {
     [
         state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
-        state(
-            "spool_velocity_m_s",
-            Unit::MetrePerSecond,
-            0.1,
-            Start::Value(0.0),
-            "spool velocity before its limit",
+        // A ringing valve's samples hang on it.
+        with_leeway(
+            2.0,
+            state(
+                "spool_velocity_m_s",
+                Unit::MetrePerSecond,
+                0.1,
+                Start::Value(0.0),
+                "spool velocity before its limit",
+            ),
         ),
     ]
 }

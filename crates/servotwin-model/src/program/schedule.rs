@@ -183,6 +183,7 @@ impl Layout {
                     component,
                     state,
                     scale: declared.scale,
+                    leeway: declared.leeway,
                     lowest: declared.lowest,
                     unit: declared.unit,
                 });

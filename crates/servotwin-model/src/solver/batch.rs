@@ -21,10 +21,13 @@ pub struct Batch<'p, V> {
     y: Vec<V>,
     /// The states at its end.
     y_new: Vec<V>,
-    error: Vec<V>,
-    /// Stage vectors, one after the other.
+    /// Stage vectors, one after the other. The last of a method is the error of its step.
     stages: Vec<V>,
+    /// Where that begins; zeros, where a method has none.
+    first_error: usize,
     reciprocal_scales: Vec<f64>,
+    /// The same for the errors of a step, with the states' leeway.
+    reciprocal_allowances: Vec<f64>,
     /// What no state goes below on the way to rest.
     lowest: Vec<f64>,
     /// For every external input that changes in some lane: its place and its
@@ -56,9 +59,12 @@ impl<'p, V: Lanes> Batch<'p, V> {
             factors: zeros(program.plan().slots()),
             y: zeros(n),
             y_new: zeros(n),
-            error: zeros(n),
             stages: zeros(n * MOST_STAGES),
+            first_error: n * (MOST_STAGES - 1),
             reciprocal_scales: program.states().iter().map(|s| 1.0 / s.scale).collect(),
+            reciprocal_allowances: (program.states().iter())
+                .map(|s| 1.0 / (s.scale * s.leeway))
+                .collect(),
             lowest: program.states().iter().map(|s| s.lowest).collect(),
             moving: Vec::new(),
             compiled: None,
@@ -120,7 +126,9 @@ impl<'p, V: Lanes> Batch<'p, V> {
 
     /// Forgets which inputs move. To be called before [`Batch::set_input`].
     pub fn clear_inputs(&mut self) {
-        self.moving.clear();
+        for (external, _) in self.moving.drain(..) {
+            self.gradients[self.program.rows().slope(external)] = V::constant(0.0);
+        }
     }
 
     /// Makes an input move as a cubic in the time since the beginning of the
@@ -153,9 +161,6 @@ impl<'p, V: Lanes> Batch<'p, V> {
         self.variables[..n].copy_from_slice(&self.y);
         self.load_inputs(V::constant(0.0));
         let rows = self.program.rows();
-        for external in 0..self.program.externals().len() {
-            self.gradients[rows.slope(external)] = V::constant(0.0);
-        }
         for &(external, [_, slope, _, _]) in &self.moving {
             self.gradients[rows.slope(external)] = slope;
         }
@@ -189,7 +194,7 @@ impl<'p, V: Lanes> Batch<'p, V> {
     }
 
     /// One Rosenbrock step (R1), (R2) from the last [`Batch::begin`]. Gives the
-    /// largest error of any state over its scale.
+    /// largest error of any state over its scale and leeway.
     #[inline(always)]
     pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
         let reciprocal = V::constant(1.0) / h;
@@ -274,13 +279,12 @@ impl<'p, V: Lanes> Batch<'p, V> {
     #[inline(always)]
     fn combine(&mut self, method: &Tableau) -> V {
         let n = self.y.len();
-        let last = &self.stages[(method.stages() - 1) * n..][..n];
-        let numbers = self.variables[..n].iter().zip(last).zip(&self.reciprocal_scales);
-        let targets = self.y_new.iter_mut().zip(&mut self.error);
+        self.first_error = (method.stages() - 1) * n;
+        let last = &self.stages[self.first_error..][..n];
+        let numbers = self.variables[..n].iter().zip(last).zip(&self.reciprocal_allowances);
         let mut largest = Largest::default();
-        for (((&argument, &last), &scale), (new, error)) in numbers.zip(targets) {
+        for (((&argument, &last), &scale), new) in numbers.zip(&mut self.y_new) {
             *new = argument + last;
-            *error = last;
             largest.consider(last, scale);
         }
         largest.value()
@@ -295,16 +299,22 @@ impl<'p, V: Lanes> Batch<'p, V> {
             let change = self.stages[k];
             let new = (y + change).max(V::constant(self.lowest[k]));
             self.y_new[k] = V::select(lanes, new, self.y_new[k]);
-            self.error[k] = V::select(lanes, change, self.error[k]);
+            let error = &mut self.stages[self.first_error + k];
+            *error = V::select(lanes, change, *error);
         }
-        V::select(lanes, self.largest_error(), error)
+        V::select(lanes, self.largest_change(), error)
     }
 
-    /// The largest error over scale; NaN where any error is NaN.
+    /// The errors of the last step.
+    fn errors(&self) -> &[V] {
+        &self.stages[self.first_error..][..self.y.len()]
+    }
+
+    /// What stands as the errors, the largest over its scale; NaN where any is NaN.
     #[inline(always)]
-    fn largest_error(&self) -> V {
+    fn largest_change(&self) -> V {
         let mut largest = Largest::default();
-        for (&error, &scale) in self.error.iter().zip(&self.reciprocal_scales) {
+        for (&error, &scale) in self.errors().iter().zip(&self.reciprocal_scales) {
             largest.consider(error, scale);
         }
         largest.value()
@@ -361,12 +371,12 @@ impl<'p, V: Lanes> Batch<'p, V> {
     /// NaN counts as largest.
     fn state_with_largest_error(&self, lane: usize) -> usize {
         let relative = |k: usize| {
-            let e = self.error[k].lane(lane) * self.reciprocal_scales[k];
+            let e = self.errors()[k].lane(lane) * self.reciprocal_allowances[k];
             let bad = !e.is_finite() || !self.y_new[k].lane(lane).is_finite();
             if bad { f64::INFINITY } else { crate::scalar::Scalar::abs(e) }
         };
         let mut worst = 0;
-        for k in 1..self.error.len() {
+        for k in 1..self.y.len() {
             if relative(k) > relative(worst) {
                 worst = k;
             }

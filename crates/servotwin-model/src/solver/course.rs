@@ -14,9 +14,8 @@ const LONGEST_SETTLING_STEP_S: f64 = 1e4;
 
 /// How long an attempt counts as effort, s.
 const MEMORY_S: f64 = 1.0;
-/// The error grows by so much at most where a lane is busy. By 64 a valve that rings for ever takes two fifths of the
-/// steps; at 256 times the tolerance the method damps what it should follow.
-const MOST_RELAXED: f64 = 64.0;
+/// The error grows by so much at most where a lane is busy. A valve that rings for ever then takes a fifth of the steps.
+const MOST_RELAXED: f64 = 1024.0;
 
 /// What a lane is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,6 +92,8 @@ pub(super) struct Course {
     /// For each clock, the number of its next tick.
     pub next_tick: Vec<u64>,
     pub rejections: u32,
+    /// Whether the last step that was accepted had been rejected before.
+    pub was_rejected: bool,
     /// Attempts within about [`MEMORY_S`].
     pub effort: f64,
     pub statistics: Statistics,
@@ -115,6 +116,7 @@ impl Course {
             halt_s: f64::INFINITY,
             next_tick: vec![0; clocks],
             rejections: 0,
+            was_rejected: false,
             effort: 0.0,
             statistics: Statistics::default(),
             failure: None,
@@ -226,6 +228,7 @@ impl Course {
         self.statistics.steps += 1;
         self.effort *= (1.0 - self.step_s / MEMORY_S).max(0.0);
         self.time_s = self.end_s;
+        self.was_rejected = self.rejections > 0;
         self.rejections = 0;
         if self.phase == Phase::Settling {
             self.statistics.settling += 1;
@@ -259,7 +262,7 @@ impl Course {
         let Some((_, longest)) = self.allowed(settings) else {
             return;
         };
-        let most = if self.rejections > 0 { 1.0 } else { 6.0 };
+        let most = if self.rejections > 0 || self.was_rejected { 1.0 } else { 6.0 };
         let next = self.step_s * factor.clamp(0.1, most);
         // A step that was cut short by an event says little about longer ones.
         let next = if self.rejections == 0 && next < self.wanted_s && factor >= 1.0 {

@@ -79,9 +79,9 @@ pub enum Control {
         step_s: f64,
     },
     /// As long as the estimated error of no state exceeds `tolerance` times its
-    /// scale per step.
+    /// scale and leeway per step.
     Adaptive {
-        /// Allowed error per step over the state's scale.
+        /// Allowed error per step over the state's scale and leeway.
         tolerance: f64,
         /// The longest step, s.
         max_step_s: f64,
@@ -116,7 +116,7 @@ impl Settings {
     pub fn campaign() -> Self {
         Self {
             method: Method::Rodas4P2,
-            control: Control::Adaptive { tolerance: 8e-6, max_step_s: 0.1, busy_per_s: 2000.0 },
+            control: Control::Adaptive { tolerance: 4e-6, max_step_s: 0.1, busy_per_s: 500.0 },
             land_on_samples: true,
         }
     }

@@ -823,7 +823,7 @@ fn the_work_of_a_run_is_what_it_was() {
             test().command(command).settings(settings).lasting(2.0, 0.01).run(&[ANGLE]).statistics;
         [statistics.steps, statistics.rejected, statistics.jacobians, statistics.evaluations]
     };
-    assert_eq!(work(Settings::campaign()), [392, 18, 411, 2055]);
+    assert_eq!(work(Settings::campaign()), [335, 12, 348, 1740]);
     // Of one Jacobian: entries, products of the chain rule; of its factors: entries, updates.
     let (rows, plan) = (program().rows(), program().plan());
     let sizes = [rows.entries().len(), rows.products(), plan.slots(), plan.updates()];
