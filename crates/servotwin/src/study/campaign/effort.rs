@@ -7,8 +7,8 @@ use servotwin_model::solver::Statistics;
 
 /// How many times the steps of its twin a variant that rings takes.
 ///
-/// In the aileron a valve whose damping is all gone takes twenty times as many for ever: a limit cycle. What dies
-/// out (nine tenths of the damping gone) or cavitates takes at most two and a half times as many.
+/// In the aileron a valve whose damping is all gone takes fifteen times as many and more for ever: a limit cycle.
+/// What dies out (nine tenths of the damping gone, under some commands) or cavitates takes at most four times as many.
 const RINGING: f64 = 5.0;
 
 const STEPS: &str = "steps_per_s";
