@@ -278,6 +278,7 @@ impl<'p, V: Lanes> Bank<'p, V> {
             if matches!(course.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }
+            let was_rejected = course.rejections > 0;
             *accepted = match course.phase {
                 Phase::Settling => error <= LARGEST_SETTLING_CHANGE,
                 _ => good,
@@ -288,7 +289,8 @@ impl<'p, V: Lanes> Bank<'p, V> {
                 course.statistics.rejected += 1;
                 course.rejections += 1;
             }
-            course.adapt(&self.settings, if error.is_finite() { growth } else { 0.1 });
+            let growth = if error.is_finite() { growth } else { 0.1 };
+            course.adapt(&self.settings, growth, was_rejected);
             self.give_up_if_stuck(index, error);
         }
         let zero = V::constant(0.0);

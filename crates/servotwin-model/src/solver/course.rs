@@ -92,8 +92,6 @@ pub(super) struct Course {
     /// For each clock, the number of its next tick.
     pub next_tick: Vec<u64>,
     pub rejections: u32,
-    /// Whether the last step that was accepted had been rejected before.
-    pub was_rejected: bool,
     /// Attempts within about [`MEMORY_S`].
     pub effort: f64,
     pub statistics: Statistics,
@@ -116,7 +114,6 @@ impl Course {
             halt_s: f64::INFINITY,
             next_tick: vec![0; clocks],
             rejections: 0,
-            was_rejected: false,
             effort: 0.0,
             statistics: Statistics::default(),
             failure: None,
@@ -228,7 +225,6 @@ impl Course {
         self.statistics.steps += 1;
         self.effort *= (1.0 - self.step_s / MEMORY_S).max(0.0);
         self.time_s = self.end_s;
-        self.was_rejected = self.rejections > 0;
         self.rejections = 0;
         if self.phase == Phase::Settling {
             self.statistics.settling += 1;
@@ -256,13 +252,13 @@ impl Course {
         (squared * squared).clamp(1.0, MOST_RELAXED)
     }
 
-    /// The step for the next time, by a factor from the error of this one.
+    /// The step for the next time, by a factor from the error of this one, which `was_rejected` at first.
     #[inline(always)]
-    pub fn adapt(&mut self, settings: &Settings, factor: f64) {
+    pub fn adapt(&mut self, settings: &Settings, factor: f64, was_rejected: bool) {
         let Some((_, longest)) = self.allowed(settings) else {
             return;
         };
-        let most = if self.rejections > 0 || self.was_rejected { 1.0 } else { 6.0 };
+        let most = if self.rejections > 0 || was_rejected { 1.0 } else { 6.0 };
         let next = self.step_s * factor.clamp(0.1, most);
         // A step that was cut short by an event says little about longer ones.
         let next = if self.rejections == 0 && next < self.wanted_s && factor >= 1.0 {

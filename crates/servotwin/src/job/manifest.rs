@@ -51,7 +51,7 @@ fn in_words(settings: &solver::Settings) -> String {
     let steps = match settings.control {
         Control::Fixed { step_s } => format!("steps of {step_s} s"),
         Control::Adaptive { tolerance, max_step_s, busy_per_s } => format!(
-            "steps by error: at most {tolerance:e} of each state's scale and leeway a step (more beyond {busy_per_s} steps a second), at most {max_step_s} s long"
+            "steps by error: at most {tolerance:e} of each state's scale a step (velocities up to five times as much, and all more beyond {busy_per_s} attempts a second), at most {max_step_s} s long"
         ),
     };
     let end =
