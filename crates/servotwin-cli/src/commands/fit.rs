@@ -1,7 +1,7 @@
 //! `servotwin fit`: the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{design, note, read_table};
+use super::{design, note, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, shown};
@@ -12,6 +12,7 @@ use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity};
 use servotwin::fit::unknown::Moved;
 use servotwin::fit::{FitError, Fitted, LeftOut, Problem, Record, Unknown};
+use servotwin::log::map::Map;
 use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
 use servotwin::study::{Study, StudyError, Tolerance};
@@ -40,6 +41,10 @@ pub struct Options {
     /// A further record of the same actuator; may be given for several.
     #[arg(long = "log", value_name = "LOG")]
     more: Vec<PathBuf>,
+    /// A map file: which column of a record is which input or sensor, in which unit, as `servotwin watch` has it
+    /// (docs/watch.md).
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
     /// The parameters, separated by commas: names or their ends, e.g. null_bias; with =SIGMA (a number
     /// with unit, or a percentage of the value) also those without a tolerance [default: all that have
     /// one].
@@ -53,7 +58,7 @@ pub struct Options {
     out: Option<PathBuf>,
     /// Say instead which command shows the parameters best, among signals of the catalogue inside of
     /// the limits that follow.
-    #[arg(long, conflicts_with_all = ["log", "more", "faults", "out"])]
+    #[arg(long, conflicts_with_all = ["log", "more", "faults", "out", "map"])]
     design: bool,
     #[command(flatten)]
     limits: design::Limits,
@@ -74,6 +79,7 @@ impl Options {
             .read("LOG", self.log.iter().chain(&self.more))
             .read("SYSTEM", &self.system)
             .read_study(self.study.as_ref())
+            .read("--map", &self.map)
             .write("--out", Format::TOML, &self.out)
     }
 }
@@ -81,8 +87,10 @@ impl Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
+    let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
     let logs = options.log.iter().chain(&options.more);
-    let records = logs.map(|path| read_record(path, &study, global)).collect::<Result<_, _>>()?;
+    let read = |path: &PathBuf| read_record(path, map.as_ref(), &study, global);
+    let records = logs.map(read).collect::<Result<_, _>>()?;
     stop::heed();
     let stages = Stages::new(global);
     let runs = AtomicUsize::new(0);
@@ -163,8 +171,13 @@ fn other_system(path: &Path) -> Result<Failure, Failure> {
     Ok(Failure::OtherSystem { system, study: USUAL.into(), own })
 }
 
-fn read_record(path: &Path, study: &Study, global: Global) -> Result<Record, Failure> {
-    let table = read_table(path, &[], global)?;
+fn read_record(
+    path: &Path,
+    map: Option<&Map>,
+    study: &Study,
+    global: Global,
+) -> Result<Record, Failure> {
+    let table = read_log(path, map, global)?;
     let name = path.display().to_string();
     let record = Record::from_table(&name, &table, &study.system)
         .map_err(|error| Failure::Fit(FitError::Record { name: name.clone(), error }))?;

@@ -2,7 +2,7 @@
 
 use super::fit::{chosen_faults, read_study, tell};
 use super::progress::Stages;
-use super::read_table;
+use super::read_log;
 use super::watch::read_diagnoser;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -15,6 +15,7 @@ use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{FitError, Knowledge, Problem, Record, RecordError};
 use servotwin::flight::told::{Told, told};
+use servotwin::log::map::Map;
 use servotwin::log::{Phase, State};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
@@ -39,6 +40,10 @@ pub struct Options {
     /// A study file with the tolerances and faults; without it, the paper's.
     #[arg(long, value_name = "STUDY")]
     study: Option<PathBuf>,
+    /// A map file: which column of a log is which input or sensor, in which unit, as `servotwin watch` has it
+    /// (docs/watch.md).
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
     /// A trained diagnoser, a file that `servotwin flights` has written: what it says of each flight stands beside
     /// what the fit found.
     #[arg(long, value_name = "FILE")]
@@ -74,6 +79,7 @@ impl Options {
             .read("the log", logs(&self.folder).unwrap_or_default())
             .read("SYSTEM", &self.system)
             .read_study(self.study.as_ref())
+            .read("--map", &self.map)
             .read("--diagnoser", &self.diagnoser)
             .read("--band", &self.band)
             .write("--out", Format::Table, &self.out)
@@ -88,13 +94,14 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         return Err(Failure::OutOfRange { option, given, range: "above 0, at most 1".into() });
     }
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
+    let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
     let paths = logs(&options.folder)?;
     stop::heed();
     let stages = Stages::new(global);
     let mut all: Vec<Log> = Vec::new();
     for path in &paths {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        let record = record(path, &name, &study, global)?;
+        let record = record(path, &name, map.as_ref(), &study, global)?;
         if let Ok(record) = &record {
             tell(&name, record, &study, global);
         }
@@ -162,13 +169,18 @@ fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Fa
 fn record(
     path: &Path,
     name: &str,
+    map: Option<&Map>,
     study: &Study,
     global: Global,
 ) -> Result<Result<Record, RecordError>, Failure> {
-    match read_table(path, &[], global) {
+    match read_log(path, map, global) {
         Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
         Err(Failure::Table(TableError::Content { problem, .. })) => {
             Ok(Err(RecordError::Column(problem.to_string())))
+        }
+        Err(Failure::Map(lacking)) => {
+            let first = lacking.to_string().lines().next().map(str::to_owned);
+            Ok(Err(RecordError::Column(first.unwrap_or_default())))
         }
         Err(failure) => Err(failure),
     }

@@ -36,6 +36,7 @@ use servotwin::evaluation::table_model::{
     ClassWeights, HoldOut, Prepared, Selection, Unused, prepare,
 };
 use servotwin::job::{Folder, Hold, Kept};
+use servotwin::log::map::Map;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
@@ -287,6 +288,14 @@ fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Fail
         note(global, &format!("{}: read with {dialect}", path.display()));
     }
     Ok(table)
+}
+
+/// Reads a table of times, inputs and sensors, as a map says which column is which.
+fn read_log(path: &Path, map: Option<&Map>, global: Global) -> Result<Table, Failure> {
+    let table = read_table(path, &[], global)?;
+    let Some(map) = map else { return Ok(table) };
+    map.require(&path.display().to_string(), &table)?;
+    Ok(map.applied(&table)?)
 }
 
 /// What is wrong with a table that is to be as a study file or a model says; a bad number of it says itself where it

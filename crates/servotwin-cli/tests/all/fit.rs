@@ -91,6 +91,71 @@ fn dates_are_times_in_every_kind_of_log() {
     }
 }
 
+/// The same log as another logger keeps it: milliseconds, names and units of its own; and the map that says which are which.
+fn foreign(folder: &Folder, log: &str) -> [String; 2] {
+    let table = table::read(log).unwrap();
+    let mut map = "format = 1\n[time]\ncolumn = \"clock\"\nunit = \"ms\"\n".to_string();
+    let mut sensors = "[sensors]\n".to_string();
+    let mut column = |(place, column): (usize, &Column)| {
+        let endings = [
+            ("_pa", "bar", 1e5),
+            ("_m", "mm", 1e-3),
+            ("_rad", "deg", std::f64::consts::PI / 180.0),
+            ("_s", "ms", 1e-3),
+        ];
+        let known = endings.into_iter().find(|(ending, ..)| column.name.ends_with(ending));
+        let (ending, unit, size) = known.expect("a unit");
+        let shown = column.numbers().unwrap().iter().map(|value| value / size).collect::<Vec<_>>();
+        let name = if place == 0 { "clock".to_string() } else { format!("channel {place}") };
+        let id = column.name.strip_suffix(ending).unwrap();
+        let line = format!("{id} = {{ column = \"{name}\", unit = \"{unit}\" }}\n");
+        match id {
+            "time" => {}
+            "command" => map += &format!("[inputs]\n{line}"),
+            _ => sensors += &line,
+        }
+        Column::new(name, "", shown)
+    };
+    let columns = table.columns().iter().enumerate().map(&mut column).collect();
+    let [csv, toml] = ["foreign.csv", "map.toml"].map(|name| folder.file(name));
+    table::write(&csv, &Table::from_columns(columns).unwrap()).unwrap();
+    std::fs::write(&toml, map + &sensors).unwrap();
+    [csv, toml]
+}
+
+#[test]
+fn a_map_says_what_the_columns_of_a_record_are() {
+    let folder = Folder::new("fit-map");
+    let log = log(&folder, &[]);
+    let [foreign, map] = foreign(&folder, &log);
+    let values = |arguments: &[&str]| -> Vec<f64> {
+        let result = json(&[&["fit"], arguments, &["--study", STUDY, "--json", "-q"]].concat());
+        let parameters = result["parameters"].as_array().unwrap().clone();
+        parameters.iter().map(|parameter| parameter["value"].as_f64().unwrap()).collect()
+    };
+    let (own, mapped) = (values(&[&log]), values(&[&foreign, "--map", &map]));
+    // Numbers of another unit are rounded otherwise.
+    let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-6 * a.abs().max(1e-9);
+    assert!(!own.is_empty() && own.iter().zip(&mapped).all(close), "{own:?} {mapped:?}");
+    let unmapped = servotwin(&["fit", &foreign, "--study", STUDY]);
+    assert_eq!(unmapped.status.code(), Some(3), "{}", stderr(&unmapped));
+    let other = servotwin(&["fit", &log, "--map", &map, "--study", STUDY]);
+    let told = stderr(&other);
+    assert_eq!(other.status.code(), Some(3), "{told}");
+    assert!(told.contains("map.toml:3:10") && told.contains("'clock'"), "{told}");
+    // In a history a log that the map does not fit is told and left out; here it is the only one.
+    let logs = folder.file("logs");
+    std::fs::create_dir_all(&logs).unwrap();
+    std::fs::copy(&log, format!("{logs}/1.csv")).unwrap();
+    let none = servotwin(&["history", &logs, "--map", &map, "--study", STUDY]);
+    let told = stderr(&none);
+    assert_eq!(none.status.code(), Some(3), "{told}");
+    assert!(told.contains("none of its logs can be used") && told.contains("'clock'"), "{told}");
+    std::fs::copy(&foreign, format!("{logs}/1.csv")).unwrap();
+    let one = servotwin(&["history", &logs, "--map", &map, "--study", STUDY]);
+    assert!(one.status.success(), "{}", stderr(&one));
+}
+
 #[test]
 fn what_a_log_lacks_and_what_no_sensor_shows_is_told() {
     let folder = Folder::new("fit-spike");

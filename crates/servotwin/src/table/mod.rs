@@ -400,6 +400,11 @@ impl Table {
         self
     }
 
+    /// The same table, made of the rows of another: they stand where those do.
+    pub(crate) fn with_rows_of(self, other: &Table) -> Self {
+        Self { origin: other.origin.clone(), ..self }
+    }
+
     /// Where its rows stand in the file that it was read from.
     pub fn origin(&self) -> &Origin {
         &self.origin

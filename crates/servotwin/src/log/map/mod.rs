@@ -5,6 +5,7 @@
 mod guess;
 mod mistake;
 mod read;
+mod whole;
 
 pub use guess::{Guess, guess};
 pub use mistake::Mistake;
@@ -101,6 +102,13 @@ impl fmt::Display for MapError {
 
 impl std::error::Error for MapError {}
 
+/// A number of the log in SI units.
+fn in_si(value: f64, factor: f64, offset: f64) -> f64 {
+    let scaled = value * factor;
+    // Adding zero would change the sign of zero.
+    if offset == 0.0 { scaled } else { scaled + offset }
+}
+
 impl Map {
     /// Reads a map file for a system.
     ///
@@ -153,11 +161,7 @@ impl Map {
             Time::Rate { rate_hz } => rows as f64 / rate_hz,
         };
         let value = |channel: &Channel| match channel.from {
-            Origin::Column { place, factor, offset } => {
-                let scaled = row.values[place] * factor;
-                // Adding zero would change the sign of zero.
-                if offset == 0.0 { scaled } else { scaled + offset }
-            }
+            Origin::Column { place, factor, offset } => in_si(row.values[place], factor, offset),
             Origin::Value(_) | Origin::Default(_) | Origin::Nothing => f64::NAN,
         };
         Stamped { place: row.place, time_s, values: self.channels.iter().map(value).collect() }

@@ -228,7 +228,7 @@ pub enum SourceError {
 
 impl SourceError {
     /// The error for wanted names that are not among those there, if there are any.
-    fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
+    pub(super) fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
         let columns = wanted.names.iter().filter(|name| !known.contains(name));
         let columns: Vec<String> = columns.cloned().collect();
         let error = || SourceError::Lacking {
