@@ -349,6 +349,8 @@ fn what_speaks_against_a_log_is_told_with_its_likely_reason() {
         (&every_second, 3, &["usually 0.04 s apart", "log at 50 Hz", "at 25 Hz (sample_hz"]),
         (&of("x_p_1_m", 1e3), 0, &["warning: x_p_1 is outside", "seems to be in mm"]),
         (&of("p_a_1_pa", 1e-5), 0, &["warning: p_a_1 seems to be in bar"]),
+        (&of("x_p_1_m", -1.0), 0, &["warning: x_p_1 moves against the twin", "factor = -1"]),
+        (&of("command_rad", -1.0), 0, &["move against the twin: the sign of the command"]),
         (&lost, 0, &["command has no value in 1 of 401 periods", "hold_s"]),
     ];
     for (rows, code, parts) in cases {

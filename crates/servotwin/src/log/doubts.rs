@@ -1,5 +1,5 @@
 //! What in a log speaks against its map: samples that are farther apart than the diagnosis needs them, columns that are
-//! likely in another unit, inputs that come and go.
+//! likely in another unit or have the other sign, inputs that come and go.
 //!
 //! No sample is changed or left out for it. It is for whoever reads that nothing could be judged, or reads a judgement of
 //! a log in which `mm` were taken for `m`: the likely reason, as a sentence.
@@ -19,8 +19,10 @@ const SLOW: f64 = 1.5;
 const FAST: f64 = 0.02;
 /// Fewer values say nothing of a column.
 const LEAST_VALUES: u64 = 20;
-/// A twin's values below this share of its sensor's scale have no unit.
+/// A twin's values below this share of its sensor's scale have no unit, and no sign where they move less.
 const LEAST_SHARE: f64 = 0.01;
+/// What is left of the squared difference where a sign is wrong. A fault turns a sensor around less cleanly.
+const TURNED: f64 = 0.05;
 
 /// What is gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +47,45 @@ struct Column {
     /// The same of the twin.
     twins: u64,
     twin_square: f64,
+    beside: Beside,
+}
+
+/// A sensor's values beside its twin's.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Beside {
+    twin: Spread,
+    /// Of their sum, in which nothing moves where the sign is wrong.
+    sum: Spread,
+    difference: Spread,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Spread {
+    count: u64,
+    sum: f64,
+    square: f64,
+}
+
+impl Spread {
+    fn take(&mut self, value: f64) {
+        self.count += 1;
+        self.sum += value;
+        self.square += value * value;
+    }
+
+    fn variance(&self) -> f64 {
+        let count = self.count.max(1) as f64;
+        (self.square / count - (self.sum / count).powi(2)).max(0.0)
+    }
+}
+
+impl Beside {
+    /// Whether the sign is wrong; nothing of a sensor whose twin hardly moves.
+    fn is_turned(&self, scale: f64) -> Option<bool> {
+        let moves = self.twin.variance().sqrt() > LEAST_SHARE * scale;
+        let is_turned = self.sum.variance() < TURNED * self.difference.variance();
+        (moves && self.twin.count >= LEAST_VALUES).then_some(is_turned)
+    }
 }
 
 impl Doubts {
@@ -76,13 +117,19 @@ impl Doubts {
         }
     }
 
-    /// What the twin shows.
-    pub(super) fn twin(&mut self, twin: &[f64]) {
+    /// What sensors and twin show in a period.
+    pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
         let sensors = self.columns.len() - twin.len();
-        for (column, value) in self.columns[sensors..].iter_mut().zip(twin) {
-            if value.is_finite() {
+        let columns = self.columns[sensors..].iter_mut();
+        for (column, (own, twin)) in columns.zip(measured.iter().zip(twin)) {
+            if twin.is_finite() {
                 column.twins += 1;
-                column.twin_square += value * value;
+                column.twin_square += twin * twin;
+            }
+            if own.is_finite() && twin.is_finite() {
+                column.beside.twin.take(*twin);
+                column.beside.sum.take(own + twin);
+                column.beside.difference.take(own - twin);
             }
         }
     }
@@ -111,12 +158,34 @@ impl Doubts {
         let columns = columns.filter_map(|(column, (channel, (unit, scale)))| {
             column.sentence(map.id(channel), unit, scale)
         });
-        let mut all: Vec<String> = pace.into_iter().chain(columns).collect();
+        let signs = self.signs(system, map);
+        let mut all: Vec<String> = pace.into_iter().chain(columns).chain(signs).collect();
         if all.is_empty() {
             // What else is wrong makes inputs missing, and letting them stand would not mend it.
             all.extend(comes_and_goes(map, counts));
         }
         all
+    }
+
+    /// Sensors that move against the twin; most of them where the command does.
+    fn signs(&self, system: &System, map: &Map) -> Option<String> {
+        let sensors = self.columns[map.inputs()..].iter().zip(&system.sensors);
+        let signs: Vec<(bool, &str)> = sensors
+            .filter_map(|(column, sensor)| {
+                Some((column.beside.is_turned(sensor.scale)?, &*sensor.id))
+            })
+            .collect();
+        let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
+        let (ids, verb) = (turned.join(", "), if turned.len() == 1 { "moves" } else { "move" });
+        match turned.len() {
+            0 => None,
+            most if most > 1 && 2 * most > signs.len() => Some(format!(
+                "{ids} {verb} against the twin: the sign of the command seems to be wrong"
+            )),
+            _ => Some(format!(
+                "{ids} {verb} against the twin: the sign seems to be wrong, factor = -1 in the map turns it"
+            )),
+        }
     }
 
     fn pace(&self, period_s: f64) -> Option<String> {

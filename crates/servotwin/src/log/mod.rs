@@ -304,7 +304,7 @@ impl<'w> Watch<'w> {
             }
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);
-            self.doubts.twin(observation.twin);
+            self.doubts.twin(measured, observation.twin);
             counts.judged += u64::from(observation.finding.state.is_judgement());
             let changed = !observation.finding.says_the_same(finding);
             if changed {
