@@ -1,5 +1,6 @@
 //! The hybrid twin of electro-hydraulic servo actuators.
 
+mod beside;
 pub mod built_in;
 pub mod catalogue;
 pub mod compiled;

@@ -3,6 +3,7 @@
 //! percents.
 
 use super::record::{LeftOut, Record, RecordError, named};
+use crate::beside::Beside;
 use crate::system::{System, units};
 
 /// A sensor moves where it leaves its mean by so many of its deviations.
@@ -17,8 +18,6 @@ const LONGEST_LAG_S: f64 = 3.0;
 const LAG_WINDOW_S: f64 = 5.0;
 /// How far two factors may lie apart, as a logarithm, that are of one unit.
 const ALIKE: f64 = 0.7;
-/// What is left of the squared difference where a sign is wrong.
-const TURNED: f64 = 0.05;
 /// What a shift must take away of the squared difference to be the reason for it.
 const EXPLAINED: f64 = 0.8;
 
@@ -97,7 +96,6 @@ pub(super) fn check(
 
 /// What moves against the twin.
 fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
-    // A fault turns a sensor around less cleanly than a sign.
     if !moving.iter().any(|pair| pair.is_turned()) {
         return Ok(());
     }
@@ -139,12 +137,10 @@ impl Pair<'_> {
         sum / (self.measured.len() as f64 * self.sd_measured * self.sd_twin).max(f64::MIN_POSITIVE)
     }
 
-    /// Whether a wrong sign explains the difference: without it there is next to none.
     fn is_turned(&self) -> bool {
-        let pairs = || self.measured.iter().zip(&self.twin);
-        let sum = sd(&pairs().map(|(m, t)| m + t).collect::<Vec<_>>());
-        let difference = sd(&pairs().map(|(m, t)| m - t).collect::<Vec<_>>());
-        sum * sum < TURNED * difference * difference
+        let mut beside = Beside::default();
+        self.measured.iter().zip(&self.twin).for_each(|(m, t)| beside.take(*m, *t));
+        beside.is_turned()
     }
 
     /// Values that its sensor cannot show, and no other unit explains.

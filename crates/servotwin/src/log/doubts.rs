@@ -7,6 +7,7 @@
 use super::counts::Counts;
 use super::map::Map;
 use super::sequencer::Stamped;
+use crate::beside::{Beside, Spread};
 use crate::document::{Quantities, Quantity};
 use crate::system::{System, units};
 use servotwin_model::spec::Unit;
@@ -21,9 +22,6 @@ const FAST: f64 = 0.02;
 const LEAST_VALUES: u64 = 20;
 /// A twin's values below this share of its sensor's scale have no unit, and no sign where they move less.
 const LEAST_SHARE: f64 = 0.01;
-/// What is left of the squared difference where a sign is wrong. A fault turns a sensor around less cleanly.
-const TURNED: f64 = 0.05;
-
 /// What is gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Doubts {
@@ -38,54 +36,11 @@ pub struct Doubts {
 struct Column {
     /// Between which values it is believed.
     range: (f64, f64),
-    /// How many values came, how many of them are outside of the range, and the one that is farthest from zero.
-    values: u64,
+    /// The values that came, how many of them are outside of the range, and the one that is farthest from zero.
+    values: Spread,
     outside: u64,
     largest: f64,
-    /// The sum of the values' squares.
-    square: f64,
-    /// The same of the twin.
-    twins: u64,
-    twin_square: f64,
     beside: Beside,
-}
-
-/// A sensor's values beside its twin's.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Beside {
-    twin: Spread,
-    /// Of their sum, in which nothing moves where the sign is wrong.
-    sum: Spread,
-    difference: Spread,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Spread {
-    count: u64,
-    sum: f64,
-    square: f64,
-}
-
-impl Spread {
-    fn take(&mut self, value: f64) {
-        self.count += 1;
-        self.sum += value;
-        self.square += value * value;
-    }
-
-    fn variance(&self) -> f64 {
-        let count = self.count.max(1) as f64;
-        (self.square / count - (self.sum / count).powi(2)).max(0.0)
-    }
-}
-
-impl Beside {
-    /// Whether the sign is wrong; nothing of a sensor whose twin hardly moves.
-    fn is_turned(&self, scale: f64) -> Option<bool> {
-        let moves = self.twin.variance().sqrt() > LEAST_SHARE * scale;
-        let is_turned = self.sum.variance() < TURNED * self.difference.variance();
-        (moves && self.twin.count >= LEAST_VALUES).then_some(is_turned)
-    }
 }
 
 impl Doubts {
@@ -122,15 +77,7 @@ impl Doubts {
         let sensors = self.columns.len() - twin.len();
         let columns = self.columns[sensors..].iter_mut();
         for (column, (own, twin)) in columns.zip(measured.iter().zip(twin)) {
-            if twin.is_finite() {
-                column.twins += 1;
-                column.twin_square += twin * twin;
-            }
-            if own.is_finite() && twin.is_finite() {
-                column.beside.twin.take(*twin);
-                column.beside.sum.take(own + twin);
-                column.beside.difference.take(own - twin);
-            }
+            column.beside.take(*own, *twin);
         }
     }
 
@@ -171,9 +118,7 @@ impl Doubts {
     fn signs(&self, system: &System, map: &Map) -> Option<String> {
         let sensors = self.columns[map.inputs()..].iter().zip(&system.sensors);
         let signs: Vec<(bool, &str)> = sensors
-            .filter_map(|(column, sensor)| {
-                Some((column.beside.is_turned(sensor.scale)?, &*sensor.id))
-            })
+            .filter_map(|(column, sensor)| Some((column.is_turned(sensor.scale)?, &*sensor.id)))
             .collect();
         let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
         let (ids, verb) = (turned.join(", "), if turned.len() == 1 { "moves" } else { "move" });
@@ -211,8 +156,7 @@ impl Doubts {
 
 impl Column {
     fn take(&mut self, value: f64) {
-        self.values += 1;
-        self.square += value * value;
+        self.values.take(value);
         let (low, high) = self.range;
         self.outside += u64::from(value < low || value > high);
         if value.abs() > self.largest.abs() {
@@ -221,7 +165,8 @@ impl Column {
     }
 
     fn sentence(&self, id: &str, unit: Unit, scale: f64) -> Option<String> {
-        let Column { range: (low, high), values, outside, largest, .. } = *self;
+        let Column { range: (low, high), outside, largest, .. } = *self;
+        let values = self.values.count;
         if values < LEAST_VALUES {
             return None;
         }
@@ -241,14 +186,20 @@ impl Column {
         Some(format!("{id} {}: it is {twin}", seems(unit_of_log)))
     }
 
+    /// Whether its sign is wrong; nothing where the twin hardly moves.
+    fn is_turned(&self, scale: f64) -> Option<bool> {
+        let moves = self.beside.twin.variance().sqrt() > LEAST_SHARE * scale;
+        (moves && self.beside.both() >= LEAST_VALUES).then(|| self.beside.is_turned())
+    }
+
     /// The unit that it seems to be in: beside its twin, and where there is none or it stands still, by its range.
     fn looks_like(&self, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
-        let rms = |square: f64, count: u64| (square / count.max(1) as f64).sqrt();
-        let (own, twin) = (rms(self.square, self.values), rms(self.twin_square, self.twins));
-        if self.twins >= LEAST_VALUES && twin > LEAST_SHARE * scale {
+        let rms = |spread: &Spread| spread.mean_square().sqrt();
+        let (own, twin) = (rms(&self.values), rms(&self.beside.twin));
+        if self.beside.twin.count >= LEAST_VALUES && twin > LEAST_SHARE * scale {
             return units::other(unit, own / twin);
         }
-        let is_outside = 2 * self.outside > self.values;
+        let is_outside = 2 * self.outside > self.values.count;
         is_outside.then(|| units::within(unit, self.largest, self.range)).flatten()
     }
 }
