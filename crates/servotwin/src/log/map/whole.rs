@@ -72,6 +72,9 @@ fn seconds(time: &Column) -> Result<Vec<f64>, TableError> {
     })
 }
 
+/// What times may differ by that are meant to be the same, as a part of what is between them.
+const ROUNDING: f64 = 1e-4;
+
 /// Puts the last value in the place of those that are missing behind it, for so long.
 fn hold(values: &mut [f64], times_s: &[f64], hold_s: f64) {
     let mut last: Option<(f64, f64)> = None;
@@ -79,7 +82,7 @@ fn hold(values: &mut [f64], times_s: &[f64], hold_s: f64) {
         if !value.is_nan() {
             last = Some((time_s, *value));
         } else if let Some((at_s, held)) = last
-            && time_s - at_s <= hold_s
+            && time_s - at_s <= hold_s * (1.0 + ROUNDING)
         {
             *value = held;
         }
@@ -128,6 +131,15 @@ p_a_1 = { column = "PA1", unit = "bar", hold_s = 0.015 }
         let pressure = of("p_a_1");
         assert_eq!((pressure[0], pressure[1], pressure[3]), (1e5, 1e5, 4e5));
         assert!(pressure[2].is_nan());
+    }
+
+    #[test]
+    fn a_value_stands_for_whole_periods_at_any_time() {
+        let times_s: Vec<f64> = (0..1000).map(|sample| f64::from(sample) * 0.01).collect();
+        let mut values: Vec<f64> =
+            (0..1000).map(|sample| if sample % 2 == 0 { 7.0 } else { f64::NAN }).collect();
+        super::hold(&mut values, &times_s, 0.01);
+        assert!(values.iter().all(|value| *value == 7.0));
     }
 
     #[test]
