@@ -124,7 +124,7 @@ class Twin:
         faults: Optional[dict[str, float]] = None,
         parameters: Optional[dict[str, float]] = None,
         method: Method = "rodas4p2",
-        tolerance: float = 4e-6,
+        tolerance: Optional[float] = None,
         step_s: Optional[float] = None,
     ) -> Twin: ...
     def settle(
@@ -160,7 +160,7 @@ def simulate(
     sample_period_s: float = 0.01,
     record: Optional[Sequence[str]] = None,
     method: Method = "rodas4p2",
-    tolerance: float = 1e-5,
+    tolerance: Optional[float] = None,
     step_s: Optional[float] = None,
 ) -> Table: ...
 def simulate_many(
@@ -171,7 +171,7 @@ def simulate_many(
     sample_period_s: float = 0.01,
     record: Optional[Sequence[str]] = None,
     method: Method = "rodas4p2",
-    tolerance: float = 1e-5,
+    tolerance: Optional[float] = None,
     step_s: Optional[float] = None,
     threads: Optional[int] = None,
     progress: Optional[Progress] = None,

@@ -131,7 +131,12 @@ impl Failure {
     pub fn range(name: &str, value: f64, (least, largest): (f64, f64), unit: &str) -> Self {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let text = format!("{name} is {value}{unit}, but must be within {least} … {largest}{unit}");
-        Self::value(text).with("range", Detail::Range(least, largest))
+        Self::value(text).within((least, largest))
+    }
+
+    /// The same error with what is allowed.
+    pub fn within(self, (least, largest): (f64, f64)) -> Self {
+        self.with("range", Detail::Range(least, largest))
     }
 
     /// The same error with a word in front, such as the input that it is about.

@@ -3,7 +3,7 @@
 use crate::array;
 use crate::errors::Failure;
 use crate::long::long;
-use crate::simulate::{faults, overrides, settings, within};
+use crate::simulate::{Steps, resolve};
 use crate::system::System;
 use crate::table::{Drawing, Table};
 use pyo3::prelude::*;
@@ -124,7 +124,7 @@ impl Twin {
     #[new]
     #[pyo3(signature = (
         system, *, sample_period_s = 0.01, record = None, between = None, faults = None,
-        parameters = None, method = "rodas4p2", tolerance = 4e-6, step_s = None
+        parameters = None, method = "rodas4p2", tolerance = None, step_s = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn new(
@@ -135,12 +135,17 @@ impl Twin {
         faults: Option<&Bound<'_, PyDict>>,
         parameters: Option<&Bound<'_, PyDict>>,
         method: &str,
-        tolerance: f64,
+        tolerance: Option<f64>,
         step_s: Option<f64>,
     ) -> PyResult<Self> {
         let inner = &system.inner;
-        let period_s = within("sample_period_s", sample_period_s, (1e-6, 1e3), "s")?;
-        let settings = settings(method, tolerance, step_s)?;
+        let period_s = sample_period_s;
+        let period_range_s = (1e-6, 1e3);
+        if !(period_range_s.0..=period_range_s.1).contains(&period_s) {
+            return Err(Failure::range("sample_period_s", period_s, period_range_s, "s").into());
+        }
+        let steps = Steps { method, tolerance, step_s };
+        let (given, settings) = resolve(inner, Some(&steps), faults, parameters)?;
         if settings.method.tableau().is_none() {
             return Err(Failure::value("a twin needs an implicit method, not rk4").into());
         }
@@ -151,8 +156,7 @@ impl Twin {
         }
         let recorded = recording::choose(inner, &record.unwrap_or_default(), &[]);
         let recorded = recorded.map_err(Failure::from)?;
-        let (faults, overrides) = (self::faults(inner, faults)?, overrides(inner, parameters)?);
-        let parameters = inner.program.parameters_with(&overrides, &faults);
+        let parameters = inner.program.parameters_with(&given.parameters, &given.faults);
         let running = Running::new(inner.clone(), |inner| {
             let mut twin = Solver::new(&inner.program, settings, period_s, ways);
             twin.load(&parameters);
@@ -237,9 +241,8 @@ impl Twin {
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         let inner = self.running.borrow_owner().clone();
-        let faults = self::faults(&inner, faults)?;
-        let overrides = overrides(&inner, parameters)?;
-        self.parameters = inner.program.parameters_with(&overrides, &faults);
+        let (given, _) = resolve(&inner, None, faults, parameters)?;
+        self.parameters = inner.program.parameters_with(&given.parameters, &given.faults);
         let parameters = &self.parameters;
         self.running.with_dependent_mut(|_, twin| twin.load(parameters));
         Ok(())

@@ -18,6 +18,7 @@ use servotwin::log::source::SourceError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
+use servotwin::simulate::SimulationError;
 use servotwin::study::StudyError;
 use servotwin::study::campaign::CampaignError;
 use servotwin::system::{RewriteError, SystemError};
@@ -77,12 +78,12 @@ pub enum Failure {
         /// How it should end.
         ending: &'static str,
     },
-    /// Parameters that the system cannot have.
-    Parameters {
-        /// The option.
-        option: &'static str,
+    /// A simulation cannot start.
+    Simulation {
+        /// The option, where one is to blame.
+        option: Option<String>,
         /// What is wrong.
-        reason: String,
+        error: SimulationError,
     },
     /// An option that needs `name=value`.
     NoEqualSign {
@@ -257,7 +258,7 @@ impl Failure {
             | Failure::Overwritten { .. }
             | Failure::Twice { .. }
             | Failure::Ending { .. }
-            | Failure::Parameters { .. }
+            | Failure::Simulation { .. }
             | Failure::NoEqualSign { .. }
             | Failure::Repeated { .. }
             | Failure::Number { .. }
@@ -393,7 +394,10 @@ impl fmt::Display for Failure {
             Failure::Ending { option, path, ending } => {
                 write!(out, "error: {option} must end in .{ending}, not as {} does", path.display())
             }
-            Failure::Parameters { option, reason } => write!(out, "error: {option}: {reason}"),
+            Failure::Simulation { option, error } => {
+                let option = option.as_ref().map_or_else(String::new, |name| format!("{name}: "));
+                write!(out, "error: {option}{error}")
+            }
             Failure::NoEqualSign { option, given } => {
                 write!(out, "error: {option} needs NAME=VALUE, not '{given}'")
             }

@@ -1,7 +1,6 @@
-//! Tables and numbers for people.
+//! Tables for people.
 
-use servotwin::shown::Shown;
-use servotwin_model::spec::Unit;
+pub use servotwin::shown::{number, number_and_unit, shown};
 
 /// A table of texts; columns of numbers stand at the right.
 pub struct Grid {
@@ -53,43 +52,6 @@ impl Grid {
     }
 }
 
-/// A number with `digits` significant digits and no needless zeros.
-pub fn number(value: f64, digits: usize) -> String {
-    if value == 0.0 {
-        return "0".into();
-    }
-    let size = value.abs();
-    if !value.is_finite() || !(1e-4..1e7).contains(&size) {
-        let text = format!("{value:.*e}", digits - 1);
-        let Some((mantissa, exponent)) = text.split_once('e') else {
-            return text;
-        };
-        return format!("{}e{exponent}", without_zeros(mantissa));
-    }
-    let before = size.log10().floor() as i64;
-    let decimals = (digits as i64 - 1 - before).max(0) as usize;
-    without_zeros(&format!("{value:.decimals$}")).to_string()
-}
-
-fn without_zeros(text: &str) -> &str {
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.'),
-        false => text,
-    }
-}
-
-/// A value with the unit that reports show.
-pub fn shown(si: f64, unit: Unit) -> String {
-    let (text, unit) = number_and_unit(si, unit);
-    if unit.is_empty() { text } else { format!("{text} {unit}") }
-}
-
-/// A value in the unit that people read, and the unit.
-pub fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
-    let shown = Shown::of(unit, si);
-    (number(shown.value(si), 5), shown.symbol())
-}
-
 /// JSON as lines for people and programs.
 pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
@@ -98,24 +60,6 @@ pub fn json(value: &serde_json::Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_are_short_and_keep_their_digits() {
-        let cases = [
-            (0.0, "0"),
-            (1.0, "1"),
-            (-1234.5678, "-1234.6"),
-            (206.84, "206.84"),
-            (0.001_234_56, "0.0012346"),
-            (2.0e-14, "2e-14"),
-            (1.23456e9, "1.2346e9"),
-            (99999.96, "100000"),
-            (f64::NAN, "NaN"),
-        ];
-        for (value, text) in cases {
-            assert_eq!(number(value, 5), text);
-        }
-    }
 
     #[test]
     fn columns_line_up_by_characters() {

@@ -9,19 +9,18 @@ use crate::{Global, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
-use servotwin::ensemble::{Ensemble, Sink, Variant};
-use servotwin::figure::time_series::TimeSeries;
-use servotwin::nearest::UnknownName;
-use servotwin::recording::{self, Recorded, with_suffix};
-use servotwin::rest::Stopped;
+use servotwin::recording::Recorded;
 use servotwin::shown::Shown;
 use servotwin::signal::{Quantity, Signal, help};
+use servotwin::simulate::{
+    MAX_SWEEP_RUNS, Prepared, RunResult, Simulation, SimulationError, SimulationProgress,
+    SimulationResults, Sweep,
+};
 use servotwin::system::System;
-use servotwin::table::{self, Column, Table};
+use servotwin::table;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
-use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{self, Control, Method, Settings, Statistics};
+use servotwin_model::solver::{Method, Statistics};
 use servotwin_model::spec::Unit;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -70,7 +69,7 @@ pub struct Options {
     /// The solver's method.
     #[arg(long, default_value = "rodas4p2", value_parser = methods())]
     method: Method,
-    /// Allowed error of a step, relative to the states' scales [default: 1e-5].
+    /// Allowed error of a step, relative to the states' scales [default: 4e-6].
     #[arg(long, conflicts_with = "step", allow_hyphen_values = true)]
     tolerance: Option<String>,
     /// A fixed step instead of error control.
@@ -104,40 +103,15 @@ fn levels() -> impl TypedValueParser<Value = Level> {
     })
 }
 
-/// What is different from run to run.
-struct Sweep {
-    /// Its full name.
-    id: String,
-    unit: Unit,
-    target: Target,
-    values: Vec<f64>,
-}
-
-/// What a sweep changes.
-#[derive(Clone, Copy)]
-enum Target {
-    Parameter(usize, usize),
-    Fault(usize, usize),
-}
-
-/// What a run has given: one list per quantity, and the solver's work.
-type Given = (Vec<Vec<f64>>, Statistics);
-
-/// Everything about a run before it starts.
+/// Everything about a simulation before it starts.
 struct Plan<'s> {
     system: &'s System,
-    settings: Settings,
-    level: Level,
+    method: Method,
     duration_s: f64,
     period_s: f64,
-    faults: Vec<FaultAt>,
-    /// Parameters with other values: component, parameter, value.
-    overrides: Vec<(usize, usize, f64)>,
-    sweep: Option<Sweep>,
-    /// The signal that each input was given, as text.
+    /// The signal that drives each input, as text.
     signals: Vec<Option<String>>,
-    curves: Vec<Piecewise>,
-    recorded: Vec<Recorded>,
+    prepared: Prepared<'s>,
 }
 
 impl Options {
@@ -161,33 +135,34 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let plan = Plan::new(options, &system)?;
     stop::heed();
     let begin = Instant::now();
-    let mut runs = plan.run(global)?;
-    let wall_s = begin.elapsed().as_secs_f64();
-    if let Some(seed) = options.noise {
-        for (run, (values, _)) in runs.iter_mut().enumerate() {
-            recording::as_shown(&system, &plan.recorded, values, seed, run);
+    let bar = progress(plan.prepared.samples() * plan.prepared.runs.len(), global);
+    let count = |progress| {
+        if progress == SimulationProgress::Sample {
+            bar.inc(1);
         }
-    }
-    if runs.iter().any(|(_, statistics)| statistics.unsettled > 0) {
+    };
+    let results = plan.prepared.run(&count, Some(stop::flag()));
+    let results = results.map_err(|error| options.failure(error))?;
+    bar.finish_and_clear();
+    let wall_s = begin.elapsed().as_secs_f64();
+    if !results.runs.iter().all(RunResult::starts_at_steady_state) {
         note(global, "no rest was found at the inputs of time zero: the run begins on the move");
     }
-    let samples = runs[0].0.first().map_or(0, Vec::len);
-    let times_s: Vec<f64> = (0..samples).map(|k| k as f64 * plan.period_s).collect();
     if let Some(path) = &options.out {
-        table::write(path, &plan.table(&times_s, &runs)?)?;
+        table::write(path, &results.table()?)?;
     }
     if let Some(path) = &options.plot {
-        plan.figure(&times_s, &runs).draw().save(path)?;
+        results.figure().draw().save(path)?;
     }
     if !global.quiet {
-        let all_s = plan.duration_s * runs.len() as f64;
+        let all_s = plan.duration_s * results.runs.len() as f64;
         let factor = number(all_s / wall_s, 3);
         eprintln!("{all_s} s in {} s: {factor} times real time", number(wall_s, 3));
     }
     Ok(match global {
-        Global { json: true, .. } => json(&plan.json(&runs)),
+        Global { json: true, .. } => json(&plan.json(&results)),
         Global { quiet: true, .. } => String::new(),
-        _ => plan.people(&runs),
+        _ => plan.people(&results),
     })
 }
 
@@ -206,26 +181,25 @@ fn positive(
     Err(Failure::OutOfRange { option, given: text.into(), range: range.into() })
 }
 
-fn settings(options: &Options) -> Result<Settings, Failure> {
-    let control = match (&options.step, &options.tolerance) {
+/// The simulation with the method and the steps that the options ask for.
+fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulation<'s>, Failure> {
+    let simulation = simulation.method(options.method);
+    Ok(match (&options.step, &options.tolerance) {
         (Some(text), _) => {
-            let step_s =
-                positive("--step", text, Unit::Second, 1.0, "greater than 0, at most 1 s")?;
-            Control::Fixed { step_s }
+            let range = "greater than 0, at most 1 s";
+            simulation.step_s(positive("--step", text, Unit::Second, 1.0, range)?)
         }
         (None, _) if options.method == Method::RungeKutta4 => {
             return Err(Failure::Options(
                 "--method rk4 has no error control: give --step, at most 2.8 over the fastest eigenvalue of 'servotwin describe'",
             ));
         }
-        (None, text) => {
-            let text = text.as_deref().unwrap_or("1e-5");
+        (None, None) => simulation,
+        (None, Some(text)) => {
             let range = "greater than 0, at most 0.1";
-            let tolerance = positive("--tolerance", text, Unit::None, 0.1, range)?;
-            Control::within(tolerance)
+            simulation.tolerance(positive("--tolerance", text, Unit::None, 0.1, range)?)
         }
-    };
-    Ok(Settings { method: options.method, control, land_on_samples: true })
+    })
 }
 
 /// The two sides of `name=value`.
@@ -234,25 +208,18 @@ fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), 
     sides.ok_or_else(|| Failure::NoEqualSign { option, given: text.into() })
 }
 
-fn faults(system: &System, texts: &[String]) -> Result<Vec<FaultAt>, Failure> {
-    let mut faults: Vec<FaultAt> = Vec::new();
-    for text in texts {
-        let new = fault(system, text)?;
-        if faults.iter().any(|f| (f.component, f.fault) == (new.component, new.fault)) {
-            let name = split("--fault", text)?.0.into();
-            return Err(Failure::Repeated { option: "--fault", name });
-        }
-        faults.push(new);
-    }
-    Ok(faults)
+/// The id and the number of `name=intensity`.
+fn intensity(text: &str) -> Result<(String, f64), Failure> {
+    let (id, value) = split("--fault", text)?;
+    let intensity = Quantity::in_unit(value, Unit::None)
+        .map_err(|error| Failure::Number { option: "--fault", error })?;
+    Ok((id.to_owned(), intensity))
 }
 
 /// A fault from `name=intensity`.
 pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
-    let (id, value) = split("--fault", text)?;
-    let (component, fault) = system.find_fault(id)?;
-    let intensity = Quantity::in_unit(value, Unit::None)
-        .map_err(|error| Failure::Number { option: "--fault", error })?;
+    let (id, intensity) = intensity(text)?;
+    let (component, fault) = system.find_fault(&id)?;
     if !(0.0..=1.0).contains(&intensity) {
         let range = "an intensity goes from 0 to 1";
         return Err(Failure::OutOfRange {
@@ -264,52 +231,20 @@ pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     Ok(FaultAt { component, fault, intensity })
 }
 
-/// The parameters that were given other values.
-fn parameters(system: &System, texts: &[String]) -> Result<Vec<(usize, usize, f64)>, Failure> {
-    let mut values: Vec<(usize, usize, f64)> = Vec::new();
-    for text in texts {
-        let (id, value) = split("--set", text)?;
-        let (component, parameter) = system.find_parameter(id)?;
-        if values.iter().any(|&(c, p, _)| (c, p) == (component, parameter)) {
-            return Err(Failure::Repeated { option: "--set", name: id.into() });
-        }
-        let instance = &system.network().components[component];
-        let unit = instance.component.spec().parameters[parameter].unit;
-        let value = Quantity::in_unit(value, unit)
-            .map_err(|error| Failure::Number { option: "--set", error })?;
-        values.push((component, parameter, value));
-    }
-    possible(system, "--set", &values)?;
-    Ok(values)
+/// The id and the SI value of `name=value` of a parameter.
+fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
+    let (id, value) = split("--set", text)?;
+    let (component, parameter) = system.find_parameter(id)?;
+    let unit = system.network().components[component].component.spec().parameters[parameter].unit;
+    let value = Quantity::in_unit(value, unit)
+        .map_err(|error| Failure::Number { option: "--set", error })?;
+    Ok((id.to_owned(), value))
 }
-
-fn possible(
-    system: &System,
-    option: &'static str,
-    values: &[(usize, usize, f64)],
-) -> Result<(), Failure> {
-    if values.is_empty() {
-        return Ok(());
-    }
-    system.possible_with(values).map_err(|reason| Failure::Parameters { option, reason })
-}
-
-/// At most so many runs of a sweep.
-const MOST: usize = 1000;
 
 /// A sweep from `name=a:b:n`.
-fn sweep(system: &System, text: &str, set: &[(usize, usize, f64)]) -> Result<Sweep, Failure> {
+fn sweep(simulation: &Simulation, text: &str) -> Result<Sweep, Failure> {
     let (id, range) = split("--sweep", text)?;
-    let parameter = system.parameter(id).map(|(c, p)| {
-        let spec = system.network().components[c].component.spec();
-        (Target::Parameter(c, p), spec.parameters[p].unit)
-    });
-    let fault = || system.program.find_fault(id).map(|(c, f)| (Target::Fault(c, f), Unit::None));
-    let (target, unit) = parameter.or_else(fault).ok_or_else(|| UnknownName {
-        what: "parameter or fault",
-        given: id.into(),
-        known: [system.all_parameters(), system.all_faults()].concat(),
-    })?;
+    let unit = simulation.sweep(id, &[])?.unit;
     let wrong = |range: &'static str| Failure::OutOfRange {
         option: "--sweep",
         given: text.into(),
@@ -324,43 +259,66 @@ fn sweep(system: &System, text: &str, set: &[(usize, usize, f64)]) -> Result<Swe
         number.map_err(|error| Failure::Number { option: "--sweep", error })
     };
     let (from, to) = (value(from)?, value(to)?);
-    let count = count.parse().ok().filter(|n| (2..=MOST).contains(n));
+    let count = count.parse().ok().filter(|n| (2..=MAX_SWEEP_RUNS).contains(n));
     let count = count.ok_or_else(|| wrong("the number of values goes from 2 to 1000"))?;
     let share = |k: usize| k as f64 / (count - 1) as f64;
     let values: Vec<f64> = (0..count).map(|k| from + (to - from) * share(k)).collect();
-    match target {
-        Target::Fault(..) if values.iter().any(|v| !(0.0..=1.0).contains(v)) => {
-            return Err(wrong("an intensity goes from 0 to 1"));
-        }
-        Target::Fault(..) => {}
-        Target::Parameter(c, p) => {
-            if set.iter().any(|&(other, place, _)| (other, place) == (c, p)) {
-                return Err(Failure::Repeated { option: "--sweep", name: id.into() });
-            }
-            for &value in &values {
-                possible(system, "--sweep", &[set, &[(c, p, value)]].concat())?;
-            }
-        }
-    }
-    Ok(Sweep { id: id.into(), unit, target, values })
+    Ok(simulation.sweep(id, &values)?)
 }
 
-/// The signals that were given: (option, input, signal).
-fn signals(options: &Options) -> Result<Vec<(String, String, Signal)>, Failure> {
-    let named =
-        [("--command", "command", &options.command), ("--load", "load_factor", &options.load)];
-    let named = named.into_iter().filter_map(|(option, id, signal)| {
-        signal.as_ref().map(|signal| Ok((option.to_string(), id.to_string(), signal.clone())))
+/// The driven inputs with their signals.
+fn signals(options: &Options) -> Result<Vec<(String, Signal)>, Failure> {
+    let named = [("command", &options.command), ("load_factor", &options.load)];
+    let named = named.into_iter().filter_map(|(id, signal)| {
+        signal.as_ref().map(|signal| Ok((id.to_string(), signal.clone())))
     });
     let others = options.inputs.iter().map(|text| {
         let (id, signal) = split("--input", text)?;
         let option = format!("--input {id}");
         match signal.parse() {
-            Ok(signal) => Ok((option, id.to_string(), signal)),
+            Ok(signal) => Ok((id.to_string(), signal)),
             Err(error) => Err(Failure::Signal { option, error }),
         }
     });
     named.chain(others).collect()
+}
+
+impl Options {
+    /// The option that gave a name: an input, a fault or a parameter.
+    fn option_of(&self, name: &str) -> String {
+        let gives = |texts: &[String]| {
+            texts.iter().any(|text| text.split_once('=').is_some_and(|(id, _)| id == name))
+        };
+        let is_swept = |text: &String| text.starts_with(&format!("{name}="));
+        match name {
+            "command" if self.command.is_some() => "--command".into(),
+            "load_factor" if self.load.is_some() => "--load".into(),
+            _ if self.sweep.as_ref().is_some_and(is_swept) => "--sweep".into(),
+            _ if gives(&self.faults) => "--fault".into(),
+            _ if gives(&self.parameters) => "--set".into(),
+            _ => format!("--input {name}"),
+        }
+    }
+
+    fn failure(&self, error: SimulationError) -> Failure {
+        match error {
+            SimulationError::UnknownName(error) => Failure::UnknownName(error),
+            SimulationError::Signal { input, error } => {
+                Failure::Signal { option: self.option_of(&input), error }
+            }
+            SimulationError::Stopped { stopped, .. } => Failure::Run(stopped),
+            SimulationError::Canceled => Failure::Stopped,
+            error => {
+                let name = match &error {
+                    SimulationError::Repeated { name }
+                    | SimulationError::Samples { input: name, .. }
+                    | SimulationError::OutOfRange { name, .. } => Some(name.as_str()),
+                    _ => None,
+                };
+                Failure::Simulation { option: name.map(|name| self.option_of(name)), error }
+            }
+        }
+    }
 }
 
 impl<'s> Plan<'s> {
@@ -369,147 +327,40 @@ impl<'s> Plan<'s> {
         let duration_s = positive("--duration", &options.duration, Unit::Second, 1e6, long)?;
         let fast = "greater than 0, at most 1e6 Hz";
         let rate_hz = positive("--rate", &options.rate, Unit::Hertz, 1e6, fast)?;
-        let mut plan = Plan {
-            system,
-            settings: settings(options)?,
-            level: options.lanes.unwrap_or_else(Level::best),
-            duration_s,
-            period_s: 1.0 / rate_hz,
-            faults: faults(system, &options.faults)?,
-            overrides: parameters(system, &options.parameters)?,
-            sweep: None,
-            signals: vec![None; system.network().inputs.len()],
-            curves: system.default_inputs(),
-            recorded: Vec::new(),
-        };
-        for (option, id, signal) in signals(options)? {
-            plan.drive(option, &id, &signal)?;
+        let period_s = 1.0 / rate_hz;
+        let mut simulation = Simulation::new(system)
+            .duration_s(duration_s)
+            .sample_period_s(period_s)
+            .record(options.record.iter().cloned());
+        simulation = stepped(options, simulation)?;
+        if let Some(level) = options.lanes {
+            simulation = simulation.level(level);
         }
-        if let Some(text) = &options.sweep {
-            let sweep = sweep(system, text, &plan.overrides)?;
-            if let Target::Fault(c, f) = sweep.target
-                && plan.faults.iter().any(|fault| (fault.component, fault.fault) == (c, f))
-            {
-                return Err(Failure::Repeated { option: "--sweep", name: sweep.id });
-            }
-            plan.sweep = Some(sweep);
+        if let Some(seed) = options.noise {
+            simulation = simulation.noise(seed);
         }
-        let inputs = system.network().inputs.iter().zip(&plan.signals);
-        let driven = inputs.filter(|(_, signal)| signal.is_some()).map(|(input, _)| &*input.id);
-        plan.recorded = recording::choose(system, &options.record, &driven.collect::<Vec<_>>())?;
-        let runs = plan.runs() as f64;
-        if plan.recorded.len() as f64 * duration_s * rate_hz * runs > 2e8 {
-            return Err(Failure::Options(
-                "more than 200 million values would be recorded: choose with --record, or a lower --rate",
-            ));
+        for text in &options.faults {
+            let (id, intensity) = intensity(text)?;
+            simulation = simulation.fault(&id, intensity);
         }
-        Ok(plan)
-    }
-
-    fn drive(&mut self, option: String, id: &str, signal: &Signal) -> Result<(), Failure> {
-        let place = self.system.find_input(id)?;
-        if self.signals[place].is_some() {
-            return Err(Failure::Repeated { option: "--input", name: id.into() });
+        for text in &options.parameters {
+            let (id, value) = parameter(system, text)?;
+            simulation = simulation.parameter(&id, value);
         }
-        let curve = self.system.driven(place, signal, self.duration_s);
-        self.curves[place] = curve.map_err(|error| Failure::Signal { option, error })?;
-        self.signals[place] = Some(signal.to_string());
-        Ok(())
-    }
-
-    fn runs(&self) -> usize {
-        self.sweep.as_ref().map_or(1, |sweep| sweep.values.len())
-    }
-
-    /// A run of the sweep, or the only one.
-    fn variant(&self, run: usize) -> Variant<'_> {
-        let mut variant = Variant {
-            faults: self.faults.clone(),
-            overrides: self.overrides.clone(),
-            inputs: self.curves.iter().collect(),
-            ..Variant::default()
-        };
-        if let Some(sweep) = &self.sweep {
-            let value = sweep.values[run];
-            match sweep.target {
-                Target::Parameter(c, p) => variant.overrides.push((c, p, value)),
-                Target::Fault(component, fault) => {
-                    variant.faults.push(FaultAt { component, fault, intensity: value });
-                }
-            }
+        let mut signals = vec![None; system.network().inputs.len()];
+        for (id, signal) in self::signals(options)? {
+            signals[system.find_input(&id)?] = Some(signal.to_string());
+            simulation = simulation.input(&id, signal);
         }
-        variant
-    }
-
-    /// Runs: the recorded values of each run, one list per quantity.
-    fn run(&self, global: Global) -> Result<Vec<Given>, Failure> {
-        let ensemble = Ensemble {
-            settings: self.settings,
-            level: self.level,
-            record: self.recorded.iter().map(|one| one.slot).collect(),
-            duration_s: self.duration_s,
-            sample_period_s: self.period_s,
-            cancel: Some(stop::flag()),
-            ..Ensemble::of(self.system)
-        };
-        let bar = progress(ensemble.samples() * self.runs(), global);
-        let values =
-            || Recorder { values: vec![Vec::new(); self.recorded.len()], bar: bar.clone() };
-        let mut results: Vec<Option<Result<Given, solver::Failure>>> = Vec::new();
-        results.resize_with(self.runs(), || None);
-        ensemble.run(
-            self.runs(),
-            |run| self.variant(run),
-            |_| values(),
-            |run, recorder, outcome| {
-                results[run] = Some(outcome.map(|statistics| (recorder.values, statistics)));
-            },
-        );
-        bar.finish_and_clear();
-        // A run that was stopped gives no result at all.
-        let results: Option<Vec<_>> = results.into_iter().collect();
-        let results = results.ok_or(Failure::Stopped)?.into_iter();
-        let named = |failure| Failure::Run(Stopped::new(self.system, failure));
-        results.map(|result| result.map_err(named)).collect()
-    }
-
-    /// All runs below each other, with the value of the sweep as the first column.
-    fn table(&self, times_s: &[f64], runs: &[Given]) -> Result<Table, Failure> {
-        let below =
-            |place: usize| runs.iter().flat_map(|run| run.0[place].iter().copied()).collect();
-        let values = (0..self.recorded.len()).map(below).collect();
-        let times = times_s.repeat(runs.len());
-        let table = recording::table(self.system, &self.recorded, times, values)?;
-        let Some(sweep) = &self.sweep else { return Ok(table) };
-        let of_run = sweep.values.iter().flat_map(|&value| times_s.iter().map(move |_| value));
-        let (name, unit) = (with_suffix(&sweep.id, sweep.unit), sweep.unit.symbol());
-        let first = Column::new(&name, unit, of_run.collect::<Vec<f64>>());
-        let columns = [first].into_iter().chain(table.columns().iter().cloned()).collect();
-        let mut whole = Table::from_columns(columns)?;
-        whole.metadata = table.metadata;
-        Ok(whole)
-    }
-
-    /// One panel per unit, in the order they appear.
-    fn figure(&self, times_s: &[f64], runs: &[Given]) -> TimeSeries<'static> {
-        let (mut recorded, mut values) = (vec![], vec![]);
-        for (place, one) in self.recorded.iter().enumerate() {
-            for (run, given) in runs.iter().enumerate() {
-                let label = match &self.sweep {
-                    Some(sweep) => format!("{} at {}", one.label, sweep.shown(run)),
-                    None => one.label.clone(),
-                };
-                recorded.push(Recorded { label, ..one.clone() });
-                values.push(given.0[place].as_slice());
-            }
-        }
-        recording::figure(&self.system.title, &recorded, times_s, &values)
+        let sweep = options.sweep.as_ref().map(|text| sweep(&simulation, text)).transpose()?;
+        let prepared = simulation.prepare(sweep).map_err(|error| options.failure(error))?;
+        Ok(Plan { system, method: options.method, duration_s, period_s, signals, prepared })
     }
 
     /// The inputs that were driven: (place, text of the signal, rms).
     fn driven(&self) -> impl Iterator<Item = (usize, &str, f64)> {
         self.signals.iter().enumerate().filter_map(|(place, signal)| {
-            let rms = self.curves[place].mean_square(0.0, self.duration_s).sqrt();
+            let rms = self.prepared.base.curves[place].mean_square(0.0, self.duration_s).sqrt();
             signal.as_ref().map(|signal| (place, signal.as_str(), rms))
         })
     }
@@ -519,16 +370,15 @@ impl<'s> Plan<'s> {
         format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name)
     }
 
-    fn json(&self, runs: &[Given]) -> Value {
+    fn json(&self, results: &SimulationResults) -> Value {
         let inputs = self.driven().map(|(place, signal, rms)| {
             let input = &self.system.network().inputs[place];
             json!({ "id": input.id, "signal": signal, "unit": input.unit.symbol(), "rms": rms })
         });
-        let faults = self
-            .faults
-            .iter()
-            .map(|fault| json!({ "id": self.fault_id(fault), "intensity": fault.intensity }));
-        let set = self.overrides.iter().map(|&(component, parameter, value)| {
+        let faults = self.prepared.base.faults.iter();
+        let faults =
+            faults.map(|fault| json!({ "id": self.fault_id(fault), "intensity": fault.intensity }));
+        let set = self.prepared.base.parameters.iter().map(|&(component, parameter, value)| {
             let (id, unit) = self.parameter(component, parameter);
             json!({ "id": id, "unit": unit.symbol(), "value": value })
         });
@@ -536,18 +386,18 @@ impl<'s> Plan<'s> {
             "system": self.system.name,
             "duration_s": self.duration_s,
             "sample_period_s": self.period_s,
-            "samples": runs[0].0.first().map_or(0, Vec::len),
+            "samples": results.times_s.len(),
             "inputs": inputs.collect::<Vec<_>>(),
             "faults": faults.collect::<Vec<_>>(),
             "set": set.collect::<Vec<_>>(),
-            "method": self.settings.method.name(),
+            "method": self.method.name(),
         });
-        match &self.sweep {
-            None => self.add_run(&mut whole, &runs[0]),
+        match &results.sweep {
+            None => add_run(&mut whole, &results.recorded, &results.runs[0]),
             Some(sweep) => {
-                let runs = sweep.values.iter().zip(runs).map(|(value, given)| {
+                let runs = sweep.values.iter().zip(&results.runs).map(|(value, given)| {
                     let mut run = json!({ "value": value });
-                    self.add_run(&mut run, given);
+                    add_run(&mut run, &results.recorded, given);
                     run
                 });
                 let runs: Vec<Value> = runs.collect();
@@ -558,23 +408,6 @@ impl<'s> Plan<'s> {
         whole
     }
 
-    /// What one run has given.
-    fn add_run(&self, to: &mut Value, (values, statistics): &Given) {
-        let recorded = self.recorded.iter().zip(values).map(|(one, values)| {
-            let Summary { start, least, most, end } = Summary::of(values);
-            json!({
-                "name": one.name, "unit": one.unit.symbol(),
-                "start": start, "min": least, "max": most, "end": end,
-            })
-        });
-        to["recorded"] = recorded.collect();
-        to["steps"] = json!(statistics.steps);
-        to["rejected"] = json!(statistics.rejected);
-        to["evaluations"] = json!(statistics.evaluations);
-        to["jacobians"] = json!(statistics.jacobians);
-        to["starts_at_rest"] = json!(statistics.unsettled == 0);
-    }
-
     /// The full name of a parameter, and its unit.
     fn parameter(&self, component: usize, parameter: usize) -> (String, Unit) {
         let instance = &self.system.network().components[component];
@@ -582,57 +415,73 @@ impl<'s> Plan<'s> {
         (format!("{}.{}", instance.id, declared.name), declared.unit)
     }
 
-    fn people(&self, runs: &[Given]) -> String {
+    fn people(&self, results: &SimulationResults) -> String {
         let mut text = format!("{}\n", self.system.title);
         for (place, signal, rms) in self.driven() {
             let input = &self.system.network().inputs[place];
             text += &format!("{}: {signal}, rms {}\n", input.id, shown(rms, input.unit));
         }
-        for &(component, parameter, value) in &self.overrides {
+        for &(component, parameter, value) in &self.prepared.base.parameters {
             let (id, unit) = self.parameter(component, parameter);
             text += &format!("{id} = {}\n", shown(value, unit));
         }
-        for fault in &self.faults {
+        for fault in &self.prepared.base.faults {
             text += &format!("fault {} at {}\n", self.fault_id(fault), fault.intensity);
         }
-        if let Some(sweep) = &self.sweep {
+        if let Some(sweep) = &results.sweep {
             text += &format!("for each value of {}:\n", sweep.id);
         }
-        let mut heads = vec![
-            ("quantity", Side::Left),
-            ("start", Side::Right),
-            ("least", Side::Right),
-            ("most", Side::Right),
-            ("end", Side::Right),
-            ("unit", Side::Left),
-        ];
-        if self.sweep.is_some() {
-            heads.insert(1, ("at", Side::Right));
-        }
-        let mut grid = Grid::new(&heads);
-        for (place, one) in self.recorded.iter().enumerate() {
-            for (run, (values, _)) in runs.iter().enumerate() {
-                let Summary { start, least, most, end } = Summary::of(&values[place]);
-                let read = Shown::of(one.unit, least.abs().max(most.abs()));
-                let cells = [start, least, most, end].map(|si| number(read.value(si), 5));
-                let at = self.sweep.as_ref().map(|sweep| sweep.shown(run));
-                let row = [one.label.clone()].into_iter().chain(at).chain(cells);
-                grid.push(row.chain([read.symbol().to_string()]).collect());
-            }
-        }
-        text += &grid.text();
-        let sum = |of: &dyn Fn(&Statistics) -> u64| runs.iter().map(|run| of(&run.1)).sum::<u64>();
-        let (steps, rejected) = (sum(&|s| s.steps), sum(&|s| s.rejected));
-        let jacobians = sum(&|s| s.jacobians);
+        text += &grid(results);
+        let mut sum = Statistics::default();
+        results.runs.iter().for_each(|run| sum += run.statistics);
+        let Statistics { steps, rejected, jacobians, .. } = sum;
         text + &format!("{steps} steps, {rejected} rejected, {jacobians} Jacobians\n")
     }
 }
 
-impl Sweep {
-    /// The value of a run, for people.
-    fn shown(&self, run: usize) -> String {
-        shown(self.values[run], self.unit)
+/// The recorded quantities of all runs with start, least, largest and last value.
+fn grid(results: &SimulationResults) -> String {
+    let mut heads = vec![
+        ("quantity", Side::Left),
+        ("start", Side::Right),
+        ("least", Side::Right),
+        ("most", Side::Right),
+        ("end", Side::Right),
+        ("unit", Side::Left),
+    ];
+    if results.sweep.is_some() {
+        heads.insert(1, ("at", Side::Right));
     }
+    let mut grid = Grid::new(&heads);
+    for (place, one) in results.recorded.iter().enumerate() {
+        for (run, result) in results.runs.iter().enumerate() {
+            let Summary { start, least, most, end } = Summary::of(&result.values[place]);
+            let read = Shown::of(one.unit, least.abs().max(most.abs()));
+            let cells = [start, least, most, end].map(|si| number(read.value(si), 5));
+            let at = results.sweep.as_ref().map(|sweep| sweep.label(run));
+            let row = [one.label.clone()].into_iter().chain(at).chain(cells);
+            grid.push(row.chain([read.symbol().to_string()]).collect());
+        }
+    }
+    grid.text()
+}
+
+/// Adds the results of one run.
+fn add_run(to: &mut Value, recorded: &[Recorded], result: &RunResult) {
+    let recorded = recorded.iter().zip(&result.values).map(|(one, values)| {
+        let Summary { start, least, most, end } = Summary::of(values);
+        json!({
+            "name": one.name, "unit": one.unit.symbol(),
+            "start": start, "min": least, "max": most, "end": end,
+        })
+    });
+    to["recorded"] = recorded.collect();
+    let statistics = &result.statistics;
+    to["steps"] = json!(statistics.steps);
+    to["rejected"] = json!(statistics.rejected);
+    to["evaluations"] = json!(statistics.evaluations);
+    to["jacobians"] = json!(statistics.jacobians);
+    to["starts_at_rest"] = json!(result.starts_at_steady_state());
 }
 
 /// A recorded quantity in four numbers.
@@ -651,19 +500,6 @@ impl Summary {
             most: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             end: values.last().copied().unwrap_or(f64::NAN),
         }
-    }
-}
-
-/// Takes the samples and shows how far the run is.
-struct Recorder {
-    values: Vec<Vec<f64>>,
-    bar: ProgressBar,
-}
-
-impl Sink for Recorder {
-    fn sample(&mut self, index: usize, values: &[f64]) {
-        self.values.sample(index, values);
-        self.bar.inc(1);
     }
 }
 

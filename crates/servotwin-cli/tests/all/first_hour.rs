@@ -246,7 +246,7 @@ fn impossible_parameters_and_inputs_are_refused() {
         (&["--set", "cylinder.stroke_half_m=1"], "impossible"),
         (&["--sweep", "spring.stiffness_n_m=0:1"], "such as 0:1:5"),
         (&["--sweep", "spring.stiffness_n_m=0:1:1"], "from 2 to 1000"),
-        (&["--sweep", "servo_valve.clogging_pa=0:1.5:3"], "from 0 to 1"),
+        (&["--sweep", "servo_valve.clogging_pa=0:1.5:3"], "allowed are 0 … 1"),
         (&["--sweep", "servo_valve.clogging=0:1:3"], "did you mean 'servo_valve.clogging_"),
         (
             &["--sweep", "servo_valve.clogging_pa=0:1:3", "--fault", "servo_valve.clogging_pa=1"],

@@ -191,7 +191,11 @@ fn wrong_use_is_told_and_has_its_exit_code() {
             2,
             "did you mean 'actuator_1.servo_valve.clogging_pa'?",
         ),
-        (&["simulate", "--fault", "actuator_1.servo_valve.clogging_pa=1.5"], 2, "from 0 to 1"),
+        (
+            &["simulate", "--fault", "actuator_1.servo_valve.clogging_pa=1.5"],
+            2,
+            "allowed are 0 … 1",
+        ),
         (
             &["simulate", "--fault", "actuator_1.servo_valve.clogging_pa=x"],
             2,

@@ -1,0 +1,788 @@
+//! Simulation of a system by names: signals, faults and parameter values in, a table out.
+//!
+//! A [`Simulation`] holds what all runs share.
+//! A [`VariantSpec`] holds what may differ from run to run.
+//! [`Simulation::prepare`] resolves every name once and reports the first mistake; [`Prepared::run`] simulates.
+//!
+//! ```
+//! use servotwin::prelude::*;
+//!
+//! let system = System::default();
+//! let results = Simulation::new(&system)
+//!     .input("command", "step:size=5deg,at=0.1s")
+//!     .fault("actuator_1.leakage_a.leakage", 0.5)
+//!     .duration_s(0.5)
+//!     .run()?;
+//! let table = results.table()?;
+//! assert_eq!(table.row_count(), 51);
+//! assert!(table.f64("p_a_1_pa")?.iter().all(|pressure_pa| *pressure_pa > 0.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use crate::document::{Quantities, Quantity};
+use crate::ensemble::{Ensemble, Sink, Variant, processors};
+use crate::figure::time_series::TimeSeries;
+use crate::nearest::UnknownName;
+use crate::recording::{self, Recorded, with_suffix};
+use crate::rest::Stopped;
+use crate::shown::shown;
+use crate::signal::bus::Bus;
+use crate::signal::{Signal, SignalError};
+use crate::system::System;
+use crate::table::{Column, Table, TableError};
+use servotwin_model::lanes::Level;
+use servotwin_model::program::FaultAt;
+use servotwin_model::signal::{CurveError, Piecewise};
+use servotwin_model::solver::{self, Control, Knot, Method, Settings, Statistics};
+use servotwin_model::spec::Unit;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// More recorded values than this are refused: they would take 1.6 GB of memory.
+pub const MAX_VALUES: f64 = 2e8;
+/// The longest run, s.
+pub const MAX_DURATION_S: f64 = 1e6;
+/// The allowed times between samples, s.
+pub const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
+/// The most runs of a sweep.
+pub const MAX_SWEEP_RUNS: usize = 1000;
+
+/// What drives an input.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InputSignal {
+    /// A signal as text, such as `step:size=10deg,at=0.1s`.
+    Text(String),
+    /// A signal that has been parsed.
+    Parsed(Signal),
+    /// The same value always, SI.
+    Constant(f64),
+    /// One value per sample, SI; a cubic runs between samples as a bus delivers them.
+    Samples(Vec<f64>),
+}
+
+impl From<&str> for InputSignal {
+    fn from(text: &str) -> Self {
+        InputSignal::Text(text.to_owned())
+    }
+}
+
+impl From<String> for InputSignal {
+    fn from(text: String) -> Self {
+        InputSignal::Text(text)
+    }
+}
+
+impl From<Signal> for InputSignal {
+    fn from(signal: Signal) -> Self {
+        InputSignal::Parsed(signal)
+    }
+}
+
+impl From<f64> for InputSignal {
+    fn from(value: f64) -> Self {
+        InputSignal::Constant(value)
+    }
+}
+
+impl From<Vec<f64>> for InputSignal {
+    fn from(samples: Vec<f64>) -> Self {
+        InputSignal::Samples(samples)
+    }
+}
+
+/// What may differ from run to run, by names; numbers are SI.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VariantSpec {
+    /// The driven inputs, such as `command`. Other inputs keep their default.
+    pub inputs: Vec<(String, InputSignal)>,
+    /// Faults, such as `actuator_1.leakage_a.leakage`, with their intensity from 0 (healthy) to 1.
+    pub faults: Vec<(String, f64)>,
+    /// Parameters, such as `actuator_1.cylinder.area_a_m2`, that differ from the system file.
+    pub parameters: Vec<(String, f64)>,
+}
+
+/// Why a simulation cannot start or did not finish.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulationError {
+    /// The system has no such input, fault, parameter or quantity.
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    /// An input, a fault or a parameter is given twice.
+    #[error("'{name}' is given twice")]
+    Repeated {
+        /// The input, the fault or the parameter.
+        name: String,
+    },
+    /// A signal cannot be read, or leaves the range of its input.
+    #[error("{input}: {error}")]
+    Signal {
+        /// The input.
+        input: String,
+        /// What is wrong.
+        error: SignalError,
+    },
+    /// The samples of an input make no curve.
+    #[error("{input}: {error}")]
+    Samples {
+        /// The input.
+        input: String,
+        /// What is wrong.
+        error: CurveError,
+    },
+    /// A number lies outside its range.
+    #[error("{}", out_of_range(name, *value, *range, *unit))]
+    OutOfRange {
+        /// What the number sets.
+        name: String,
+        /// The number, SI.
+        value: f64,
+        /// The least and the largest value allowed, SI.
+        range: (f64, f64),
+        /// Its unit.
+        unit: Unit,
+    },
+    /// The parameters contradict each other.
+    #[error("{0}")]
+    Impossible(String),
+    /// The method needs a fixed step.
+    #[error("the method {method} has no error control and needs a fixed step")]
+    NoErrorControl {
+        /// The method's name.
+        method: &'static str,
+    },
+    /// More than [`MAX_VALUES`] values would be recorded.
+    #[error(
+        "more than 200 million values would be recorded: record fewer quantities, or sample less often"
+    )]
+    TooManyValues,
+    /// The solver could not finish a run.
+    #[error("{}{stopped}", of_variant(*variant))]
+    Stopped {
+        /// The place of the run among several; `None` for a single run.
+        variant: Option<usize>,
+        /// When, at which state, and why.
+        stopped: Stopped,
+    },
+    /// The caller canceled the simulation. There are no results.
+    #[error("the simulation was canceled")]
+    Canceled,
+}
+
+fn out_of_range(name: &str, value: f64, (least, largest): (f64, f64), unit: Unit) -> String {
+    let (value, range) =
+        (Quantity(value, unit.symbol()), Quantities(least, largest, unit.symbol()));
+    format!("{name} = {value} is out of range: allowed are {range}")
+}
+
+fn of_variant(variant: Option<usize>) -> String {
+    variant.map_or_else(String::new, |place| format!("variant {place}: "))
+}
+
+/// How far a simulation is; see [`Prepared::run`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SimulationProgress {
+    /// One more sample of one run.
+    Sample,
+    /// One more run has ended.
+    Run,
+}
+
+/// A simulation of one system: what all of its runs share, and the variant that they start from.
+#[derive(Clone)]
+pub struct Simulation<'s> {
+    system: &'s System,
+    variant: VariantSpec,
+    record: Vec<String>,
+    duration_s: f64,
+    sample_period_s: f64,
+    settings: Settings,
+    level: Level,
+    threads: usize,
+    noise_seed: Option<u64>,
+}
+
+impl<'s> Simulation<'s> {
+    /// A healthy run of 5 s with 100 samples a second, recording the driven inputs and all sensors.
+    pub fn new(system: &'s System) -> Self {
+        Simulation {
+            system,
+            variant: VariantSpec::default(),
+            record: vec![],
+            duration_s: 5.0,
+            sample_period_s: 0.01,
+            settings: Settings::campaign(),
+            level: Level::best(),
+            threads: processors(),
+            noise_seed: None,
+        }
+    }
+
+    /// Drives an input with a signal text, a parsed signal, a constant, or samples.
+    #[must_use]
+    pub fn input(mut self, id: &str, signal: impl Into<InputSignal>) -> Self {
+        self.variant.inputs.push((id.to_owned(), signal.into()));
+        self
+    }
+
+    /// Injects a fault with an intensity from 0 (healthy) to 1.
+    #[must_use]
+    pub fn fault(mut self, id: &str, intensity: f64) -> Self {
+        self.variant.faults.push((id.to_owned(), intensity));
+        self
+    }
+
+    /// Gives a parameter another value, SI.
+    #[must_use]
+    pub fn parameter(mut self, id: &str, value: f64) -> Self {
+        self.variant.parameters.push((id.to_owned(), value));
+        self
+    }
+
+    /// Adds everything of a variant.
+    #[must_use]
+    pub fn variant(mut self, variant: VariantSpec) -> Self {
+        self.variant.inputs.extend(variant.inputs);
+        self.variant.faults.extend(variant.faults);
+        self.variant.parameters.extend(variant.parameters);
+        self
+    }
+
+    /// Records these quantities instead: a sensor, an input, a quantity such as `actuator_1.cylinder.position_m`,
+    /// a component for all of its quantities, or `all`.
+    #[must_use]
+    pub fn record<N: Into<String>>(mut self, names: impl IntoIterator<Item = N>) -> Self {
+        self.record = names.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// The length of every run, s, up to [`MAX_DURATION_S`].
+    #[must_use]
+    pub fn duration_s(mut self, duration_s: f64) -> Self {
+        self.duration_s = duration_s;
+        self
+    }
+
+    /// The time between samples, s, within [`SAMPLE_PERIODS_S`].
+    #[must_use]
+    pub fn sample_period_s(mut self, period_s: f64) -> Self {
+        self.sample_period_s = period_s;
+        self
+    }
+
+    /// The solver's method instead of the campaign's.
+    #[must_use]
+    pub fn method(mut self, method: Method) -> Self {
+        self.settings.method = method;
+        self
+    }
+
+    /// The allowed error of a step relative to the states' scales, up to 0.1, instead of the campaign's.
+    #[must_use]
+    pub fn tolerance(mut self, tolerance: f64) -> Self {
+        self.settings.control = Control::within(tolerance);
+        self
+    }
+
+    /// A fixed step instead of error control, s, up to 1 s.
+    #[must_use]
+    pub fn step_s(mut self, step_s: f64) -> Self {
+        self.settings.control = Control::Fixed { step_s };
+        self
+    }
+
+    /// The instruction set instead of the widest; results do not depend on it.
+    #[must_use]
+    pub fn level(mut self, level: Level) -> Self {
+        self.level = level;
+        self
+    }
+
+    /// The number of threads instead of one per processor; results do not depend on it.
+    #[must_use]
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.threads = threads.max(1);
+        self
+    }
+
+    /// Records sensors with their declared noise, drawn from this seed, and their converter's resolution.
+    #[must_use]
+    pub fn noise(mut self, seed: u64) -> Self {
+        self.noise_seed = Some(seed);
+        self
+    }
+
+    /// Simulates the variant.
+    ///
+    /// # Errors
+    /// See [`SimulationError`].
+    pub fn run(&self) -> Result<SimulationResults<'s>, SimulationError> {
+        self.prepare(None)?.run(&|_| {}, None)
+    }
+
+    /// Simulates several variants side by side. Each adds to what the simulation itself says.
+    ///
+    /// # Errors
+    /// See [`SimulationError`].
+    pub fn run_variants(
+        &self,
+        variants: &[VariantSpec],
+    ) -> Result<SimulationResults<'s>, SimulationError> {
+        self.prepare_variants(variants)?.run(&|_| {}, None)
+    }
+
+    /// Simulates once for each value of a parameter (SI) or of a fault's intensity.
+    ///
+    /// # Errors
+    /// See [`SimulationError`].
+    pub fn run_sweep(
+        &self,
+        id: &str,
+        values: &[f64],
+    ) -> Result<SimulationResults<'s>, SimulationError> {
+        self.prepare(Some(self.sweep(id, values)?))?.run(&|_| {}, None)
+    }
+
+    /// What [`Simulation::run_sweep`] changes from run to run.
+    ///
+    /// # Errors
+    /// The system has neither a parameter nor a fault of this name.
+    pub fn sweep(&self, id: &str, values: &[f64]) -> Result<Sweep, UnknownName> {
+        let (is_fault, unit) = sweep_target(self.system, id)?;
+        Ok(Sweep { id: id.to_owned(), unit, is_fault, values: values.to_vec() })
+    }
+
+    /// Resolves all names and checks all numbers of a single run, or of a sweep.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn prepare(&self, sweep: Option<Sweep>) -> Result<Prepared<'s>, SimulationError> {
+        let Some(sweep) = sweep else {
+            return self.prepared(&[VariantSpec::default()], None);
+        };
+        let variants = sweep.values.iter().map(|&value| sweep.variant(value));
+        self.prepared(&variants.collect::<Vec<_>>(), Some(sweep))
+    }
+
+    /// Resolves all names and checks all numbers of several variants.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn prepare_variants(
+        &self,
+        variants: &[VariantSpec],
+    ) -> Result<Prepared<'s>, SimulationError> {
+        self.prepared(variants, None)
+    }
+
+    fn prepared(
+        &self,
+        variants: &[VariantSpec],
+        sweep: Option<Sweep>,
+    ) -> Result<Prepared<'s>, SimulationError> {
+        self.check_numbers()?;
+        let mut resolver = Resolver { simulation: self, curves: BTreeMap::new() };
+        let base = resolver.variant(&[&self.variant])?;
+        let runs = variants.iter().map(|variant| resolver.variant(&[&self.variant, variant]));
+        let runs = runs.collect::<Result<Vec<_>, _>>()?;
+        let mut driven: Vec<usize> =
+            runs.iter().flat_map(|run| run.driven.iter().copied()).collect();
+        driven.sort_unstable();
+        driven.dedup();
+        let inputs = &self.system.network().inputs;
+        let ids: Vec<&str> = driven.iter().map(|&input| inputs[input].id.as_str()).collect();
+        let recorded = recording::choose(self.system, &self.record, &ids)?;
+        let samples = self.duration_s / self.sample_period_s + 1.0;
+        if samples * (recorded.len() * runs.len()) as f64 > MAX_VALUES {
+            return Err(SimulationError::TooManyValues);
+        }
+        Ok(Prepared { simulation: self.clone(), base, runs, recorded, sweep })
+    }
+
+    fn check_numbers(&self) -> Result<(), SimulationError> {
+        within("duration_s", self.duration_s, (1e-6, MAX_DURATION_S), Unit::Second)?;
+        within("sample_period_s", self.sample_period_s, SAMPLE_PERIODS_S, Unit::Second)?;
+        match self.settings.control {
+            Control::Fixed { step_s } => within("step_s", step_s, (1e-9, 1.0), Unit::Second),
+            Control::Adaptive { .. } if self.settings.method.tableau().is_none() => {
+                Err(SimulationError::NoErrorControl { method: self.settings.method.name() })
+            }
+            Control::Adaptive { tolerance, .. } => {
+                within("tolerance", tolerance, (1e-15, 0.1), Unit::None)
+            }
+        }
+    }
+}
+
+fn within(name: &str, value: f64, range: (f64, f64), unit: Unit) -> Result<(), SimulationError> {
+    match (range.0..=range.1).contains(&value) {
+        true => Ok(()),
+        false => Err(SimulationError::OutOfRange { name: name.to_owned(), value, range, unit }),
+    }
+}
+
+/// Whether a name is a fault's, and its unit.
+fn sweep_target(system: &System, id: &str) -> Result<(bool, Unit), UnknownName> {
+    if let Some((component, parameter)) = system.parameter(id) {
+        let spec = system.network().components[component].component.spec();
+        return Ok((false, spec.parameters[parameter].unit));
+    }
+    match system.program.find_fault(id) {
+        Some(_) => Ok((true, Unit::None)),
+        None => Err(UnknownName {
+            what: "parameter or fault",
+            given: id.into(),
+            known: [system.all_parameters(), system.all_faults()].concat(),
+        }),
+    }
+}
+
+/// A parameter, or a fault's intensity, that has another value in every run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// The parameter or the fault.
+    pub id: String,
+    /// The unit of the values; intensities have none.
+    pub unit: Unit,
+    /// Whether the values are intensities.
+    is_fault: bool,
+    /// One value per run, SI.
+    pub values: Vec<f64>,
+}
+
+impl Sweep {
+    fn variant(&self, value: f64) -> VariantSpec {
+        let pair = vec![(self.id.clone(), value)];
+        match self.is_fault {
+            true => VariantSpec { faults: pair, ..VariantSpec::default() },
+            false => VariantSpec { parameters: pair, ..VariantSpec::default() },
+        }
+    }
+
+    /// The value of a run with its unit, for people.
+    pub fn label(&self, run: usize) -> String {
+        shown(self.values[run], self.unit)
+    }
+}
+
+/// Turns names into places. Variants that share a signal text share its curve.
+struct Resolver<'r, 's> {
+    simulation: &'r Simulation<'s>,
+    curves: BTreeMap<(usize, String), Arc<Piecewise>>,
+}
+
+impl Resolver<'_, '_> {
+    fn variant(&mut self, parts: &[&VariantSpec]) -> Result<PreparedRun, SimulationError> {
+        let system = self.simulation.system;
+        let mut run = PreparedRun {
+            faults: vec![],
+            parameters: vec![],
+            curves: system.default_inputs().into_iter().map(Arc::new).collect(),
+            driven: vec![],
+        };
+        for part in parts {
+            for (id, intensity) in &part.faults {
+                run.add_fault(system, id, *intensity)?;
+            }
+            for (id, value) in &part.parameters {
+                run.add_parameter(system, id, *value)?;
+            }
+            for (id, signal) in &part.inputs {
+                let input = system.find_input(id)?;
+                if run.driven.contains(&input) {
+                    return Err(SimulationError::Repeated { name: id.clone() });
+                }
+                run.curves[input] = self.curve(input, signal)?;
+                run.driven.push(input);
+            }
+        }
+        if !run.parameters.is_empty() {
+            system.possible_with(&run.parameters).map_err(SimulationError::Impossible)?;
+        }
+        Ok(run)
+    }
+
+    fn curve(
+        &mut self,
+        input: usize,
+        signal: &InputSignal,
+    ) -> Result<Arc<Piecewise>, SimulationError> {
+        let system = self.simulation.system;
+        let id = || system.network().inputs[input].id.clone();
+        let bad_samples = |error| SimulationError::Samples { input: id(), error };
+        let bad_signal = |error| SimulationError::Signal { input: id(), error };
+        let build = |signal: &Signal| {
+            let curve = system.driven(input, signal, self.simulation.duration_s);
+            curve.map(Arc::new).map_err(bad_signal)
+        };
+        Ok(match signal {
+            InputSignal::Constant(value) => {
+                Arc::new(Piecewise::constant(*value).map_err(bad_samples)?)
+            }
+            InputSignal::Samples(values) => {
+                let period_s = self.simulation.sample_period_s;
+                Arc::new(bus_curve(values, period_s).map_err(bad_samples)?)
+            }
+            InputSignal::Parsed(signal) => build(signal)?,
+            InputSignal::Text(text) => {
+                let key = (input, text.clone());
+                if let Some(known) = self.curves.get(&key) {
+                    return Ok(known.clone());
+                }
+                let signal: Signal = text.parse().map_err(bad_signal)?;
+                let curve = build(&signal)?;
+                self.curves.insert(key, curve.clone());
+                curve
+            }
+        })
+    }
+}
+
+/// Samples with the curve between them that a bus makes of them.
+fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
+    let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
+    let mut bus = Bus::default();
+    let knots: Vec<Knot> = values.iter().map(|&value| bus.next(value, period_s)).collect();
+    let slopes: Vec<f64> = knots.iter().map(|knot| knot.slope_per_s).collect();
+    Piecewise::hermite(&times_s, values, &slopes)
+}
+
+/// A run with its names resolved.
+#[derive(Clone, Debug)]
+pub struct PreparedRun {
+    /// The faults.
+    pub faults: Vec<FaultAt>,
+    /// Parameters that differ from the system's: (component, parameter, SI value).
+    pub parameters: Vec<(usize, usize, f64)>,
+    /// One curve per input of the system.
+    pub curves: Vec<Arc<Piecewise>>,
+    /// The inputs that a signal drives.
+    pub driven: Vec<usize>,
+}
+
+impl PreparedRun {
+    fn add_fault(
+        &mut self,
+        system: &System,
+        id: &str,
+        intensity: f64,
+    ) -> Result<(), SimulationError> {
+        let (component, fault) = system.find_fault(id)?;
+        if self.faults.iter().any(|known| (known.component, known.fault) == (component, fault)) {
+            return Err(SimulationError::Repeated { name: id.to_owned() });
+        }
+        within(id, intensity, (0.0, 1.0), Unit::None)?;
+        self.faults.push(FaultAt { component, fault, intensity });
+        Ok(())
+    }
+
+    fn add_parameter(
+        &mut self,
+        system: &System,
+        id: &str,
+        value: f64,
+    ) -> Result<(), SimulationError> {
+        let (component, parameter) = system.find_parameter(id)?;
+        if self.parameters.iter().any(|known| (known.0, known.1) == (component, parameter)) {
+            return Err(SimulationError::Repeated { name: id.to_owned() });
+        }
+        let instance = &system.network().components[component];
+        let (least, largest) = instance.range(parameter);
+        let unit = instance.component.spec().parameters[parameter].unit;
+        // A temperature within its range may still make the liquid too soft: `possible_with` says so.
+        if system.allows(component, parameter, value).is_err()
+            && !(least..=largest).contains(&value)
+        {
+            let (name, range) = (id.to_owned(), (least, largest));
+            return Err(SimulationError::OutOfRange { name, value, range, unit });
+        }
+        self.parameters.push((component, parameter, value));
+        Ok(())
+    }
+
+    fn variant(&self) -> Variant<'_> {
+        Variant {
+            faults: self.faults.clone(),
+            overrides: self.parameters.clone(),
+            inputs: self.curves.iter().map(Arc::as_ref).collect(),
+            ..Variant::default()
+        }
+    }
+}
+
+/// A simulation whose names and numbers are checked.
+pub struct Prepared<'s> {
+    simulation: Simulation<'s>,
+    /// What all runs have in common.
+    pub base: PreparedRun,
+    /// The runs, in their order.
+    pub runs: Vec<PreparedRun>,
+    /// What every run records.
+    pub recorded: Vec<Recorded>,
+    /// What differs from run to run, if one quantity does.
+    pub sweep: Option<Sweep>,
+}
+
+impl<'s> Prepared<'s> {
+    /// How the solver steps.
+    pub fn settings(&self) -> Settings {
+        self.simulation.settings
+    }
+
+    /// The samples of each run.
+    pub fn samples(&self) -> usize {
+        self.ensemble(None).samples()
+    }
+
+    fn ensemble<'p>(&'p self, cancel: Option<&'p AtomicBool>) -> Ensemble<'p> {
+        Ensemble {
+            settings: self.simulation.settings,
+            level: self.simulation.level,
+            threads: self.simulation.threads,
+            record: self.recorded.iter().map(|one| one.slot).collect(),
+            duration_s: self.simulation.duration_s,
+            sample_period_s: self.simulation.sample_period_s,
+            cancel,
+            ..Ensemble::of(self.simulation.system)
+        }
+    }
+
+    /// Simulates all runs on all threads. `progress` is called from several threads. A set `cancel` ends the work.
+    ///
+    /// # Errors
+    /// The first run that the solver could not finish, or [`SimulationError::Canceled`].
+    pub fn run(
+        &self,
+        progress: &(dyn Fn(SimulationProgress) + Sync),
+        cancel: Option<&AtomicBool>,
+    ) -> Result<SimulationResults<'s>, SimulationError> {
+        let ensemble = self.ensemble(cancel);
+        let times_s = recording::times_s(&ensemble);
+        let mut results: Vec<Option<Result<RunResult, solver::Failure>>> = vec![];
+        results.resize_with(self.runs.len(), || None);
+        ensemble.run(
+            self.runs.len(),
+            |run| self.runs[run].variant(),
+            |_| Recorder { values: vec![Vec::new(); self.recorded.len()], progress },
+            |run, recorder, outcome| {
+                let result = |statistics| RunResult { values: recorder.values, statistics };
+                results[run] = Some(outcome.map(result));
+                progress(SimulationProgress::Run);
+            },
+        );
+        // A canceled run leaves no result at all.
+        let results: Option<Vec<_>> = results.into_iter().collect();
+        let results = results.ok_or(SimulationError::Canceled)?;
+        let is_single = results.len() == 1;
+        let system = self.simulation.system;
+        let named = |(place, result): (usize, Result<RunResult, solver::Failure>)| {
+            result.map_err(|failure| SimulationError::Stopped {
+                variant: (!is_single).then_some(place),
+                stopped: Stopped::new(system, failure),
+            })
+        };
+        let mut runs = results.into_iter().enumerate().map(named).collect::<Result<Vec<_>, _>>()?;
+        if let Some(seed) = self.simulation.noise_seed {
+            for (place, run) in runs.iter_mut().enumerate() {
+                recording::as_shown(system, &self.recorded, &mut run.values, seed, place);
+            }
+        }
+        let (recorded, sweep) = (self.recorded.clone(), self.sweep.clone());
+        Ok(SimulationResults { system, recorded, times_s, runs, sweep })
+    }
+}
+
+/// Keeps the samples of one run and reports each.
+struct Recorder<'r> {
+    values: Vec<Vec<f64>>,
+    progress: &'r (dyn Fn(SimulationProgress) + Sync),
+}
+
+impl Sink for Recorder<'_> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        self.values.sample(index, values);
+        (self.progress)(SimulationProgress::Sample);
+    }
+}
+
+/// The recorded values of one run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunResult {
+    /// One list per recorded quantity with one value per sample, SI.
+    pub values: Vec<Vec<f64>>,
+    /// What the solver did.
+    pub statistics: Statistics,
+}
+
+impl RunResult {
+    /// Whether the run began in the steady state of its inputs at time zero.
+    pub fn starts_at_steady_state(&self) -> bool {
+        self.statistics.unsettled == 0
+    }
+}
+
+/// The recorded values of all runs.
+pub struct SimulationResults<'s> {
+    system: &'s System,
+    /// What was recorded.
+    pub recorded: Vec<Recorded>,
+    /// The times of the samples, s.
+    pub times_s: Vec<f64>,
+    /// The runs, in their order.
+    pub runs: Vec<RunResult>,
+    /// What differed from run to run, if one quantity did.
+    pub sweep: Option<Sweep>,
+}
+
+impl SimulationResults<'_> {
+    /// All runs below each other; the swept value, if any, is the first column.
+    ///
+    /// # Errors
+    /// Two recorded quantities have one name.
+    pub fn table(&self) -> Result<Table, TableError> {
+        let below = |place: usize| {
+            let runs = self.runs.iter().flat_map(|run| run.values[place].iter().copied());
+            runs.collect()
+        };
+        let values = (0..self.recorded.len()).map(below).collect();
+        let times_s = self.times_s.repeat(self.runs.len());
+        let table = recording::table(self.system, &self.recorded, times_s, values)?;
+        let Some(sweep) = &self.sweep else { return Ok(table) };
+        let samples = self.times_s.len();
+        let swept = sweep.values.iter().flat_map(|&value| std::iter::repeat_n(value, samples));
+        let (name, unit) = (with_suffix(&sweep.id, sweep.unit), sweep.unit.symbol());
+        let first = Column::new(&name, unit, swept.collect::<Vec<f64>>());
+        let columns = [first].into_iter().chain(table.columns().iter().cloned()).collect();
+        let mut whole = Table::from_columns(columns)?;
+        whole.metadata = table.metadata;
+        Ok(whole)
+    }
+
+    /// The table of one run.
+    ///
+    /// # Errors
+    /// Two recorded quantities have one name.
+    pub fn table_of_run(&self, run: usize) -> Result<Table, TableError> {
+        let values = self.runs[run].values.clone();
+        recording::table(self.system, &self.recorded, self.times_s.clone(), values)
+    }
+
+    /// A figure with one panel per unit and size of values.
+    pub fn figure(&self) -> TimeSeries<'static> {
+        let (mut recorded, mut values) = (vec![], vec![]);
+        for (place, one) in self.recorded.iter().enumerate() {
+            for (run, result) in self.runs.iter().enumerate() {
+                let label = match &self.sweep {
+                    Some(sweep) => format!("{} at {}", one.label, sweep.label(run)),
+                    None => one.label.clone(),
+                };
+                recorded.push(Recorded { label, ..one.clone() });
+                values.push(result.values[place].as_slice());
+            }
+        }
+        recording::figure(&self.system.title, &recorded, &self.times_s, &values)
+    }
+}
+
+#[cfg(test)]
+mod tests;
