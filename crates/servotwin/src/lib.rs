@@ -1,4 +1,73 @@
-//! The hybrid twin of electro-hydraulic servo actuators.
+//! A hybrid twin for electro-hydraulic servo actuators.
+//!
+//! A *virtual twin* simulates how an actuator should behave.
+//! A *diagnosis*, trained on thousands of simulated faults, compares the twin with the sensors and reports which actuator
+//! failed, what the flight control computer must do, and which component is at fault.
+//!
+//! Five steps lead from a system file to a finding.
+//! Start with `use servotwin::prelude::*;`.
+//!
+//! # 1. Load a system
+//!
+//! A [`System`](system::System) comes from a TOML file or is built in.
+//! It knows its inputs, sensors, parameters, and every fault that its components can have.
+//!
+//! ```
+//! use servotwin::prelude::*;
+//!
+//! let system = System::default(); // an aileron with two actuators
+//! assert_eq!(system.sensors.len(), 13);
+//! assert!(system.fault_list().iter().any(|fault| fault.id == "actuator_1.leakage_a.leakage"));
+//! ```
+//!
+//! # 2. Simulate
+//!
+//! A [`Simulation`](simulate::Simulation) takes names and returns a [`Table`](table::Table).
+//!
+//! ```
+//! use servotwin::prelude::*;
+//!
+//! let system = System::default();
+//! let simulation = Simulation::new(&system).input("command", "step:size=5deg,at=0.1s").duration_s(0.5);
+//! let healthy = simulation.run()?.table()?;
+//! let leaking = simulation.fault("actuator_1.leakage_a.leakage", 0.5).run()?.table()?;
+//! assert!(leaking.f64("p_a_1_pa")?[50] < healthy.f64("p_a_1_pa")?[50]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # 3. Run a study, and 4. train
+//!
+//! A [`Study`](study::Study) lists faults, intensities and operating cases.
+//! [`Study::run`](study::Study::run) simulates them all, trains the diagnosis, evaluates it on commands that it has never
+//! seen, and writes a report.
+//!
+//! ```no_run
+//! use servotwin::prelude::*;
+//!
+//! let study = Study::default(); // the study of the paper
+//! let results = study.run("out")?;
+//! println!("{}", results.report().display());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # 5. Monitor
+//!
+//! A [`Monitor`](monitor::Monitor) runs the twin and the diagnosis beside an actuator.
+//!
+//! ```no_run
+//! use servotwin::prelude::*;
+//!
+//! let study = Study::default();
+//! let diagnoser = read_diagnoser("out/diagnoser-realistic.json")?;
+//! let mut monitor = Monitor::new(&study, diagnoser)?;
+//! for (time_s, finding) in monitor.push_table(&Table::read("flight.csv")?)? {
+//!     println!("{time_s:.2} s: {finding}");
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`fit`] estimates the parameters of a twin, or the intensity of a fault, from a record.
+//! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
 
 mod beside;
 pub mod built_in;
@@ -17,6 +86,7 @@ pub mod job;
 pub mod kind;
 pub mod log;
 pub mod manifest;
+pub mod monitor;
 pub mod nearest;
 pub mod prelude;
 pub mod quoted;

@@ -1,5 +1,16 @@
 //! The types that most programs need: `use servotwin::prelude::*`.
 
-pub use crate::simulate::{Simulation, SimulationError, SimulationResults, VariantSpec};
+pub use crate::evaluation::model_file::read_diagnoser;
+pub use crate::fit::{FitError, Fitted, Problem, Record};
+pub use crate::job::{JobError, StudyEvent, StudyResults, StudyRun};
+pub use crate::log::{Finding, State};
+pub use crate::monitor::Monitor;
+pub use crate::nearest::UnknownName;
+pub use crate::simulate::{
+    InputSignal, Simulation, SimulationError, SimulationResults, Sweep, VariantSpec,
+};
+pub use crate::study::{Setting, Study, StudyError};
 pub use crate::system::{System, SystemError};
-pub use crate::table::Table;
+pub use crate::table::{Table, TableError};
+pub use servotwin_diagnosis::diagnoser::Diagnoser;
+pub use servotwin_diagnosis::hierarchy::Hierarchy;

@@ -134,7 +134,8 @@ pub fn simulate(
     if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
 }
 
-fn bar(name: &str, global: Global) -> ProgressBar {
+/// A bar with the rows of a campaign.
+pub fn bar(name: &str, global: Global) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
@@ -145,7 +146,7 @@ fn bar(name: &str, global: Global) -> ProgressBar {
 }
 
 /// The settings of a campaign and what it is for, in words.
-fn named(campaign: &Campaign) -> String {
+pub fn named(campaign: &Campaign) -> String {
     let names: Vec<&str> = campaign.settings.iter().map(|setting| setting.name()).collect();
     let role = match campaign.role {
         Role::Judged => "",

@@ -97,11 +97,16 @@ impl StudyOptions {
     fn keep(&self, study: &Study, global: Global) -> Result<Hold, Failure> {
         let Kept { hold, dropped } = Folder::new(&self.out).keep_study(study, self.replace)?;
         if dropped > 0 {
-            let (folder, files) = (self.out.display(), counted(dropped, "result file"));
-            note(global, &format!("{folder}: {files} of before the study was changed removed"));
+            removed(global, &self.out.display().to_string(), dropped);
         }
         Ok(hold)
     }
+}
+
+/// Reports that results of an earlier version of the study were removed.
+fn removed(global: Global, folder: &str, files: usize) {
+    let files = counted(files, "result file");
+    note(global, &format!("{folder}: {files} of before the study was changed removed"));
 }
 
 /// What a command makes of a table's columns and rows.

@@ -1,19 +1,15 @@
 //! `servotwin study`: the main job, from nothing to a report.
 
-use super::StudyOptions;
-use super::campaign::{campaign, describe, simulate};
-use super::evaluate::measure;
-use super::flights::with_crew;
-use super::progress::Notes;
-use super::summary;
+use super::campaign::{bar, describe, named};
+use super::progress::{Notes, Stages};
+use super::{StudyOptions, removed, summary};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
+use indicatif::ProgressBar;
 use serde_json::json;
-use servotwin::job::flights::settings;
-use servotwin::job::{self, Folder, report};
-use servotwin::study::Setting;
-use servotwin::study::campaign::{CampaignError, runs};
+use servotwin::job::{Folder, StudyEvent, StudyRun};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
@@ -35,48 +31,108 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     let study = options.study.read(global)?;
     stop::heed();
-    // What cannot be flown is told now, not after the campaigns.
-    let flights = study.flights()?;
-    if options.fitted && !Setting::Fitted.is_possible(&study) {
-        return Err(CampaignError::no_section(Setting::Fitted, &study).into());
-    }
-    let wanted = |setting: Setting| setting.is_usual() || options.fitted;
-    let folder = Folder::new(&options.study.out);
-    let _hold = options.study.keep(&study, global)?;
-    let flown = job::flights::results(&folder)?;
-    let notes = Notes::new(global);
-    for (role, settings) in runs(&study, wanted) {
-        let begin = Instant::now();
-        let campaign = campaign(&study, role, settings, &folder, options.study.threads);
-        let outcome = simulate(&campaign, None, global)?;
-        let seconds = begin.elapsed().as_secs_f64();
-        notes.write(describe(&campaign, &outcome, seconds).trim_end());
-    }
-    stop::check()?;
-    if flown.is_some_and(|results| results.is_full_of(&study)) {
-        notes.write("kept what was measured in the full flights (without flights.json the small ones are flown)");
-    } else if let Some(flights) = &flights {
-        let flying = Instant::now();
-        with_crew(options.study.threads, global, |crew| {
-            job::flights::fly_all(&folder, &study, flights, &settings(&study), false, crew)
-        })?;
-        notes.write(&format!("flown in {:.1} s", flying.elapsed().as_secs_f64()));
-    }
-    let judging = Instant::now();
-    let stage = job::train_and_evaluate_all;
-    let results = measure(stage, &folder, &study, options.study.threads, global)?;
-    notes.write(&format!("trained and evaluated in {:.1} s", judging.elapsed().as_secs_f64()));
-    stop::check()?;
-    report::write(&folder, &study)?;
-    let path = folder.report().display().to_string();
+    let screen = Screen::new(global, options);
+    let run = StudyRun {
+        folder: Folder::new(&options.study.out),
+        replace: options.study.replace,
+        fitted: options.fitted,
+        workers: super::evaluate::workers(options.study.threads),
+        observer: &|event| screen.show(event),
+        ..StudyRun::new(&study, &options.study.out)
+    };
+    let results = run.run();
+    screen.end();
+    let results = results?;
+    let path = results.report().display().to_string();
     let seconds = begin.elapsed().as_secs_f64();
     Ok(match global {
         Global { json: true, .. } => json(&json!({
             "report": path,
-            "evaluation": folder.results().display().to_string(),
-            "manifest": folder.manifest().display().to_string(),
+            "evaluation": run.folder.results().display().to_string(),
+            "manifest": run.folder.manifest().display().to_string(),
         })),
         Global { quiet: true, .. } => String::new(),
-        _ => format!("{}\n{path}, after {seconds:.0} s\n", summary::text(&results, &study)),
+        _ => {
+            let summary = summary::text(&results.evaluation, &study);
+            format!("{summary}\n{path}, after {seconds:.0} s\n")
+        }
     })
+}
+
+/// What the user sees while a study runs.
+struct Screen {
+    global: Global,
+    out: String,
+    notes: Notes,
+    state: Mutex<State>,
+}
+
+/// The stage that is shown.
+struct State {
+    begin: Instant,
+    rows: Option<ProgressBar>,
+    stages: Option<Stages>,
+}
+
+impl Screen {
+    fn new(global: Global, options: &Options) -> Self {
+        Screen {
+            global,
+            out: options.study.out.display().to_string(),
+            notes: Notes::new(global),
+            state: Mutex::new(State { begin: Instant::now(), rows: None, stages: None }),
+        }
+    }
+
+    fn show(&self, event: &StudyEvent) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        match event {
+            StudyEvent::Removed { files } => removed(self.global, &self.out, *files),
+            StudyEvent::Rows { campaign, done, all } => {
+                let new = || bar(&named(campaign), self.global);
+                let (done, all) = (*done as u64, *all as u64);
+                state.rows.get_or_insert_with(new).update(|bar| {
+                    bar.set_len(all);
+                    bar.set_pos(done);
+                });
+            }
+            StudyEvent::Simulated { campaign, outcome } => {
+                let seconds = state.end_stage();
+                self.notes.write(describe(campaign, outcome, seconds).trim_end());
+            }
+            StudyEvent::FlightsKept => self.notes.write(
+                "kept what was measured in the full flights (without flights.json the small ones are flown)",
+            ),
+            StudyEvent::Flying { what, share } | StudyEvent::Evaluating { what, share } => {
+                let stages = || Stages::new(self.global);
+                state.stages.get_or_insert_with(stages).show(what, *share);
+            }
+            StudyEvent::Flown(_) => {
+                self.notes.write(&format!("flown in {:.1} s", state.end_stage()));
+            }
+            StudyEvent::Evaluated(_) => {
+                let seconds = state.end_stage();
+                self.notes.write(&format!("trained and evaluated in {seconds:.1} s"));
+            }
+        }
+    }
+
+    fn end(&self) {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).end_stage();
+    }
+}
+
+impl State {
+    /// Clears the progress. Returns the time since the last stage ended, s.
+    fn end_stage(&mut self) -> f64 {
+        if let Some(bar) = self.rows.take() {
+            bar.finish_and_clear();
+        }
+        if let Some(stages) = self.stages.take() {
+            stages.end();
+        }
+        let seconds = self.begin.elapsed().as_secs_f64();
+        self.begin = Instant::now();
+        seconds
+    }
 }

@@ -4,29 +4,7 @@ use super::{Folder, servotwin, stderr, stdout};
 use std::path::Path;
 
 /// What follows the beginning that all tiny studies have.
-const STUDY: &str = r#"
-[[classes]]
-detail = "control_valve"
-command = "shut_down"
-faults = ["servo_valve.bias_positive", "servo_valve.bias_negative"]
-[[classes]]
-detail = "cylinder_pressure_sensor"
-command = "change_mode"
-faults = ["sensor_pressure_a.bias_positive"]
-[realistic]
-seed = 3
-healthy = 2
-[flights]
-duration_s = 4
-onset_s = [1.5, 2]
-windows_s = [0.5]
-commands = ["noise:rms={2..4}deg,bandwidth={0.5..1}Hz,seed=4{n}"]
-inputs.load_factor = [0.5, 1]
-learn = { environments = 3, repeats = 3, healthy = 2 }
-judge = { environments = 2, repeats = 1, healthy = 1, foreign = 1 }
-[reactions]
-shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
-"#;
+const STUDY: &str = include_str!("../../../servotwin/tests/tiny_flights.toml");
 
 fn tiny() -> String {
     let head = include_str!("../../../servotwin/tests/tiny.toml");

@@ -12,6 +12,7 @@ pub mod hold;
 pub mod manifest;
 pub mod report;
 pub mod results;
+pub mod run;
 mod subject;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ pub use error::JobError;
 pub use folder::{Folder, Kept};
 pub use hold::{Among, Hold};
 pub use results::Results;
+pub use run::{StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
 use crate::evaluation::committee::Committee;

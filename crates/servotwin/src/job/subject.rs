@@ -32,6 +32,16 @@ impl Subject {
     pub const ALL: [Subject; 5] =
         [Subject::Ideal, Subject::Noise, Subject::Fitted, Subject::Realistic, Subject::ExtraSensor];
 
+    /// The data set of a scenario without the extra sensor.
+    pub fn of(setting: Setting) -> Self {
+        match setting {
+            Setting::Ideal => Subject::Ideal,
+            Setting::Noise => Subject::Noise,
+            Setting::Fitted => Subject::Fitted,
+            Setting::Realistic => Subject::Realistic,
+        }
+    }
+
     /// The word in file names.
     pub fn name(self) -> &'static str {
         match self {

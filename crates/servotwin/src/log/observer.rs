@@ -166,6 +166,12 @@ fn named<S: Serializer>(unit: &Option<String>, out: S) -> Result<S::Ok, S::Error
     unit.as_ref().filter(|name| !name.is_empty()).serialize(out)
 }
 
+impl std::fmt::Display for Finding {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str(&self.words())
+    }
+}
+
 impl Finding {
     /// Whether another one differs in nothing but how sure it is and why. Healthy and undecided differ in nothing else.
     pub fn says_the_same(&self, other: &Finding) -> bool {

@@ -45,6 +45,24 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     Ok(table?.read_from(path))
 }
 
+impl Table {
+    /// Reads a table; the file's extension names the format (`.csv`, `.parquet`, `.jsonl`).
+    ///
+    /// # Errors
+    /// The file cannot be read or is damaged.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, TableError> {
+        read(path)
+    }
+
+    /// Writes the table atomically; the file's extension names the format (`.csv`, `.parquet`).
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), TableError> {
+        write(path, self)
+    }
+}
+
 /// Whether a file can be read as a table, as its extension says.
 pub fn is_readable(path: &Path) -> bool {
     has_extension(path, &json_lines::EXTENSIONS) || format_of(path).is_ok()

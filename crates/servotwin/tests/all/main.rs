@@ -6,6 +6,7 @@ mod effort;
 mod errors;
 mod evaluating;
 mod evaluation;
+mod examples;
 mod figure;
 mod files;
 mod fitted;

@@ -1,0 +1,234 @@
+//! The whole main job in one call: campaigns, flights, training, evaluation and report.
+//!
+//! ```no_run
+//! use servotwin::prelude::*;
+//!
+//! let study = Study::read("my_study.toml")?;
+//! let results = study.run("out")?;
+//! println!("{}", results.report().display());
+//! let trees = results.trees(Setting::Noise)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use super::flights::{Crew, FlightResults};
+use super::folder::{Folder, Kept};
+use super::{JobError, Results, Subject, flights, manifest, report};
+use crate::evaluation::parallel::Workers;
+use crate::study::campaign::{Campaign, CampaignError, Outcome, runs};
+use crate::study::{Role, Setting, Study};
+use crate::table::{self, Table};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::hierarchy::Hierarchy;
+use std::path::{Path, PathBuf};
+
+/// What happens while a study runs.
+pub enum StudyEvent<'e> {
+    /// Results of an earlier version of the study were removed from the folder.
+    Removed {
+        /// How many files.
+        files: usize,
+    },
+    /// A campaign has simulated some of its rows.
+    Rows {
+        /// The campaign.
+        campaign: &'e Campaign<'e>,
+        /// How many rows are done.
+        done: usize,
+        /// How many rows there are.
+        all: usize,
+    },
+    /// A campaign has ended.
+    Simulated {
+        /// The campaign.
+        campaign: &'e Campaign<'e>,
+        /// What it did.
+        outcome: &'e Outcome,
+    },
+    /// Full flights were measured before, and stay.
+    FlightsKept,
+    /// Flights are flown.
+    Flying {
+        /// What is being done.
+        what: &'e str,
+        /// How much of all is done, from 0 to 1.
+        share: f64,
+    },
+    /// The flights are flown and judged.
+    Flown(&'e FlightResults),
+    /// Trees and boosted trees are trained and evaluated.
+    Evaluating {
+        /// What is being done.
+        what: &'e str,
+        /// How much of all is done, from 0 to 1.
+        share: f64,
+    },
+    /// The evaluation is complete and written.
+    Evaluated(&'e Results),
+}
+
+/// How a study is run; see [`Study::run`] for the usual way.
+pub struct StudyRun<'r> {
+    /// The study.
+    pub study: &'r Study,
+    /// The output folder.
+    pub folder: Folder,
+    /// Whether to remove what the folder holds of another study.
+    pub replace: bool,
+    /// Whether to simulate the fitted scenario, too.
+    pub fitted: bool,
+    /// The threads, and what cancels them.
+    pub workers: Workers<'r>,
+    /// Is called at every event, from several threads.
+    pub observer: &'r (dyn Fn(&StudyEvent) + Sync),
+}
+
+/// The results of a study, in its output folder.
+#[derive(Debug)]
+pub struct StudyResults {
+    folder: Folder,
+    /// What the evaluation measured, by scenario and protocol.
+    pub evaluation: Results,
+    /// What the flights measured; `None` for a study without flights.
+    pub flights: Option<FlightResults>,
+}
+
+impl Study {
+    /// Runs the whole study on all processors: simulates, trains, evaluates and writes the report into a folder.
+    /// An interrupted study resumes where it stopped, with the same bytes.
+    ///
+    /// # Errors
+    /// The folder belongs to another study or cannot be written; a stage fails.
+    pub fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError> {
+        StudyRun::new(self, out).run()
+    }
+}
+
+impl<'r> StudyRun<'r> {
+    /// All processors, the usual scenarios, no observer.
+    pub fn new(study: &'r Study, out: impl AsRef<Path>) -> Self {
+        StudyRun {
+            study,
+            folder: Folder::new(out.as_ref()),
+            replace: false,
+            fitted: false,
+            workers: Workers::all(),
+            observer: &|_| {},
+        }
+    }
+
+    /// Runs every stage.
+    ///
+    /// # Errors
+    /// As [`Study::run`]; [`CampaignError::Cancelled`].
+    pub fn run(&self) -> Result<StudyResults, JobError> {
+        let study = self.study;
+        // What cannot be flown is reported now, not after the campaigns.
+        let sizes = study.flights()?;
+        if self.fitted && !Setting::Fitted.is_possible(study) {
+            return Err(CampaignError::no_section(Setting::Fitted, study).into());
+        }
+        let Kept { hold: _hold, dropped } = self.folder.keep_study(study, self.replace)?;
+        if dropped > 0 {
+            (self.observer)(&StudyEvent::Removed { files: dropped });
+        }
+        let before = flights::results(&self.folder)?;
+        for (role, settings) in runs(study, |setting| setting.is_usual() || self.fitted) {
+            self.simulate(role, settings)?;
+        }
+        self.check()?;
+        let flights = match (before, &sizes) {
+            (Some(results), _) if results.is_full_of(study) => {
+                (self.observer)(&StudyEvent::FlightsKept);
+                Some(results)
+            }
+            (_, Some(sizes)) => Some(self.fly(sizes)?),
+            (before, None) => before,
+        };
+        let evaluation = self.evaluate()?;
+        self.check()?;
+        report::write(&self.folder, study)?;
+        Ok(StudyResults { folder: self.folder.clone(), evaluation, flights })
+    }
+
+    fn check(&self) -> Result<(), JobError> {
+        match self.workers.is_cancelled() {
+            true => Err(CampaignError::Cancelled.into()),
+            false => Ok(()),
+        }
+    }
+
+    fn simulate(&self, role: Role, settings: Vec<Setting>) -> Result<(), JobError> {
+        let campaign = Campaign {
+            settings: settings.clone(),
+            threads: self.workers.threads().max(1),
+            cancel: self.workers.cancel(),
+            ..Campaign::stored(self.folder.path(), self.study, settings[0], role)
+        };
+        let rows = |done, all| {
+            (self.observer)(&StudyEvent::Rows { campaign: &campaign, done, all });
+        };
+        let outcome = campaign.run(rows)?;
+        if outcome.cancelled {
+            return Err(CampaignError::Cancelled.into());
+        }
+        (self.observer)(&StudyEvent::Simulated { campaign: &campaign, outcome: &outcome });
+        Ok(())
+    }
+
+    fn fly(&self, sizes: &crate::study::Flights) -> Result<FlightResults, JobError> {
+        let progress =
+            |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
+        let crew = Crew { workers: self.workers, progress: &progress };
+        let settings = flights::settings(self.study);
+        let results = flights::fly_all(&self.folder, self.study, sizes, &settings, false, &crew)?;
+        (self.observer)(&StudyEvent::Flown(&results));
+        Ok(results)
+    }
+
+    fn evaluate(&self) -> Result<Results, JobError> {
+        let progress =
+            |what: &str, share: f64| (self.observer)(&StudyEvent::Evaluating { what, share });
+        let results =
+            super::train_and_evaluate_all(&self.folder, self.study, self.workers, &progress)?;
+        manifest::write(&self.folder, self.study)?;
+        (self.observer)(&StudyEvent::Evaluated(&results));
+        Ok(results)
+    }
+}
+
+impl StudyResults {
+    /// The report, an HTML file.
+    pub fn report(&self) -> PathBuf {
+        self.folder.report()
+    }
+
+    /// The output folder.
+    pub fn folder(&self) -> &Folder {
+        &self.folder
+    }
+
+    /// The data set of a scenario: labels and features of every simulated variant.
+    ///
+    /// # Errors
+    /// The scenario was not simulated.
+    pub fn table(&self, setting: Setting) -> Result<Table, JobError> {
+        let path = self.folder.data_set(setting, Role::Judged);
+        table::read(&path).map_err(|error| JobError::DataSet { path, error: error.into() })
+    }
+
+    /// The nine trees that were trained in a scenario.
+    ///
+    /// # Errors
+    /// The scenario was not simulated.
+    pub fn trees(&self, setting: Setting) -> Result<Hierarchy, JobError> {
+        super::hierarchy(&self.folder, Subject::of(setting))
+    }
+
+    /// The diagnoser that was trained in the flights of a scenario.
+    ///
+    /// # Errors
+    /// No flights were flown in this scenario.
+    pub fn diagnoser(&self, setting: Setting) -> Result<Diagnoser, JobError> {
+        flights::diagnoser(&self.folder, setting)
+    }
+}

@@ -1,0 +1,155 @@
+//! The twin and the diagnosis beside one system, fed sample by sample with named signals.
+//!
+//! A [`Monitor`] simulates the virtual twin with the inputs that you push, compares it with the sensors, and returns
+//! a [`Finding`] with names: what is at fault, what to do, and why.
+//!
+//! ```no_run
+//! use servotwin::prelude::*;
+//!
+//! let study = Study::default();
+//! let diagnoser = read_diagnoser("out/diagnoser-realistic.json")?;
+//! let mut monitor = Monitor::new(&study, diagnoser)?;
+//! monitor.set("command", 0.05)?;
+//! monitor.set("p_a_1", 9.8e6)?;
+//! println!("{}", monitor.push());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use crate::flight::runtime::RuntimeError;
+use crate::flight::watcher::Watcher;
+use crate::log::{Finding, Observation, Observer};
+use crate::nearest::UnknownName;
+use crate::study::Study;
+use crate::table::{Table, TableError};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use std::sync::Arc;
+
+/// A diagnosis of one system, sample by sample.
+pub struct Monitor<'s> {
+    study: &'s Study,
+    watcher: Watcher<'s>,
+    period_s: f64,
+    samples: u64,
+    inputs: Vec<f64>,
+    measured: Vec<f64>,
+}
+
+impl<'s> Monitor<'s> {
+    /// A monitor before its first sample. Inputs stand at their defaults.
+    ///
+    /// # Errors
+    /// The diagnoser was trained for another study.
+    pub fn new(study: &'s Study, diagnoser: Diagnoser) -> Result<Self, RuntimeError> {
+        let period_s = diagnoser.period_s;
+        let watcher = Watcher::new(study, Arc::new(diagnoser))?;
+        let inputs = study.system.network().inputs.iter().map(|input| input.default).collect();
+        let measured = vec![f64::NAN; study.system.sensors.len()];
+        Ok(Monitor { study, watcher, period_s, samples: 0, inputs, measured })
+    }
+
+    /// The time between two samples, s.
+    pub fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// Sets an input or a sensor of the next sample, SI. An input keeps its value until it is set again; a sensor that is
+    /// not set is missing in that sample.
+    ///
+    /// # Errors
+    /// The system has neither an input nor a sensor of this name.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownName> {
+        *self.place(name)? = value;
+        Ok(())
+    }
+
+    fn place(&mut self, name: &str) -> Result<&mut f64, UnknownName> {
+        let system = &self.study.system;
+        if let Some(sensor) = system.sensors.iter().position(|sensor| sensor.id == name) {
+            return Ok(&mut self.measured[sensor]);
+        }
+        match system.network().inputs.iter().position(|input| input.id == name) {
+            Some(input) => Ok(&mut self.inputs[input]),
+            None => {
+                let sensors = system.sensors.iter().map(|sensor| sensor.id.clone());
+                let inputs = system.network().inputs.iter().map(|input| input.id.clone());
+                let known = sensors.chain(inputs).collect();
+                Err(UnknownName { what: "input or sensor", given: name.into(), known })
+            }
+        }
+    }
+
+    /// Takes the sample that was set, and returns what the diagnosis concludes.
+    pub fn push(&mut self) -> &Finding {
+        let time_s = self.samples as f64 * self.period_s;
+        self.samples += 1;
+        let finding = self.watcher.push(time_s, &self.inputs, &self.measured).finding;
+        self.measured.fill(f64::NAN);
+        finding
+    }
+
+    /// Takes a whole sample: all inputs and all sensors in the order of the system, SI; NaN is missing.
+    ///
+    /// # Panics
+    /// The lists have other lengths than the system.
+    pub fn push_all(&mut self, inputs: &[f64], measured: &[f64]) -> Observation<'_> {
+        assert_eq!(inputs.len(), self.inputs.len(), "one value per input of the system");
+        assert_eq!(measured.len(), self.measured.len(), "one value per sensor of the system");
+        let time_s = self.samples as f64 * self.period_s;
+        self.samples += 1;
+        self.watcher.push(time_s, inputs, measured)
+    }
+
+    /// Takes every row of a table as a sample, and returns the findings that differ from the one before, with their
+    /// times, s. Columns have the names of inputs and sensors, with or without their unit's suffix, as a
+    /// [`Simulation`](crate::simulate::Simulation) writes them; rows follow each other by the diagnoser's period.
+    ///
+    /// # Errors
+    /// A column holds text.
+    pub fn push_table(&mut self, table: &Table) -> Result<Vec<(f64, Finding)>, TableError> {
+        let columns = self.columns(table)?;
+        let mut changes: Vec<(f64, Finding)> = vec![];
+        for row in 0..table.row_count() {
+            for (channel, values) in &columns {
+                match *channel {
+                    Channel::Input(place) => self.inputs[place] = values[row],
+                    Channel::Sensor(place) => self.measured[place] = values[row],
+                }
+            }
+            let time_s = self.samples as f64 * self.period_s;
+            let finding = self.push();
+            if changes.last().is_none_or(|(_, last)| !finding.says_the_same(last)) {
+                changes.push((time_s, finding.clone()));
+            }
+        }
+        Ok(changes)
+    }
+
+    fn columns(&self, table: &Table) -> Result<Vec<(Channel, Vec<f64>)>, TableError> {
+        let system = &self.study.system;
+        let sensors = system.sensors.iter().enumerate();
+        let sensors = sensors.map(|(place, one)| (Channel::Sensor(place), &one.id, one.unit));
+        let inputs = system.network().inputs.iter().enumerate();
+        let inputs = inputs.map(|(place, one)| (Channel::Input(place), &one.id, one.unit));
+        let mut columns = vec![];
+        for (channel, id, unit) in sensors.chain(inputs) {
+            let suffixed = crate::recording::with_suffix(id, unit);
+            let name = table.names().find(|name| *name == id || **name == suffixed);
+            if let Some(name) = name {
+                columns.push((channel, table.f64(name)?.into_owned()));
+            }
+        }
+        Ok(columns)
+    }
+
+    /// Forgets everything but what is switched off: what follows has nothing to do with what was.
+    pub fn restart(&mut self) {
+        self.watcher.restart();
+    }
+}
+
+/// Where a column of a table goes.
+#[derive(Clone, Copy)]
+enum Channel {
+    Input(usize),
+    Sensor(usize),
+}

@@ -1,0 +1,30 @@
+//! Runs a whole study, then lets its diagnosis monitor a simulated fault.
+
+use servotwin::prelude::*;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let study = Study::default();
+    train_and_diagnose(&study, "out", "actuator_1.servo_valve.bias_positive")
+}
+
+pub fn train_and_diagnose(
+    study: &Study,
+    out: &str,
+    fault: &str,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let results = study.run(out)?;
+    println!("the report is {}", results.report().display());
+
+    let diagnoser = results.diagnoser(Setting::Noise)?;
+    let record = Simulation::new(&study.system)
+        .input("command", "noise:rms=3deg,bandwidth=1Hz,seed=99")
+        .fault(fault, 1.0)
+        .noise(1)
+        .sample_period_s(diagnoser.period_s)
+        .run()?;
+    let mut monitor = Monitor::new(study, diagnoser)?;
+    for (time_s, finding) in monitor.push_table(&record.table()?)? {
+        println!("{time_s:6.2} s  {finding}");
+    }
+    Ok(())
+}
