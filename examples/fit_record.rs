@@ -6,6 +6,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     fit_record()
 }
 
+/// Prints the estimated parameters and the findings.
 pub fn fit_record() -> Result<(), Box<dyn std::error::Error>> {
     let study = Study::read("spring_actuator")?;
     let measured = Simulation::new(&study.system)

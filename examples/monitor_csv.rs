@@ -8,6 +8,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     monitor_csv(&study, diagnoser, "flight.csv")
 }
 
+/// Prints every change of the finding with its evidence.
 pub fn monitor_csv(
     study: &Study,
     diagnoser: Diagnoser,

@@ -23,6 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     own_system()
 }
 
+/// Prints the faults of the system and simulates a sweep.
 pub fn own_system() -> Result<(), Box<dyn std::error::Error>> {
     let system = System::parse(SYSTEM, "leaking_volume.toml")?;
     for fault in system.fault_list() {

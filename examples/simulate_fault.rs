@@ -6,6 +6,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     simulate_fault("leak.svg", 10.0)
 }
 
+/// Writes the figure and prints the mean pressures.
 pub fn simulate_fault(figure: &str, duration_s: f64) -> Result<(), Box<dyn std::error::Error>> {
     let system = System::default();
     let simulation = Simulation::new(&system)

@@ -7,6 +7,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     train_and_diagnose(&study, "out", "actuator_1.servo_valve.bias_positive")
 }
 
+/// Runs the study into a folder and prints what its diagnosis finds.
 pub fn train_and_diagnose(
     study: &Study,
     out: &str,

@@ -4,19 +4,19 @@ use servotwin::prelude::*;
 use std::path::PathBuf;
 
 #[path = "../../../../examples/fit_record.rs"]
-#[allow(dead_code, missing_docs)]
+#[allow(dead_code)]
 mod fit_record;
 #[path = "../../../../examples/monitor_csv.rs"]
-#[allow(dead_code, missing_docs)]
+#[allow(dead_code)]
 mod monitor_csv;
 #[path = "../../../../examples/own_system.rs"]
-#[allow(dead_code, missing_docs)]
+#[allow(dead_code)]
 mod own_system;
 #[path = "../../../../examples/simulate_fault.rs"]
-#[allow(dead_code, missing_docs)]
+#[allow(dead_code)]
 mod simulate_fault;
 #[path = "../../../../examples/train_and_diagnose.rs"]
-#[allow(dead_code, missing_docs)]
+#[allow(dead_code)]
 mod train_and_diagnose;
 
 fn folder(name: &str) -> PathBuf {
