@@ -83,7 +83,7 @@ pub enum Failure {
         /// The option, where one is to blame.
         option: Option<String>,
         /// What is wrong.
-        error: SimulationError,
+        error: Box<SimulationError>,
     },
     /// An option that needs `name=value`.
     NoEqualSign {

@@ -315,7 +315,8 @@ impl Options {
                     | SimulationError::OutOfRange { name, .. } => Some(name.as_str()),
                     _ => None,
                 };
-                Failure::Simulation { option: name.map(|name| self.option_of(name)), error }
+                let option = name.map(|name| self.option_of(name));
+                Failure::Simulation { option, error: Box::new(error) }
             }
         }
     }
