@@ -258,8 +258,7 @@ impl From<TableError> for Failure {
                     _ => failure,
                 }
             }
-            TableError::UnknownColumn { column, nearest } => {
-                let known = nearest.clone().into_iter().collect();
+            TableError::UnknownColumn { column, nearest, known } => {
                 unknown(message, column, nearest, known)
             }
             _ => Self::value(message),

@@ -34,8 +34,7 @@ impl Table {
     }
 
     fn place(&self, name: &str) -> PyResult<usize> {
-        let found = self.inner.names().position(|other| other == name);
-        found.ok_or_else(|| PyKeyError::new_err(name.to_owned()))
+        self.inner.place(name).ok_or_else(|| PyKeyError::new_err(name.to_owned()))
     }
 }
 
@@ -113,7 +112,7 @@ impl Table {
     }
 
     fn __contains__(&self, name: &str) -> bool {
-        self.inner.names().any(|other| other == name)
+        self.inner.has(name)
     }
 
     /// A column as a NumPy array that shares the table's memory.

@@ -4,7 +4,7 @@
 use super::progress::Stages;
 use super::summary;
 use super::train::{join, people};
-use super::{not_as_model, read_table, warn};
+use super::{is_read, not_as_model, read_wanted, warn};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
@@ -123,7 +123,7 @@ pub fn judge(
 ) -> Result<OfTable, Failure> {
     let model = model_file::read_table_model(rule)?;
     let mixed: Vec<&str> = std::iter::once(model.label.as_str()).chain(group).collect();
-    let table = read_table(input, &mixed, global)?;
+    let table = read_wanted(input, &mixed, &is_read(&model, &mixed), global)?;
     if let Some(group) = group {
         table.column(group)?;
     }

@@ -1,7 +1,7 @@
 //! `servotwin explain`: why the trees say what they say about one variant, or a classifier about one
 //! row of a table.
 
-use super::{not_as_model, read_table};
+use super::{is_read, not_as_model, read_wanted};
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side, json};
@@ -142,7 +142,7 @@ fn stage(answer: &Answer, words: &Vocabulary) -> String {
 
 fn of_table(path: &Path, rule: &Path, row: usize, global: Global) -> Result<String, Failure> {
     let model = model_file::read_table_model(rule)?;
-    let table = read_table(path, &[&model.label], global)?;
+    let table = read_wanted(path, &[&model.label], &is_read(&model, &[]), global)?;
     let explanation = table_model::explain(table, &model, row);
     let explanation = explanation.map_err(|error| not_as_model(path, rule, error))?;
     Ok(match global.json {

@@ -33,7 +33,7 @@ use crate::failure::Failure;
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::{
-    ClassWeights, HoldOut, Prepared, Selection, Unused, prepare,
+    ClassWeights, HoldOut, Prepared, Selection, TableModel, Unused, prepare,
 };
 use servotwin::job::{Folder, Hold, Kept};
 use servotwin::log::map::Map;
@@ -288,11 +288,32 @@ impl TableOptions {
 
 /// Reads a table; how it was read is noted where that is not plain.
 fn read_table(path: &Path, mixed: &[&str], global: Global) -> Result<Table, Failure> {
-    let table = table::read_mixed(path, mixed)?;
+    read_wanted(path, mixed, &|_| true, global)
+}
+
+/// As [`read_table`], with some columns; the others of a Parquet file are not decoded.
+fn read_wanted(
+    path: &Path,
+    mixed: &[&str],
+    is_wanted: &dyn Fn(&str) -> bool,
+    global: Global,
+) -> Result<Table, Failure> {
+    let table = table::read_wanted(path, mixed, is_wanted)?;
     if let Some(dialect) = &table.origin().dialect {
         note(global, &format!("{}: read with {dialect}", path.display()));
     }
+    for (_, reason) in table.origin().left_out() {
+        note(global, &format!("{}: a column is left out: {reason}", path.display()));
+    }
     Ok(table)
+}
+
+/// Whether a model reads a column, or an option names it.
+fn is_read<'o>(model: &'o TableModel, named: &'o [&str]) -> impl Fn(&str) -> bool + 'o {
+    let read = model.columns_read();
+    // Without any column it would not be known how many rows there are.
+    let all = read.is_empty();
+    move |column| all || column == model.label || read.contains(column) || named.contains(&column)
 }
 
 /// Reads a table of times, inputs and sensors, as a map says which column is which.

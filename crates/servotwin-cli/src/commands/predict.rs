@@ -1,6 +1,6 @@
 //! `servotwin predict`: what a trained classifier says about rows without a class.
 
-use super::{not_as_model, note, read_table, warn};
+use super::{is_read, not_as_model, note, read_wanted, warn};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -48,7 +48,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let model = model_file::read_table_model(&options.model)?;
     let mixed: Vec<&str> = options.keep.iter().map(String::as_str).collect();
-    let input = read_table(&options.table, &mixed, global)?;
+    let input = read_wanted(&options.table, &mixed, &is_read(&model, &mixed), global)?;
     for name in &options.keep {
         input.column(name)?;
     }

@@ -23,7 +23,7 @@ use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::Address;
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
-use servotwin::quoted;
+use servotwin::sanitize;
 use servotwin::study::{Setting, Study};
 use servotwin::system::{System, units};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -359,7 +359,7 @@ fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
         names.filter(|name| !map.wanted().names.iter().any(|wanted| wanted == name)).collect();
     Ok(match unused.is_empty() {
         true => ", and no column is left that may be it".into(),
-        false => format!("; columns that nothing was found for: {}", quoted::list(&unused)),
+        false => format!("; columns that nothing was found for: {}", sanitize::list(&unused)),
     })
 }
 
@@ -371,7 +371,7 @@ fn foreign(
     columns: &[(String, String)],
 ) -> Failure {
     let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
-    let names = quoted::list(&names);
+    let names = sanitize::list(&names);
     let (name, system) = (&study.name, &study.system.name);
     let what = match options.study {
         Some(_) => "--study names another, --make-map writes a map to be filled in",
@@ -404,7 +404,7 @@ fn told(guess: &Guess, global: Global) {
     }
     let is_lacking = !guess.sensors.is_empty() || !guess.inputs.is_empty();
     if is_lacking && !guess.unused.is_empty() {
-        let unused = quoted::list(&guess.unused);
+        let unused = sanitize::list(&guess.unused);
         note(global, &format!("columns that are no input and no sensor: {unused}"));
     }
 }

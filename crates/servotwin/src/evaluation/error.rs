@@ -2,7 +2,7 @@
 
 use super::table_model::TableModelError;
 use crate::files::FileError;
-use crate::quoted;
+use crate::sanitize;
 use crate::table::TableError;
 use std::fmt;
 use std::path::PathBuf;
@@ -85,8 +85,8 @@ impl fmt::Display for UnknownClass {
         write!(
             out,
             "{place}: column '{column}' holds '{}', which the model was not trained with; it knows {}",
-            quoted::text(class),
-            quoted::list(known)
+            sanitize::text(class),
+            sanitize::list(known)
         )
     }
 }

@@ -13,7 +13,7 @@
 
 use crate::document::{Quantities, Quantity};
 use crate::evaluation::table_model::times;
-use crate::quoted;
+use crate::sanitize;
 use crate::system::{System, units};
 use crate::table::{Table, TableError};
 use servotwin_model::signal::Piecewise;
@@ -135,7 +135,11 @@ impl fmt::Display for RecordError {
             ),
             Self::Column(reason) => write!(out, "{reason}"),
             Self::NoSensor { known } => {
-                write!(out, "no column is a sensor of the system; it has: {}", quoted::list(known))
+                write!(
+                    out,
+                    "no column is a sensor of the system; it has: {}",
+                    sanitize::list(known)
+                )
             }
             Self::NotFinite { column, place } => {
                 write!(

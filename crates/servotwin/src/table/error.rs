@@ -3,8 +3,10 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use super::parquet::{LIMIT_VARIABLE, Limits};
 use super::{ALL, Kind};
 use crate::files::FileError;
+use crate::sanitize;
 
 /// Why a table could not be read, written or used.
 #[derive(Debug)]
@@ -29,6 +31,15 @@ pub enum TableError {
         column: String,
         /// The most similar name there is.
         nearest: Option<String>,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// A column is in the file, but not in the table.
+    LeftOut {
+        /// The column.
+        column: String,
+        /// Why.
+        reason: String,
     },
     /// A column holds values of another kind than is needed.
     WrongKind {
@@ -162,6 +173,20 @@ pub enum ContentError {
         /// The type's name in Parquet.
         found: String,
     },
+    /// A column would take too much memory.
+    LargeColumn {
+        /// The column.
+        column: String,
+        /// The limit of a column, bytes.
+        limit_bytes: u64,
+    },
+    /// A column and those before it would take too much memory.
+    LargeTable {
+        /// The column.
+        column: String,
+        /// The limit of a table, bytes.
+        limit_bytes: u64,
+    },
     /// A column is compressed in a way that is not known here.
     UnknownCodec {
         /// The column.
@@ -194,6 +219,17 @@ pub enum ContentError {
     Unreadable,
 }
 
+impl ContentError {
+    /// Whether a column is sound and only too large.
+    pub(super) fn is_limit(&self) -> bool {
+        matches!(self, ContentError::LargeColumn { .. } | ContentError::LargeTable { .. })
+    }
+}
+
+fn gigabytes(bytes: u64) -> f64 {
+    (bytes as f64 / 1e6).round() / 1e3
+}
+
 impl From<::parquet::errors::ParquetError> for ContentError {
     fn from(source: ::parquet::errors::ParquetError) -> Self {
         ContentError::Damaged { source }
@@ -216,10 +252,19 @@ impl fmt::Display for TableError {
                 write!(out, "{path}: no known table format; known are {}", known.join(", "))
             }
             TableError::Content { path, problem } => write!(out, "{}: {problem}", path.display()),
-            TableError::UnknownColumn { column, nearest } => {
+            TableError::UnknownColumn { column, nearest, known } => {
                 write!(out, "there is no column '{column}'")?;
-                nearest.as_ref().map_or(Ok(()), |name| write!(out, "; did you mean '{name}'?"))
+                match nearest {
+                    _ if known.is_empty() => write!(out, "; the table has no columns"),
+                    Some(name) => write!(
+                        out,
+                        "; did you mean '{name}'? The table has {}",
+                        sanitize::list(known)
+                    ),
+                    None => write!(out, "; the table has {}", sanitize::list(known)),
+                }
             }
+            TableError::LeftOut { reason, .. } => write!(out, "{reason}"),
             TableError::WrongKind { column, expected, found } => {
                 let (expected, found) = (expected.name(), found.name());
                 write!(out, "column '{column}' holds {found}, needed are {expected}")
@@ -286,9 +331,23 @@ impl fmt::Display for ContentError {
                 write!(out, "column '{column}' has the type {found}; known are ")?;
                 write!(
                     out,
-                    "whole and real numbers, booleans, text, dictionaries of these, and timestamps"
+                    "whole and real numbers, booleans, text, dictionaries of these, moments, dates, \
+                     times of day and durations"
                 )
             }
+            ContentError::LargeColumn { column, limit_bytes } => write!(
+                out,
+                "column '{column}' takes more than {} GB in memory, the limit of a column; \
+                 set the environment variable {LIMIT_VARIABLE} (now {}) higher to read it",
+                gigabytes(*limit_bytes),
+                gigabytes(Limits::from_environment().table_bytes)
+            ),
+            ContentError::LargeTable { column, limit_bytes } => write!(
+                out,
+                "with column '{column}' the table takes more than {} GB in memory, its limit; \
+                 set the environment variable {LIMIT_VARIABLE} higher to read it",
+                gigabytes(*limit_bytes)
+            ),
             ContentError::UnknownCodec { column, codec } => {
                 write!(out, "column '{column}' is compressed with {codec}; ")?;
                 write!(out, "known are Snappy, gzip, LZ4, Zstandard and none: ")?;

@@ -12,7 +12,7 @@ pub mod json_lines;
 pub mod parquet;
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -73,14 +73,32 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     own.is_some_and(|own| extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension)))
 }
 
-/// As [`read`], but of the columns in `mixed` text between numbers is understood: their numbers, too,
-/// are then texts, instead of the text being a mistake. For classes and groups, which may be called
-/// `1`, `2` and `2b`.
+/// Reads a table of somebody else.
+///
+/// The columns in `mixed` may hold text between numbers; their numbers then become texts. Classes and groups need that,
+/// because they may be called `1`, `2` and `2b`. Columns of a Parquet file that have no place in a table, or that exceed
+/// the [limits](parquet::Limits) of decoding, are left out and listed in [`Origin::left_out`]; [`read`] refuses such a
+/// file.
 pub fn read_mixed(path: impl AsRef<Path>, mixed: &[&str]) -> Result<Table, TableError> {
     let path = path.as_ref();
-    match has_extension(path, &[csv::FORMAT.extension]) {
-        true => Ok(csv::read_mixed(path, mixed)?.read_from(path)),
-        false => read(path),
+    let table = match () {
+        () if has_extension(path, &[csv::FORMAT.extension]) => csv::read_mixed(path, mixed)?,
+        () if has_extension(path, &[parquet::FORMAT.extension]) => parquet::read_usable(path)?,
+        () => return read(path),
+    };
+    Ok(table.read_from(path))
+}
+
+/// As [`read_mixed`], with the columns that `is_wanted` accepts by name. The others of a Parquet file are not decoded.
+pub fn read_wanted(
+    path: impl AsRef<Path>,
+    mixed: &[&str],
+    is_wanted: &dyn Fn(&str) -> bool,
+) -> Result<Table, TableError> {
+    let path = path.as_ref();
+    match has_extension(path, &[parquet::FORMAT.extension]) {
+        true => Ok(parquet::read_wanted(path, is_wanted)?.read_from(path)),
+        false => read_mixed(path, mixed),
     }
 }
 
@@ -256,6 +274,10 @@ pub struct Origin {
     leaps: Vec<(usize, usize)>,
     /// How the text was read where that was not as this toolkit writes it.
     pub dialect: Option<String>,
+    /// Columns of the file that are not in the table, with the reason.
+    left_out: Vec<(String, String)>,
+    /// Columns of the file that nobody asked for.
+    unread: Vec<String>,
     /// The file, where there is one.
     file: Option<PathBuf>,
 }
@@ -282,6 +304,11 @@ impl Origin {
         self.file.as_ref().map_or(place.clone(), |file| format!("{}: {place}", file.display()))
     }
 
+    /// The columns of the file that are not in the table, each with the reason.
+    pub fn left_out(&self) -> &[(String, String)] {
+        &self.left_out
+    }
+
     /// Notes the line of the next row.
     fn push_line(&mut self, row: usize, line: usize) {
         let expected = self.leaps.last().map(|(first, start)| start + row - first);
@@ -295,6 +322,8 @@ impl Origin {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     columns: Vec<Column>,
+    /// The place of each column by its name; read by name only, so that no order of it shows.
+    places: HashMap<String, usize>,
     origin: Origin,
     /// Notes about the whole table (study, seed, version); kept by Parquet, not by CSV.
     pub metadata: BTreeMap<String, String>,
@@ -315,7 +344,7 @@ impl Table {
 
     /// Adds a column at the right.
     pub fn push(&mut self, column: Column) -> Result<(), TableError> {
-        if self.position(&column.name).is_some() {
+        if self.has(&column.name) {
             return Err(TableError::DuplicateColumn { column: column.name });
         }
         let expected = self.columns.first().map_or(column.values.len(), |first| first.values.len());
@@ -326,6 +355,7 @@ impl Table {
                 expected,
             });
         }
+        self.places.insert(column.name.clone(), self.columns.len());
         self.columns.push(column);
         Ok(())
     }
@@ -358,7 +388,12 @@ impl Table {
             ..Column::new(&column.name, &column.unit, Vec::<f64>::new())
         };
         let columns = self.columns.iter().map(empty).collect();
-        Table { columns, metadata: self.metadata.clone(), ..Table::default() }
+        Table {
+            columns,
+            places: self.places.clone(),
+            metadata: self.metadata.clone(),
+            ..Table::default()
+        }
     }
 
     /// Some rows of the table, with its columns and metadata.
@@ -369,7 +404,12 @@ impl Table {
             values: column.values.rows(rows.clone()),
         };
         let columns = self.columns.iter().map(cut).collect();
-        Table { columns, metadata: self.metadata.clone(), ..Table::default() }
+        Table {
+            columns,
+            places: self.places.clone(),
+            metadata: self.metadata.clone(),
+            ..Table::default()
+        }
     }
 
     /// Adds the rows of a table with the same column names and kinds in the same order.
@@ -399,17 +439,42 @@ impl Table {
         Ok(())
     }
 
-    /// The column of a name; the error suggests the nearest one.
+    /// The column of a name; the error suggests the nearest one and lists the others.
     pub fn column(&self, name: &str) -> Result<&Column, TableError> {
-        let found = self.position(name).map(|place| &self.columns[place]);
-        found.ok_or_else(|| unknown_column(name, self.names()))
+        match self.place(name) {
+            Some(place) => Ok(&self.columns[place]),
+            None => Err(self.missing_column(name)),
+        }
     }
 
-    /// Takes a column out; the error suggests the nearest one.
+    /// Takes a column out, and moves those behind it one place to the left.
     pub fn take(&mut self, name: &str) -> Result<Column, TableError> {
-        match self.position(name) {
-            Some(place) => Ok(self.columns.remove(place)),
-            None => Err(unknown_column(name, self.names())),
+        let Some(place) = self.places.remove(name) else {
+            return Err(self.missing_column(name));
+        };
+        self.places.values_mut().filter(|other| **other > place).for_each(|other| *other -= 1);
+        Ok(self.columns.remove(place))
+    }
+
+    /// Gives the values of a column away, for who reads a table for the last time: the column stays, without rows.
+    pub(crate) fn release(&mut self, name: &str) -> Result<Column, TableError> {
+        let Some(place) = self.place(name) else {
+            return Err(self.missing_column(name));
+        };
+        let column = &mut self.columns[place];
+        let values = std::mem::replace(&mut column.values, Values::Float(vec![]));
+        Ok(Column { name: column.name.clone(), unit: column.unit.clone(), values })
+    }
+
+    fn missing_column(&self, name: &str) -> TableError {
+        match self.origin.left_out.iter().find(|(column, _)| column == name) {
+            Some((column, reason)) => {
+                TableError::LeftOut { column: column.clone(), reason: reason.clone() }
+            }
+            None => unknown_column(
+                name,
+                self.names().chain(self.origin.unread.iter().map(String::as_str)),
+            ),
         }
     }
 
@@ -501,8 +566,14 @@ impl Table {
         }
     }
 
-    fn position(&self, name: &str) -> Option<usize> {
-        self.columns.iter().position(|column| column.name == name)
+    /// The place of a column, from 0.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.places.get(name).copied()
+    }
+
+    /// Whether a column has this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.places.contains_key(name)
     }
 }
 
@@ -511,8 +582,10 @@ pub(crate) fn unknown_column<'a>(
     name: &str,
     known: impl IntoIterator<Item = &'a str>,
 ) -> TableError {
-    let nearest = nearest(name, known).map(str::to_owned);
-    TableError::UnknownColumn { column: name.to_owned(), nearest }
+    let known: Vec<&str> = known.into_iter().collect();
+    let nearest = nearest(name, known.iter().copied()).map(str::to_owned);
+    let known = known.into_iter().map(str::to_owned).collect();
+    TableError::UnknownColumn { column: name.to_owned(), nearest, known }
 }
 
 fn require_kind(column: &Column, expected: Kind) -> Result<(), TableError> {

@@ -6,41 +6,51 @@
 //!
 //! [`ParquetWriter`] appends rows without holding more than one row group in memory, and
 //! [`ParquetReader`] gives them back table by table. Files of other writers are read if their
-//! columns are numbers, booleans, text or dictionaries of these, without nulls; the codecs known
-//! are Snappy, gzip, LZ4 and Zstandard.
+//! columns are numbers, booleans, text, times or dictionaries of these; the codecs known are Snappy,
+//! gzip, LZ4 and Zstandard. A missing number becomes NaN, a missing text an empty one.
+//!
+//! Times become seconds: a moment since 1970, a time of day since midnight, a duration as it is. The
+//! unnamed index of a pandas data frame is called `time` where it holds times.
+//!
+//! Only the columns asked for are decoded. A whole table is read column by column, within [`Limits`].
 //!
 //! The library's Arrow layer is left out: it would take longer to compile than everything else
 //! that a table needs.
 
+mod arrow;
+mod decode;
+mod limits;
+mod meaning;
 mod zstd;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ::parquet::basic::{
-    Compression, ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical,
-};
+use ::parquet::basic::{Compression, Encoding, LogicalType, Repetition, Type as Physical};
 use ::parquet::column::page::PageReader;
-use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
-use ::parquet::data_type::{
-    BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FixedLenByteArray, Int32Type,
-    Int64Type,
-};
+use ::parquet::column::reader::{ColumnReader, get_column_reader};
+use ::parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int32Type, Int64Type};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::metadata::{
-    ColumnChunkMetaData, KeyValue, ParquetMetaData, ParquetMetaDataReader,
+    ColumnChunkMetaData, KeyValue, ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData,
 };
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use ::parquet::file::serialized_reader::SerializedPageReader;
 use ::parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
-use ::parquet::schema::types::{BasicTypeInfo, Type, TypePtr};
-use half::f16;
+use ::parquet::schema::types::{Type, TypePtr};
+use serde_json::Value;
 
 use super::{Column, ContentError, Format, Kind, Table, TableError, Values, unknown_column};
+use decode::{Source, bytes_of_texts, values_of};
+use limits::{Budget, text_bytes};
+use meaning::kind_of;
+
+pub use limits::{Limits, VARIABLE as LIMIT_VARIABLE};
+
 use crate::files::{AtomicFile, FileError};
 use crate::manifest;
 
@@ -59,20 +69,61 @@ const UNIT_PREFIX: &str = "unit:";
 /// The key under which writers with an Arrow layer keep its schema.
 const ARROW_KEY: &str = "ARROW:schema";
 
+/// The key under which pandas keeps what its columns are.
+const PANDAS_KEY: &str = "pandas";
+
+/// How pandas calls an index without a name.
+const UNNAMED_INDEX: &str = "__index_level_0__";
+
+/// The name of such an index in a table where it holds times.
+const TIME: &str = "time";
+
+/// Texts that are decoded at once. An encoding that lets a text begin as the one before makes long texts of a few bytes;
+/// such texts are decoded one by one.
+const TEXTS_AT_ONCE: usize = 1 << 10;
+
 /// Reads a whole Parquet file.
+///
+/// # Errors
+/// The file cannot be read, or a column has no place in a table or exceeds the [`Limits`].
 pub fn read(path: &Path) -> Result<Table, TableError> {
-    collect(ParquetReader::open(path)?)
+    ParquetReader::open(path)?.into_table(Limits::from_environment())
 }
 
-/// Reads only some columns of a Parquet file, in the order asked for.
+/// Reads only some columns of a Parquet file, in the order asked for; the others are not decoded.
+///
+/// # Errors
+/// As [`read`].
 pub fn read_columns(path: &Path, names: &[&str]) -> Result<Table, TableError> {
-    collect(ParquetReader::open_columns(path, names)?)
+    ParquetReader::open_columns(path, names)?.into_table(Limits::from_environment())
 }
 
-fn collect(mut reader: ParquetReader) -> Result<Table, TableError> {
-    let mut table = reader.schema().clone();
-    reader.try_for_each(|part| table.append(part?))?;
-    Ok(table)
+/// Reads a Parquet file of somebody else: columns that have no place in a table or exceed the [`Limits`] are left out.
+///
+/// # Errors
+/// The file cannot be read, or no column is left.
+pub fn read_usable(path: &Path) -> Result<Table, TableError> {
+    read_wanted(path, &|_| true)
+}
+
+/// As [`read_usable`], with the columns that `is_wanted` accepts by name; the others are not decoded.
+///
+/// # Errors
+/// As [`read_usable`].
+pub fn read_wanted(path: &Path, is_wanted: &dyn Fn(&str) -> bool) -> Result<Table, TableError> {
+    read_within(path, is_wanted, Limits::from_environment())
+}
+
+/// As [`read_wanted`], within limits of the caller.
+///
+/// # Errors
+/// As [`read_usable`].
+pub fn read_within(
+    path: &Path,
+    is_wanted: &dyn Fn(&str) -> bool,
+    limits: Limits,
+) -> Result<Table, TableError> {
+    ParquetReader::open_chosen(path, Choice::Usable(is_wanted))?.into_table(limits)
 }
 
 /// Writes a whole Parquet file atomically.
@@ -222,6 +273,13 @@ pub struct ParquetReader {
     metadata: ParquetMetaData,
     schema: Table,
     sources: Vec<Source>,
+    /// Columns of the file that are not read although they were wanted, and why.
+    left_out: Vec<(String, ContentError)>,
+    /// Columns of the file that are not wanted.
+    unread: Vec<String>,
+    /// Whether a column that cannot be read is left out instead of a mistake.
+    leaves_out: bool,
+    batch_rows: usize,
     next_group: usize,
     /// The columns of the row group being read.
     columns: Vec<ColumnReader>,
@@ -230,56 +288,78 @@ pub struct ParquetReader {
     rows_read: usize,
 }
 
-/// Where a table's column comes from.
-struct Source {
-    /// The column's place in the file.
-    place: usize,
-    meaning: Meaning,
+/// Which columns of a file are read.
+#[derive(Clone, Copy)]
+enum Choice<'c> {
+    All,
+    /// Those named, in this order.
+    Named(&'c [&'c str]),
+    /// Those wanted that can be read.
+    Usable(&'c dyn Fn(&str) -> bool),
 }
 
 impl ParquetReader {
     /// Opens a file with all its columns.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, TableError> {
-        Self::open_selected(path.as_ref(), None)
+        Self::open_chosen(path.as_ref(), Choice::All)
     }
 
     /// Opens a file with some of its columns, in the order asked for; the others are not read.
     pub fn open_columns(path: impl AsRef<Path>, names: &[&str]) -> Result<Self, TableError> {
-        Self::open_selected(path.as_ref(), Some(names))
+        Self::open_chosen(path.as_ref(), Choice::Named(names))
     }
 
-    fn open_selected(path: &Path, names: Option<&[&str]>) -> Result<Self, TableError> {
+    fn open_chosen(path: &Path, choice: Choice) -> Result<Self, TableError> {
         let content = |problem| content_error(path, problem);
         manifest::check(path)?;
         let file = open_marked(path)?;
         let parse = || Ok(ParquetMetaDataReader::new().parse_and_finish(&file)?);
         let metadata = guarded(parse).map_err(content)?;
-        let fields = metadata.file_metadata().schema().get_fields();
-        require_different_names(fields).map_err(content)?;
-        let mut schema = Table { metadata: notes_in(&metadata), ..Table::new() };
-        let mut sources = Vec::new();
-        for field in chosen(fields, names)? {
-            let (kind, meaning) = kind_of(field).map_err(content)?;
-            let unit = schema.metadata.get(&format!("{UNIT_PREFIX}{}", field.name()));
-            let of_moments = if matches!(meaning, Meaning::Moment { .. }) { "s" } else { "" };
-            let unit = unit.cloned().unwrap_or_else(|| of_moments.into());
-            schema.push(Column::new(field.name(), unit, Values::empty(kind)))?;
-            let place = leaf_of(&metadata, field.name()).map_err(content)?;
-            sources.push(Source { place, meaning });
-        }
-        schema.metadata.retain(|key, _| key != ARROW_KEY && !key.starts_with(UNIT_PREFIX));
-        require_known_codecs(&metadata).map_err(content)?;
-        Ok(Self {
+        let notes = notes_in(&metadata);
+        let fields = fields_of(&metadata, &notes).map_err(content)?;
+        let leaves_out = matches!(choice, Choice::Usable(_));
+        let mut reader = Self {
             path: path.to_path_buf(),
             file: Arc::new(file),
             metadata,
-            schema,
-            sources,
+            schema: Table::new(),
+            sources: Vec::new(),
+            left_out: Vec::new(),
+            unread: Vec::new(),
+            leaves_out,
+            batch_rows: BATCH_ROWS,
             next_group: 0,
             columns: Vec::new(),
             rows_left: 0,
             rows_read: 0,
-        })
+        };
+        for field in chosen(&fields, choice)? {
+            match field.source(&reader.metadata) {
+                Ok(source) => reader.add(source, &notes)?,
+                Err(problem) if leaves_out => reader.left_out.push((field.name.clone(), problem)),
+                Err(problem) => return Err(content(problem)),
+            }
+        }
+        if let Choice::Usable(is_wanted) = choice {
+            reader.unread = fields.names.into_iter().filter(|name| !is_wanted(name)).collect();
+        }
+        let is_own = |key: &String| key == ARROW_KEY || key.starts_with(UNIT_PREFIX);
+        reader.schema.metadata = notes.into_iter().filter(|(key, _)| !is_own(key)).collect();
+        Ok(reader)
+    }
+
+    /// Adds a column to what is read.
+    fn add(&mut self, source: Source, notes: &BTreeMap<String, String>) -> Result<(), TableError> {
+        let unit = notes.get(&format!("{UNIT_PREFIX}{}", source.name)).map(String::as_str);
+        let unit = unit.unwrap_or(source.meaning.unit());
+        self.schema.push(Column::new(&source.name, unit, Values::empty(source.kind)))?;
+        self.sources.push(source);
+        Ok(())
+    }
+
+    /// The same with fewer rows in each part, where only the first ones are of interest.
+    pub fn with_batch(self, rows: usize) -> Self {
+        Self { batch_rows: rows.clamp(1, BATCH_ROWS), ..self }
     }
 
     /// The columns, without rows, and the metadata.
@@ -292,6 +372,76 @@ impl ParquetReader {
         usize::try_from(self.metadata.file_metadata().num_rows()).unwrap_or(0)
     }
 
+    /// All rows, read column by column.
+    fn into_table(mut self, limits: Limits) -> Result<Table, TableError> {
+        let mut budget = Budget::new(limits);
+        let mut table = Table { metadata: self.schema.metadata.clone(), ..Table::new() };
+        for (source, column) in self.sources.iter().zip(self.schema.columns()) {
+            match self.whole_column(source, budget) {
+                Ok(values) => {
+                    budget.spend(bytes_of(&values));
+                    table.push(Column::new(&column.name, &column.unit, values))?;
+                }
+                Err(problem) if self.leaves_out && problem.is_limit() => {
+                    self.left_out.push((source.name.clone(), problem));
+                }
+                Err(problem) => return Err(content_error(&self.path, problem)),
+            }
+        }
+        if table.columns().is_empty() && !self.left_out.is_empty() {
+            return Err(content_error(&self.path, self.left_out.swap_remove(0).1));
+        }
+        let reason = |(name, problem): (String, ContentError)| (name, problem.to_string());
+        table.origin.unread = self.unread;
+        table.origin.left_out = self.left_out.into_iter().map(reason).collect();
+        Ok(table)
+    }
+
+    /// The values of a column in all row groups.
+    fn whole_column(&self, source: &Source, budget: Budget) -> Result<Values, ContentError> {
+        let width = match source.kind {
+            Kind::Float | Kind::Integer => 8,
+            Kind::Unsigned => 4,
+            Kind::Flag => 1,
+            Kind::Text => text_bytes(0),
+        };
+        budget.allow(&source.name, (self.row_count() as u64).saturating_mul(width))?;
+        if source.kind == Kind::Text {
+            // Counted before anything is kept, so that a column that is too large costs no memory.
+            let mut bytes = 0;
+            self.read_column(source, budget, |reader, rows, _| {
+                bytes += bytes_of_texts(reader, source, rows, bytes, budget)?;
+                Ok(())
+            })?;
+        }
+        let mut values = Values::empty(source.kind);
+        self.read_column(source, budget, |reader, rows, first_row| {
+            values.append(values_of(reader, source, rows, first_row, budget)?);
+            Ok(())
+        })?;
+        Ok(values)
+    }
+
+    /// Reads a column part by part: `read_part` gets the number of rows and the first one.
+    fn read_column(
+        &self,
+        source: &Source,
+        budget: Budget,
+        mut read_part: impl FnMut(&mut ColumnReader, usize, usize) -> Result<(), ContentError>,
+    ) -> Result<(), ContentError> {
+        let mut first_row = 0;
+        for group in self.metadata.row_groups() {
+            let mut rows = rows_of(group)?;
+            let mut reader = guarded(|| open_column(&self.file, group, source, rows, budget))?;
+            while rows > 0 {
+                let now = rows.min(BATCH_ROWS);
+                guarded(|| read_part(&mut reader, now, first_row))?;
+                (rows, first_row) = (rows - now, first_row + now);
+            }
+        }
+        Ok(())
+    }
+
     fn next_part(&mut self) -> Result<Option<Table>, ContentError> {
         while self.rows_left == 0 {
             if self.next_group == self.metadata.num_row_groups() {
@@ -299,12 +449,13 @@ impl ParquetReader {
             }
             self.open_group()?;
         }
-        let rows = self.rows_left.min(BATCH_ROWS);
+        let rows = self.rows_left.min(self.batch_rows);
+        let mut budget = Budget::new(Limits::from_environment());
         let mut part = self.schema.without_rows();
         let readers = self.columns.iter_mut().zip(&self.sources);
         for (column, (reader, source)) in part.columns.iter_mut().zip(readers) {
-            let place = Place { column: &column.name, first_row: self.rows_read };
-            column.values = guarded(|| values_of(reader, source.meaning, rows, place))?;
+            column.values = guarded(|| values_of(reader, source, rows, self.rows_read, budget))?;
+            budget.spend(bytes_of(&column.values));
         }
         self.rows_left -= rows;
         self.rows_read += rows;
@@ -313,15 +464,41 @@ impl ParquetReader {
 
     fn open_group(&mut self) -> Result<(), ContentError> {
         let group = self.metadata.row_group(self.next_group);
-        let rows = usize::try_from(group.num_rows()).map_err(|_| ContentError::Unreadable)?;
-        let open = |source: &Source| {
-            let chunk = group.column(source.place);
-            Ok(get_column_reader(chunk.column_descr_ptr(), pages_of(&self.file, chunk, rows)?))
-        };
+        let rows = rows_of(group)?;
+        let budget = Budget::new(Limits::from_environment());
+        let open = |source: &Source| open_column(&self.file, group, source, rows, budget);
         self.columns = guarded(|| self.sources.iter().map(open).collect())?;
         (self.rows_left, self.next_group) = (rows, self.next_group + 1);
         Ok(())
     }
+}
+
+fn rows_of(group: &RowGroupMetaData) -> Result<usize, ContentError> {
+    usize::try_from(group.num_rows()).map_err(|_| ContentError::Unreadable)
+}
+
+/// What values take in memory.
+fn bytes_of(values: &Values) -> u64 {
+    match values {
+        Values::Float(values) => size_of_val(values.as_slice()) as u64,
+        Values::Integer(values) => size_of_val(values.as_slice()) as u64,
+        Values::Unsigned(values) => size_of_val(values.as_slice()) as u64,
+        Values::Flag(values) => values.len() as u64,
+        Values::Text(values) => values.iter().map(|text| text_bytes(text.len())).sum(),
+    }
+}
+
+/// Opens a column of a row group. Its pages must fit into memory, too.
+fn open_column(
+    file: &Arc<File>,
+    group: &RowGroupMetaData,
+    source: &Source,
+    rows: usize,
+    budget: Budget,
+) -> Result<ColumnReader, ContentError> {
+    let chunk = group.columns().get(source.place).ok_or(ContentError::Unreadable)?;
+    budget.allow(&source.name, u64::try_from(chunk.uncompressed_size()).unwrap_or(0))?;
+    Ok(get_column_reader(chunk.column_descr_ptr(), pages_of(file, chunk, rows)?))
 }
 
 impl Iterator for ParquetReader {
@@ -376,226 +553,123 @@ fn notes_in(metadata: &ParquetMetaData) -> BTreeMap<String, String> {
     notes.map(|note| (note.key.clone(), note.value.clone().unwrap_or_default())).collect()
 }
 
-fn require_different_names(fields: &[TypePtr]) -> Result<(), ContentError> {
+/// A field of a file.
+struct Field<'f> {
+    /// Its name in the table.
+    name: String,
+    field: &'f Type,
+    /// Its place among the columns that are stored; `None` for a group.
+    place: Option<usize>,
+    /// What the Arrow schema says of durations.
+    durations: &'f HashMap<String, i64>,
+}
+
+/// The fields of a file with what the notes of its writer add.
+struct Fields {
+    fields: Vec<TypePtr>,
+    names: Vec<String>,
+    places: HashMap<String, usize>,
+    durations: HashMap<String, i64>,
+}
+
+fn fields_of(
+    metadata: &ParquetMetaData,
+    notes: &BTreeMap<String, String>,
+) -> Result<Fields, ContentError> {
+    let fields = metadata.file_metadata().schema().get_fields().to_vec();
+    let durations = notes.get(ARROW_KEY).map(|schema| arrow::durations(schema));
+    let durations = durations.unwrap_or_default();
+    let has_index = notes.get(PANDAS_KEY).is_some_and(|note| has_unnamed_index(note));
     let mut known = BTreeSet::new();
-    match fields.iter().find(|field| !known.insert(field.name())) {
-        Some(twice) => Err(ContentError::DuplicateColumn { column: twice.name().to_owned() }),
-        None => Ok(()),
+    let mut names = Vec::with_capacity(fields.len());
+    let has_time = fields.iter().any(|field| field.name() == TIME);
+    for field in &fields {
+        let is_index = has_index && !has_time && field.name() == UNNAMED_INDEX;
+        let is_time = || kind_of(field, &durations).is_ok_and(|(_, meaning)| meaning.is_time());
+        let name = if is_index && is_time() { TIME } else { field.name() };
+        if !known.insert(name) {
+            return Err(ContentError::DuplicateColumn { column: name.to_owned() });
+        }
+        names.push(name.to_owned());
+    }
+    let stored = metadata.file_metadata().schema_descr().columns().iter().enumerate();
+    let simple = stored.filter(|(_, column)| column.path().parts().len() == 1);
+    let places = simple.map(|(place, column)| (column.name().to_owned(), place)).collect();
+    Ok(Fields { fields, names, places, durations })
+}
+
+/// Whether the note of pandas names an index that has no name of its own.
+fn has_unnamed_index(note: &str) -> bool {
+    let note: Value = serde_json::from_str(note).unwrap_or_default();
+    let columns = note["index_columns"].as_array();
+    columns.is_some_and(|columns| columns.iter().any(|column| column == UNNAMED_INDEX))
+}
+
+impl Fields {
+    fn get(&self, index: usize) -> Field<'_> {
+        let field = &self.fields[index];
+        Field {
+            name: self.names[index].clone(),
+            field,
+            place: self.places.get(field.name()).copied(),
+            durations: &self.durations,
+        }
     }
 }
 
-fn require_known_codecs(file: &ParquetMetaData) -> Result<(), ContentError> {
-    let columns = file.row_groups().iter().flat_map(|group| group.columns());
-    let unknown = columns.map(|column| (column, column.compression())).find(|(_, codec)| {
-        use Compression as Codec;
-        let known = [Codec::UNCOMPRESSED, Codec::SNAPPY, Codec::LZ4, Codec::LZ4_RAW];
-        !known.contains(codec) && !matches!(codec, Codec::GZIP(_) | Codec::ZSTD(_))
-    });
-    match unknown {
-        Some((column, codec)) => Err(ContentError::UnknownCodec {
-            column: column.column_path().string(),
-            codec: codec.to_string(),
-        }),
-        None => Ok(()),
-    }
-}
-
-/// The fields asked for, or all.
-fn chosen<'a>(
-    fields: &'a [TypePtr],
-    names: Option<&[&str]>,
-) -> Result<Vec<&'a TypePtr>, TableError> {
-    let Some(names) = names else { return Ok(fields.iter().collect()) };
-    let find = |name: &&str| {
-        let known = || fields.iter().map(|field| field.name());
-        let found = fields.iter().find(|field| field.name() == *name);
-        found.ok_or_else(|| unknown_column(name, known()))
-    };
-    names.iter().map(find).collect()
-}
-
-/// The place of a simple column among those that are stored.
-fn leaf_of(file: &ParquetMetaData, name: &str) -> Result<usize, ContentError> {
-    let stored = file.file_metadata().schema_descr().columns();
-    let place = stored.iter().position(|column| column.path().parts() == [name]);
-    place.ok_or(ContentError::Unreadable)
-}
-
-/// What a column's values stand for, beside the type in which they are stored.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Meaning {
-    /// Just what is stored.
-    Stored,
-    Signed,
-    Unsigned,
-    Text,
-    /// A number of 16 bits.
-    Half,
-    /// A moment, as so many parts of a second since the beginning of 1970.
-    Moment {
-        parts: i64,
-    },
-    /// Something that has no place in a table, such as a list.
-    Other,
-}
-
-fn meaning_of(info: &BasicTypeInfo) -> Meaning {
-    use ConvertedType as Old;
-    use LogicalType as New;
-    match (info.logical_type_ref(), info.converted_type()) {
-        (Some(New::Integer(integer)), _) if integer.is_signed => Meaning::Signed,
-        (Some(New::Integer(_)), _) => Meaning::Unsigned,
-        (Some(New::String | New::Enum | New::Json), _) => Meaning::Text,
-        (Some(New::Float16), _) => Meaning::Half,
-        (Some(New::Timestamp(moment)), _) => match moment.unit {
-            TimeUnit::MILLIS => Meaning::Moment { parts: 1_000 },
-            TimeUnit::MICROS => Meaning::Moment { parts: 1_000_000 },
-            TimeUnit::NANOS => Meaning::Moment { parts: 1_000_000_000 },
-        },
-        (Some(_), _) => Meaning::Other,
-        (None, Old::NONE) => Meaning::Stored,
-        (None, Old::INT_8 | Old::INT_16 | Old::INT_32 | Old::INT_64) => Meaning::Signed,
-        (None, Old::UINT_8 | Old::UINT_16 | Old::UINT_32 | Old::UINT_64) => Meaning::Unsigned,
-        (None, Old::UTF8 | Old::ENUM | Old::JSON) => Meaning::Text,
-        (None, Old::TIMESTAMP_MILLIS) => Meaning::Moment { parts: 1_000 },
-        (None, Old::TIMESTAMP_MICROS) => Meaning::Moment { parts: 1_000_000 },
-        (None, _) => Meaning::Other,
-    }
-}
-
-/// The kind of column that holds a field's values, and what they stand for.
-fn kind_of(field: &Type) -> Result<(Kind, Meaning), ContentError> {
-    let unsupported = || ContentError::UnsupportedType {
-        column: field.name().to_owned(),
-        found: type_name(field),
-    };
-    let info = field.get_basic_info();
-    if !field.is_primitive() || info.repetition() == Repetition::REPEATED {
-        return Err(unsupported());
-    }
-    let meaning = meaning_of(info);
-    let kind = match (field.get_physical_type(), meaning) {
-        (Physical::BOOLEAN, Meaning::Stored) => Kind::Flag,
-        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => Kind::Integer,
-        (Physical::INT32, Meaning::Unsigned) => Kind::Unsigned,
-        (Physical::INT64, Meaning::Unsigned) => Kind::Integer,
-        (Physical::INT64, Meaning::Moment { .. }) => Kind::Float,
-        (Physical::FLOAT | Physical::DOUBLE, Meaning::Stored) => Kind::Float,
-        (Physical::FIXED_LEN_BYTE_ARRAY, Meaning::Half) => Kind::Float,
-        (Physical::BYTE_ARRAY, Meaning::Text) => Kind::Text,
-        _ => return Err(unsupported()),
-    };
-    Ok((kind, meaning))
-}
-
-/// A type's name in Parquet, without its details.
-fn type_name(field: &Type) -> String {
-    let info = field.get_basic_info();
-    let name = match (info.logical_type_ref(), info.converted_type()) {
-        (Some(logical), _) => format!("{logical:?}"),
-        (None, ConvertedType::NONE) if field.is_group() => "group".to_owned(),
-        (None, ConvertedType::NONE) => format!("{:?}", field.get_physical_type()),
-        (None, converted) => format!("{converted:?}"),
-    };
-    name.split('(').next().unwrap_or_default().to_owned()
-}
-
-/// Where rows stand in their file, for messages.
-#[derive(Clone, Copy)]
-struct Place<'a> {
-    column: &'a str,
-    first_row: usize,
-}
-
-impl Place<'_> {
-    /// The row, counted from 1 in the whole file.
-    fn row(self, index: usize) -> usize {
-        self.first_row + index + 1
-    }
-}
-
-/// The next rows of a column.
-fn values_of(
-    reader: &mut ColumnReader,
-    meaning: Meaning,
-    rows: usize,
-    place: Place,
-) -> Result<Values, ContentError> {
-    use ColumnReader as Stored;
-    Ok(match reader {
-        Stored::BoolColumnReader(reader) => Values::Flag(stored(reader, rows, place)?),
-        Stored::Int32ColumnReader(reader) if meaning == Meaning::Unsigned => {
-            Values::Unsigned(converted(stored(reader, rows, place)?, i32::cast_unsigned))
+/// The fields that are read.
+fn chosen<'a>(fields: &'a Fields, choice: Choice) -> Result<Vec<Field<'a>>, TableError> {
+    let all = 0..fields.names.len();
+    Ok(match choice {
+        Choice::All => all.map(|index| fields.get(index)).collect(),
+        Choice::Usable(is_wanted) => {
+            all.filter(|&index| is_wanted(&fields.names[index])).map(|i| fields.get(i)).collect()
         }
-        Stored::Int32ColumnReader(reader) => {
-            Values::Integer(converted(stored(reader, rows, place)?, i64::from))
-        }
-        Stored::Int64ColumnReader(reader) => {
-            let values = stored(reader, rows, place)?;
-            if let Meaning::Moment { parts } = meaning {
-                return Ok(Values::Float(converted(values, |value| seconds(value, parts))));
-            }
-            if meaning == Meaning::Unsigned {
-                require_63_bits(&values, place)?;
-            }
-            Values::Integer(values)
-        }
-        Stored::FloatColumnReader(reader) => {
-            Values::Float(converted(stored(reader, rows, place)?, f64::from))
-        }
-        Stored::DoubleColumnReader(reader) => Values::Float(stored(reader, rows, place)?),
-        Stored::ByteArrayColumnReader(reader) => {
-            let texts = stored(reader, rows, place)?;
-            let text = |bytes: &ByteArray| Ok(bytes.as_utf8()?.to_owned());
-            Values::Text(texts.iter().map(text).collect::<Result<_, ParquetError>>()?)
-        }
-        Stored::FixedLenByteArrayColumnReader(reader) => {
-            let half = |bytes: &FixedLenByteArray| match *bytes.data() {
-                [low, high] => Ok(f16::from_le_bytes([low, high]).to_f64()),
-                _ => Err(ContentError::Unreadable),
+        Choice::Named(names) => {
+            let known: HashMap<&str, usize> =
+                fields.names.iter().map(String::as_str).zip(all).collect();
+            let find = |name: &&str| match known.get(name) {
+                Some(&index) => Ok(fields.get(index)),
+                None => Err(unknown_column(name, fields.names.iter().map(String::as_str))),
             };
-            let halves = stored(reader, rows, place)?;
-            Values::Float(halves.iter().map(half).collect::<Result<_, _>>()?)
+            names.iter().map(find).collect::<Result<_, _>>()?
         }
-        Stored::Int96ColumnReader(_) => return Err(ContentError::Unreadable),
     })
 }
 
-/// A moment in seconds: whole ones and the rest, each of which is rounded less than a number of parts.
-fn seconds(value: i64, parts: i64) -> f64 {
-    value.div_euclid(parts) as f64 + value.rem_euclid(parts) as f64 / parts as f64
-}
-
-fn converted<A, B>(values: Vec<A>, convert: impl Fn(A) -> B) -> Vec<B> {
-    values.into_iter().map(convert).collect()
-}
-
-/// The next rows as they are stored; all of them must be there.
-fn stored<T: DataType>(
-    reader: &mut ColumnReaderImpl<T>,
-    rows: usize,
-    place: Place,
-) -> Result<Vec<T::T>, ContentError> {
-    let (mut values, mut levels) = (Vec::new(), Vec::new());
-    let (found, ..) = reader.read_records(rows, Some(&mut levels), None, &mut values)?;
-    if let Some(index) = levels.iter().position(|level| *level == 0) {
-        let column = place.column.to_owned();
-        return Err(ContentError::Null { column, row: place.row(index) });
+impl Field<'_> {
+    /// How the field is read.
+    fn source(&self, file: &ParquetMetaData) -> Result<Source, ContentError> {
+        let (kind, meaning) = kind_of(self.field, self.durations)?;
+        let place = self.place.ok_or(ContentError::Unreadable)?;
+        let chunks: Vec<&ColumnChunkMetaData> =
+            file.row_groups().iter().filter_map(|group| group.columns().get(place)).collect();
+        chunks.iter().try_for_each(|chunk| require_known_codec(chunk, &self.name))?;
+        let has_gap = |chunk: &&ColumnChunkMetaData| {
+            chunk.statistics().and_then(|known| known.null_count_opt()).is_some_and(|gaps| gaps > 0)
+        };
+        let kind = match kind {
+            Kind::Integer | Kind::Unsigned | Kind::Flag if chunks.iter().any(has_gap) => {
+                Kind::Float
+            }
+            kind => kind,
+        };
+        let shares = |chunk: &&ColumnChunkMetaData| {
+            chunk.encodings().any(|encoding| encoding == Encoding::DELTA_BYTE_ARRAY)
+        };
+        let texts_at_once = if chunks.iter().any(shares) { 1 } else { TEXTS_AT_ONCE };
+        Ok(Source { name: self.name.clone(), place, kind, meaning, texts_at_once })
     }
-    if found < rows {
-        return Err(ParquetError::EOF("a column ends before its row group".to_owned()).into());
-    }
-    Ok(values)
 }
 
-fn require_63_bits(values: &[i64], place: Place) -> Result<(), ContentError> {
-    match values.iter().position(|value| *value < 0) {
-        Some(index) => Err(ContentError::TooLarge {
-            column: place.column.to_owned(),
-            row: place.row(index),
-            value: values[index].cast_unsigned(),
-        }),
-        None => Ok(()),
+fn require_known_codec(chunk: &ColumnChunkMetaData, column: &str) -> Result<(), ContentError> {
+    use Compression as Codec;
+    match chunk.compression() {
+        Codec::UNCOMPRESSED | Codec::SNAPPY | Codec::LZ4 | Codec::LZ4_RAW => Ok(()),
+        Codec::GZIP(_) | Codec::ZSTD(_) => Ok(()),
+        codec => {
+            Err(ContentError::UnknownCodec { column: column.to_owned(), codec: codec.to_string() })
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
-use servotwin::table::parquet::{ParquetReader, ParquetWriter, read_columns};
+use servotwin::table::parquet::{Limits, ParquetReader, ParquetWriter, read_columns, read_within};
 use servotwin::table::{self, Column, Kind, Table, TableError, Values};
 
 use crate::files::Folder;
@@ -236,7 +236,8 @@ fn getters_convert_what_they_can_and_explain_what_not() {
     let messages = [
         (
             table.f64("presure_a_pa").unwrap_err(),
-            "there is no column 'presure_a_pa'; did you mean 'pressure_a_pa'?",
+            "there is no column 'presure_a_pa'; did you mean 'pressure_a_pa'? The table has time_s, \
+             pressure_a_pa, offset, variant, healthy, fault",
         ),
         (table.f64("xyzzy_kg").unwrap_err(), "there is no column 'xyzzy_kg'"),
         (table.f64("fault").unwrap_err(), "column 'fault' holds text, needed are numbers"),
@@ -289,7 +290,7 @@ fn parquet_streams_without_changing_the_table() {
     }
     assert_eq!(rows, 200_000);
     let message = read_columns(&path, &["varian"]).unwrap_err().to_string();
-    assert!(message.ends_with("did you mean 'variant'?"), "{message}");
+    assert!(message.contains("did you mean 'variant'? The table has"), "{message}");
 }
 
 #[test]
@@ -389,10 +390,51 @@ fn val_pyarrow_moments_are_seconds_since_1970() {
     }
 }
 
+/// The same hundredths of a second as durations, times of day, days and in 96 bits.
+#[test]
+fn val_pyarrow_times_arrive_in_seconds_whatever_stores_them() {
+    let table = table::read(foreign("times.parquet")).unwrap();
+    let column = |name: &str| {
+        assert_eq!(table.column(name).unwrap().unit, "s", "{name}");
+        table.f64(name).unwrap().into_owned()
+    };
+    assert_eq!(column("duration_ns"), [0.0, 0.01, 0.02]);
+    assert_eq!(column("duration_s"), [0.0, 1.0, 2.0]);
+    for name in ["of_day_ms", "of_day_us"] {
+        assert_eq!(column(name), [28_800.0, 28_800.01, 28_800.02], "{name}");
+    }
+    assert_eq!(column("day"), [1_795_305_600.0, 1_795_392_000.0, -86_400.0]);
+    let moments = [1_795_341_600.0, 1_795_341_600.01, 1_795_341_600.02];
+    assert_eq!(column("nano"), moments, "the schema says ns, the values are ms");
+    let older = table::read(foreign("int96.parquet")).unwrap();
+    assert_eq!(*older.f64("int96").unwrap(), moments);
+    assert_eq!(older.column("int96").unwrap().unit, "s");
+}
+
+#[test]
+fn val_pyarrow_the_unnamed_time_index_of_pandas_is_the_time() {
+    let table = table::read(foreign("index.parquet")).unwrap();
+    assert_eq!(table.names().collect::<Vec<_>>(), ["x_m", "time"]);
+    assert_eq!(table.f64("time").unwrap()[1], 1_795_341_600.01);
+    let only = read_columns(&foreign("index.parquet"), &["time"]).unwrap();
+    assert_eq!(only.column("time").unwrap().unit, "s");
+}
+
+#[test]
+fn a_missing_value_in_parquet_is_nan_or_an_empty_text() {
+    let table = table::read(foreign("gaps.parquet")).unwrap();
+    for (name, first, last) in
+        [("whole", 1.0, 3.0), ("small", 1.0, 3.0), ("real", 1.5, 3.5), ("ok", 1.0, 0.0)]
+    {
+        let values = table.f64(name).unwrap();
+        assert!(values[0] == first && values[1].is_nan() && values[2] == last, "{name}");
+    }
+    assert_eq!(table.text("s").unwrap(), ["a", "", "c"]);
+}
+
 #[test]
 fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
     let cases = [
-        ("null.parquet", "null.parquet: row 2, column 'a': no value (null)"),
         ("decimal.parquet", "column 'price' has the type Decimal; known are"),
         ("large.parquet", "row 2, column 'a': 9223372036854775808 does not fit in 63 bits"),
         ("polars_brotli.parquet", "column 'x_m' is compressed with BROTLI"),
@@ -403,4 +445,97 @@ fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
     }
     let table = read_columns(&foreign("decimal.parquet"), &["a"]).unwrap();
     assert_eq!(table.row_count(), 2, "a column not asked for is no obstacle");
+}
+
+#[test]
+fn a_column_that_has_no_place_is_left_out_and_refused_only_where_it_is_used() {
+    let table = table::read_mixed(foreign("decimal.parquet"), &[]).unwrap();
+    assert_eq!(table.names().collect::<Vec<_>>(), ["a"]);
+    let message = table.column("price").unwrap_err().to_string();
+    assert!(message.contains("column 'price' has the type Decimal"), "{message}");
+    assert_eq!(table.origin().left_out()[0].0, "price");
+    let message = table::read_mixed(foreign("polars_brotli.parquet"), &[]).unwrap_err().to_string();
+    assert!(message.contains("compressed with BROTLI"), "nothing is left: {message}");
+}
+
+/// A file of 800 bytes that would be 5 GB of text, and one with 200 MB in an encoding without a dictionary.
+#[test]
+fn a_small_file_with_gigabytes_of_text_is_stopped_by_the_limit() {
+    for (name, rows, gigabytes) in
+        [("large_text.parquet", 5000, 1), ("shared_text.parquet", 20_000, 0)]
+    {
+        let limits = Limits::of_table(gigabytes * 1_000_000_000 + 100_000_000);
+        let table = read_within(&foreign(name), &|_| true, limits).unwrap();
+        assert_eq!(table.names().collect::<Vec<_>>(), ["a"], "{name}");
+        assert_eq!(table.row_count(), rows, "the columns within the limit are there");
+        let message = table.column("comment").unwrap_err().to_string();
+        assert!(message.contains("column 'comment' takes more than"), "{message}");
+        assert!(message.contains("SERVOTWIN_TABLE_GB"), "{message}");
+        let unused = read_columns(&foreign(name), &["a"]).unwrap();
+        assert_eq!(unused.row_count(), rows);
+    }
+    let strict = table::read(foreign("large_text.parquet")).unwrap_err().to_string();
+    assert!(strict.contains("the limit of a column"), "{strict}");
+    let mut parts = ParquetReader::open(foreign("large_text.parquet")).unwrap();
+    let streamed = parts.next().unwrap().unwrap_err().to_string();
+    assert!(streamed.contains("column 'comment' takes more than 2 GB"), "{streamed}");
+}
+
+#[test]
+fn columns_together_stay_within_the_limit_of_a_table() {
+    let folder = Folder::new("limit");
+    let path = folder.file("a.parquet");
+    let names = ["a", "b", "c", "d", "e", "f"];
+    let columns = names.map(|name| Column::new(name, "", vec![0.5; 1000])).to_vec();
+    table::write(&path, &Table::from_columns(columns).unwrap()).unwrap();
+    let table = read_within(&path, &|_| true, Limits::of_table(40_000)).unwrap();
+    assert_eq!(table.names().collect::<Vec<_>>(), &names[..5], "8000 bytes each");
+    let message = table.column("f").unwrap_err().to_string();
+    assert!(message.contains("with column 'f' the table takes more than"), "{message}");
+    assert!(read_within(&path, &|_| true, Limits::of_table(20_000)).is_err(), "no column is left");
+}
+
+/// The time to find a column does not depend on the number of columns; otherwise this test would not end.
+#[test]
+fn a_table_of_many_columns_is_read_and_taken_apart_column_by_column() {
+    let folder = Folder::new("wide");
+    let count = 100_000;
+    let columns: Vec<Column> = (0..count)
+        .map(|place| Column::new(format!("a long name of column {place}"), "", vec![0.5, 1.5]))
+        .collect();
+    let table = Table::from_columns(columns).unwrap();
+    let names: Vec<String> = table.names().map(str::to_owned).collect();
+    for format in table::ALL {
+        let path = folder.file(&format!("a.{}", format.extension));
+        let (file, rows) = match format.extension {
+            "csv" => (table.clone(), 2),
+            _ => (Table::from_columns(table.columns()[..20_000].to_vec()).unwrap(), 2),
+        };
+        table::write(&path, &file).unwrap();
+        let read = table::read(&path).unwrap();
+        assert_eq!((read.columns().len(), read.row_count()), (file.columns().len(), rows));
+        let found = names.iter().filter(|name| read.column(name).is_ok());
+        assert_eq!(found.take(20_000).count(), 20_000);
+    }
+    let line = |value: f64| {
+        let cells = names.iter().map(|name| format!("\"{name}\":{value}")).collect::<Vec<_>>();
+        format!("{{{}}}\n", cells.join(","))
+    };
+    fs::write(folder.file("a.jsonl"), line(0.5) + &line(1.5)).unwrap();
+    let read = table::read(folder.file("a.jsonl")).unwrap();
+    assert_eq!(read.columns().len(), count);
+    assert!(names.iter().all(|name| read.f64(name).unwrap()[1] == 1.5));
+}
+
+#[test]
+fn a_missing_column_is_answered_with_those_there_are() {
+    let told = |name: &str| sample().column(name).unwrap_err().to_string();
+    let known = "time_s, pressure_a_pa, offset, variant, healthy, fault";
+    assert_eq!(told("x"), format!("there is no column 'x'; the table has {known}"));
+    let near = told("ofset");
+    assert!(near.contains("did you mean 'offset'? The table has time_s"), "{near}");
+    let wanted = |name: &str| name == "a";
+    let table = table::read_wanted(foreign("decimal.parquet"), &[], &wanted).unwrap();
+    let message = table.column("price_eur").unwrap_err().to_string();
+    assert!(message.contains("a, price"), "also those that were not read: {message}");
 }

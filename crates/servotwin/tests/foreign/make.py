@@ -28,7 +28,6 @@ frame = pl.DataFrame(
 for codec in ["snappy", "gzip", "lz4", "zstd", "brotli"]:
     frame.write_parquet(f"polars_{codec}.parquet", compression=codec)
 
-pq.write_table(pa.table({"a": [1.0, None]}), "null.parquet")
 when = [1_795_341_600_000 + 10 * k for k in range(3)]  # 2026-11-22, ten o'clock
 pq.write_table(
     pa.table(
@@ -40,6 +39,42 @@ pq.write_table(
         }
     ),
     "when.parquet",
+)
+# Times that are no moments, and moments as older writers store them; the schema of "older" says nanoseconds.
+apart = [10 * k for k in range(3)]  # ms
+times = {
+    "duration_ns": pa.array([v * 1000000 for v in apart], pa.duration("ns")),
+    "duration_s": pa.array([0, 1, 2], pa.duration("s")),
+    "of_day_ms": pa.array([28_800_000 + v for v in apart], pa.time32("ms")),
+    "of_day_us": pa.array([1000 * (28_800_000 + v) for v in apart], pa.time64("us")),
+    "day": pa.array([20779, 20780, -1], pa.date32()),
+    "nano": pa.array([v * 1000000 for v in when], pa.timestamp("ns")),
+}
+pq.write_table(pa.table(times), "times.parquet", coerce_timestamps="ms")
+older = {"int96": times["nano"]}
+pq.write_table(pa.table(older), "int96.parquet", use_deprecated_int96_timestamps=True)
+index = pd.to_datetime(when, unit="ms", utc=True).tz_convert("Europe/Berlin")
+pd.DataFrame({"x_m": [1.0, 2.0, 3.0]}, index=index).to_parquet("index.parquet")
+gaps = {
+    "whole": pa.array([1, None, 3], pa.int64()),
+    "small": pa.array([1, None, 3], pa.uint8()),
+    "real": pa.array([1.5, None, 3.5]),
+    "ok": pa.array([True, None, False]),
+    "s": pa.array(["a", None, "c"]),
+}
+pq.write_table(pa.table(gaps), "gaps.parquet")
+# A few kilobytes that are 5 GB of text, and 200 MB of it in another encoding; a column beside them.
+large = pa.array(["x" * 1_000_000] * 5000)
+pq.write_table(
+    pa.table({"a": [1.0] * 5000, "comment": large}), "large_text.parquet", compression="zstd"
+)
+large = pa.array(["x" * 10_000] * 20_000)
+pq.write_table(
+    pa.table({"a": [1.0] * 20_000, "comment": large}),
+    "shared_text.parquet",
+    compression="zstd",
+    use_dictionary=False,
+    column_encoding={"comment": "DELTA_BYTE_ARRAY"},
 )
 prices = pa.array([Decimal("1.5"), Decimal("2.5")], pa.decimal128(5, 1))
 pq.write_table(pa.table({"a": [1.0, 2.0], "price": prices}), "decimal.parquet")

@@ -322,7 +322,7 @@ pub(super) fn encode(tables: &mut [Table], inputs: &[Input]) -> Result<Vec<f64>,
                     .map_err(EvaluationError::from)
                     .and_then(|column| encode_column(table, column, input, &mut values)),
                 false => table
-                    .take(input.column())
+                    .release(input.column())
                     .map_err(EvaluationError::from)
                     .and_then(|column| encode_column(table, &column, input, &mut values)),
             };

@@ -74,10 +74,12 @@ pub fn judge_table(
     Ok((prepared, judged))
 }
 
-/// The columns that an answer of a model may depend on.
-fn columns_read(model: &TableModel) -> BTreeSet<&str> {
-    let read = model.inputs.iter().enumerate().filter(|(feature, _)| model.model.reads(*feature));
-    read.map(|(_, input)| input.column()).collect()
+impl TableModel {
+    /// The columns that an answer of the model may depend on.
+    pub fn columns_read(&self) -> BTreeSet<&str> {
+        let read = self.inputs.iter().enumerate().filter(|(feature, _)| self.model.reads(*feature));
+        read.map(|(_, input)| input.column()).collect()
+    }
 }
 
 /// The features of a table as a model reads them; what it does not read need not be there.
@@ -87,7 +89,7 @@ fn samples(
     codes: Vec<u32>,
 ) -> Result<Samples, EvaluationError> {
     let (origin, rows): (Origin, usize) = (table.origin().clone(), table.row_count());
-    let read = columns_read(model);
+    let read = model.columns_read();
     for input in model.inputs.iter().filter(|input| !read.contains(input.column())) {
         if table.column(input.column()).is_err() {
             table.push(Column::new(input.column(), "", vec![f64::NAN; rows]))?;
@@ -132,7 +134,7 @@ struct Doubts<'m> {
 impl<'m> Doubts<'m> {
     fn new(model: &'m TableModel) -> Self {
         let (mut numbers, mut texts) = (vec![], BTreeMap::<&str, Vec<usize>>::new());
-        let read = columns_read(model);
+        let read = model.columns_read();
         let inputs = model.inputs.iter().enumerate();
         for (feature, input) in inputs.filter(|(_, input)| read.contains(input.column())) {
             match input {

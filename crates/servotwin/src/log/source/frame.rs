@@ -7,7 +7,7 @@
 
 use super::{Read, Row, Wanted};
 use crate::evaluation::table_model::times;
-use crate::quoted;
+use crate::sanitize;
 use crate::table::csv::dialect::Dialect;
 use crate::table::csv::encoding::{self, Encoding};
 use crate::table::csv::growing::{Numbers, is_missing};
@@ -265,7 +265,7 @@ fn decoded(cell: &[u8]) -> String {
 
 /// The beginning of a cell for a message.
 fn shown(cell: &[u8]) -> String {
-    quoted::text(&decoded(cell))
+    sanitize::text(&decoded(cell))
 }
 
 /// The cells of a line, without their quotes.

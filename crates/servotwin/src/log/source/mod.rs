@@ -15,7 +15,7 @@ mod udp;
 use super::counts::Kind;
 use crate::files::FileError;
 use crate::nearest::nearest;
-use crate::quoted;
+use crate::sanitize;
 use crate::table::TableError;
 use std::fmt;
 use std::net::SocketAddr;
@@ -256,7 +256,7 @@ impl fmt::Display for SourceError {
                 write!(out, "{address} has no column '{}'; ", columns.join("', '"))?;
                 match nearest(&columns[0], known.iter().map(String::as_str)) {
                     Some(name) => write!(out, "did you mean '{name}'?"),
-                    None => write!(out, "it has: {}", quoted::list(known)),
+                    None => write!(out, "it has: {}", sanitize::list(known)),
                 }
             }
         }

@@ -84,7 +84,7 @@ pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
     let columns = reader.schema().columns();
     let texts = columns.iter().filter(|column| column.values.kind() == Kind::Text);
     let texts: Vec<&str> = texts.map(|column| column.name.as_str()).collect();
-    let first = ParquetReader::open_columns(path, &texts)?.next().transpose()?;
+    let first = ParquetReader::open_columns(path, &texts)?.with_batch(1).next().transpose()?;
     let is_date = |name: &str| {
         let texts = first.as_ref().and_then(|part| part.text(name).ok());
         texts.and_then(<[String]>::first).is_some_and(|text| times::seconds(text).is_some())

@@ -1,0 +1,156 @@
+//! What the Arrow schema in a file's metadata adds to the Parquet schema: which columns are durations.
+//!
+//! Parquet has no type for a duration, so writers with an Arrow layer store a plain whole number, and keep the unit in
+//! an Arrow schema under `ARROW:schema`: a FlatBuffers message in base64. This reader takes the names and units of the
+//! durations out of it and ignores everything else. Every access is checked; a damaged schema is as good as none.
+//!
+//! Sources: Arrow columnar format, `Message.fbs` and `Schema.fbs`; FlatBuffers internals.
+
+use std::collections::HashMap;
+
+/// Number of the header type `Schema` in `Message.fbs`.
+const SCHEMA: u8 = 1;
+/// Number of the type `Duration` in `Schema.fbs`.
+const DURATION: u8 = 18;
+/// Parts of a second of each `TimeUnit` in `Schema.fbs`: seconds, milliseconds, microseconds, nanoseconds.
+const PARTS: [i64; 4] = [1, 1_000, 1_000_000, 1_000_000_000];
+/// The unit of a duration whose schema names none.
+const DEFAULT_UNIT: i16 = 1;
+
+/// The parts of a second in which each duration is stored, by the column's name.
+pub(super) fn durations(schema: &str) -> HashMap<String, i64> {
+    let bytes = base64(schema);
+    bytes.and_then(|bytes| read_durations(&bytes)).unwrap_or_default()
+}
+
+fn read_durations(bytes: &[u8]) -> Option<HashMap<String, i64>> {
+    // An encapsulated message begins with a mark and its length; older ones with the length alone.
+    let start = if read(bytes, 0)? == [0xFF; 4] { 8 } else { 4 };
+    let message = Node::root(bytes.get(start..)?)?;
+    if message.byte(1)? != SCHEMA {
+        return None;
+    }
+    let mut found = HashMap::new();
+    for field in message.node(2)?.nodes(1)? {
+        if field.byte(2) != Some(DURATION) {
+            continue;
+        }
+        let unit = field.node(3)?.short(0).unwrap_or(DEFAULT_UNIT);
+        let parts = usize::try_from(unit).ok().and_then(|unit| PARTS.get(unit))?;
+        found.insert(field.text(0)?, *parts);
+    }
+    Some(found)
+}
+
+/// A FlatBuffers table: its fields stand at places that a list of offsets gives.
+#[derive(Clone, Copy)]
+struct Node<'b> {
+    bytes: &'b [u8],
+    place: usize,
+}
+
+impl<'b> Node<'b> {
+    fn root(bytes: &'b [u8]) -> Option<Self> {
+        Some(Node { bytes, place: follow(bytes, 0)? })
+    }
+
+    /// The place of a field; `None` where the field has its default.
+    fn field(self, number: usize) -> Option<usize> {
+        let back = i32::from_le_bytes(read(self.bytes, self.place)?);
+        let offsets = i64::try_from(self.place).ok()?.checked_sub(i64::from(back))?;
+        let offsets = usize::try_from(offsets).ok()?;
+        let size = usize::from(u16::from_le_bytes(read(self.bytes, offsets)?));
+        let entry = 4 + 2 * number;
+        if entry + 2 > size {
+            return None;
+        }
+        let offset = u16::from_le_bytes(read(self.bytes, offsets.checked_add(entry)?)?);
+        (offset != 0).then(|| self.place + usize::from(offset))
+    }
+
+    fn byte(self, number: usize) -> Option<u8> {
+        self.bytes.get(self.field(number)?).copied()
+    }
+
+    fn short(self, number: usize) -> Option<i16> {
+        Some(i16::from_le_bytes(read(self.bytes, self.field(number)?)?))
+    }
+
+    fn node(self, number: usize) -> Option<Node<'b>> {
+        Some(Node { bytes: self.bytes, place: follow(self.bytes, self.field(number)?)? })
+    }
+
+    fn text(self, number: usize) -> Option<String> {
+        let start = follow(self.bytes, self.field(number)?)?;
+        let length = usize::try_from(u32::from_le_bytes(read(self.bytes, start)?)).ok()?;
+        let bytes = self.bytes.get(start + 4..)?.get(..length)?;
+        String::from_utf8(bytes.to_vec()).ok()
+    }
+
+    /// The tables of a list.
+    fn nodes(self, number: usize) -> Option<Vec<Node<'b>>> {
+        let start = follow(self.bytes, self.field(number)?)?;
+        let length = usize::try_from(u32::from_le_bytes(read(self.bytes, start)?)).ok()?;
+        if length > self.bytes.len() / 4 {
+            return None;
+        }
+        let node = |place: usize| {
+            Some(Node { bytes: self.bytes, place: follow(self.bytes, start + 4 + 4 * place)? })
+        };
+        (0..length).map(node).collect()
+    }
+}
+
+fn read<const N: usize>(bytes: &[u8], place: usize) -> Option<[u8; N]> {
+    bytes.get(place..place.checked_add(N)?)?.try_into().ok()
+}
+
+/// The place that an offset points to.
+fn follow(bytes: &[u8], place: usize) -> Option<usize> {
+    let offset = usize::try_from(u32::from_le_bytes(read(bytes, place)?)).ok()?;
+    place.checked_add(offset).filter(|target| *target < bytes.len())
+}
+
+/// Bytes from base64; `None` for any other text.
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut bits, mut count) = (0_u32, 0);
+    for letter in text.trim_end_matches('=').bytes() {
+        let value = match letter {
+            b'A'..=b'Z' => letter - b'A',
+            b'a'..=b'z' => letter - b'a' + 26,
+            b'0'..=b'9' => letter - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        };
+        (bits, count) = ((bits << 6 | u32::from(value)) & 0xFF_FFFF, count + 6);
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count & 0xFF) as u8);
+        }
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_gives_back_the_bytes_that_were_written() {
+        let cases: [(&str, &[u8]); 4] =
+            [("", b""), ("TQ==", b"M"), ("TWE=", b"Ma"), ("//79", &[0xFF, 0xFE, 0xFD])];
+        for (text, bytes) in cases {
+            assert_eq!(base64(text).as_deref(), Some(bytes), "{text}");
+        }
+        assert_eq!(base64("a b"), None);
+    }
+
+    #[test]
+    fn a_damaged_schema_names_no_duration() {
+        for text in ["", "AAAA", "/////wAAAAD/////", "not base64"] {
+            assert!(durations(text).is_empty(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! From the stored values of a Parquet column to the values of a table's column.
+
+use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use ::parquet::data_type::{ByteArray, DataType, FixedLenByteArray, Int96};
+use ::parquet::errors::ParquetError;
+use half::f16;
+
+use super::super::{ContentError, Kind, Values};
+use super::limits::{Budget, text_bytes};
+use super::meaning::Meaning;
+
+/// Seconds in a day.
+const DAY_S: i64 = 86_400;
+
+/// The first of January 1970 in days of the Julian period.
+const JULIAN_1970: i64 = 2_440_588;
+
+/// Where a table's column comes from.
+#[derive(Debug, Clone)]
+pub(super) struct Source {
+    /// The name in the table.
+    pub name: String,
+    /// The column's place in the file.
+    pub place: usize,
+    /// The kind of the table's column. Whole numbers and flags with gaps become real numbers.
+    pub kind: Kind,
+    /// What is stored.
+    pub meaning: Meaning,
+    /// So many texts are decoded at once: one encoding makes long texts of a few bytes.
+    pub texts_at_once: usize,
+}
+
+/// The next rows of a column; `first_row` counts from 0 in the whole file.
+pub(super) fn values_of(
+    reader: &mut ColumnReader,
+    source: &Source,
+    rows: usize,
+    first_row: usize,
+    budget: Budget,
+) -> Result<Values, ContentError> {
+    use ColumnReader as Stored;
+    let part = Part { source, rows, first_row, budget };
+    Ok(match reader {
+        Stored::ByteArrayColumnReader(reader) => Values::Text(part.texts(reader)?),
+        Stored::BoolColumnReader(reader) if source.kind == Kind::Flag => {
+            Values::Flag(part.complete(reader)?)
+        }
+        Stored::BoolColumnReader(reader) => {
+            part.real(reader, |flag| Ok(f64::from(u8::from(*flag))))?
+        }
+        Stored::Int32ColumnReader(reader) => part.small(reader)?,
+        Stored::Int64ColumnReader(reader) => part.large(reader)?,
+        Stored::Int96ColumnReader(reader) => part.real(reader, |moment| Ok(old_moment(moment)))?,
+        Stored::FloatColumnReader(reader) => part.real(reader, |value| Ok(f64::from(*value)))?,
+        Stored::DoubleColumnReader(reader) => part.real(reader, |value| Ok(*value))?,
+        Stored::FixedLenByteArrayColumnReader(reader) => part.real(reader, half)?,
+    })
+}
+
+/// What the next rows of a column of texts take in memory, where `before` bytes are taken already. The stored texts share
+/// memory, so that counting takes hardly any.
+///
+/// # Errors
+/// It is more than the budget allows, or the rows cannot be decoded.
+pub(super) fn bytes_of_texts(
+    reader: &mut ColumnReader,
+    source: &Source,
+    rows: usize,
+    before: u64,
+    budget: Budget,
+) -> Result<u64, ContentError> {
+    let ColumnReader::ByteArrayColumnReader(reader) = reader else { return Ok(0) };
+    let (mut bytes, mut left) = (0, rows);
+    while left > 0 {
+        let now = source.texts_at_once.min(left);
+        let (values, _) = stored(reader, now)?;
+        bytes += values.iter().map(|text| text_bytes(text.len())).sum::<u64>();
+        budget.allow(&source.name, before + bytes)?;
+        left -= now;
+    }
+    Ok(bytes)
+}
+
+/// Some rows of a column.
+#[derive(Clone, Copy)]
+struct Part<'s> {
+    source: &'s Source,
+    rows: usize,
+    first_row: usize,
+    budget: Budget,
+}
+
+impl Part<'_> {
+    /// Whole numbers of 32 bits, and what is stored as such.
+    fn small(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int32Type>) -> Decoded {
+        let meaning = self.source.meaning;
+        Ok(match (self.source.kind, meaning) {
+            (Kind::Unsigned, _) => {
+                Values::Unsigned(converted(self.complete(reader)?, i32::cast_unsigned))
+            }
+            (Kind::Integer, _) => Values::Integer(converted(self.complete(reader)?, i64::from)),
+            (_, Meaning::Unsigned) => {
+                self.real(reader, |value| Ok(f64::from(value.cast_unsigned())))?
+            }
+            _ => self.real(reader, |value| Ok(number(i64::from(*value), meaning)))?,
+        })
+    }
+
+    /// Whole numbers of 64 bits, and what is stored as such.
+    fn large(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int64Type>) -> Decoded {
+        let meaning = self.source.meaning;
+        Ok(match (self.source.kind, meaning) {
+            (Kind::Integer, Meaning::Unsigned) => {
+                let values = self.complete(reader)?;
+                self.require_63_bits(&values)?;
+                Values::Integer(values)
+            }
+            (Kind::Integer, _) => Values::Integer(self.complete(reader)?),
+            (_, Meaning::Unsigned) => {
+                self.real(reader, |value| Ok(value.cast_unsigned() as f64))?
+            }
+            _ => self.real(reader, |value| Ok(number(*value, meaning)))?,
+        })
+    }
+
+    /// Real numbers; NaN where a value is missing.
+    fn real<T: DataType>(
+        self,
+        reader: &mut ColumnReaderImpl<T>,
+        convert: impl Fn(&T::T) -> Result<f64, ContentError>,
+    ) -> Decoded {
+        let (values, levels) = stored(reader, self.rows)?;
+        let values = values.iter().map(convert).collect::<Result<Vec<f64>, _>>()?;
+        Ok(Values::Float(with_gaps(values, &levels, || f64::NAN)))
+    }
+
+    /// Values none of which may be missing.
+    fn complete<T: DataType>(
+        self,
+        reader: &mut ColumnReaderImpl<T>,
+    ) -> Result<Vec<T::T>, ContentError> {
+        let (values, levels) = stored(reader, self.rows)?;
+        match levels.iter().position(|level| *level == 0) {
+            Some(index) => {
+                let (column, row) = (self.source.name.clone(), self.first_row + index + 1);
+                Err(ContentError::Null { column, row })
+            }
+            None => Ok(values),
+        }
+    }
+
+    /// Texts; empty where one is missing. The stored texts share memory, those of the table do not: what they will
+    /// take is counted first.
+    fn texts(
+        self,
+        reader: &mut ColumnReaderImpl<::parquet::data_type::ByteArrayType>,
+    ) -> Result<Vec<String>, ContentError> {
+        let (mut texts, mut bytes) = (Vec::new(), 0);
+        while texts.len() < self.rows {
+            let rows = self.source.texts_at_once.min(self.rows - texts.len());
+            let (values, levels) = stored(reader, rows)?;
+            bytes += values.iter().map(|text| text_bytes(text.len())).sum::<u64>();
+            self.budget.allow(&self.source.name, bytes)?;
+            let text = |bytes: &ByteArray| Ok(bytes.as_utf8()?.to_owned());
+            let values = values.iter().map(text).collect::<Result<_, ParquetError>>()?;
+            texts.extend(with_gaps(values, &levels, String::new));
+        }
+        Ok(texts)
+    }
+
+    fn require_63_bits(self, values: &[i64]) -> Result<(), ContentError> {
+        match values.iter().position(|value| *value < 0) {
+            Some(index) => Err(ContentError::TooLarge {
+                column: self.source.name.clone(),
+                row: self.first_row + index + 1,
+                value: values[index].cast_unsigned(),
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+type Decoded = Result<Values, ContentError>;
+
+/// A whole number as a real one, in seconds where it is a time.
+fn number(value: i64, meaning: Meaning) -> f64 {
+    match meaning {
+        Meaning::Time { parts } => seconds(value, parts),
+        Meaning::Date => value as f64 * DAY_S as f64,
+        _ => value as f64,
+    }
+}
+
+/// A time in seconds: whole ones and the rest, each of which is rounded less than a number of parts.
+fn seconds(value: i64, parts: i64) -> f64 {
+    value.div_euclid(parts) as f64 + value.rem_euclid(parts) as f64 / parts as f64
+}
+
+/// Seconds since 1970 from the nanoseconds of a day and its number in the Julian period.
+fn old_moment(moment: &Int96) -> f64 {
+    let [low, high, day] = *moment.data() else { return f64::NAN };
+    let of_day = (u64::from(high) << 32 | u64::from(low)).cast_signed();
+    let whole_s = (i64::from(day) - JULIAN_1970) * DAY_S + of_day.div_euclid(1_000_000_000);
+    whole_s as f64 + of_day.rem_euclid(1_000_000_000) as f64 / 1e9
+}
+
+fn half(bytes: &FixedLenByteArray) -> Result<f64, ContentError> {
+    match *bytes.data() {
+        [low, high] => Ok(f16::from_le_bytes([low, high]).to_f64()),
+        _ => Err(ContentError::Unreadable),
+    }
+}
+
+fn converted<A, B>(values: Vec<A>, convert: impl Fn(A) -> B) -> Vec<B> {
+    values.into_iter().map(convert).collect()
+}
+
+/// The next rows as they are stored: the values that are there, and for each row a level that is 0 where none is. Without
+/// levels no value is missing.
+fn stored<T: DataType>(
+    reader: &mut ColumnReaderImpl<T>,
+    rows: usize,
+) -> Result<(Vec<T::T>, Vec<i16>), ContentError> {
+    let (mut values, mut levels) = (Vec::new(), Vec::new());
+    let (found, ..) = reader.read_records(rows, Some(&mut levels), None, &mut values)?;
+    if found < rows {
+        return Err(ParquetError::EOF("a column ends before its row group".to_owned()).into());
+    }
+    Ok((values, levels))
+}
+
+/// One value for each row.
+fn with_gaps<T>(values: Vec<T>, levels: &[i16], gap: impl Fn() -> T) -> Vec<T> {
+    if levels.iter().all(|level| *level != 0) {
+        return values;
+    }
+    let mut values = values.into_iter();
+    let row = |level: &i16| match level {
+        0 => gap(),
+        _ => values.next().unwrap_or_else(&gap),
+    };
+    levels.iter().map(row).collect()
+}

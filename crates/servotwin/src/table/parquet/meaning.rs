@@ -1,0 +1,125 @@
+//! What the values of a Parquet column stand for, and which kind of column holds them.
+
+use std::collections::HashMap;
+
+use ::parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
+use ::parquet::schema::types::{BasicTypeInfo, Type};
+
+use super::super::{ContentError, Kind};
+
+/// What a column's values stand for, beside the type in which they are stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Meaning {
+    /// Just what is stored.
+    Stored,
+    Signed,
+    Unsigned,
+    Text,
+    /// A number of 16 bits.
+    Half,
+    /// So many parts of a second: since 1970 (a moment), since midnight (a time of day), or between two moments (a
+    /// duration).
+    Time {
+        parts: i64,
+    },
+    /// Days since the beginning of 1970.
+    Date,
+    /// A day and its nanoseconds in 96 bits, as older writers store moments.
+    OldMoment,
+    /// Something that has no place in a table, such as a list.
+    Other,
+}
+
+impl Meaning {
+    /// The unit of the column where the file names none.
+    pub(super) fn unit(self) -> &'static str {
+        match self {
+            Meaning::Time { .. } | Meaning::Date | Meaning::OldMoment => "s",
+            _ => "",
+        }
+    }
+
+    /// Whether the values are seconds.
+    pub(super) fn is_time(self) -> bool {
+        !self.unit().is_empty()
+    }
+}
+
+/// The parts of a second in a unit.
+fn parts_of(unit: TimeUnit) -> i64 {
+    match unit {
+        TimeUnit::MILLIS => 1_000,
+        TimeUnit::MICROS => 1_000_000,
+        TimeUnit::NANOS => 1_000_000_000,
+    }
+}
+
+fn meaning_of(info: &BasicTypeInfo) -> Meaning {
+    use ConvertedType as Old;
+    use LogicalType as New;
+    match (info.logical_type_ref(), info.converted_type()) {
+        (Some(New::Integer(integer)), _) if integer.is_signed => Meaning::Signed,
+        (Some(New::Integer(_)), _) => Meaning::Unsigned,
+        (Some(New::String | New::Enum | New::Json), _) => Meaning::Text,
+        (Some(New::Float16), _) => Meaning::Half,
+        (Some(New::Timestamp(moment)), _) => Meaning::Time { parts: parts_of(moment.unit) },
+        (Some(New::Time(time)), _) => Meaning::Time { parts: parts_of(time.unit) },
+        (Some(New::Date), _) => Meaning::Date,
+        (Some(_), _) => Meaning::Other,
+        (None, Old::NONE) => Meaning::Stored,
+        (None, Old::INT_8 | Old::INT_16 | Old::INT_32 | Old::INT_64) => Meaning::Signed,
+        (None, Old::UINT_8 | Old::UINT_16 | Old::UINT_32 | Old::UINT_64) => Meaning::Unsigned,
+        (None, Old::UTF8 | Old::ENUM | Old::JSON) => Meaning::Text,
+        (None, Old::TIMESTAMP_MILLIS | Old::TIME_MILLIS) => Meaning::Time { parts: 1_000 },
+        (None, Old::TIMESTAMP_MICROS | Old::TIME_MICROS) => Meaning::Time { parts: 1_000_000 },
+        (None, Old::DATE) => Meaning::Date,
+        (None, _) => Meaning::Other,
+    }
+}
+
+/// The kind of column that holds a field's values, and what they stand for; `durations` are the fields that the Arrow
+/// schema knows as such.
+pub(super) fn kind_of(
+    field: &Type,
+    durations: &HashMap<String, i64>,
+) -> Result<(Kind, Meaning), ContentError> {
+    let unsupported = || ContentError::UnsupportedType {
+        column: field.name().to_owned(),
+        found: type_name(field),
+    };
+    let info = field.get_basic_info();
+    if !field.is_primitive() || info.repetition() == Repetition::REPEATED {
+        return Err(unsupported());
+    }
+    let physical = field.get_physical_type();
+    let meaning = match (physical, meaning_of(info), durations.get(field.name())) {
+        (Physical::INT64, Meaning::Stored, Some(&parts)) => Meaning::Time { parts },
+        (Physical::INT96, Meaning::Stored, _) => Meaning::OldMoment,
+        (_, meaning, _) => meaning,
+    };
+    let kind = match (physical, meaning) {
+        (Physical::BOOLEAN, Meaning::Stored) => Kind::Flag,
+        (Physical::INT32 | Physical::INT64, Meaning::Stored | Meaning::Signed) => Kind::Integer,
+        (Physical::INT32, Meaning::Unsigned) => Kind::Unsigned,
+        (Physical::INT64, Meaning::Unsigned) => Kind::Integer,
+        (Physical::INT32 | Physical::INT64, meaning) if meaning.is_time() => Kind::Float,
+        (Physical::INT96, Meaning::OldMoment) => Kind::Float,
+        (Physical::FLOAT | Physical::DOUBLE, Meaning::Stored) => Kind::Float,
+        (Physical::FIXED_LEN_BYTE_ARRAY, Meaning::Half) => Kind::Float,
+        (Physical::BYTE_ARRAY, Meaning::Text) => Kind::Text,
+        _ => return Err(unsupported()),
+    };
+    Ok((kind, meaning))
+}
+
+/// A type's name in Parquet, without its details.
+fn type_name(field: &Type) -> String {
+    let info = field.get_basic_info();
+    let name = match (info.logical_type_ref(), info.converted_type()) {
+        (Some(logical), _) => format!("{logical:?}"),
+        (None, ConvertedType::NONE) if field.is_group() => "group".to_owned(),
+        (None, ConvertedType::NONE) => format!("{:?}", field.get_physical_type()),
+        (None, converted) => format!("{converted:?}"),
+    };
+    name.split('(').next().unwrap_or_default().to_owned()
+}
