@@ -122,6 +122,15 @@ def data_set(out: Path, setting: str = "noise", *, training: bool = False) -> _n
     return _native.data_set(os.fspath(out), setting, training)
 
 
+def feature_columns(table: Any) -> list[str]:
+    """The columns of a data set that a classifier may learn from: its features in all views.
+
+    `table` is a `Table`, a data frame, or anything else with `columns`. Labels, intensities (`i:FAULT`),
+    `grade`, numbers of variants and what detection found are not among them, because they hold the answer.
+    """
+    return _native.feature_columns([str(name) for name in table.columns])
+
+
 def trees(path: Path) -> dict[str, _native.Tree]:
     """The trees of a `hierarchy-….json`, by the names of their stages."""
     return dict(_native.read_trees(os.fspath(path)))

@@ -44,6 +44,7 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::evaluate_folder, module)?)?;
     module.add_function(wrap_pyfunction!(study::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(study::data_set, module)?)?;
+    module.add_function(wrap_pyfunction!(study::feature_columns, module)?)?;
     module.add_function(wrap_pyfunction!(study::study_of, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::evaluation_pieces, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::join_evaluation, module)?)?;

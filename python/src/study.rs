@@ -7,6 +7,7 @@ use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Among, Folder, JobError, manifest, report};
+use servotwin::study::campaign::columns::feature_columns_of;
 use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, Prepared, runs};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
@@ -441,6 +442,13 @@ pub fn data_set(py: Python<'_>, out: PathBuf, setting: &str, training: bool) -> 
     let path = Folder::new(out).data_set(self::setting(setting)?, role(training));
     let table = py.detach(|| servotwin::table::read(path)).map_err(Failure::from)?;
     Ok(table.into())
+}
+
+/// The columns among these that are features of a data set.
+#[pyfunction]
+pub fn feature_columns(names: Vec<String>) -> Vec<String> {
+    let features = feature_columns_of(names.iter().map(String::as_str));
+    features.into_iter().map(str::to_owned).collect()
 }
 
 /// Reads the text of a study as results keep it, with its system.

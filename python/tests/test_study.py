@@ -32,6 +32,19 @@ def folder(study, tmp_path_factory):
     return out
 
 
+def test_no_feature_column_holds_the_answer(folder, study):
+    for training in (False, True):
+        table = servotwin.data_set(folder, "noise", training=training)
+        features = servotwin.feature_columns(table)
+        assert features == servotwin.feature_columns(table.to_pandas())
+        assert len(features) > 50
+        answers = {"variant", "case", "flown", "seed", "fault", "kind", "intensity", "grade"}
+        answers |= {"actuator", "command", "detail", "reflected", "detectable", "deviates", "failure"}
+        assert not answers & set(features)
+        assert not [name for name in features if name.startswith(("i:", "largest"))]
+        assert [name for name in table.columns if name.startswith("i:")], "they are in the table"
+
+
 def test_a_study_knows_its_faults_and_can_be_pickled(study):
     assert len(study.faults) == 8 * 4 * 2
     again = pickle.loads(pickle.dumps(study))

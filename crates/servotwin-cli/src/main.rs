@@ -13,6 +13,7 @@
 
 mod commands;
 mod failure;
+mod out;
 mod paths;
 mod render;
 mod stop;
@@ -25,7 +26,7 @@ use commands::{
 };
 use failure::Failure;
 use paths::Paths;
-use std::io::{self, ErrorKind, Write};
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 /// Hybrid twins of electro-hydraulic servo actuators.
@@ -147,7 +148,7 @@ fn main() -> ExitCode {
                 let _ = print(output);
             }
             // Nobody is left to tell where standard error is closed, too.
-            let _ = writeln!(io::stderr(), "{failure}");
+            let _ = writeln!(out::stderr(), "{failure}");
             ExitCode::from(failure.exit_code())
         }
     }
@@ -155,7 +156,7 @@ fn main() -> ExitCode {
 
 /// Writes a result; a reader that has gone is no failure.
 fn print(text: &str) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
+    let mut out = out::stdout();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::Print(error)),
         _ => Ok(()),

@@ -5,6 +5,7 @@
 //! target half-written.
 
 use crate::failure::Failure;
+use crate::out;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -23,7 +24,7 @@ pub fn listen() {
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) || !HEEDED.load(Ordering::Relaxed) {
             // Nobody is left to tell where standard error is closed.
-            let _ = writeln!(std::io::stderr(), "{}", Failure::Stopped);
+            let _ = writeln!(out::stderr(), "{}", Failure::Stopped);
             std::process::exit(i32::from(Failure::Stopped.exit_code()));
         }
     });

@@ -1,4 +1,12 @@
-//! What others wrote, in messages: cut short, and with nothing in it that a terminal would act on.
+//! Text from files in messages and on the terminal: nothing in it that a terminal would act on.
+//!
+//! [`Printable`] is the one place through which the command line writes: it escapes control characters, and those that
+//! turn the direction of writing, as JSON does (`\\u001b`), so that also JSON stays what it is. [`text`] and [`list`]
+//! cut names short for messages.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+use std::io::{self, Write};
 
 /// So many characters of a text are shown.
 const TEXT: usize = 40;
@@ -28,6 +36,80 @@ pub fn list<T: AsRef<str>>(names: &[T]) -> String {
     }
 }
 
+/// Whether a terminal would act on a character instead of showing it: control characters (C0 but newline and tab, C1,
+/// delete), and those that change the direction of what follows.
+fn is_active(character: char) -> bool {
+    let turns = matches!(
+        character,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+    );
+    turns || (character.is_control() && !matches!(character, '\n' | '\t'))
+}
+
+/// A text in which everything that a terminal would act on is escaped, but newlines and tabs.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    if !text.chars().any(is_active) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for character in text.chars() {
+        match is_active(character) {
+            // Writing to a string cannot fail.
+            true => _ = write!(shown, "\\u{:04x}", u32::from(character)),
+            false => shown.push(character),
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// A writer of [`printable`] text. Bytes that are no UTF-8 become `U+FFFD`.
+#[derive(Debug)]
+pub struct Printable<W> {
+    inner: W,
+    /// The beginning of a character that the next bytes complete.
+    begun: Vec<u8>,
+}
+
+impl<W: Write> Printable<W> {
+    /// Writes through to another writer.
+    pub fn new(inner: W) -> Self {
+        Printable { inner, begun: Vec::new() }
+    }
+}
+
+impl<W: Write> Write for Printable<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut all = std::mem::take(&mut self.begun);
+        all.extend_from_slice(bytes);
+        let mut rest = all.as_slice();
+        let mut shown = String::new();
+        while !rest.is_empty() {
+            match std::str::from_utf8(rest) {
+                Ok(text) => {
+                    shown += &printable(text);
+                    break;
+                }
+                Err(error) => {
+                    let (valid, others) = rest.split_at(error.valid_up_to());
+                    shown += &printable(&String::from_utf8_lossy(valid));
+                    let Some(length) = error.error_len() else {
+                        self.begun = others.to_vec();
+                        break;
+                    };
+                    shown.push(char::REPLACEMENT_CHARACTER);
+                    rest = &others[length..];
+                }
+            }
+        }
+        self.inner.write_all(shown.as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -40,5 +122,32 @@ mod tests {
         assert_eq!(long.chars().count(), TEXT + 1);
         assert_eq!(list(&["a", "b"]), "a, b");
         assert!(list(&["a"; 30]).ends_with(", a and 18 more"));
+    }
+
+    #[test]
+    fn what_is_printed_holds_no_control_character_but_newline_and_tab() {
+        let hostile = "a\x1b[31m\x1b]0;x\x07\u{202e}gnp\u{2066}\u{9b}2J\u{7f}\r\u{61c}b\n\tö – 漢";
+        let shown = printable(hostile);
+        assert_eq!(
+            shown,
+            "a\\u001b[31m\\u001b]0;x\\u0007\\u202egnp\\u2066\\u009b2J\\u007f\\u000d\\u061cb\n\tö – 漢"
+        );
+        assert!(matches!(printable("plain ö\n"), Cow::Borrowed(_)));
+        let json = serde_json::to_string(hostile).unwrap();
+        let read: String = serde_json::from_str(&printable(&json)).unwrap();
+        assert_eq!(read, hostile, "JSON means the same");
+    }
+
+    #[test]
+    fn characters_that_are_written_in_pieces_are_whole() {
+        let text = "é\u{202e}漢\u{9b}ü".as_bytes();
+        for at_once in 1..text.len() {
+            let mut out = Printable::new(Vec::new());
+            text.chunks(at_once).for_each(|piece| out.write_all(piece).unwrap());
+            assert_eq!(out.inner, "é\\u202e漢\\u009bü".as_bytes(), "{at_once}");
+        }
+        let mut out = Printable::new(Vec::new());
+        out.write_all(b"a\xffb\xe2(").unwrap();
+        assert_eq!(String::from_utf8(out.inner).unwrap(), "a\u{fffd}b\u{fffd}(");
     }
 }

@@ -30,6 +30,7 @@ pub mod watch;
 
 use crate::Global;
 use crate::failure::Failure;
+use crate::out;
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::{
@@ -40,7 +41,7 @@ use servotwin::log::map::Map;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
-use std::io::{self, Write};
+use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -349,7 +350,7 @@ fn not_as_model(path: &Path, model: &Path, error: EvaluationError) -> Failure {
 fn note(global: Global, text: &str) {
     if !global.quiet {
         // Nobody is left to tell where standard error is closed.
-        let _ = writeln!(io::stderr(), "note: {text}");
+        let _ = writeln!(out::stderr(), "note: {text}");
     }
 }
 
@@ -357,7 +358,7 @@ fn note(global: Global, text: &str) {
 fn warn(global: Global, warnings: &[String]) {
     if !global.quiet {
         for warning in warnings {
-            let _ = writeln!(io::stderr(), "warning: {warning}");
+            let _ = writeln!(out::stderr(), "warning: {warning}");
         }
     }
 }

@@ -1,8 +1,9 @@
 //! What is being done, on a terminal; nothing in a pipe.
 
-use crate::Global;
+use crate::{Global, out};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::{IsTerminal, Write, stderr};
+use servotwin::sanitize;
+use std::io::Write;
 use std::time::Duration;
 
 /// The length of the bar.
@@ -25,7 +26,7 @@ impl Stages {
 
     /// What is being done now, and how much of all is done, from 0 to 1.
     pub fn show(&self, what: &str, share: f64) {
-        self.0.set_message(what.to_string());
+        self.0.set_message(sanitize::printable(what).into_owned());
         self.0.set_position((PARTS as f64 * share) as u64);
     }
 
@@ -37,7 +38,7 @@ impl Stages {
 
 /// Whether somebody looks at standard error and wants to know.
 pub fn is_shown(global: Global) -> bool {
-    !global.quiet && stderr().is_terminal()
+    !global.quiet && out::is_stderr_seen()
 }
 
 /// Remarks beside the result, on standard error.
@@ -55,7 +56,7 @@ impl Notes {
     pub fn write(&self, text: &str) {
         if !self.quiet {
             // Nobody is left to tell where standard error is closed.
-            let _ = writeln!(stderr(), "{text}");
+            let _ = writeln!(out::stderr(), "{text}");
         }
     }
 }

@@ -5,7 +5,7 @@ use super::{SystemOption, note};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, shown};
-use crate::{Global, stop};
+use crate::{Global, out, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -22,6 +22,7 @@ use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};
 use servotwin_model::spec::Unit;
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -157,7 +158,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if !global.quiet {
         let all_s = plan.duration_s * results.runs.len() as f64;
         let factor = number(all_s / wall_s, 3);
-        eprintln!("{all_s} s in {} s: {factor} times real time", number(wall_s, 3));
+        let _ = writeln!(
+            out::stderr(),
+            "{all_s} s in {} s: {factor} times real time",
+            number(wall_s, 3)
+        );
     }
     Ok(match global {
         Global { json: true, .. } => json(&plan.json(&results)),

@@ -136,11 +136,16 @@ fn of_table(options: &Options, label: &str, global: Global) -> Result<String, Fa
     let prepared = options.table.prepare(&options.input, label, global)?;
     let settings = options.settings()?;
     let judged = prepared.validate(&settings, options.table.hold_out(), Workers::all())?;
-    if let Some(path) = &options.out {
-        model_file::write(path, &prepared.train(&settings)?)?;
-    }
-    warn(global, &judged.warnings);
     let kind = options.classifier.0;
+    warn(global, &judged.warnings);
+    // A single tree is soon trained, so its warnings come without a model to write, too.
+    if options.out.is_some() || kind == Kind::Cart {
+        let model = prepared.train(&settings)?;
+        warn(global, &prepared.hairline_warnings(&model));
+        if let Some(path) = &options.out {
+            model_file::write(path, &model)?;
+        }
+    }
     let held_out = options.table.held_out();
     Ok(match global.json {
         true => {

@@ -5,7 +5,7 @@ use super::{note, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side};
-use crate::{Global, stop};
+use crate::{Global, out, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use servotwin::evaluation::{EvaluationError, model_file};
@@ -23,14 +23,14 @@ use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::Address;
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
-use servotwin::sanitize;
+use servotwin::sanitize::{self, Printable};
 use servotwin::study::{Setting, Study};
 use servotwin::system::{System, units};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::diagnoser::environment::Input;
 use servotwin_model::lanes::Level;
 use std::fs::OpenOptions;
-use std::io::{self, Write};
+use std::io::{Stdout, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
@@ -472,7 +472,7 @@ struct Outputs {
     is_loss_told: bool,
     global: Global,
     events: Option<Events<std::fs::File>>,
-    lines: Option<Events<io::Stdout>>,
+    lines: Option<Events<Printable<Stdout>>>,
     bar: ProgressBar,
 }
 
@@ -496,7 +496,7 @@ impl Outputs {
             strip: Strip::default(),
             timeline: options.html.is_some().then(|| Timeline::new(scene)),
             events,
-            lines: global.json.then(|| Events::new(io::stdout())),
+            lines: global.json.then(|| Events::new(out::stdout())),
             bar: bar(global),
         })
     }
@@ -505,6 +505,7 @@ impl Outputs {
     fn told(&self, sample: &Sample) {
         if sample.changed && !self.bar.is_hidden() {
             let words = sample.observation.finding.words();
+            let words = sanitize::printable(&words);
             self.bar.println(format!("{:>10.2} s  {words}", sample.time_s));
         }
     }

@@ -4,6 +4,7 @@ mod book;
 mod first_hour;
 mod fit;
 mod flights;
+mod hostile;
 mod paths;
 mod public_tables;
 mod study;

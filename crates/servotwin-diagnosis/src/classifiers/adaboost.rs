@@ -87,6 +87,11 @@ impl WeightedTree {
 }
 
 impl Model {
+    /// The questions of all trees as (feature, threshold).
+    pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.trees.iter().flat_map(|tree| tree.branches.splits())
+    }
+
     /// Number of trees; fewer than asked for if one was perfect or useless.
     pub fn trees(&self) -> usize {
         self.trees.len()

@@ -110,6 +110,11 @@ struct AddingTree {
 }
 
 impl Model {
+    /// The questions of all trees as (feature, threshold).
+    pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.trees.iter().flat_map(|tree| tree.branches.splits())
+    }
+
     fn without_trees(samples: &Samples, present: &PresentClasses) -> Self {
         let (fixed, whole) = match present.len() {
             0..=2 => (1, present.weights[0]),

@@ -254,6 +254,17 @@ impl Model {
         }
     }
 
+    /// The questions of a model made of trees as (feature, threshold); none for the others.
+    pub fn splits(&self) -> Vec<(usize, f64)> {
+        match self {
+            Model::Cart(tree) => tree.branches().splits().collect(),
+            Model::RandomForest(forest) => forest.splits().collect(),
+            Model::Adaboost(boosted) => boosted.splits().collect(),
+            Model::BoostedTrees(boosted) => boosted.splits().collect(),
+            _ => vec![],
+        }
+    }
+
     /// The predicted class of every row of a table.
     ///
     /// # Errors

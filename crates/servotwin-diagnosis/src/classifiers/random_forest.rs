@@ -175,6 +175,11 @@ impl VotingTree {
 }
 
 impl Model {
+    /// The questions of all trees as (feature, threshold).
+    pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.trees.iter().flat_map(|tree| tree.branches.splits())
+    }
+
     /// Whether it was trained with rows without a value.
     pub fn knows_missing(&self) -> bool {
         self.trees.iter().any(|tree| tree.branches.knows_missing())

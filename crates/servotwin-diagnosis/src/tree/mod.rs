@@ -107,6 +107,11 @@ impl Branches {
             .any(|node| self.feature[node] != LEAF && self.feature[node] as usize == feature)
     }
 
+    /// The questions of all inner nodes as (feature, threshold).
+    pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        (0..self.len()).filter_map(|node| self.split(node))
+    }
+
     /// Whether the tree was trained with rows without a value.
     pub fn knows_missing(&self) -> bool {
         !self.missing_left.is_empty()

@@ -108,11 +108,17 @@ impl NodeRows<'_> {
     }
 }
 
-/// The number that separates two neighbouring values: their middle, or the lower one where the
+/// The number that separates two neighboring values: their middle, or the lower one where the
 /// middle is rounded up to the upper one.
+///
+/// Rows may come back as 32-bit numbers. Where these still differ, the number separates them, too.
 pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
     let middle = lower / 2.0 + upper / 2.0;
-    if lower <= middle && middle < upper { middle } else { lower }
+    let threshold = if lower <= middle && middle < upper { middle } else { lower };
+    let (short_lower, short_upper) = (f64::from(lower as f32), f64::from(upper as f32));
+    let is_safe = short_lower <= threshold && threshold < short_upper;
+    // The larger of the two is below both upper values, because rounding keeps the order.
+    if is_safe || short_lower >= short_upper { threshold } else { lower.max(short_lower) }
 }
 
 /// The threshold of the question whether there is a value at all: no number is above it.
@@ -245,6 +251,20 @@ mod tests {
         ];
         for (lower, upper, expected) in pairs {
             assert_eq!(separate(lower, upper), expected, "{lower:e} {upper:e}");
+        }
+    }
+
+    #[test]
+    fn a_threshold_separates_what_32_bit_numbers_still_tell_apart() {
+        let step = 2.0_f64.powi(-25); // Of 32-bit numbers between 1/4 and 1/2.
+        for (lower, upper) in [(0.49, 1.1), (0.45, 1.4), (-0.3, 0.55), (0.51, 0.6), (0.1, 0.2)] {
+            let (lower, upper) = (0.4375 + lower * step, 0.4375 + upper * step);
+            let (short_lower, short_upper) = (f64::from(lower as f32), f64::from(upper as f32));
+            let threshold = separate(lower, upper);
+            assert!(lower <= threshold && threshold < upper, "{lower:e} {upper:e}");
+            if short_lower < short_upper {
+                assert!(short_lower <= threshold && threshold < short_upper, "{lower:e} {upper:e}");
+            }
         }
     }
 }

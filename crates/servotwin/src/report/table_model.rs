@@ -323,8 +323,10 @@ fn ends(tree: &Tree, root: usize) -> Vec<usize> {
 
 fn node(model: &TableModel, tree: &Tree, at: usize, parts: &[usize], own: usize) -> Node {
     let rows: u32 = tree.counts(at).iter().sum();
-    let size = format!("n = {rows}, purity {} %", number(100.0 * tree.purity(at)));
-    let shares = tree.weights(at).to_vec();
+    // Rows as they were: what the classes weighed in training shows in the decision only.
+    let shares: Vec<f64> = tree.counts(at).iter().map(|count| f64::from(*count)).collect();
+    let purity = shares[tree.decision(at) as usize] / f64::from(rows);
+    let size = format!("n = {rows}, purity {} %", number(100.0 * purity));
     let Some(((feature, threshold), (left, right))) = tree.split(at).zip(tree.children(at)) else {
         return Node::leaf(vec![model.classes[tree.decision(at) as usize].clone(), size], shares);
     };

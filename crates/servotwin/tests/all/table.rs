@@ -239,7 +239,11 @@ fn getters_convert_what_they_can_and_explain_what_not() {
             "there is no column 'presure_a_pa'; did you mean 'pressure_a_pa'? The table has time_s, \
              pressure_a_pa, offset, variant, healthy, fault",
         ),
-        (table.f64("xyzzy_kg").unwrap_err(), "there is no column 'xyzzy_kg'"),
+        (
+            table.f64("xyzzy_kg").unwrap_err(),
+            "there is no column 'xyzzy_kg'; the table has time_s, pressure_a_pa, offset, variant, \
+             healthy, fault",
+        ),
         (table.f64("fault").unwrap_err(), "column 'fault' holds text, needed are numbers"),
         (
             table.text("healthy").unwrap_err(),

@@ -10,6 +10,7 @@ use servotwin::evaluation::table_model::{
 };
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
+use servotwin::study::campaign::columns::{feature_columns_of, is_data_set};
 use servotwin::table::{self, Column, Table};
 use servotwin_diagnosis::classifiers::{Classifier, Kind, Settings};
 use servotwin_diagnosis::residual::Window;
@@ -191,6 +192,10 @@ fn with(mut table: Table, column: Column) -> Table {
 
 fn selection(label: &str) -> Selection {
     Selection { label: label.into(), group: Some("batch".into()), ..Selection::default() }
+}
+
+fn ungrouped(label: &str) -> Selection {
+    Selection { label: label.into(), ..Selection::default() }
 }
 
 fn trained(table: Table, kind: Kind) -> TableModel {
@@ -422,7 +427,10 @@ fn texts_and_missing_values_are_learnt_from() {
     assert!(predict(sided, &model, &[], None).unwrap().doubts.is_empty());
     let complete = trained(small(), Kind::Cart);
     let hole = with(small(), Column::new("y", "", vec![f64::NAN; 40]));
-    let text = predict(hole, &complete, &[], None).unwrap_err().to_string();
+    let answers = predict(hole.clone(), &complete, &[], None).unwrap();
+    assert!(answers.table.text("predicted").unwrap().iter().all(String::is_empty));
+    assert!(answers.doubts[0].starts_with("40 rows have no value in 'y'"), "{:?}", answers.doubts);
+    let text = evaluate_table(hole, &complete, None).unwrap_err().to_string();
     assert!(text.contains("row 1, column 'y'") && text.contains("value in every row"), "{text}");
 }
 
@@ -497,11 +505,148 @@ fn weights_move_the_decision_and_balance_the_classes() {
             .unwrap();
         predict(table.clone(), &model, &[], None).unwrap().table
     };
-    assert!((said(ClassWeights::Equal).f64("p:bad").unwrap()[0] - 0.2).abs() < 1e-12);
-    assert!((said(ClassWeights::Balanced).f64("p:bad").unwrap()[0] - 0.5).abs() < 1e-12);
-    let heavy = said(ClassWeights::Given(vec![("bad".into(), 12.0)]));
-    assert!((heavy.f64("p:bad").unwrap()[0] - 0.75).abs() < 1e-12);
-    assert_eq!(heavy.text("predicted").unwrap()[0], "bad");
+    // What is decided follows the weights; the probability is the share of the rows as they were.
+    let heavy = ClassWeights::Given(vec![("bad".into(), 12.0)]);
+    for (weights, decided) in
+        [(ClassWeights::Equal, "good"), (ClassWeights::Balanced, "bad"), (heavy, "bad")]
+    {
+        let said = said(weights.clone());
+        assert!((said.f64("p:bad").unwrap()[0] - 0.2).abs() < 1e-12, "{weights:?}");
+        // The balanced classes weigh the same: the first one is decided.
+        assert_eq!(said.text("predicted").unwrap()[0], decided, "{weights:?}");
+    }
+}
+
+/// A leaf with 1 rare row and 11 common ones: with balanced weights 97.2 % of its weight is rare.
+#[test]
+fn a_leaf_of_1_and_11_rows_is_no_probability_of_97_percent() {
+    let (rare, rows) = (2, 766);
+    let x = |row: usize| f64::from(u8::from(row == 0 || (rare..rare + 11).contains(&row)));
+    let class = |row: usize| if row < rare { "rare" } else { "common" }.to_owned();
+    let table = Table::from_columns(vec![
+        Column::new("x", "", (0..rows).map(x).collect::<Vec<_>>()),
+        Column::new("class", "", (0..rows).map(class).collect::<Vec<_>>()),
+    ])
+    .unwrap();
+    let balanced = Selection {
+        label: "class".into(),
+        class_weights: ClassWeights::Balanced,
+        ..Selection::default()
+    };
+    let prepared = prepare(table.clone(), None, &balanced).unwrap();
+    let model = prepared.train(&classifier(Kind::Cart)).unwrap();
+    let said = predict(table.clone(), &model, &[], None).unwrap().table;
+    assert_eq!(said.text("predicted").unwrap()[0], "rare", "the weights decide");
+    let rare_share = said.f64("p:rare").unwrap()[0];
+    assert!((rare_share - 1.0 / 12.0).abs() < 1e-12, "{rare_share}");
+    let sure = predict(table.clone(), &model, &[], Some(0.9)).unwrap().table;
+    assert_eq!(sure.text("predicted").unwrap()[0], "", "1 row of 12 is not 90 %");
+    let why = explain(table.clone(), &model, 1).unwrap();
+    assert!(why.probabilities && (why.scores[0].1 - 11.0 / 12.0).abs() < 1e-12, "{why:?}");
+    for kind in [Kind::RandomForest, Kind::BoostedTrees, Kind::LogisticRegression, Kind::NaiveBayes]
+    {
+        let model = prepared.train(&classifier(kind)).unwrap();
+        let said = predict(table.clone(), &model, &[], None).unwrap().table;
+        let shares = said.f64("p:rare").unwrap();
+        let mean = shares.iter().sum::<f64>() / rows as f64;
+        assert!(mean < 0.02, "{kind:?}: {mean} of {} are rare", rare as f64 / rows as f64);
+    }
+    let votes = prepared.train(&classifier(Kind::Adaboost)).unwrap();
+    assert!(predict(table.clone(), &votes, &[], None).unwrap().table.has("score:rare"));
+    let refused = predict(table, &votes, &[], Some(0.9)).unwrap_err().to_string();
+    assert!(refused.contains("gives no probabilities"), "{refused}");
+}
+
+#[test]
+fn rows_with_gaps_get_no_answer_and_are_counted_and_the_others_are_answered() {
+    let rows = 40_u32;
+    let columns = vec![
+        Column::new("gap_um", "", (0..rows).map(|k| f64::from(k % 10) / 10.0).collect::<Vec<_>>()),
+        Column::new("speed", "", (0..rows).map(|k| f64::from(k % 7)).collect::<Vec<_>>()),
+        Column::new(
+            "class",
+            "",
+            (0..rows)
+                .map(|k| if k % 10 < 5 && k % 7 < 4 { "ok" } else { "worn" }.to_owned())
+                .collect::<Vec<_>>(),
+        ),
+    ];
+    let table = Table::from_columns(columns).unwrap();
+    let prepared = prepare(table, None, &ungrouped("class")).unwrap();
+    let fresh = Table::from_columns(vec![
+        Column::new("gap_um", "", vec![0.1, f64::NAN, 0.9, 0.2]),
+        Column::new("speed", "", vec![1.0, 1.0, f64::NAN, f64::NAN]),
+    ])
+    .unwrap();
+    let tree = prepared.train(&classifier(Kind::Cart)).unwrap();
+    let answer = predict(fresh.clone(), &tree, &[], None).unwrap();
+    // The tree asks for the gap first; a worn gap needs no speed.
+    assert_eq!(answer.table.text("predicted").unwrap(), ["ok", "", "worn", ""]);
+    let paths = answer.table.text("path").unwrap();
+    assert_eq!(paths[1], "gap_um is missing");
+    assert!(paths[3].ends_with(" and speed is missing"), "{}", paths[3]);
+    let shares = answer.table.f64("p:ok").unwrap();
+    assert!(shares[0] == 1.0 && shares[1].is_nan() && shares[2] == 0.0 && shares[3].is_nan());
+    let counted = "1 row has no value in 'gap_um' and gets no answer: \
+                   the model was trained with a value in every row";
+    assert_eq!(answer.doubts[0], counted);
+    assert_eq!(answer.doubts.len(), 2, "{:?}", answer.doubts);
+    assert!(explain(fresh.clone(), &tree, 1).is_ok(), "the row itself is complete");
+    assert!(explain(fresh.clone(), &tree, 2).unwrap_err().to_string().contains("'gap_um'"));
+    let bayes = prepared.train(&classifier(Kind::NaiveBayes)).unwrap();
+    let answer = predict(fresh, &bayes, &[], None).unwrap().table;
+    let said = answer.text("predicted").unwrap();
+    assert!(!said[0].is_empty() && said[1..].iter().all(String::is_empty), "{said:?}");
+}
+
+/// Ratios of which some differ by less than a 32-bit number resolves, or by about as much.
+fn ratios(differences: [f64; 4]) -> Table {
+    let ratio = |row: usize| 0.44 + 0.01 * (row / 8) as f64 + differences[row % 4];
+    let class = |row: usize| if row % 4 < 2 { "ok" } else { "worn" }.to_owned();
+    Table::from_columns(vec![
+        Column::new("ratio", "", (0..64).map(ratio).collect::<Vec<_>>()),
+        Column::new("class", "", (0..64).map(class).collect::<Vec<_>>()),
+    ])
+    .unwrap()
+}
+
+fn as_float32(table: &Table) -> Table {
+    let ratio =
+        table.f64("ratio").unwrap().iter().map(|r| f64::from(*r as f32)).collect::<Vec<_>>();
+    let class = table.column("class").unwrap().clone();
+    Table::from_columns(vec![Column::new("ratio", "", ratio), class]).unwrap()
+}
+
+#[test]
+fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
+    let free = |kind: Kind| match classifier(kind) {
+        Settings::Cart(cart) => Settings::Cart(servotwin_diagnosis::classifiers::cart::Settings {
+            max_depth: None,
+            ..cart
+        }),
+        other => other,
+    };
+    let named = Selection { features: vec!["ratio".into()], ..ungrouped("class") };
+    let said = |table: &Table| {
+        let prepared = prepare(table.clone(), None, &named).unwrap();
+        let model = prepared.train(&free(Kind::Cart)).unwrap();
+        let said = predict(as_float32(table), &model, &[], None).unwrap().table;
+        let truth = table.text("class").unwrap();
+        let wrong = said.text("predicted").unwrap().iter().zip(truth).filter(|(a, b)| a != b);
+        (prepared.hairline_warnings(&model), wrong.count())
+    };
+    let (warnings, wrong) = said(&ratios([0.0, 0.0, 1e-9, 1e-9]));
+    assert!(wrong > 0 && warnings.len() == 1, "{wrong}: {warnings:?}");
+    assert!(
+        warnings[0].contains("splits column 'ratio' between 0.44 and 0.440000001"),
+        "{warnings:?}"
+    );
+    assert!(warnings[0].contains("32-bit numbers do not tell these apart"), "{warnings:?}");
+    // A step of 32-bit numbers is 3e-8 here.
+    for apart in [3.1e-8, 4.1e-8, 6e-8, 1e-3] {
+        let (warnings, wrong) = said(&ratios([0.0, 0.0, apart, apart]));
+        assert_eq!((warnings.len(), wrong), (0, 0), "{apart}: {warnings:?}");
+    }
 }
 
 #[test]
@@ -573,4 +718,54 @@ fn traces_become_windows_of_features() {
     assert!(refused("format = 1\nwindow_rows = 5").contains("nothing to measure"));
     let long = TraceStudy::parse(&study.replace("= 5", "= 21")).unwrap();
     assert!(matches!(long.features(&small(), None), Err(TraceError::NoWindow { longest: 20, .. })));
+}
+
+/// What a campaign's data set holds beside features, and a label that a tree could read off it.
+#[test]
+fn no_label_bearing_column_of_a_data_set_is_learned_from() {
+    let rows = 60_usize;
+    let number = |name: &str, of: &dyn Fn(usize) -> f64| {
+        Column::new(name, "", (0..rows).map(of).collect::<Vec<_>>())
+    };
+    let text = |name: &str, of: &dyn Fn(usize) -> &'static str| {
+        Column::new(name, "", (0..rows).map(|row| of(row).to_owned()).collect::<Vec<_>>())
+    };
+    let is_leak = |row: usize| row % 3 == 0;
+    let kind = |row: usize| if is_leak(row) { "leakage" } else { "healthy" };
+    let wobble = |row: usize| (row * 7 % 11) as f64;
+    let table = Table::from_columns(vec![
+        number("variant", &|row| (row * 13 % 60) as f64),
+        text("case", &|row| if row % 2 == 0 { "S1/100" } else { "S2/100" }),
+        text("flown", &|row| if row % 2 == 0 { "S1" } else { "S2" }),
+        number("seed", &wobble),
+        text("fault", &kind),
+        text("kind", &kind),
+        number("intensity", &|row| if is_leak(row) { 0.1 + wobble(row) } else { 0.0 }),
+        number("grade", &|row| if is_leak(row) { 0.4 } else { 0.0 }),
+        text("actuator", &|row| if is_leak(row) { "actuator_1" } else { "healthy" }),
+        text("command", &|row| if is_leak(row) { "shut_down" } else { "healthy" }),
+        text("detail", &kind),
+        number("i:actuator_1.leakage", &|row| if is_leak(row) { 0.4 } else { 0.0 }),
+        number("largest:p_a_1", &wobble),
+        number("f:mean_p_a_1", &|row| wobble(row) + if is_leak(row) { 3.0 } else { 0.0 }),
+        number("m:mean_p_a_1", &|row| wobble(row) * 2.0),
+        number("m3:mean_p_a_1", &|row| wobble(row) * 3.0),
+    ])
+    .unwrap();
+    let features = ["f:mean_p_a_1", "m:mean_p_a_1", "m3:mean_p_a_1"];
+    assert!(is_data_set(&table));
+    assert_eq!(feature_columns_of(table.names()), features);
+    let prepared = prepare(table.clone(), None, &ungrouped("command")).unwrap();
+    assert_eq!(prepared.samples().feature_names(), features);
+    let unused = prepared.unused.iter().find(|unused| unused.column == "grade").unwrap();
+    assert!(unused.reason.contains("no feature of the data set"), "{}", unused.reason);
+    let named = Selection { features: vec!["grade".into()], ..ungrouped("command") };
+    let warnings = prepare(table, None, &named).unwrap().warnings;
+    assert!(
+        warnings.iter().any(|warning| warning.contains("'grade' is no feature")),
+        "{warnings:?}"
+    );
+    for column in ["f", "f:", "g:x", "mx:y", "i:a", "feature"] {
+        assert!(feature_columns_of([column]).is_empty(), "{column}");
+    }
 }

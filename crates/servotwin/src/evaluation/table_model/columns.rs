@@ -3,6 +3,7 @@
 use super::error::TableModelError;
 use super::{Selection, times};
 use crate::evaluation::EvaluationError;
+use crate::study::campaign::columns::{is_data_set, is_feature_column};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,6 +16,10 @@ const FEWEST_INDEX_ROWS: usize = 8;
 
 /// A column with at most so many different values that tell the class by themselves is named.
 const FEW_VALUES: usize = 64;
+
+/// Why a column of a data set is not learned from.
+const NO_FEATURE: &str =
+    "is no feature of the data set: it says what was simulated or how it was detected";
 
 /// Where a feature of a model comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -91,6 +96,7 @@ pub(super) fn choose(
     if let Some(both) = selection.features.iter().find(|name| selection.ignored.contains(name)) {
         return Err(TableModelError::UsedTwice { column: both.clone() }.into());
     }
+    let is_data_set = is_data_set(table);
     if selection.features.is_empty() {
         choose_all(table, selection, labels, &mut chosen)?;
     } else {
@@ -100,6 +106,9 @@ pub(super) fn choose(
             chosen.inputs.extend(inputs.map_err(|reason| unfit(column, reason))?);
             if let Some(reason) = suspicion(column, labels) {
                 chosen.warnings.push(format!("column '{name}' {reason}"));
+            }
+            if is_data_set && !is_feature_column(name) {
+                chosen.warnings.push(format!("column '{name}' {NO_FEATURE}"));
             }
         }
     }
@@ -121,12 +130,15 @@ fn choose_all(
     chosen: &mut Chosen,
 ) -> Result<(), EvaluationError> {
     let reserved = selection.reserved();
+    let is_data_set = is_data_set(table);
     for column in table.columns().iter().filter(|c| !reserved.contains(&c.name.as_str())) {
         let mut leave = |reason: String| {
             chosen.unused.push(Unused { column: column.name.clone(), reason });
         };
         if selection.ignored.contains(&column.name) {
             leave("left out as asked".into());
+        } else if is_data_set && !is_feature_column(&column.name) {
+            leave(NO_FEATURE.into());
         } else if let Some(reason) = useless(column) {
             leave(reason.into());
         } else if let Some(reason) = suspicion(column, labels) {

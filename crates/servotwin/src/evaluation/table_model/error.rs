@@ -182,7 +182,11 @@ impl fmt::Display for TableModelError {
                 write!(out, "column '{column}' is named for two things that exclude each other")
             }
             Error::NoProbabilities { classifier } => {
-                write!(out, "{classifier} gives no probabilities, so it cannot abstain below one")
+                write!(
+                    out,
+                    "{classifier} gives no probabilities here, so it cannot abstain below one \
+                     (AdaBoost gives none once classes are weighted)"
+                )
             }
             Error::NoRow { row, rows } => {
                 write!(out, "there is no row {row}: the table has the rows 1 to {rows}")

@@ -9,6 +9,7 @@ mod error;
 mod hold_out;
 mod judge;
 mod labels;
+mod precision;
 mod predict;
 pub(crate) mod times;
 
@@ -28,7 +29,7 @@ use crate::table::{Origin, Table};
 use columns::{choose, encode};
 use hold_out::Side;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Model};
+use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Model, Scores};
 use servotwin_diagnosis::{Error, Samples};
 
 /// The word that a stored table model begins with.
@@ -94,11 +95,41 @@ pub struct TableModel {
     pub inputs: Vec<Input>,
     /// The classes, in the order of the model.
     pub classes: Vec<String>,
+    /// How much a row of each class weighed in training; empty where all weighed the same.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub class_weights: Vec<f64>,
     /// The classifier.
     pub model: Model,
 }
 
 impl TableModel {
+    /// Whether its scores are probabilities. The votes of AdaBoost are not once classes were weighted: they follow the
+    /// weights, but no rule says how.
+    pub fn gives_probabilities(&self) -> bool {
+        let votes = matches!(self.model, Model::Adaboost(_));
+        self.model.scores() == Scores::Shares && (self.class_weights.is_empty() || !votes)
+    }
+
+    /// Writes one score for each class.
+    ///
+    /// Class weights shift what is decided. Probabilities do not follow them: a share in the weighted rows is divided
+    /// by the weight of its class, and the shares are scaled to the sum 1, which gives the shares in the rows as they
+    /// were (the shift of priors after Elkan, 2001, with the priors of training).
+    ///
+    /// # Panics
+    /// As [`Classifier::scores_into`].
+    pub fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
+        self.model.scores_into(row, scores);
+        if self.class_weights.is_empty() || !self.gives_probabilities() {
+            return;
+        }
+        scores.iter_mut().zip(&self.class_weights).for_each(|(score, weight)| *score /= weight);
+        let total: f64 = scores.iter().sum();
+        if total > 0.0 {
+            scores.iter_mut().for_each(|score| *score /= total);
+        }
+    }
+
     /// Checks that the parts fit each other; for models that come from outside.
     ///
     /// # Errors
@@ -113,7 +144,14 @@ impl TableModel {
         }
         self.model.check()?;
         same("features", self.model.features(), self.inputs.len())?;
-        same("classes", self.model.classes(), self.classes.len())
+        same("classes", self.model.classes(), self.classes.len())?;
+        if !self.class_weights.is_empty() {
+            same("class weights", self.classes.len(), self.class_weights.len())?;
+        }
+        match self.class_weights.iter().all(|weight| *weight > 0.0 && weight.is_finite()) {
+            true => Ok(()),
+            false => Err(Error::CorruptModel { broken: "a class weight is not above 0" }),
+        }
     }
 
     /// The names of its features.
@@ -236,8 +274,19 @@ impl Prepared {
             label_limits: self.selection.label_limits.clone(),
             inputs: self.inputs.clone(),
             classes: self.samples.class_names().to_vec(),
+            class_weights: match self.selection.class_weights {
+                ClassWeights::Equal => vec![],
+                _ => self.weights_of_classes(&rows)?,
+            },
             model: self.fit(settings, &rows)?,
         })
+    }
+
+    /// How much a row of each class weighs where some rows train.
+    fn weights_of_classes(&self, rows: &[usize]) -> Result<Vec<f64>, EvaluationError> {
+        let codes = rows.iter().map(|&row| self.samples.labels()[row]);
+        let names = self.samples.class_names();
+        Ok(labels::weights(&self.selection.class_weights, names, codes)?)
     }
 
     /// Trains with some of the rows. Trees leave out rows without weight, so that for them the table
@@ -248,9 +297,7 @@ impl Prepared {
         rows: &[usize],
     ) -> Result<Model, EvaluationError> {
         let labels = self.samples.labels();
-        let names = self.samples.class_names();
-        let codes = rows.iter().map(|&row| labels[row]);
-        let of_class = labels::weights(&self.selection.class_weights, names, codes)?;
+        let of_class = self.weights_of_classes(rows)?;
         let weighted = match settings.kind().learns_from_missing() {
             true => {
                 let mut weights = vec![0.0; labels.len()];

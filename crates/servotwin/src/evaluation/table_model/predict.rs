@@ -4,10 +4,10 @@ use super::columns::encode;
 use super::error::TableModelError;
 use super::{Coded, FORMAT, Groups, Input, Judged, Prepared, Selection, TableModel, labels, texts};
 use crate::evaluation::EvaluationError;
-use crate::table::{Column, Origin, Table};
+use crate::table::{Column, Table};
 use serde::Serialize;
 use servotwin_diagnosis::Samples;
-use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
+use servotwin_diagnosis::classifiers::{Classifier, Model};
 use servotwin_diagnosis::tree::Tree;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -58,6 +58,10 @@ pub fn judge_table(
     };
     let origin = table.origin().clone();
     let samples = samples(table, model, classes.codes)?;
+    if let Some((feature, row)) = first_gap(&samples, model) {
+        let place = origin.place_in_file(row);
+        return Err(missing(model, feature, place).into());
+    }
     let prepared = Prepared {
         inputs: model.inputs.clone(),
         selection: Selection { label: column.clone(), ..Selection::default() },
@@ -88,7 +92,7 @@ fn samples(
     model: &TableModel,
     codes: Vec<u32>,
 ) -> Result<Samples, EvaluationError> {
-    let (origin, rows): (Origin, usize) = (table.origin().clone(), table.row_count());
+    let rows = table.row_count();
     let read = model.columns_read();
     for input in model.inputs.iter().filter(|input| !read.contains(input.column())) {
         if table.column(input.column()).is_err() {
@@ -96,17 +100,65 @@ fn samples(
         }
     }
     let values = encode(std::slice::from_mut(&mut table), &model.inputs)?;
-    let samples = Samples::with_missing(model.features(), model.classes.clone(), values, codes)?;
-    let missing = |feature: usize| samples.column(feature).iter().position(|value| value.is_nan());
-    let first = (0..samples.features())
-        .filter(|feature| !model.model.knows_missing() && model.model.reads(*feature))
-        .find_map(|feature| Some((feature, missing(feature)?)));
-    if let Some((feature, row)) = first {
-        let (column, place) = (model.inputs[feature].name(), origin.place_in_file(row));
-        let reason = "the model was trained with a value in every row";
-        return Err(TableModelError::Missing { column, place, reason }.into());
+    Ok(Samples::with_missing(model.features(), model.classes.clone(), values, codes)?)
+}
+
+/// The first place of a value that a model needs and a row lacks, as (feature, row).
+fn first_gap(samples: &Samples, model: &TableModel) -> Option<(usize, usize)> {
+    let gap = |feature: usize| samples.column(feature).iter().position(|value| value.is_nan());
+    let needed = |feature: &usize| !model.model.knows_missing() && model.model.reads(*feature);
+    (0..samples.features()).filter(needed).find_map(|feature| Some((feature, gap(feature)?)))
+}
+
+fn missing(model: &TableModel, feature: usize, place: String) -> TableModelError {
+    let reason = "the model was trained with a value in every row";
+    TableModelError::Missing { column: model.inputs[feature].name(), place, reason }
+}
+
+/// Which rows a model cannot answer: a value is missing that its answer depends on, and training has not shown what such
+/// rows are. A tree needs only what it asks on the way of the row.
+struct Gaps<'m> {
+    model: &'m TableModel,
+    needed: Vec<usize>,
+    /// Rows without an answer by the first feature that they lack.
+    rows: BTreeMap<usize, usize>,
+}
+
+impl<'m> Gaps<'m> {
+    fn new(model: &'m TableModel) -> Self {
+        let needed = match model.model.knows_missing() {
+            true => vec![],
+            false => (0..model.inputs.len()).filter(|f| model.model.reads(*f)).collect(),
+        };
+        Self { model, needed, rows: BTreeMap::new() }
     }
-    Ok(samples)
+
+    /// The feature that the model needs and a row lacks.
+    fn lacks(&self, values: &[f64]) -> Option<usize> {
+        let first = self.needed.iter().copied().find(|&feature| values[feature].is_nan())?;
+        match &self.model.model {
+            Model::Cart(tree) => {
+                let asked = tree.decision_path(values).filter_map(|node| tree.split(node));
+                asked.map(|(feature, _)| feature).find(|&feature| values[feature].is_nan())
+            }
+            _ => Some(first),
+        }
+    }
+
+    fn said(&self) -> Vec<String> {
+        let said = |(&feature, &rows): (&usize, &usize)| {
+            let (rows, get) = if rows == 1 {
+                ("1 row has".to_owned(), "gets")
+            } else {
+                (format!("{rows} rows have"), "get")
+            };
+            let column = self.model.inputs[feature].name();
+            format!(
+                "{rows} no value in '{column}' and {get} no answer: the model was trained with a value in every row"
+            )
+        };
+        self.rows.iter().map(said).collect()
+    }
 }
 
 /// What a model says about a table.
@@ -177,9 +229,11 @@ impl<'m> Doubts<'m> {
 }
 
 /// What a model says about every row of a table, which needs no classes. The result has a column
-/// `row` (from 1), those to `keep`, `predicted` (empty where the highest probability is below
-/// `abstain_below`), a column for each class with its probability (`p:CLASS`, or `score:CLASS` where
-/// the classifier gives none), and for a tree `leaf` and `path`.
+/// `row` (from 1), those to `keep`, `predicted`, a column for each class with its probability (`p:CLASS`, or
+/// `score:CLASS` where the classifier gives none), and for a tree `leaf` and `path`.
+///
+/// `predicted` is empty where the probability of the class decided is below `abstain_below`, and where a value is missing
+/// that the model needs; there the probabilities are NaN, and a tree's way ends at the question.
 ///
 /// # Errors
 /// As [`evaluate_table`]; [`TableModelError::NoProbabilities`].
@@ -189,7 +243,7 @@ pub fn predict(
     keep: &[String],
     abstain_below: Option<f64>,
 ) -> Result<Predicted, EvaluationError> {
-    let shares = model.model.scores() == Scores::Shares;
+    let shares = model.gives_probabilities();
     if abstain_below.is_some() && !shares {
         let classifier = model.model.kind().title();
         return Err(TableModelError::NoProbabilities { classifier }.into());
@@ -203,19 +257,30 @@ pub fn predict(
     let mut scores: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); model.classes.len()];
     let mut said: Vec<String> = Vec::with_capacity(rows);
     let (mut leaves, mut paths): (Vec<u32>, Vec<String>) = (vec![], vec![]);
-    let mut doubts = Doubts::new(model);
+    let (mut doubts, mut gaps) = (Doubts::new(model), Gaps::new(model));
     for row in 0..rows {
         samples.row_into(row, &mut values);
         doubts.look(&values);
-        let class = model.model.predict_row(&values) as usize;
-        model.model.scores_into(&values, &mut scratch);
+        let lacking = gaps.lacks(&values);
+        let answer = match lacking {
+            Some(feature) => {
+                *gaps.rows.entry(feature).or_default() += 1;
+                scratch.fill(f64::NAN);
+                None
+            }
+            None => {
+                let class = model.model.predict_row(&values) as usize;
+                model.scores_into(&values, &mut scratch);
+                let unsure = abstain_below.is_some_and(|limit| scratch[class] < limit);
+                Some(class).filter(|_| !unsure)
+            }
+        };
         scores.iter_mut().zip(&scratch).for_each(|(column, score)| column.push(*score));
-        let unsure = abstain_below.is_some_and(|limit| scratch[class] < limit);
-        said.push(if unsure { String::new() } else { model.classes[class].clone() });
+        said.push(answer.map_or_else(String::new, |class| model.classes[class].clone()));
         if let Model::Cart(tree) = &model.model {
-            leaves.push(tree.branches().leaf_of(&values) as u32);
-            let steps: Vec<String> = steps(model, tree, &values).iter().map(Step::said).collect();
-            paths.push(steps.join(" and "));
+            let (leaf, path) = way(model, tree, &values, lacking);
+            leaves.push(leaf);
+            paths.push(path);
         }
     }
     let mut result = Table::new();
@@ -230,7 +295,24 @@ pub fn predict(
         result.push(Column::new("leaf", "", leaves))?;
         result.push(Column::new("path", "", paths))?;
     }
-    Ok(Predicted { table: result, doubts: doubts.said() })
+    let doubts = gaps.said().into_iter().chain(doubts.said()).collect();
+    Ok(Predicted { table: result, doubts })
+}
+
+/// The last node of a row's way through a tree, and the way in words. Where a value is missing that the tree needs, the
+/// way ends at the node that asks for it.
+fn way(model: &TableModel, tree: &Tree, values: &[f64], lacking: Option<usize>) -> (u32, String) {
+    let is_asked = |node: usize| tree.split(node).is_some_and(|(asked, _)| Some(asked) == lacking);
+    let mut path = tree.decision_path(values);
+    let last = path.find(|&node| tree.split(node).is_none() || is_asked(node));
+    let mut steps = steps(model, tree, values);
+    if let Some(feature) = lacking {
+        let column = model.inputs[feature].column();
+        let end = steps.iter().position(|step| step.column == column && step.value.is_none());
+        steps.truncate(end.map_or(steps.len(), |end| end + 1));
+    }
+    let said: Vec<String> = steps.iter().map(Step::said).collect();
+    (last.unwrap_or(0) as u32, said.join(" and "))
 }
 
 /// One question of a tree with its answer.
@@ -351,9 +433,12 @@ pub fn explain(
     let samples = samples(table, model, vec![0; rows])?;
     let mut values = vec![0.0; samples.features()];
     samples.row_into(row - 1, &mut values);
+    if let Some(feature) = Gaps::new(model).lacks(&values) {
+        return Err(missing(model, feature, place).into());
+    }
     let mut scores = vec![0.0; model.classes.len()];
     let said = model.classes[model.model.predict_row(&values) as usize].clone();
-    model.model.scores_into(&values, &mut scores);
+    model.scores_into(&values, &mut scores);
     let mut scores: Vec<(String, f64)> = model.classes.iter().cloned().zip(scores).collect();
     scores.sort_by(|a, b| b.1.total_cmp(&a.1));
     let (steps, leaf) = match &model.model {
@@ -364,7 +449,7 @@ pub fn explain(
         }
         _ => (vec![], vec![]),
     };
-    let probabilities = model.model.scores() == Scores::Shares;
+    let probabilities = model.gives_probabilities();
     let truth = truth.filter(|truth| !truth.is_empty());
     Ok(Explanation { row, place, truth, said, scores, probabilities, steps, leaf })
 }

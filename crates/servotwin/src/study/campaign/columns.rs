@@ -2,7 +2,7 @@
 //! campaign or windows of flights.
 
 use crate::study::Study;
-use crate::table::{Column, Values};
+use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{Sensor, Sensors, values};
 use servotwin_diagnosis::residual::Window;
 
@@ -62,6 +62,27 @@ pub fn view_column(view: usize, feature: &str) -> String {
         1 => format!("m:{feature}"),
         _ => format!("m{}:{feature}", view + 1),
     }
+}
+
+/// Whether a column of a data set is a feature, in any view. All others say what was simulated, or how it was detected.
+pub fn is_feature_column(name: &str) -> bool {
+    let Some((view, feature)) = name.split_once(':') else { return false };
+    let is_view = match view.strip_prefix('m') {
+        Some(place) => place.bytes().all(|byte| byte.is_ascii_digit()),
+        None => view == "f",
+    };
+    is_view && !feature.is_empty()
+}
+
+/// The columns of a data set that a classifier may learn from, by name: its features in all views. None of them says what
+/// the fault is.
+pub fn feature_columns_of<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
+    names.into_iter().filter(|name| is_feature_column(name)).collect()
+}
+
+/// Whether a table is the data set of a campaign or of flights: it has features, and columns that say what the fault is.
+pub fn is_data_set(table: &Table) -> bool {
+    table.has("fault") && table.has("kind") && table.names().any(is_feature_column)
 }
 
 /// The features of a window in every view ([`servotwin_diagnosis::hierarchy`]); `orders` are those of the sensors beyond

@@ -1,0 +1,151 @@
+//! Text of somebody else's files never reaches the terminal as something that it acts on: whatever a file calls its
+//! columns, classes, titles, topics and keys.
+
+use crate::{Folder, servotwin, stderr, stdout};
+use std::fs;
+
+/// Red, a window title, text from right to left, a control sequence of C1, delete and a carriage return.
+const EVIL: &str = "d\u{1b}[31mRED\u{1b}]0;pwn\u{7}\u{202e}gnp.exe\u{2066}\u{9b}2J\u{7f}\rz";
+
+fn is_active(character: &char) -> bool {
+    let turns = ['\u{61c}', '\u{200e}', '\u{200f}'].contains(character)
+        || ('\u{202a}'..='\u{202e}').contains(character)
+        || ('\u{2066}'..='\u{2069}').contains(character);
+    turns || (character.is_control() && !['\n', '\t'].contains(character))
+}
+
+/// Runs a command and checks what it prints; whether it ends well, and what it printed.
+fn run(arguments: &[&str]) -> (bool, String) {
+    let output = servotwin(arguments);
+    let printed = stdout(&output) + &stderr(&output);
+    let active = printed.chars().find(is_active);
+    assert_eq!(active, None, "{arguments:?} prints {active:?}:\n{}", printed.escape_debug());
+    (output.status.success(), printed)
+}
+
+fn succeeds(arguments: &[&str]) -> String {
+    let (done, printed) = run(arguments);
+    assert!(done, "{arguments:?}: {printed}");
+    printed
+}
+
+fn fails(arguments: &[&str]) -> String {
+    let (done, printed) = run(arguments);
+    assert!(!done, "{arguments:?} ends well: {printed}");
+    printed
+}
+
+#[test]
+fn labels_and_columns_of_a_hostile_table_are_printed_escaped() {
+    let folder = Folder::new("hostile-table");
+    let table = folder.file("table.csv");
+    let mut text = format!("\"{EVIL}\",\"group {EVIL}\",constant,\"class{EVIL}\"\n");
+    for row in 0..24 {
+        let class = if row % 2 == 0 { format!("bad {EVIL}") } else { "good".into() };
+        text += &format!("{},\"{EVIL}{}\",1,\"{class}\"\n", row % 2 * 5 + row % 3, row % 4);
+    }
+    fs::write(&table, text).unwrap();
+    let (label, group) = (format!("class{EVIL}"), format!("group {EVIL}"));
+    let (model, page) = (folder.file("model.json"), folder.file("page.html"));
+    let train = ["train", &table, "--label", &label, "--folds", "2", "--out", &model];
+    let printed = succeeds(&train);
+    assert!(printed.contains(r"bad d\u001b[31mRED"), "{printed}");
+    succeeds(&[&train[..], &["--json"]].concat());
+    succeeds(&["predict", &model, &table]);
+    succeeds(&["explain", "1", "--table", &table, "--model", &model]);
+    succeeds(&["evaluate", &table, "--model", &model, "--group", &group]);
+    succeeds(&["report", &table, "--label", &label, "--folds", "2", "--out", &page]);
+    fails(&["train", &table, "--label", "clas"]);
+    fails(&["train", &table, "--label", &label, "--features", &format!("{EVIL}x")]);
+    fails(&["fit", &table]);
+    let log = fails(&["history", &table, &table]);
+    assert!(!log.is_empty());
+    let out = folder.file("said.csv");
+    succeeds(&["predict", &model, &table, "--out", &out]);
+    assert!(fs::read_to_string(&out).unwrap().contains(EVIL), "files keep what they hold");
+}
+
+#[test]
+fn names_of_hostile_files_are_printed_escaped() {
+    let folder = Folder::new("hostile-names");
+    let name = folder.file(&EVIL.replace('\r', ""));
+    for arguments in [
+        &["check", &name][..],
+        &["describe", &name],
+        &["fit", &name],
+        &["watch", &name],
+        &["explain", "1", "--out", &name],
+        &["report", &name],
+        &["train", &name, "--label", "a"],
+        &["predict", &name, &name],
+    ] {
+        fails(arguments);
+    }
+}
+
+#[test]
+fn titles_and_keys_of_hostile_studies_and_systems_are_printed_escaped() {
+    let folder = Folder::new("hostile-study");
+    let evil: String = EVIL.chars().map(|c| format!("\\u{:04X}", u32::from(c))).collect();
+    let system = fs::read_to_string(crate::SPRING).unwrap();
+    let title = system.lines().find(|line| line.starts_with("title =")).unwrap().to_owned();
+    let path = folder.file("system.toml");
+    fs::write(&path, system.replace(&title, &format!("title = \"{evil}\""))).unwrap();
+    let printed = succeeds(&["describe", &path]);
+    assert!(printed.contains(r"d\u001b[31mRED"), "{printed}");
+    succeeds(&["check", &path]);
+    let broken = folder.file("broken.toml");
+    fs::write(&broken, system.replace(&title, &format!("title = \"a\"\n\"{evil}\" = \"{evil}\"")))
+        .unwrap();
+    fails(&["check", &broken]);
+    let raw = folder.file("raw.toml");
+    fs::write(&raw, system.replace(&title, &format!("title = \"{EVIL}\""))).unwrap();
+    fails(&["check", &raw]);
+    let study = folder.file("study.toml");
+    fs::write(&study, format!("format = 1\nname = \"a\"\ntitle = \"{evil}\"\n\"{evil}\" = 1\n"))
+        .unwrap();
+    fails(&["check", &study]);
+    fails(&["study", &study, "--out", &folder.file("out")]);
+}
+
+#[test]
+fn keys_and_topics_of_hostile_logs_are_printed_escaped() {
+    let folder = Folder::new("hostile-log");
+    let key = serde_json::to_string(EVIL).unwrap();
+    let log = folder.file("log.jsonl");
+    let line = |k: u32| format!("{{\"t\":{},{key}:{k},\"s\":{key}}}\n", f64::from(k) * 0.01);
+    fs::write(&log, (0..300).map(line).collect::<String>()).unwrap();
+    let map = folder.file("map.toml");
+    run(&["watch", &log, "--make-map", &map]);
+    run(&["watch", &log, "--make-map", &map, "--json"]);
+    run(&["watch", &log, "--map", &map]);
+    fails(&["fit", &log]);
+    let plain = concat!(env!("CARGO_MANIFEST_DIR"), "/../servotwin/tests/foreign/log_plain.mcap");
+    let mut bytes = fs::read(plain).unwrap();
+    // Topics begin with ESC and a character that turns the direction instead of "rig/".
+    let evil = "\u{1b}\u{202e}".as_bytes();
+    let places: Vec<usize> =
+        (0..bytes.len() - 4).filter(|&place| bytes[place..].starts_with(b"rig/")).collect();
+    assert!(places.len() >= 3, "three topics");
+    places.into_iter().for_each(|place| bytes[place..place + 4].copy_from_slice(evil));
+    let mcap = folder.file("log.mcap");
+    fs::write(&mcap, bytes).unwrap();
+    run(&["watch", &mcap, "--make-map", &folder.file("other.toml")]);
+    run(&["watch", &mcap, "--map", &map]);
+}
+
+/// Whoever writes past the one place would let hostile text through.
+#[test]
+fn every_command_writes_through_the_place_that_escapes() {
+    let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/src");
+    let files = ["", "/commands"].map(|folder| fs::read_dir(format!("{sources}{folder}")).unwrap());
+    for file in files.into_iter().flatten().map(|file| file.unwrap().path()) {
+        if file.extension().is_none() || file.ends_with("out.rs") {
+            continue;
+        }
+        let text = fs::read_to_string(&file).unwrap();
+        for past in ["io::stdout", "io::stderr", "println!(", " print!(", "eprint"] {
+            assert!(!text.contains(past), "{}: {past} (see out.rs)", file.display());
+        }
+    }
+}
