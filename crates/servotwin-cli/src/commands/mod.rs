@@ -274,9 +274,15 @@ impl TableOptions {
         let others = [&self.group, &self.split_column];
         let mixed = others.into_iter().flatten().chain(&self.categorical);
         let mixed: Vec<&str> = std::iter::once(label).chain(mixed.map(String::as_str)).collect();
-        let table = read_table(input, &mixed, global)?;
+        // Where the features are named, nothing else is looked at.
+        let named = &self.features;
+        let is_wanted = |name: &str| {
+            let is_other = || mixed.contains(&name) || self.ignore.iter().any(|i| i == name);
+            named.is_empty() || named.iter().any(|feature| feature == name) || is_other()
+        };
+        let table = read_wanted(input, &mixed, &is_wanted, global)?;
         let test = match &self.test {
-            Some(path) => Some(read_table(path, &mixed, global)?),
+            Some(path) => Some(read_wanted(path, &mixed, &is_wanted, global)?),
             None => None,
         };
         let prepared = prepare(table, test, &selection)?;

@@ -81,7 +81,9 @@ impl Kind for Recorded {
                 wanted: given.unit,
             });
         }
-        let table = table::read(file).map_err(|e| SignalError::Table(Box::new(e)))?;
+        let is_wanted = |name: &str| name == column || name == given.word("time");
+        let table = table::read_wanted(file, &[], &is_wanted);
+        let table = table.map_err(|e| SignalError::Table(Box::new(e)))?;
         let numbers = |name| table.finite_f64(name).map_err(|e| SignalError::Table(Box::new(e)));
         let (times_s, values) = (numbers(given.word("time"))?, numbers(column)?);
         let values: Vec<f64> = values.iter().map(|value| value * factor).collect();
