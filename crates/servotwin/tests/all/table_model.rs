@@ -633,7 +633,11 @@ fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
         let said = predict(as_float32(table), &model, &[], None).unwrap().table;
         let truth = table.text("class").unwrap();
         let wrong = said.text("predicted").unwrap().iter().zip(truth).filter(|(a, b)| a != b);
-        (prepared.hairline_warnings(&model), wrong.count())
+        let counted = wrong.count();
+        let doubts = predict(as_float32(table), &model, &[], None).unwrap().doubts;
+        assert_eq!(doubts.is_empty(), counted == 0, "not silently: {doubts:?}");
+        assert!(predict(table.clone(), &model, &[], None).unwrap().doubts.is_empty());
+        (prepared.hairline_warnings(&model), counted)
     };
     let (warnings, wrong) = said(&ratios([0.0, 0.0, 1e-9, 1e-9]));
     assert!(wrong > 0 && warnings.len() == 1, "{wrong}: {warnings:?}");

@@ -1,6 +1,42 @@
 //! Thresholds between values that 32-bit numbers cannot tell apart.
 
 use super::{Prepared, TableModel};
+use servotwin_diagnosis::tree::Tree;
+use std::collections::BTreeMap;
+
+/// Rows of 32-bit numbers that lie as near to a threshold on their way as such numbers resolve, by the feature. Whether
+/// they are above it was lost when they were rounded.
+#[derive(Debug, Default)]
+pub(super) struct Undecided(BTreeMap<usize, usize>);
+
+impl Undecided {
+    /// Looks at the way of a row through a tree.
+    pub(super) fn look(&mut self, tree: &Tree, values: &[f64]) {
+        let is_undecided = |&(feature, threshold): &(usize, f64)| {
+            let value = values[feature];
+            f64::from(value as f32) == value
+                && value != threshold
+                && value as f32 == threshold as f32
+        };
+        let mut asked = tree.decision_path(values).filter_map(|node| tree.split(node));
+        if let Some((feature, _)) = asked.find(is_undecided) {
+            *self.0.entry(feature).or_default() += 1;
+        }
+    }
+
+    /// How many rows there are, in words.
+    pub(super) fn said(&self, model: &TableModel) -> Vec<String> {
+        let said = |(&feature, &rows): (&usize, &usize)| {
+            let rows = if rows == 1 { "1 row has".into() } else { format!("{rows} rows have") };
+            let column = model.inputs[feature].name();
+            format!(
+                "{rows} 32-bit numbers in '{column}' that were rounded onto a threshold of the model: \
+                 before rounding the answer may have been another one"
+            )
+        };
+        self.0.iter().map(said).collect()
+    }
+}
 
 impl Prepared {
     /// Warnings about thresholds of a model that lie closer to their neighbors than a 32-bit number resolves: one for each

@@ -2,6 +2,7 @@
 
 use super::columns::encode;
 use super::error::TableModelError;
+use super::precision::Undecided;
 use super::{Coded, FORMAT, Groups, Input, Judged, Prepared, Selection, TableModel, labels, texts};
 use crate::evaluation::EvaluationError;
 use crate::table::{Column, Table};
@@ -258,6 +259,7 @@ pub fn predict(
     let mut said: Vec<String> = Vec::with_capacity(rows);
     let (mut leaves, mut paths): (Vec<u32>, Vec<String>) = (vec![], vec![]);
     let (mut doubts, mut gaps) = (Doubts::new(model), Gaps::new(model));
+    let mut undecided = Undecided::default();
     for row in 0..rows {
         samples.row_into(row, &mut values);
         doubts.look(&values);
@@ -278,6 +280,7 @@ pub fn predict(
         scores.iter_mut().zip(&scratch).for_each(|(column, score)| column.push(*score));
         said.push(answer.map_or_else(String::new, |class| model.classes[class].clone()));
         if let Model::Cart(tree) = &model.model {
+            undecided.look(tree, &values);
             let (leaf, path) = way(model, tree, &values, lacking);
             leaves.push(leaf);
             paths.push(path);
@@ -295,7 +298,8 @@ pub fn predict(
         result.push(Column::new("leaf", "", leaves))?;
         result.push(Column::new("path", "", paths))?;
     }
-    let doubts = gaps.said().into_iter().chain(doubts.said()).collect();
+    let doubts =
+        gaps.said().into_iter().chain(undecided.said(model)).chain(doubts.said()).collect();
     Ok(Predicted { table: result, doubts })
 }
 
