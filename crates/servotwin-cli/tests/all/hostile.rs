@@ -40,8 +40,8 @@ fn labels_and_columns_of_a_hostile_table_are_printed_escaped() {
     let folder = Folder::new("hostile-table");
     let table = folder.file("table.csv");
     let mut text = format!("\"{EVIL}\",\"group {EVIL}\",constant,\"class{EVIL}\"\n");
-    for row in 0..24 {
-        let class = if row % 2 == 0 { format!("bad {EVIL}") } else { "good".into() };
+    for row in 0..24_u32 {
+        let class = if row.is_multiple_of(2) { format!("bad {EVIL}") } else { "good".into() };
         text += &format!("{},\"{EVIL}{}\",1,\"{class}\"\n", row % 2 * 5 + row % 3, row % 4);
     }
     fs::write(&table, text).unwrap();

@@ -635,11 +635,11 @@ fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
         let wrong = said.text("predicted").unwrap().iter().zip(truth).filter(|(a, b)| a != b);
         let counted = wrong.count();
         let doubts = predict(as_float32(table), &model, &[], None).unwrap().doubts;
-        assert_eq!(doubts.is_empty(), counted == 0, "not silently: {doubts:?}");
+        assert!(counted == 0 || doubts.len() == 1, "not silently: {doubts:?}");
         assert!(predict(table.clone(), &model, &[], None).unwrap().doubts.is_empty());
-        (prepared.hairline_warnings(&model), counted)
+        (prepared.hairline_warnings(&model), counted, doubts)
     };
-    let (warnings, wrong) = said(&ratios([0.0, 0.0, 1e-9, 1e-9]));
+    let (warnings, wrong, _) = said(&ratios([0.0, 0.0, 1e-9, 1e-9]));
     assert!(wrong > 0 && warnings.len() == 1, "{wrong}: {warnings:?}");
     assert!(
         warnings[0].contains("splits column 'ratio' between 0.44 and 0.440000001"),
@@ -648,7 +648,8 @@ fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
     assert!(warnings[0].contains("32-bit numbers do not tell these apart"), "{warnings:?}");
     // A step of 32-bit numbers is 3e-8 here.
     for apart in [3.1e-8, 4.1e-8, 6e-8, 1e-3] {
-        let (warnings, wrong) = said(&ratios([0.0, 0.0, apart, apart]));
+        let (warnings, wrong, doubts) = said(&ratios([0.0, 0.0, apart, apart]));
+        assert!(apart < 1e-7 || doubts.is_empty(), "{doubts:?}");
         assert_eq!((warnings.len(), wrong), (0, 0), "{apart}: {warnings:?}");
     }
 }
@@ -734,13 +735,13 @@ fn no_label_bearing_column_of_a_data_set_is_learned_from() {
     let text = |name: &str, of: &dyn Fn(usize) -> &'static str| {
         Column::new(name, "", (0..rows).map(|row| of(row).to_owned()).collect::<Vec<_>>())
     };
-    let is_leak = |row: usize| row % 3 == 0;
+    let is_leak = |row: usize| row.is_multiple_of(3);
     let kind = |row: usize| if is_leak(row) { "leakage" } else { "healthy" };
     let wobble = |row: usize| (row * 7 % 11) as f64;
     let table = Table::from_columns(vec![
         number("variant", &|row| (row * 13 % 60) as f64),
-        text("case", &|row| if row % 2 == 0 { "S1/100" } else { "S2/100" }),
-        text("flown", &|row| if row % 2 == 0 { "S1" } else { "S2" }),
+        text("case", &|row| if row.is_multiple_of(2) { "S1/100" } else { "S2/100" }),
+        text("flown", &|row| if row.is_multiple_of(2) { "S1" } else { "S2" }),
         number("seed", &wobble),
         text("fault", &kind),
         text("kind", &kind),

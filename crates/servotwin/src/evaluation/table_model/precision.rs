@@ -1,26 +1,36 @@
 //! Thresholds between values that 32-bit numbers cannot tell apart.
 
 use super::{Prepared, TableModel};
+use servotwin_diagnosis::Samples;
 use servotwin_diagnosis::tree::Tree;
 use std::collections::BTreeMap;
 
 /// Rows of 32-bit numbers that lie as near to a threshold on their way as such numbers resolve, by the feature. Whether
 /// they are above it was lost when they were rounded.
-#[derive(Debug, Default)]
-pub(super) struct Undecided(BTreeMap<usize, usize>);
+#[derive(Debug)]
+pub(super) struct Undecided {
+    /// Whether all values of a feature are 32-bit numbers.
+    is_short: Vec<bool>,
+    rows: BTreeMap<usize, usize>,
+}
 
 impl Undecided {
+    pub(super) fn new(samples: &Samples) -> Self {
+        let is_short = |value: &f64| value.is_nan() || f64::from(*value as f32) == *value;
+        let of_feature = |feature| samples.column(feature).iter().all(is_short);
+        let is_short = (0..samples.features()).map(of_feature).collect();
+        Undecided { is_short, rows: BTreeMap::new() }
+    }
+
     /// Looks at the way of a row through a tree.
     pub(super) fn look(&mut self, tree: &Tree, values: &[f64]) {
         let is_undecided = |&(feature, threshold): &(usize, f64)| {
             let value = values[feature];
-            f64::from(value as f32) == value
-                && value != threshold
-                && value as f32 == threshold as f32
+            self.is_short[feature] && value != threshold && value as f32 == threshold as f32
         };
         let mut asked = tree.decision_path(values).filter_map(|node| tree.split(node));
         if let Some((feature, _)) = asked.find(is_undecided) {
-            *self.0.entry(feature).or_default() += 1;
+            *self.rows.entry(feature).or_default() += 1;
         }
     }
 
@@ -34,7 +44,7 @@ impl Undecided {
                  before rounding the answer may have been another one"
             )
         };
-        self.0.iter().map(said).collect()
+        self.rows.iter().map(said).collect()
     }
 }
 

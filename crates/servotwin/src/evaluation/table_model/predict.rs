@@ -259,7 +259,7 @@ pub fn predict(
     let mut said: Vec<String> = Vec::with_capacity(rows);
     let (mut leaves, mut paths): (Vec<u32>, Vec<String>) = (vec![], vec![]);
     let (mut doubts, mut gaps) = (Doubts::new(model), Gaps::new(model));
-    let mut undecided = Undecided::default();
+    let mut undecided = Undecided::new(&samples);
     for row in 0..rows {
         samples.row_into(row, &mut values);
         doubts.look(&values);
