@@ -528,6 +528,14 @@ impl Outputs {
 }
 
 impl Sink for Outputs {
+    fn disconnected(&mut self, cause: &str) -> Result<(), SinkError> {
+        let text = format!(
+            "the connection to the source is lost ({cause}); the watch goes on and connects again"
+        );
+        self.bar.suspend(|| warn(self.global, &[text]));
+        Ok(())
+    }
+
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
         self.told(sample);
         self.keep_unjudged(sample.observation.finding.state);

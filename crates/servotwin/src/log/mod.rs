@@ -273,6 +273,14 @@ impl<'w> Watch<'w> {
                 progress.begin(row.place);
                 progress.counts.note_with(flaw.kind(), row.place, &flaw);
             }
+            Read::Disconnected { cause } => {
+                progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
+                progress.sequencer.flush();
+                self.drain()?;
+                for sink in &mut self.sinks {
+                    sink.disconnected(&cause)?;
+                }
+            }
             Read::Reconnected => progress.counts.note(Kind::Reconnected, progress.place),
             Read::Pause => {
                 progress.sequencer.flush();

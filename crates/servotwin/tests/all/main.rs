@@ -13,6 +13,8 @@ mod fitted;
 mod flights;
 mod golden;
 mod log;
+#[cfg(feature = "mqtt")]
+mod mqtt;
 mod peer_cases;
 mod physics;
 mod relief;

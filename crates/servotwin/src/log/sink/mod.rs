@@ -38,6 +38,14 @@ pub trait Sink {
     /// It cannot be written.
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
+    /// Takes that the source has lost its connection, when this happens.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn disconnected(&mut self, _cause: &str) -> Result<(), SinkError> {
+        Ok(())
+    }
+
     /// Brings out what it holds back.
     ///
     /// # Errors

@@ -7,6 +7,7 @@
 pub mod frame;
 mod lines;
 mod mcap;
+#[cfg(feature = "mqtt")]
 pub mod mqtt;
 mod stdin;
 mod table;
@@ -65,7 +66,12 @@ pub enum Read {
     Nothing,
     /// A live stream is quiet.
     Pause,
-    /// The connection was lost and made again.
+    /// The connection is lost; it is being made again.
+    Disconnected {
+        /// What happened.
+        cause: String,
+    },
+    /// The connection that was lost is made again.
     Reconnected,
     /// Nothing will come.
     End,
@@ -103,17 +109,18 @@ pub enum Address {
     /// Datagrams sent to this address.
     Udp(SocketAddr),
     /// Messages of a broker.
+    #[cfg(feature = "mqtt")]
     Mqtt(mqtt::Subscription),
 }
 
 impl Address {
     /// The source that a text names: a file, `-`, `udp://HOST:PORT`, or
-    /// `mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=1]`.
+    /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=1]`.
     ///
     /// # Errors
-    /// [`SourceError::Address`].
+    /// [`SourceError::Address`], or [`SourceError::Feature`] where this program cannot read such a source.
     pub fn parse(text: &str) -> Result<Self, SourceError> {
-        let wrong = |needed| SourceError::Address { given: text.into(), needed };
+        let wrong = |needed| SourceError::Address { given: without_user(text), needed };
         if text == "-" {
             return Ok(Address::Stdin);
         }
@@ -122,15 +129,32 @@ impl Address {
             let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
             return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
         }
-        if let Some(rest) = text.strip_prefix("mqtt://") {
-            let found = mqtt::Subscription::parse(rest).map(Address::Mqtt);
-            let needed = "mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=0 or 1]";
-            return found.ok_or_else(|| wrong(needed));
+        if text.starts_with("mqtt://") || text.starts_with("mqtts://") {
+            return Address::parse_mqtt(text);
         }
         if text.contains("://") {
             return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
         }
         Ok(Address::File(PathBuf::from(text)))
+    }
+
+    #[cfg(feature = "mqtt")]
+    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
+        let needed = mqtt::Subscription::FORM;
+        let wrong = SourceError::Address { given: without_user(text), needed };
+        let found = mqtt::Subscription::parse(text).ok_or(wrong)?;
+        match found.tls.is_some() && !cfg!(feature = "mqtt-tls") {
+            true => Err(feature_needed("mqtts://", "mqtt-tls")),
+            false => Ok(Address::Mqtt(found)),
+        }
+    }
+
+    #[cfg(not(feature = "mqtt"))]
+    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
+        Err(match text.starts_with("mqtts") {
+            true => feature_needed("mqtts://", "mqtt-tls"),
+            false => feature_needed("mqtt://", "mqtt"),
+        })
     }
 
     /// Whether the source goes on by the clock.
@@ -153,6 +177,7 @@ impl Address {
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
             Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
+            #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
         })
     }
@@ -168,6 +193,7 @@ impl Address {
             Address::File(path) => return lines::columns(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address) => udp::columns(*address)?,
+            #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
         Ok(names.into_iter().map(|name| (name, String::new())).collect())
@@ -180,9 +206,23 @@ impl fmt::Display for Address {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
             Address::Udp(address) => write!(out, "udp://{address}"),
+            #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }
     }
+}
+
+/// An address without user and password, for messages.
+fn without_user(text: &str) -> String {
+    match (text.find("://"), text.rfind('@')) {
+        (Some(mark), Some(at)) if at > mark => format!("{}…{}", &text[..mark + 3], &text[at..]),
+        _ => text.to_owned(),
+    }
+}
+
+/// That a source of some kind is read by a feature that this program was built without.
+pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
+    SourceError::Feature { what: what.to_owned(), feature }
 }
 
 fn has_extension(path: &Path, wanted: &str) -> bool {
@@ -198,6 +238,26 @@ pub enum SourceError {
         given: String,
         /// What is possible.
         needed: &'static str,
+    },
+    /// This program was built without what reads such a source.
+    Feature {
+        /// What was to be read.
+        what: String,
+        /// The feature of the packages `servotwin` and `servotwin-cli`.
+        feature: &'static str,
+    },
+    /// Two topics of a broker send the same column.
+    Mixed {
+        /// The address of the broker.
+        broker: String,
+        /// The column.
+        column: String,
+        /// The topics.
+        topics: [String; 2],
+        /// The last levels of the first topic, which the second does not have.
+        ending: String,
+        /// Whether the map names the time.
+        has_time: bool,
     },
     /// A file.
     File(FileError),
@@ -246,6 +306,29 @@ impl fmt::Display for SourceError {
             SourceError::Address { given, needed } => {
                 write!(out, "'{given}' names no source: {needed} is needed")
             }
+            SourceError::Feature { what, feature } => write!(
+                out,
+                "{what} needs the feature '{feature}', which this program was built without: \
+                 cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
+            ),
+            SourceError::Mixed { broker, column, topics: [first, second], ending, has_time } => {
+                let (first, second) = (plain(first), plain(second));
+                let (column, ending) = (quoted::text(column), plain(ending));
+                match has_time {
+                    true => write!(
+                        out,
+                        "{broker}: both topics {first} and {second} send the column '{column}', and the values of two \
+                         units are not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, \
+                         column = \"{ending}:{column}\""
+                    ),
+                    false => write!(
+                        out,
+                        "{broker}: both topics {first} and {second} send columns, and without a time they cannot be \
+                         joined; name the column with the time in the map ([time] column = \"…\"), or subscribe to \
+                         one, {broker}/{first}"
+                    ),
+                }
+            }
             SourceError::File(error) => write!(out, "{error}"),
             SourceError::Table(error) => write!(out, "{error}"),
             SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
@@ -261,6 +344,11 @@ impl fmt::Display for SourceError {
             }
         }
     }
+}
+
+/// A topic in full, with nothing in it that a terminal would act on.
+fn plain(topic: &str) -> String {
+    topic.chars().flat_map(char::escape_debug).collect()
 }
 
 impl std::error::Error for SourceError {}
@@ -288,6 +376,7 @@ impl Flaw {
             Flaw::NoHeader => Kind::NoHeader,
             Flaw::BadObject { .. } => Kind::BadObject,
             Flaw::NoTime { .. } => Kind::NoTime,
+            Flaw::Retained { .. } => Kind::Retained,
         }
     }
 }
