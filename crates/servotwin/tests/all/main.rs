@@ -17,6 +17,7 @@ mod log;
 mod mqtt;
 mod peer_cases;
 mod physics;
+mod recordings;
 mod relief;
 mod report;
 mod runtime;

@@ -5,8 +5,14 @@
 //! be opened is an error.
 
 pub mod frame;
+#[cfg(any(feature = "mf4", feature = "mat"))]
+mod groups;
 mod lines;
+#[cfg(feature = "mat")]
+mod mat;
 mod mcap;
+#[cfg(feature = "mf4")]
+mod mf4;
 #[cfg(feature = "mqtt")]
 pub mod mqtt;
 mod stdin;
@@ -102,7 +108,7 @@ pub trait Source {
 /// A source by its name.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Address {
-    /// A .parquet or .mcap file, or any other name for CSV or lines of JSON objects.
+    /// A .parquet, .mcap, .mf4 or .mat file, or any other name for CSV or lines of JSON objects.
     File(PathBuf),
     /// Lines of standard input.
     Stdin,
@@ -174,6 +180,8 @@ impl Address {
             Address::File(path) if has_extension(path, "mcap") => {
                 Box::new(mcap::Mcap::open(path, wanted)?)
             }
+            Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
+            Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
             Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
@@ -190,6 +198,8 @@ impl Address {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
             Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
+            Address::File(path) if is_mdf(path) => return mf4_columns(path),
+            Address::File(path) if has_extension(path, "mat") => return mat_columns(path),
             Address::File(path) => return lines::columns(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address) => udp::columns(*address)?,
@@ -223,6 +233,38 @@ fn without_user(text: &str) -> String {
 /// That a source of some kind is read by a feature that this program was built without.
 pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
     SourceError::Feature { what: what.to_owned(), feature }
+}
+
+/// Defines how files of an optional kind are opened, and what is said of one where they are not read.
+macro_rules! optional_kind {
+    ($feature:literal, $module:ident, $open:ident, $columns:ident) => {
+        #[cfg(feature = $feature)]
+        fn $open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+            Ok(Box::new($module::open(path, wanted)?))
+        }
+
+        #[cfg(not(feature = $feature))]
+        fn $open(path: &Path, _: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+            Err(feature_needed(&path.display().to_string(), $feature))
+        }
+
+        #[cfg(feature = $feature)]
+        fn $columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+            $module::columns(path)
+        }
+
+        #[cfg(not(feature = $feature))]
+        fn $columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+            Err(feature_needed(&path.display().to_string(), $feature))
+        }
+    };
+}
+
+optional_kind!("mf4", mf4, open_mf4, mf4_columns);
+optional_kind!("mat", mat, open_mat, mat_columns);
+
+fn is_mdf(path: &Path) -> bool {
+    has_extension(path, "mf4") || has_extension(path, "mdf")
 }
 
 fn has_extension(path: &Path, wanted: &str) -> bool {
@@ -259,6 +301,13 @@ pub enum SourceError {
         /// Whether the map names the time.
         has_time: bool,
     },
+    /// A file is damaged, or of a kind that is not read.
+    Unreadable {
+        /// The file.
+        address: String,
+        /// What is wrong with it.
+        cause: String,
+    },
     /// A file.
     File(FileError),
     /// A table.
@@ -287,6 +336,11 @@ pub enum SourceError {
 }
 
 impl SourceError {
+    #[cfg(any(feature = "mf4", feature = "mat"))]
+    fn unreadable(address: &str, cause: &str) -> Self {
+        SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
+    }
+
     /// The error for wanted names that are not among those there, if there are any.
     pub(super) fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
         let columns = wanted.names.iter().filter(|name| !known.contains(name));
@@ -329,6 +383,7 @@ impl fmt::Display for SourceError {
                     ),
                 }
             }
+            SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
             SourceError::File(error) => write!(out, "{error}"),
             SourceError::Table(error) => write!(out, "{error}"),
             SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
