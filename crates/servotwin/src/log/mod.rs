@@ -277,11 +277,12 @@ impl<'w> Watch<'w> {
                 progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
                 progress.sequencer.flush();
                 self.drain()?;
-                for sink in &mut self.sinks {
-                    sink.disconnected(&cause)?;
-                }
+                self.tell_connection(Some(&cause))?;
             }
-            Read::Reconnected => progress.counts.note(Kind::Reconnected, progress.place),
+            Read::Reconnected => {
+                progress.counts.note(Kind::Reconnected, progress.place);
+                self.tell_connection(None)?;
+            }
             Read::Pause => {
                 progress.sequencer.flush();
                 self.drain()?;
@@ -290,6 +291,13 @@ impl<'w> Watch<'w> {
             Read::End => return Ok(false),
         }
         Ok(true)
+    }
+
+    fn tell_connection(&mut self, lost: Option<&str>) -> Result<(), WatchError> {
+        for sink in &mut self.sinks {
+            sink.connection(lost)?;
+        }
+        Ok(())
     }
 
     /// Gives on all that may be given on.

@@ -38,11 +38,11 @@ pub trait Sink {
     /// It cannot be written.
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
-    /// Takes that the source has lost its connection, when this happens.
+    /// Takes when it happens that the source has lost its connection, and why, or (`None`) has made it again.
     ///
     /// # Errors
     /// It cannot be written.
-    fn disconnected(&mut self, _cause: &str) -> Result<(), SinkError> {
+    fn connection(&mut self, _lost: Option<&str>) -> Result<(), SinkError> {
         Ok(())
     }
 

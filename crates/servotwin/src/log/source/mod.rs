@@ -365,23 +365,8 @@ impl fmt::Display for SourceError {
                 "{what} needs the feature '{feature}', which this program was built without: \
                  cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
             ),
-            SourceError::Mixed { broker, column, topics: [first, second], ending, has_time } => {
-                let (first, second) = (plain(first), plain(second));
-                let (column, ending) = (quoted::text(column), plain(ending));
-                match has_time {
-                    true => write!(
-                        out,
-                        "{broker}: both topics {first} and {second} send the column '{column}', and the values of two \
-                         units are not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, \
-                         column = \"{ending}:{column}\""
-                    ),
-                    false => write!(
-                        out,
-                        "{broker}: both topics {first} and {second} send columns, and without a time they cannot be \
-                         joined; name the column with the time in the map ([time] column = \"…\"), or subscribe to \
-                         one, {broker}/{first}"
-                    ),
-                }
+            SourceError::Mixed { broker, column, topics, ending, has_time } => {
+                write_mixed(out, broker, column, topics, ending, *has_time)
             }
             SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
             SourceError::File(error) => write!(out, "{error}"),
@@ -398,6 +383,31 @@ impl fmt::Display for SourceError {
                 }
             }
         }
+    }
+}
+
+/// Which topics send a column, and what to write instead.
+fn write_mixed(
+    out: &mut fmt::Formatter<'_>,
+    broker: &str,
+    column: &str,
+    [first, second]: &[String; 2],
+    ending: &str,
+    has_time: bool,
+) -> fmt::Result {
+    let (first, second) = (plain(first), plain(second));
+    let (column, ending) = (quoted::text(column), plain(ending));
+    match has_time {
+        true => write!(
+            out,
+            "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are not \
+             mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
+        ),
+        false => write!(
+            out,
+            "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name the \
+             column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
+        ),
     }
 }
 
