@@ -405,7 +405,7 @@ fn val_mosquitto_retained_messages_are_no_samples_and_units_are_not_mixed() {
             Ok(read) => assert!(begin.elapsed() < PATIENCE, "{read:?}"),
         }
     };
-    assert!(matches!(error, SourceError::Mixed { .. }), "{error}");
+    assert!(matches!(error, SourceError::Mixed(_)), "{error}");
     let one = format!("mqtt://127.0.0.1:{}/rig/two", broker.port);
     let mut source = open(&one, &["t", "p"]).unwrap();
     broker.publish("rig/one", 1, false, &payloads(5, 7));

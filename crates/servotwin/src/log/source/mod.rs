@@ -271,6 +271,42 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
+/// Which column two topics of a broker send.
+#[derive(Debug)]
+pub struct MixedTopics {
+    /// The address of the broker.
+    pub broker: String,
+    /// The column.
+    pub column: String,
+    /// The topics.
+    pub topics: [String; 2],
+    /// The last levels of the first topic, which the second does not have.
+    pub ending: String,
+    /// Whether the map names the time.
+    pub has_time: bool,
+}
+
+impl fmt::Display for MixedTopics {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let broker = &self.broker;
+        let [first, second] = &self.topics;
+        let (first, second, ending) = (plain(first), plain(second), plain(&self.ending));
+        let column = quoted::text(&self.column);
+        match self.has_time {
+            true => write!(
+                out,
+                "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are \
+                 not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
+            ),
+            false => write!(
+                out,
+                "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name \
+                 the column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
+            ),
+        }
+    }
+}
+
 /// Why there is no source, or no more of it.
 #[derive(Debug)]
 pub enum SourceError {
@@ -289,18 +325,7 @@ pub enum SourceError {
         feature: &'static str,
     },
     /// Two topics of a broker send the same column.
-    Mixed {
-        /// The address of the broker.
-        broker: String,
-        /// The column.
-        column: String,
-        /// The topics.
-        topics: [String; 2],
-        /// The last levels of the first topic, which the second does not have.
-        ending: String,
-        /// Whether the map names the time.
-        has_time: bool,
-    },
+    Mixed(Box<MixedTopics>),
     /// A file is damaged, or of a kind that is not read.
     Unreadable {
         /// The file.
@@ -365,9 +390,7 @@ impl fmt::Display for SourceError {
                 "{what} needs the feature '{feature}', which this program was built without: \
                  cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
             ),
-            SourceError::Mixed { broker, column, topics, ending, has_time } => {
-                write_mixed(out, broker, column, topics, ending, *has_time)
-            }
+            SourceError::Mixed(mixed) => write!(out, "{mixed}"),
             SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
             SourceError::File(error) => write!(out, "{error}"),
             SourceError::Table(error) => write!(out, "{error}"),
@@ -383,31 +406,6 @@ impl fmt::Display for SourceError {
                 }
             }
         }
-    }
-}
-
-/// Which topics send a column, and what to write instead.
-fn write_mixed(
-    out: &mut fmt::Formatter<'_>,
-    broker: &str,
-    column: &str,
-    [first, second]: &[String; 2],
-    ending: &str,
-    has_time: bool,
-) -> fmt::Result {
-    let (first, second) = (plain(first), plain(second));
-    let (column, ending) = (quoted::text(column), plain(ending));
-    match has_time {
-        true => write!(
-            out,
-            "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are not \
-             mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
-        ),
-        false => write!(
-            out,
-            "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name the \
-             column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
-        ),
     }
 }
 

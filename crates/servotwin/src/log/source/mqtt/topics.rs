@@ -5,7 +5,7 @@
 //! The time is sent with every topic.
 
 use super::super::frame::{Flaw, Frames};
-use super::super::{Read, Row, SourceError, Wanted};
+use super::super::{MixedTopics, Read, Row, SourceError, Wanted};
 use super::Subscription;
 use std::collections::BTreeMap;
 
@@ -104,13 +104,13 @@ impl Topics {
     }
 
     fn mixed(&self, place: usize, first: &str, second: &str) -> SourceError {
-        SourceError::Mixed {
+        SourceError::Mixed(Box::new(MixedTopics {
             broker: self.broker.clone(),
             column: self.wanted.names[place].clone(),
             topics: [first.to_owned(), second.to_owned()],
             ending: short(first, second).to_owned(),
             has_time: self.wanted.time.is_some(),
-        }
+        }))
     }
 }
 
