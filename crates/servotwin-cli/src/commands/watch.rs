@@ -42,8 +42,8 @@ use std::thread;
 /// until it ends or Ctrl-C.
 #[derive(clap::Args)]
 pub struct Options {
-    /// A log (.csv, .parquet, .mcap, .jsonl), - for lines of standard input,
-    /// udp://HOST:PORT to listen at, or mqtt://HOST/TOPICS to subscribe to.
+    /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat with the features of these names), - for lines of standard
+    /// input, udp://HOST:PORT to listen at, or mqtt://HOST/TOPIC to subscribe to.
     source: String,
     /// A study file, which names the system; without it, the paper's study of the aileron.
     #[arg(long, value_name = "FILE")]
@@ -529,6 +529,17 @@ impl Outputs {
 }
 
 impl Sink for Outputs {
+    fn connection(&mut self, lost: Option<&str>) -> Result<(), SinkError> {
+        let text = match lost {
+            Some(cause) => {
+                format!("the connection to the source is lost ({cause}); the watch connects again")
+            }
+            None => "the connection to the source is made again".to_owned(),
+        };
+        self.bar.suspend(|| warn(self.global, &[text]));
+        Ok(())
+    }
+
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
         self.told(sample);
         self.keep_unjudged(sample.observation.finding.state);

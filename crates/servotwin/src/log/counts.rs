@@ -41,13 +41,17 @@ pub enum Kind {
     ClockBack,
     /// The clock went forward further than a gap may be, and stayed there: a new beginning.
     ClockForward,
-    /// The connection was lost and made again.
+    /// The connection was lost.
+    Disconnected,
+    /// A connection that was lost was made again.
     Reconnected,
+    /// A message that a broker had kept from before.
+    Retained,
 }
 
 impl Kind {
     /// All kinds, in the order of reports.
-    pub const ALL: [Kind; 18] = [
+    pub const ALL: [Kind; 20] = [
         Kind::Noise,
         Kind::TooLong,
         Kind::CutShort,
@@ -65,7 +69,9 @@ impl Kind {
         Kind::Gap,
         Kind::ClockBack,
         Kind::ClockForward,
+        Kind::Disconnected,
         Kind::Reconnected,
+        Kind::Retained,
     ];
 
     /// The name in JSON, and in words what was found and done.
@@ -88,7 +94,9 @@ impl Kind {
             Kind::Gap => ("gap", "period without a sample: all values missing"),
             Kind::ClockBack => ("clock_back", "clock set back: begun anew"),
             Kind::ClockForward => ("clock_forward", "clock set forward: begun anew"),
-            Kind::Reconnected => ("reconnected", "connection lost and made again"),
+            Kind::Disconnected => ("disconnected", "connection lost"),
+            Kind::Reconnected => ("reconnected", "connection made again"),
+            Kind::Retained => ("retained", "kept by the broker from before: no sample"),
         }
     }
 }

@@ -273,7 +273,16 @@ impl<'w> Watch<'w> {
                 progress.begin(row.place);
                 progress.counts.note_with(flaw.kind(), row.place, &flaw);
             }
-            Read::Reconnected => progress.counts.note(Kind::Reconnected, progress.place),
+            Read::Disconnected { cause } => {
+                progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
+                progress.sequencer.flush();
+                self.drain()?;
+                self.tell_connection(Some(&cause))?;
+            }
+            Read::Reconnected => {
+                progress.counts.note(Kind::Reconnected, progress.place);
+                self.tell_connection(None)?;
+            }
             Read::Pause => {
                 progress.sequencer.flush();
                 self.drain()?;
@@ -282,6 +291,13 @@ impl<'w> Watch<'w> {
             Read::End => return Ok(false),
         }
         Ok(true)
+    }
+
+    fn tell_connection(&mut self, lost: Option<&str>) -> Result<(), WatchError> {
+        for sink in &mut self.sinks {
+            sink.connection(lost)?;
+        }
+        Ok(())
     }
 
     /// Gives on all that may be given on.

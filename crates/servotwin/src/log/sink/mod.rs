@@ -38,6 +38,14 @@ pub trait Sink {
     /// It cannot be written.
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
+    /// Takes when it happens that the source has lost its connection, and why, or (`None`) has made it again.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn connection(&mut self, _lost: Option<&str>) -> Result<(), SinkError> {
+        Ok(())
+    }
+
     /// Brings out what it holds back.
     ///
     /// # Errors
