@@ -10,7 +10,6 @@ mod hold_out;
 mod judge;
 mod labels;
 mod predict;
-pub(crate) mod times;
 
 pub use columns::{Input, MOST_CATEGORIES, Unused};
 pub use error::TableModelError;
