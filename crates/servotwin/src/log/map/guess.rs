@@ -51,8 +51,13 @@ pub struct Guess {
 const EXACT: u32 = 100;
 /// By name behind a point.
 const BEHIND: u32 = 90;
+/// By name, with the number of the unit elsewhere.
+const NUMBERED: u32 = 50;
 /// The least score that is likely.
 const LIKELY: u32 = 6;
+
+/// Pressures below this share of what their sensor can show are hardly in Pa.
+const LEAST_SHARE: f64 = 1e-3;
 
 /// An input or a sensor.
 struct Target {
@@ -238,8 +243,7 @@ fn rivals(
 impl<'c> Candidate<'c> {
     fn of(column: &'c LogColumn) -> Self {
         let ways = splits(&column.name);
-        // A number at the end of a name is no unit.
-        let is_unit = |unit: &Named| unit.0 != Unit::None || unit.1 == "%";
+        let is_unit = |unit: &Named| is_spelt_out(&column.name, *unit);
         let named = ways.iter().find_map(|(stem, unit)| Some((*stem, (*unit).filter(is_unit)?)));
         let stem = named.map_or(column.name.as_str(), |(stem, _)| stem);
         let (words, numbers) = words(stem);
@@ -271,6 +275,9 @@ impl<'c> Candidate<'c> {
         if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.is_other {
             return 0;
         }
+        if self.is_numbered(target) {
+            return NUMBERED;
+        }
         let own = match target.role {
             Role::Sensor(quantity) => self.measures(quantity),
             Role::Command if self.meaning.command => 4 + u32::from(self.meaning.parts.surface),
@@ -281,6 +288,22 @@ impl<'c> Candidate<'c> {
             0 => 0,
             own => own + number + if self.unit.is_some() { 2 } else { 0 },
         }
+    }
+
+    /// Whether its name is that of a target but for where the number of the unit stands: `act1.p_a` for `p_a_1`.
+    fn is_numbered(&self, target: &Target) -> bool {
+        let Some(actuator) = target.actuator else { return false };
+        let without = |text: &str| -> String {
+            let mut stem = key(text);
+            stem.retain(|c| !c.is_ascii_digit());
+            stem
+        };
+        let names: Vec<String> = target.names.iter().map(|name| without(name)).collect();
+        let mut ends = self.column.name.match_indices('.').map(|(place, _)| place + 1);
+        ends.any(|end| {
+            let stems = splits(&self.column.name[end..]);
+            stems.into_iter().any(|(stem, _)| names.contains(&without(stem)))
+        }) && self.numbers.iter().any(|&number| number as usize == actuator)
     }
 
     /// How well the words fit a quantity; 0 where they do not.
@@ -443,7 +466,8 @@ impl Guess {
 }
 
 impl Candidate<'_> {
-    /// That most of its first numbers are outside of what the target can be, and in which unit they would be inside.
+    /// That its first numbers are outside of what the target can be, or hardly anything of it, and in which unit they would
+    /// fit.
     fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
         let (factor, offset) = match unit.and_then(|(_, text)| units::convert(text)) {
             Some((_, factor, offset)) => (factor, offset),
@@ -453,16 +477,25 @@ impl Candidate<'_> {
         let head = &self.column.head;
         let is_outside = |value: &&f64| !(low..=high).contains(&(**value * factor + offset));
         let outside = head.iter().filter(is_outside).count();
-        if 2 * outside <= head.len() {
-            return None;
-        }
         let largest = head
             .iter()
             .copied()
             .fold(0.0, |most: f64, value| if value.abs() > most.abs() { value } else { most });
+        // What nobody named may be off to the other side: a pressure of 200 Pa.
+        let least = LEAST_SHARE * low.abs().max(high.abs());
+        let is_little = unit.is_none()
+            && target.unit == Unit::Pascal
+            && largest != 0.0
+            && largest.abs() < least
+            && least.is_finite();
+        let how = match (2 * outside > head.len(), is_little) {
+            (true, _) => "reaches",
+            (false, true) => "reaches only",
+            (false, false) => return None,
+        };
         let (_, fitting) = units::within(target.unit, largest, target.range)?;
         let unit = unit.map_or(units::word(target.unit), |(_, text)| text);
-        Some(format!("reaches {largest}, too much for {unit}; {fitting} would fit"))
+        Some(format!("{how} {largest} as {unit}: it would fit as {fitting}"))
     }
 }
 
@@ -471,6 +504,15 @@ fn known(text: &str) -> Option<Named<'_>> {
     let text = text.trim();
     let found = units::convert(text).filter(|_| !text.is_empty());
     found.map(|(unit, ..)| (unit, text))
+}
+
+/// Whether a unit in a name is surely one: a number is none, and a letter that also stands for a chamber or a line (`p_a`,
+/// `p_s`, `p_t`) only in brackets.
+fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
+    let is_letter =
+        ["a", "s", "t", "c", "l", "g"].iter().any(|letter| text.eq_ignore_ascii_case(letter));
+    let is_plain = unit != Unit::None || text == "%";
+    is_plain && (!is_letter || name.trim_end().ends_with([']', ')']))
 }
 
 /// A unit as people write it: a name's `_pa` is Pa.

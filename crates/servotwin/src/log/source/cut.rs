@@ -107,8 +107,8 @@ impl Span {
             Limit::Behind(behind_s) => first_s + behind_s,
             Limit::At(at_s) => at_s,
         };
-        // A time that is written with a few digits is meant exactly.
-        let rounding = 1e-9 * time_s.abs().max(1.0);
+        // A time that is written with a few digits is meant exactly; dates are known to a quarter of a microsecond.
+        let rounding = 1e-6;
         self.from.is_none_or(|from| time_s >= at(from) - rounding)
             && self.to.is_none_or(|to| time_s <= at(to) + rounding)
     }
