@@ -6,6 +6,7 @@ mod fit;
 mod flights;
 mod paths;
 mod public_tables;
+mod reading;
 mod study;
 mod tables;
 mod units;

@@ -238,7 +238,7 @@ fn leap(
     period_s: f64,
     is_dated: bool,
 ) -> fmt::Result {
-    let decimals = (-period_s.log10()).ceil().clamp(0.0, 6.0) as usize;
+    let decimals = (-moment::rounded(period_s).log10()).ceil().clamp(0.0, 6.0) as usize;
     write!(
         out,
         "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {} s; ",

@@ -12,6 +12,7 @@ mod files;
 mod fitted;
 mod flights;
 mod golden;
+mod intake;
 mod log;
 mod peer_cases;
 mod physics;
