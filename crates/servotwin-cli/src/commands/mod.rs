@@ -332,6 +332,7 @@ fn read_log(
     let whole = intake::read(path, map, span, study).map_err(|error| match error {
         IntakeError::Source(error) => error.into(),
         IntakeError::Map(error) => error.into(),
+        IntakeError::Table(error) => error.into(),
         IntakeError::Record(error) => {
             Failure::Fit(FitError::Record { name: path.display().to_string(), error })
         }

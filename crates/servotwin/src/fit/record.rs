@@ -254,7 +254,7 @@ fn leap(
         )
     } else if step_s <= 0.0 {
         write!(out, "the clock was set back: read the part before or behind it with --to or --from")
-    } else if missing >= 1.0 && missing < 1e6 {
+    } else if (1.0..1e6).contains(&missing) {
         write!(
             out,
             "{missing} samples are missing: read the part before or behind them with --to or --from"

@@ -12,7 +12,7 @@ use super::source::{Address, Read, Row, Source, SourceError};
 use crate::fit::RecordError;
 use crate::moment;
 use crate::study::Study;
-use crate::table::{Column, Table};
+use crate::table::{Column, Table, TableError};
 use std::fmt;
 use std::path::Path;
 
@@ -41,6 +41,8 @@ pub enum IntakeError {
     Source(SourceError),
     /// The map does not fit it.
     Map(MapError),
+    /// An input and a sensor of the system have the same name.
+    Table(TableError),
     /// Without a map: it has no time, or no sensor of the system.
     Record(RecordError),
 }
@@ -50,12 +52,19 @@ impl fmt::Display for IntakeError {
         match self {
             IntakeError::Source(error) => write!(out, "{error}"),
             IntakeError::Map(error) => write!(out, "{error}"),
+            IntakeError::Table(error) => write!(out, "{error}"),
             IntakeError::Record(error) => write!(out, "{error}"),
         }
     }
 }
 
 impl std::error::Error for IntakeError {}
+
+impl From<TableError> for IntakeError {
+    fn from(error: TableError) -> Self {
+        IntakeError::Table(error)
+    }
+}
 
 impl From<SourceError> for IntakeError {
     fn from(error: SourceError) -> Self {
@@ -81,14 +90,22 @@ pub fn read(
     study: &Study,
 ) -> Result<Whole, IntakeError> {
     let address = Address::File(path.into());
-    let (own, assumed) = match map {
-        Some(_) => (None, vec![]),
+    match map {
+        Some(map) => read_mapped(&address, map, span, study, vec![]),
         None => {
             let (map, assumed) = guessed(&address, study)?;
-            (Some(map), assumed)
+            read_mapped(&address, &map, span, study, assumed)
         }
-    };
-    let map = map.or(own.as_ref()).expect("one of both");
+    }
+}
+
+fn read_mapped(
+    address: &Address,
+    map: &Map,
+    span: Span,
+    study: &Study,
+    assumed: Vec<String>,
+) -> Result<Whole, IntakeError> {
     let source = address.open(map.wanted()).map_err(|error| match map.explain(error) {
         Ok(mistakes) => IntakeError::Map(mistakes),
         Err(error) => IntakeError::Source(error),
@@ -98,7 +115,7 @@ pub fn read(
         false => Box::new(Cut::new(source, address.to_string(), map, span)),
     };
     let (samples, counts) = samples(source, map)?;
-    Ok(Whole { table: table(&samples, &counts, map, study), counts, assumed })
+    Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed })
 }
 
 /// The map that the names of the columns make, and the columns without a unit.
@@ -190,7 +207,12 @@ fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamp
 }
 
 /// The samples as a table: columns of the log, with what stands for missing values, and values that are the same always.
-fn table(samples: &[Stamped], counts: &Counts, map: &Map, study: &Study) -> Table {
+fn table(
+    samples: &[Stamped],
+    counts: &Counts,
+    map: &Map,
+    study: &Study,
+) -> Result<Table, TableError> {
     let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
     let network = study.system.network();
     let inputs = network.inputs.iter().map(|input| input.unit);
@@ -199,7 +221,8 @@ fn table(samples: &[Stamped], counts: &Counts, map: &Map, study: &Study) -> Tabl
     for (channel, unit) in units.enumerate() {
         let values = match (map.is_column(channel), map.constant(channel)) {
             (true, _) => {
-                let mut values = samples.iter().map(|sample| sample.values[channel]).collect();
+                let of = |sample: &Stamped| sample.values[channel];
+                let mut values: Vec<f64> = samples.iter().map(of).collect();
                 hold(&mut values, &times_s, map.hold_s(channel));
                 values
             }
@@ -214,14 +237,12 @@ fn table(samples: &[Stamped], counts: &Counts, map: &Map, study: &Study) -> Tabl
         "message" => "message",
         _ => "line",
     };
-    let table = Table::from_columns(columns).expect("ids are different, lengths the same");
-    table
-        .with_metadata(TIME_UNIT, unit_s.to_string())
-        .with_places(counted, samples.iter().map(|sample| sample.place))
+    let table = Table::from_columns(columns)?.with_metadata(TIME_UNIT, unit_s.to_string());
+    Ok(table.with_places(counted, samples.iter().map(|sample| sample.place)))
 }
 
 /// Puts the last value in the place of those that are missing behind it, for so long.
-fn hold(values: &mut Vec<f64>, times_s: &[f64], hold_s: f64) {
+fn hold(values: &mut [f64], times_s: &[f64], hold_s: f64) {
     let mut last: Option<(f64, f64)> = None;
     for (value, &time_s) in values.iter_mut().zip(times_s) {
         if !value.is_nan() {

@@ -56,6 +56,8 @@ const NUMBERED: u32 = 50;
 /// The least score that is likely.
 const LIKELY: u32 = 6;
 
+/// Longer names are no signals, bytes.
+const LONGEST: usize = 256;
 /// Pressures below this share of what their sensor can show are hardly in Pa.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -83,8 +85,11 @@ enum Role {
 /// A column as it is looked at.
 struct Candidate<'c> {
     column: &'c LogColumn,
-    /// The ways to divide its name, and the unit that counts.
-    ways: Vec<(&'c str, Option<Named<'c>>)>,
+    /// Its name by letters and digits alone, in every way to take a unit off, with that unit.
+    keys: Vec<(String, Option<Named<'c>>)>,
+    /// The same of what stands behind a point in it.
+    behind: Vec<(String, Option<Named<'c>>)>,
+    /// The unit that counts.
     unit: Option<Named<'c>>,
     meaning: Meaning,
     numbers: Vec<u32>,
@@ -242,13 +247,20 @@ fn rivals(
 
 impl<'c> Candidate<'c> {
     fn of(column: &'c LogColumn) -> Self {
-        let ways = splits(&column.name);
-        let is_unit = |unit: &Named| is_spelt_out(&column.name, *unit);
+        let name = if column.name.len() > LONGEST { "" } else { &column.name };
+        let ways = splits(name);
+        let is_unit = |unit: &Named| is_spelt_out(name, *unit);
         let named = ways.iter().find_map(|(stem, unit)| Some((*stem, (*unit).filter(is_unit)?)));
-        let stem = named.map_or(column.name.as_str(), |(stem, _)| stem);
+        let stem = named.map_or(name, |(stem, _)| stem);
         let (words, numbers) = words(stem);
         let unit = known(&column.unit).or(named.map(|(_, unit)| unit));
-        Candidate { column, ways, unit, meaning: Meaning::of(&words), numbers }
+        let keys = ways.iter().map(|(stem, unit)| (key(stem), *unit)).collect();
+        let behind = ways.iter().flat_map(|(stem, unit)| {
+            let points = stem.match_indices('.').map(|(place, _)| &stem[place + 1..]);
+            points.map(|end| (key(end), *unit))
+        });
+        let behind = behind.collect();
+        Candidate { column, keys, behind, unit, meaning: Meaning::of(&words), numbers }
     }
 
     /// How well a column fits a target; 0 where it does not.
@@ -256,20 +268,17 @@ impl<'c> Candidate<'c> {
         if self.column.unit == DATE {
             return 0;
         }
-        let is_named = |stem: &str| target.names.contains(&key(stem));
-        let is_within =
-            |stem: &str| stem.match_indices('.').any(|(place, _)| is_named(&stem[place + 1..]));
-        let given =
-            known(&self.column.unit).filter(|(unit, text)| *unit != Unit::None || *text != "-");
-        let fits =
-            |found: Option<Named>| given.or(found).is_none_or(|(unit, _)| unit == target.unit);
-        let by_name = |is_it: &dyn Fn(&str) -> bool| {
-            self.ways.iter().any(|(stem, unit)| is_it(stem) && fits(*unit))
+        let given = known(&self.column.unit).filter(|(_, text)| *text != "-");
+        let is_named = |keys: &[(String, Option<Named>)]| {
+            keys.iter().any(|(key, unit)| {
+                target.names.contains(key)
+                    && given.or(*unit).is_none_or(|(unit, _)| unit == target.unit)
+            })
         };
-        if by_name(&is_named) {
+        if is_named(&self.keys) {
             return EXACT;
         }
-        if by_name(&is_within) {
+        if is_named(&self.behind) {
             return BEHIND;
         }
         if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.is_other {
@@ -293,17 +302,10 @@ impl<'c> Candidate<'c> {
     /// Whether its name is that of a target but for where the number of the unit stands: `act1.p_a` for `p_a_1`.
     fn is_numbered(&self, target: &Target) -> bool {
         let Some(actuator) = target.actuator else { return false };
-        let without = |text: &str| -> String {
-            let mut stem = key(text);
-            stem.retain(|c| !c.is_ascii_digit());
-            stem
-        };
+        let without = |key: &str| key.replace(|c: char| c.is_ascii_digit(), "");
         let names: Vec<String> = target.names.iter().map(|name| without(name)).collect();
-        let mut ends = self.column.name.match_indices('.').map(|(place, _)| place + 1);
-        ends.any(|end| {
-            let stems = splits(&self.column.name[end..]);
-            stems.into_iter().any(|(stem, _)| names.contains(&without(stem)))
-        }) && self.numbers.iter().any(|&number| number as usize == actuator)
+        self.numbers.iter().any(|&number| number as usize == actuator)
+            && self.behind.iter().any(|(key, _)| names.contains(&without(key)))
     }
 
     /// How well the words fit a quantity; 0 where they do not.
@@ -357,7 +359,8 @@ impl<'c> Candidate<'c> {
 
 impl Guess {
     fn time(&mut self, columns: &[LogColumn], period_s: f64, used: &mut [bool]) {
-        let found = columns.iter().enumerate().find_map(|(place, column)| {
+        let short = columns.iter().enumerate().filter(|(_, column)| column.name.len() <= LONGEST);
+        let found = short.into_iter().find_map(|(place, column)| {
             let is_time = |(stem, unit): &(&str, Option<Named>)| {
                 is_time_name(&key(stem)) && unit.is_none_or(|(unit, _)| unit == Unit::Second)
             };

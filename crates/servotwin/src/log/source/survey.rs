@@ -14,6 +14,9 @@ use std::fmt;
 /// So many numbers of a column are kept.
 const HEAD: usize = 256;
 
+/// So many names of objects are kept: further ones are no columns.
+const MOST_COLUMNS: usize = 50_000;
+
 /// Names of a column with the time, by their letters and digits alone.
 const TIMES: [&str; 18] = [
     "time",
@@ -176,12 +179,16 @@ impl Objects {
 
     /// A column that no object names.
     pub(super) fn name(&mut self, name: &str, unit: &str) {
-        self.column(name).unit = unit.into();
+        if let Some(column) = self.column(name) {
+            column.unit = unit.into();
+        }
     }
 
     /// A number of a column.
     pub(super) fn number(&mut self, name: &str, value: f64) {
-        self.column(name).push(value);
+        if let Some(column) = self.column(name) {
+            column.push(value);
+        }
     }
 
     /// Whether it has seen all the names that are wanted.
@@ -193,16 +200,17 @@ impl Objects {
         self.columns
     }
 
-    fn column(&mut self, path: &str) -> &mut LogColumn {
+    fn column(&mut self, path: &str) -> Option<&mut LogColumn> {
         let place = match self.places.get(path) {
             Some(&place) => place,
+            None if self.columns.len() == MOST_COLUMNS => return None,
             None => {
                 self.columns.push(LogColumn::named(path));
                 self.places.insert(path.to_owned(), self.columns.len() - 1);
                 self.columns.len() - 1
             }
         };
-        &mut self.columns[place]
+        self.columns.get_mut(place)
     }
 }
 
@@ -225,7 +233,7 @@ impl Leaf<'_> {
     }
 
     fn number(self, value: f64) {
-        self.objects.column(self.path).push(value);
+        self.objects.number(self.path, value);
     }
 }
 
@@ -271,7 +279,9 @@ impl<'de> Visitor<'de> for Leaf<'_> {
 
     fn visit_str<E>(self, text: &str) -> Result<(), E> {
         let text = text.trim();
-        self.objects.column(self.path).take(text, text.parse().ok());
+        if let Some(column) = self.objects.column(self.path) {
+            column.take(text, text.parse().ok());
+        }
         Ok(())
     }
 
