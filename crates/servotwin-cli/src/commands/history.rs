@@ -179,7 +179,12 @@ fn record(
     study: &Study,
     global: Global,
 ) -> Result<Result<Record, RecordError>, Failure> {
-    let other = |text: String| Ok(Err(RecordError::Column(text)));
+    // The log is named beside it.
+    let own = format!("{}: ", path.display());
+    let other = |text: String| {
+        let text = text.strip_prefix(&own).map_or(text.clone(), str::to_owned);
+        Ok(Err(RecordError::Column(text)))
+    };
     match read_log(path, map, span, study, global) {
         Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
         Err(Failure::Fit(FitError::Record { error, .. })) => Ok(Err(error)),

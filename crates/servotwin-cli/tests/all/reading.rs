@@ -37,10 +37,13 @@ fn watched(log: &str, more: &[&str]) -> (serde_json::Value, Vec<serde_json::Valu
     (lines.pop().unwrap()["summary"].clone(), lines)
 }
 
+/// A column of a record, its name and unit in the log of a rig, and one of that unit in SI.
+type RigColumn = (&'static str, &'static str, &'static str, f64);
+
 /// A record of the spring actuator as a rig writes it: Windows-1252, three lines of header, decimal commas; and its map.
 fn rig(folder: &Folder, log: &str) -> [String; 2] {
     let table = table::read(log).unwrap();
-    let columns = [
+    let columns: [RigColumn; 7] = [
         ("time_s", "Zeit", "s", 1.0),
         ("command_rad", "Sollwinkel", "\u{b0}", std::f64::consts::PI / 180.0),
         ("p_a_pa", "PA", "bar", 1e5),
@@ -49,7 +52,7 @@ fn rig(folder: &Folder, log: &str) -> [String; 2] {
         ("x_v_m", "XV", "mm", 1e-3),
         ("p_s_pa", "PS", "bar", 1e5),
     ];
-    let join = |of: &dyn Fn(&(&str, &str, &str, f64)) -> String| -> String {
+    let join = |of: &dyn Fn(&RigColumn) -> String| -> String {
         columns.iter().map(of).collect::<Vec<_>>().join(";") + "\n"
     };
     let mut text = "sep=;\n".to_owned();
@@ -57,7 +60,7 @@ fn rig(folder: &Folder, log: &str) -> [String; 2] {
     text += &join(&|column| column.2.into());
     text += &join(&|_| "Kanal".into());
     for row in 0..table.row_count() {
-        let cell = |(name, _, _, size): &(&str, &str, &str, f64)| {
+        let cell = |(name, _, _, size): &RigColumn| {
             format!("{:.6}", table.f64(name).unwrap()[row] / size).replace('.', ",")
         };
         text += &join(&cell);

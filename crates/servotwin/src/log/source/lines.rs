@@ -142,7 +142,7 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, SourceError> {
     Ok(encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0)
 }
 
-/// The first lines of a file, in one of which its header stands.
+/// The first lines of a file, in one of which its header stands; an error where nothing stands in them.
 fn first_lines(
     path: &Path,
     mut reader: Box<dyn BufRead>,
@@ -156,6 +156,9 @@ fn first_lines(
             Line::TooLong => {}
             Line::Whole | Line::Unended => found.push(line.clone()),
         }
+    }
+    if found.iter().all(|line| line.trim_ascii().is_empty()) {
+        return Err(SourceError::Empty { address: path.display().to_string() });
     }
     Ok(found)
 }

@@ -270,6 +270,11 @@ pub enum SourceError {
         /// What happened.
         cause: String,
     },
+    /// There is nothing in it.
+    Empty {
+        /// The file.
+        address: String,
+    },
     /// Nothing in it names columns.
     NoHeader {
         /// The source.
@@ -318,6 +323,7 @@ impl fmt::Display for SourceError {
             SourceError::File(error) => write!(out, "{error}"),
             SourceError::Table(error) => write!(out, "{error}"),
             SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
+            SourceError::Empty { address } => write!(out, "{address}: the file is empty"),
             SourceError::NoHeader { address } => {
                 write!(out, "{address}: no line with the names of columns, and no JSON object")
             }
