@@ -15,6 +15,7 @@ use servotwin::log::checkpoint::CheckpointError;
 use servotwin::log::map::MapError;
 use servotwin::log::sink::SinkError;
 use servotwin::log::source::SourceError;
+use servotwin::log::source::cut::CutError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
@@ -268,7 +269,9 @@ impl Failure {
             Failure::Map(_) => 3,
             Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,
             Failure::Watch(WatchError::Source(
-                SourceError::Address { .. } | SourceError::Feature { .. },
+                SourceError::Address { .. }
+                | SourceError::Feature { .. }
+                | SourceError::Cut(CutError::NoTime { .. }),
             )) => 2,
             Failure::Watch(WatchError::Source(SourceError::Connection { .. })) => 1,
             Failure::Watch(WatchError::Source(_)) => 3,

@@ -86,6 +86,7 @@ pub mod job;
 pub mod kind;
 pub mod log;
 pub mod manifest;
+pub mod moment;
 pub mod monitor;
 pub mod nearest;
 pub mod prelude;

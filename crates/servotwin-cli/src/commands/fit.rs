@@ -1,7 +1,7 @@
 //! `servotwin fit`: the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{design, note, read_log};
+use super::{SpanOptions, design, note, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, shown};
@@ -13,6 +13,7 @@ use servotwin::fit::intensity::{Diagnosed, intensity};
 use servotwin::fit::unknown::Moved;
 use servotwin::fit::{FitError, Fitted, LeftOut, Problem, Record, Unknown};
 use servotwin::log::map::Map;
+use servotwin::log::source::cut::Span;
 use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
 use servotwin::study::{Study, StudyError, Tolerance};
@@ -23,13 +24,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Fit the twin to its actuator: parameters inside of their tolerances from records of its sensors.
 ///
-/// A record is a table with a column of times (time_s), one for each sensor and one for each input that
-/// is not at its default, in SI units, as `servotwin simulate --out` writes it. A minute in which the
-/// actuator moves much is good. What no tolerance explains is a finding: then nothing is written, and
+/// A record is a log with a column of times, one for each sensor and one for each input that is not at its default, as
+/// `servotwin simulate --out` writes it; any file that `servotwin watch` reads is one. A minute in which the actuator moves
+/// much is good. What no tolerance explains is a finding: then nothing is written, and
 /// the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The record (.csv, .parquet, .jsonl).
+    /// The record (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "LOG", required_unless_present = "design")]
     log: Option<PathBuf>,
     /// The system file; without it, the study's.
@@ -45,6 +46,8 @@ pub struct Options {
     /// (docs/watch.md).
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
+    #[command(flatten)]
+    span: SpanOptions,
     /// The parameters, separated by commas: names or their ends, e.g. null_bias; with =SIGMA (a number
     /// with unit, or a percentage of the value) also those without a tolerance [default: all that have
     /// one].
@@ -89,7 +92,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
     let logs = options.log.iter().chain(&options.more);
-    let read = |path: &PathBuf| read_record(path, map.as_ref(), &study, global);
+    let span = options.span.read()?;
+    let read = |path: &PathBuf| read_record(path, map.as_ref(), span, &study, global);
     let records = logs.map(read).collect::<Result<_, _>>()?;
     stop::heed();
     let stages = Stages::new(global);
@@ -174,10 +178,11 @@ fn other_system(path: &Path) -> Result<Failure, Failure> {
 fn read_record(
     path: &Path,
     map: Option<&Map>,
+    span: Span,
     study: &Study,
     global: Global,
 ) -> Result<Record, Failure> {
-    let table = read_log(path, map, global)?;
+    let table = read_log(path, map, span, study, global)?;
     let name = path.display().to_string();
     let record = Record::from_table(&name, &table, &study.system)
         .map_err(|error| Failure::Fit(FitError::Record { name: name.clone(), error }))?;

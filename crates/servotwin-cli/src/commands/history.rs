@@ -2,8 +2,8 @@
 
 use super::fit::{chosen_faults, read_study, tell};
 use super::progress::Stages;
-use super::read_log;
 use super::watch::read_diagnoser;
+use super::{SpanOptions, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number};
@@ -15,8 +15,11 @@ use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{FitError, Knowledge, Problem, Record, RecordError};
 use servotwin::flight::told::{Told, told};
+use servotwin::log::intake;
 use servotwin::log::map::Map;
-use servotwin::log::{Phase, State};
+use servotwin::log::source::SourceError;
+use servotwin::log::source::cut::Span;
+use servotwin::log::{Phase, State, WatchError};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
 use std::path::{Path, PathBuf};
@@ -31,7 +34,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// 95 %, that is an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The folder with the logs (.csv, .parquet, .jsonl).
+    /// The folder with the logs (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     /// The system file; without it, the study's.
@@ -44,6 +47,8 @@ pub struct Options {
     /// (docs/watch.md).
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
+    #[command(flatten)]
+    span: SpanOptions,
     /// A trained diagnoser, a file that `servotwin flights` has written: what it says of each flight stands beside
     /// what the fit found.
     #[arg(long, value_name = "FILE")]
@@ -95,13 +100,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-    let paths = logs(&options.folder)?;
+    let (paths, span) = (logs(&options.folder)?, options.span.read()?);
     stop::heed();
     let stages = Stages::new(global);
     let mut all: Vec<Log> = Vec::new();
     for path in &paths {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        let record = record(path, &name, map.as_ref(), &study, global)?;
+        let record = record(path, &name, map.as_ref(), span, &study, global)?;
         if let Ok(record) = &record {
             tell(&name, record, &study, global);
         }
@@ -170,17 +175,27 @@ fn record(
     path: &Path,
     name: &str,
     map: Option<&Map>,
+    span: Span,
     study: &Study,
     global: Global,
 ) -> Result<Result<Record, RecordError>, Failure> {
-    match read_log(path, map, global) {
+    // The log is named beside it.
+    let own = format!("{}: ", path.display());
+    let other = |text: String| {
+        let text = text.strip_prefix(&own).map_or(text.clone(), str::to_owned);
+        Ok(Err(RecordError::Column(text)))
+    };
+    match read_log(path, map, span, study, global) {
         Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
-        Err(Failure::Table(TableError::Content { problem, .. })) => {
-            Ok(Err(RecordError::Column(problem.to_string())))
+        Err(Failure::Fit(FitError::Record { error, .. })) => Ok(Err(error)),
+        Err(Failure::Table(TableError::Content { problem, .. })) => other(problem.to_string()),
+        Err(Failure::Watch(WatchError::Source(error)))
+            if !matches!(error, SourceError::File(_)) =>
+        {
+            other(error.to_string())
         }
         Err(Failure::Map(lacking)) => {
-            let first = lacking.to_string().lines().next().map(str::to_owned);
-            Ok(Err(RecordError::Column(first.unwrap_or_default())))
+            other(lacking.to_string().lines().next().unwrap_or_default().to_owned())
         }
         Err(failure) => Err(failure),
     }
@@ -196,13 +211,13 @@ fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(wrong)? {
         let path = entry.map_err(wrong)?.path();
-        if table::is_readable(&path) {
+        if intake::is_log(&path) {
             paths.push(path);
         }
     }
     paths.sort();
     match paths.is_empty() {
-        true => Err(none("the folder has no logs (.csv, .parquet or .jsonl)")),
+        true => Err(none("the folder has no logs (.csv, .parquet, .mcap or .jsonl)")),
         false => Ok(paths),
     }
 }

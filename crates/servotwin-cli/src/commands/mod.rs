@@ -36,8 +36,13 @@ use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::{
     ClassWeights, HoldOut, Prepared, Selection, TableModel, Unused, prepare,
 };
+use servotwin::fit::FitError;
 use servotwin::job::{Folder, Hold, Kept};
+use servotwin::log::intake::{self, IntakeError};
 use servotwin::log::map::Map;
+use servotwin::log::source::SourceError;
+use servotwin::log::source::cut::Span;
+use servotwin::sanitize;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
@@ -323,12 +328,58 @@ fn is_read<'o>(model: &'o TableModel, named: &'o [&str]) -> impl Fn(&str) -> boo
     move |column| all || column == model.label || read.contains(column) || named.contains(&column)
 }
 
-/// Reads a table of times, inputs and sensors, as a map says which column is which.
-fn read_log(path: &Path, map: Option<&Map>, global: Global) -> Result<Table, Failure> {
-    let table = read_table(path, &[], global)?;
-    let Some(map) = map else { return Ok(table) };
-    map.require(&path.display().to_string(), &table)?;
-    Ok(map.applied(&table)?)
+/// The part of a log that a command reads.
+#[derive(clap::Args)]
+pub struct SpanOptions {
+    /// Read the log from this time on: seconds behind its first sample (12.5, 2min), or a date
+    /// (2026-11-21T08:15:02).
+    #[arg(long, value_name = "TIME")]
+    from: Option<String>,
+    /// Read it up to this time.
+    #[arg(long, value_name = "TIME")]
+    to: Option<String>,
+}
+
+impl SpanOptions {
+    /// Reads both times.
+    pub fn read(&self) -> Result<Span, Failure> {
+        let span = Span::parse(self.from.as_deref(), self.to.as_deref());
+        Ok(span.map_err(SourceError::Cut)?)
+    }
+}
+
+/// Reads a part of a log as a table of times, inputs and sensors in SI, as a map says which column is which; without one,
+/// by their names. What was wrong with it is noted.
+fn read_log(
+    path: &Path,
+    map: Option<&Map>,
+    span: Span,
+    study: &Study,
+    global: Global,
+) -> Result<Table, Failure> {
+    let whole = intake::read(path, map, span, study).map_err(|error| match error {
+        IntakeError::Source(error) => error.into(),
+        IntakeError::Map(error) => error.into(),
+        IntakeError::Table(error) => error.into(),
+        IntakeError::Record(error) => {
+            Failure::Fit(FitError::Record { name: path.display().to_string(), error })
+        }
+    })?;
+    let (name, counts) = (path.display(), &whole.counts);
+    if !whole.assumed.is_empty() {
+        note(global, &format!("{name}: SI is assumed in {}", sanitize::list(&whole.assumed)));
+    }
+    let met = counts.met().map(|(kind, tally)| {
+        let (words, place) = (kind.words().1, counts.place(tally));
+        format!("{words} ({}, first {place})", tally.count)
+    });
+    let met: Vec<String> = met.collect();
+    if !met.is_empty() {
+        let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
+        let met = met.join("; ");
+        note(global, &format!("{name}: {frames} {counted}s became {samples} samples: {met}"));
+    }
+    Ok(whole.table)
 }
 
 /// What is wrong with a table that is to be as a study file or a model says; a bad number of it says itself where it

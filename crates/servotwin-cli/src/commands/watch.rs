@@ -1,7 +1,7 @@
 //! `servotwin watch`: the twin and the diagnosis beside a log or a live stream.
 
 use super::progress::is_shown;
-use super::{note, warn};
+use super::{SpanOptions, note, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side};
@@ -15,14 +15,16 @@ use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
 use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::{Counts, Kind};
-use servotwin::log::map::{Guess, Map, guess};
+use servotwin::log::map::{Guess, Map, Trust, guess};
 use servotwin::log::sink::events::Events;
 use servotwin::log::sink::mcap::{Lost, Mcap};
 use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
-use servotwin::log::source::Address;
+use servotwin::log::source::cut::Cut;
+use servotwin::log::source::{Address, LogColumn};
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
+use servotwin::moment;
 use servotwin::sanitize::{self, Printable};
 use servotwin::study::{Setting, Study};
 use servotwin::system::{System, units};
@@ -59,6 +61,8 @@ pub struct Options {
     /// The map file: which column is which signal.
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
+    #[command(flatten)]
+    span: SpanOptions,
     /// Write a map file for the columns of the source, and end.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
@@ -125,6 +129,15 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Err(Ok(mistakes)) => return Err(mistakes.into()),
         Err(Err(error)) => return Err(error.into()),
     };
+    let span = options.span.read()?;
+    if !span.is_whole() {
+        if address.is_live() {
+            return Err(Failure::Options(
+                "--from and --to are for files: a live stream has no part",
+            ));
+        }
+        source = Box::new(Cut::new(source, address.to_string(), &map, span));
+    }
     let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
     let needed = needed(&diagnoser, system);
     let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
@@ -319,7 +332,7 @@ fn map(
         return Err(Failure::Options("a live stream needs --map FILE; --make-map FILE writes one"));
     }
     let columns = address.columns()?;
-    let guess = guess(&columns, system);
+    let guess = guess(&columns, study, Trust::Certain);
     if guess.sensors.len() == system.sensors.len() {
         return Err(foreign(options, address, study, &columns));
     }
@@ -354,7 +367,7 @@ fn commanded(map: &Map, address: &Address, study: &Study) -> Result<(), Failure>
 /// The columns of a file that a map does not read, as the part of a sentence.
 fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
     let columns = address.columns()?;
-    let names = columns.iter().map(|(name, _)| name.as_str());
+    let names = columns.iter().map(|column| column.name.as_str());
     let unused: Vec<&str> =
         names.filter(|name| !map.wanted().names.iter().any(|wanted| wanted == name)).collect();
     Ok(match unused.is_empty() {
@@ -364,13 +377,8 @@ fn unused(map: &Map, address: &Address) -> Result<String, Failure> {
 }
 
 /// That a log has no sensor of the study: nothing of it could be judged.
-fn foreign(
-    options: &Options,
-    address: &Address,
-    study: &Study,
-    columns: &[(String, String)],
-) -> Failure {
-    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+fn foreign(options: &Options, address: &Address, study: &Study, columns: &[LogColumn]) -> Failure {
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
     let names = sanitize::list(&names);
     let (name, system) = (&study.name, &study.system.name);
     let what = match options.study {
@@ -391,7 +399,12 @@ fn told(guess: &Guess, global: Global) {
         warnings.push("no column with the time: 100 rows for a second are assumed".to_owned());
     }
     if !guess.assumed.is_empty() {
-        warnings.push(format!("SI is assumed in {}", list(&guess.assumed)));
+        let assumed = sanitize::list(&guess.assumed);
+        warnings.push(format!("no unit is given for {assumed}: look at what is assumed"));
+    }
+    warnings.extend(guess.doubts.iter().cloned());
+    if !guess.likely.is_empty() {
+        warnings.push(format!("likely by their names: {}; look them over", list(&guess.likely)));
     }
     warn(global, &warnings);
     if !guess.sensors.is_empty() {
@@ -425,7 +438,7 @@ fn make_map(
         note(global, &format!("waiting for the first line of {address}"));
     }
     let columns = address.columns()?;
-    let guess = guess(&columns, system);
+    let guess = guess(&columns, study, Trust::Likely);
     let found = system.sensors.len() - guess.sensors.len();
     if found == 0 {
         // Of a study that was named the map may be filled in by hand; of another it would be of no use.
@@ -446,6 +459,8 @@ fn make_map(
         "sensors_lacking": guess.sensors,
         "inputs_lacking": guess.inputs,
         "units_assumed": guess.assumed,
+        "likely": guess.likely,
+        "doubts": guess.doubts,
         "columns_unused": guess.unused,
     });
     Ok(match global {
@@ -505,8 +520,7 @@ impl Outputs {
     fn told(&self, sample: &Sample) {
         if sample.changed && !self.bar.is_hidden() {
             let words = sample.observation.finding.words();
-            let words = sanitize::printable(&words);
-            self.bar.println(format!("{:>10.2} s  {words}", sample.time_s));
+            self.bar.println(format!("{:>12}  {words}", moment::shown(sample.time_s)));
         }
     }
 
@@ -589,7 +603,7 @@ fn bar(global: Global) -> ProgressBar {
 
 fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
     if time_s.is_finite() {
-        bar.set_message(format!("{time_s:.2} s"));
+        bar.set_message(moment::shown(time_s));
     }
     bar.set_position((1000.0 * share.unwrap_or(0.0)) as u64);
 }

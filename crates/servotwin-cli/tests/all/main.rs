@@ -7,6 +7,7 @@ mod flights;
 mod hostile;
 mod paths;
 mod public_tables;
+mod reading;
 mod study;
 mod tables;
 mod units;

@@ -35,6 +35,7 @@ mod write;
 
 pub use finding::{Finding, SensorFit};
 pub use knowledge::{Knowledge, Known};
+pub(crate) use record::named;
 pub use record::{LeftOut, Record, RecordError};
 pub use suspects::Suspect;
 pub use unknown::Unknown;

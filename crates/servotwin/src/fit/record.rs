@@ -12,7 +12,8 @@
 //! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
 
 use crate::document::{Quantities, Quantity};
-use crate::evaluation::table_model::times;
+use crate::log::intake::TIME_UNIT;
+use crate::moment;
 use crate::sanitize;
 use crate::system::{System, units};
 use crate::table::{Table, TableError};
@@ -22,18 +23,20 @@ use std::fmt;
 
 /// The names that a column of times may have.
 const TIMES: [&str; 3] = ["time_s", "time", "t"];
-/// Times beyond this are dates in seconds since 1970, s: 1973.
-const CALENDAR_S: f64 = 1e8;
 /// The shortest record.
 const LEAST_DURATION_S: f64 = 5.0;
 /// The fewest samples.
 const LEAST_SAMPLES: usize = 200;
+/// The period of most records, s.
+const USUAL_PERIOD_S: f64 = 0.01;
 /// How far a sample may be beside its place, in periods.
 const JITTER: f64 = 0.1;
 /// The largest part of a column that may be missing.
 const MOST_LEFT_OUT: f64 = 0.01;
-/// The slowest and the fastest sampling.
-const PERIODS_S: (f64, f64) = (1e-4, 0.1);
+/// A step between samples that differs by more than this many periods is a leap.
+const LEAP: f64 = 0.5;
+/// What a clock is set by twice a year, s.
+const DAYLIGHT_SAVING_S: f64 = 3600.0;
 
 /// What an actuator showed, sample after sample, and the inputs that it had.
 #[derive(Clone, Debug)]
@@ -105,8 +108,12 @@ pub enum RecordError {
     Impossible(LeftOut),
     /// Samples are not even.
     Uneven { place: String, time_s: f64, expected_s: f64 },
-    /// Time between samples is out of range.
-    Period { period_s: f64 },
+    /// One step between samples is none of the others'.
+    Leap { place: String, step_s: f64, period_s: f64, is_dated: bool },
+    /// Time between samples is out of range; the unit in which it would not be, and what it would be in that, s.
+    Period { period_s: f64, likely: Option<(&'static str, f64)> },
+    /// A column has no value before a row, and none is missing from there on.
+    Begins { column: String, place: String, behind_s: f64 },
     /// It is too short.
     TooShort { duration_s: f64, samples: usize },
     /// No input varies, or nothing moves.
@@ -157,10 +164,26 @@ impl fmt::Display for RecordError {
                     "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {jitter} periods)"
                 )
             }
-            Self::Period { period_s } => {
-                let (least, most) = PERIODS_S;
-                write!(out, "{period_s} s between samples: allowed are {least} … {most} s")
+            Self::Leap { place, step_s, period_s, is_dated } => {
+                leap(out, place, *step_s, *period_s, *is_dated)
             }
+            Self::Period { period_s, likely } => {
+                let (least, most) = moment::PERIODS_S;
+                let period_s = moment::rounded(*period_s);
+                write!(out, "{period_s} s between samples: allowed are {least} … {most} s")?;
+                match likely {
+                    Some((unit, step_s)) => write!(
+                        out,
+                        "; the times are likely in {unit}, in which samples are {step_s} s apart: a map file gives them \
+                         another unit"
+                    ),
+                    None => Ok(()),
+                }
+            }
+            Self::Begins { column, place, behind_s } => write!(
+                out,
+                "{column} has no value before {place}: --from {behind_s} reads the record from there on"
+            ),
             Self::TooShort { duration_s, samples } => write!(
                 out,
                 "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
@@ -211,7 +234,49 @@ impl fmt::Display for RecordError {
     }
 }
 
+/// A step between two samples, and what is likely behind it.
+fn leap(
+    out: &mut fmt::Formatter<'_>,
+    place: &str,
+    step_s: f64,
+    period_s: f64,
+    is_dated: bool,
+) -> fmt::Result {
+    let decimals = (-moment::rounded(period_s).log10()).ceil().clamp(0.0, 6.0) as usize;
+    write!(
+        out,
+        "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {} s; ",
+        moment::rounded(period_s)
+    )?;
+    let set_s = (step_s - period_s).abs();
+    let missing = (step_s / period_s).round() - 1.0;
+    if is_dated && (set_s - DAYLIGHT_SAVING_S).abs() < LEAP * period_s.max(1.0) {
+        write!(
+            out,
+            "likely the clock was set for daylight saving: log dates with their offset (02:00:00+01:00) or in UTC, \
+             or read the part before or behind it with --to or --from"
+        )
+    } else if step_s <= 0.0 {
+        write!(out, "the clock was set back: read the part before or behind it with --to or --from")
+    } else if (1.0..1e6).contains(&missing) {
+        write!(
+            out,
+            "{missing} samples are missing: read the part before or behind them with --to or --from"
+        )
+    } else {
+        write!(out, "read the part before or behind it with --to or --from")
+    }
+}
+
 impl std::error::Error for RecordError {}
+
+impl RecordError {
+    /// No column is a sensor of a system.
+    pub(crate) fn no_sensor(system: &System) -> Self {
+        let known = system.sensors.iter().map(|sensor| named(&sensor.id, sensor.unit)).collect();
+        RecordError::NoSensor { known }
+    }
+}
 
 impl From<TableError> for RecordError {
     fn from(error: TableError) -> Self {
@@ -247,8 +312,7 @@ impl Record {
             .filter(|&s| column(table, &system.sensors[s].id, system.sensors[s].unit).is_some())
             .collect();
         if sensors.is_empty() {
-            let known = system.sensors.iter().map(|s| named(&s.id, s.unit)).collect();
-            return Err(RecordError::NoSensor { known });
+            return Err(RecordError::no_sensor(system));
         }
         let mut left_out = Vec::new();
         let shown = |&s: &usize| {
@@ -295,7 +359,7 @@ impl Record {
 }
 
 /// The name of a column with its unit's suffix.
-pub(super) fn named(id: &str, unit: Unit) -> String {
+pub(crate) fn named(id: &str, unit: Unit) -> String {
     if id.ends_with(unit.suffix()) { id.into() } else { format!("{id}{}", unit.suffix()) }
 }
 
@@ -308,12 +372,20 @@ fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
 
 fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
     let values = table.f64(name)?;
-    match values.iter().position(|value| !value.is_finite()) {
-        Some(row) => {
-            Err(RecordError::NotFinite { column: name.into(), place: table.origin().place(row) })
+    let Some(row) = values.iter().position(|value| !value.is_finite()) else {
+        return Ok(values.into_owned());
+    };
+    let (column, place) = (name.to_owned(), |row| table.origin().place(row));
+    let first = values.iter().position(|value| value.is_finite());
+    let begins = first.filter(|&first| values[first..].iter().all(|value| value.is_finite()));
+    let times_s = table.f64(TIMES[0]);
+    Err(match (begins, times_s) {
+        (Some(first), Ok(times_s)) if row == 0 => {
+            let behind_s = ((times_s[first] - times_s[0]) * 1e6).round() / 1e6;
+            RecordError::Begins { column, place: place(first), behind_s }
         }
-        None => Ok(values.into_owned()),
-    }
+        _ => RecordError::NotFinite { column, place: place(row) },
+    })
 }
 
 /// Makes values missing that a sensor cannot show, where they are few: a bit that flipped, a plug that came loose. Where
@@ -350,7 +422,6 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
         return Err(RecordError::TooShort { duration_s, samples });
     }
     let period_s = (times_s[samples - 1] - times_s[0]) / (samples - 1) as f64;
-    let allowed = PERIODS_S.0..=PERIODS_S.1;
     // A period that is written with a few digits is meant exactly.
     let rounded = (period_s * 1e6).round() / 1e6;
     let period_s = if (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s {
@@ -358,8 +429,13 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     } else {
         period_s
     };
-    if !allowed.contains(&period_s) {
-        return Err(RecordError::Period { period_s });
+    if let Some(leap) = find_leap(table, &times_s) {
+        return Err(leap);
+    }
+    if !(moment::PERIODS_S.0..=moment::PERIODS_S.1).contains(&period_s) {
+        let unit_s = table.metadata.get(TIME_UNIT).and_then(|text| text.parse::<f64>().ok());
+        let likely = moment::likely_unit(period_s / unit_s.unwrap_or(1.0), USUAL_PERIOD_S);
+        return Err(RecordError::Period { period_s, likely });
     }
     for (row, &time_s) in times_s.iter().enumerate() {
         let expected_s = times_s[0] + row as f64 * period_s;
@@ -374,16 +450,30 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     Ok((times_s, period_s))
 }
 
+/// The first step between samples that is none of the others'.
+fn find_leap(table: &Table, times_s: &[f64]) -> Option<RecordError> {
+    let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    let period_s = sorted[sorted.len() / 2];
+    let row = steps.iter().position(|step| (step - period_s).abs() > LEAP * period_s)?;
+    let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name))?;
+    let is_dated =
+        table.f64(name).map_or(true, |own| own.first().is_some_and(|&s| moment::is_date(s)));
+    let place = table.origin().place(row + 1);
+    Some(RecordError::Leap { place, step_s: steps[row], period_s, is_dated })
+}
+
 /// Times as numbers, or dates as seconds since the first.
 fn seconds(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
     let Ok(texts) = table.text(name) else {
         let times_s = finite(table, name)?;
         // A number of seconds since 1970 says in a message what nobody reads.
-        let begin_s = times_s.first().copied().filter(|begin_s| *begin_s > CALENDAR_S);
+        let begin_s = times_s.first().copied().filter(|begin_s| *begin_s > moment::CALENDAR_S);
         return Ok(times_s.iter().map(|time_s| time_s - begin_s.unwrap_or(0.0)).collect());
     };
     let read = |(row, text): (usize, &String)| {
-        times::seconds(text).ok_or_else(|| RecordError::NoDate {
+        moment::seconds(text).ok_or_else(|| RecordError::NoDate {
             column: name.into(),
             place: table.origin().place(row),
             text: text.clone(),

@@ -9,6 +9,7 @@ use super::map::Map;
 use super::sequencer::Stamped;
 use crate::beside::{Beside, Spread};
 use crate::document::{Quantities, Quantity};
+use crate::moment::{self, rounded};
 use crate::system::{System, units};
 use servotwin_model::spec::Unit;
 
@@ -27,6 +28,8 @@ const LEAST_SHARE: f64 = 0.01;
 pub struct Doubts {
     last_s: f64,
     steps_s: Vec<f64>,
+    /// One of the log's own unit of time, s.
+    unit_s: f64,
     /// The inputs, then the sensors.
     columns: Vec<Column>,
 }
@@ -48,7 +51,8 @@ impl Doubts {
     pub(super) fn new(map: &Map) -> Self {
         let column = |channel| Column { range: map.possible(channel), ..Column::default() };
         let columns = (0..map.width()).map(column).collect();
-        Doubts { last_s: f64::NAN, steps_s: vec![], columns }
+        let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
+        Doubts { last_s: f64::NAN, steps_s: vec![], unit_s, columns }
     }
 
     /// Inputs are believed in these ranges only.
@@ -139,17 +143,21 @@ impl Doubts {
             "its samples are usually {} s apart, those of the diagnosis {period_s} s",
             rounded(step_s)
         );
-        match units::other(Unit::Second, step_s / period_s) {
-            Some((_, unit)) => Some(format!("its times seem to be in {unit}: {apart}")),
-            None if step_s < FAST * period_s => {
+        let likely = moment::likely_unit(step_s / self.unit_s, period_s);
+        let likely = likely.filter(|_| !moment::is_period(step_s));
+        match likely {
+            Some((unit, other_s)) => Some(format!(
+                "its times seem to be in {unit}, in which its samples are {other_s} s apart: {apart}"
+            )),
+            _ if step_s < FAST * period_s => {
                 Some(format!("its times seem to be in a larger unit than the map says: {apart}"))
             }
-            None if step_s > SLOW * period_s => Some(format!(
+            _ if step_s > SLOW * period_s => Some(format!(
                 "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",
                 rounded(1.0 / period_s),
                 rounded(1.0 / step_s)
             )),
-            None => None,
+            _ => None,
         }
     }
 }
@@ -216,9 +224,4 @@ fn comes_and_goes(map: &Map, counts: &Counts) -> Option<String> {
         names.join(", "),
         counts.samples
     ))
-}
-
-/// Three digits: what follows says nothing here.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
 }

@@ -13,6 +13,7 @@ mod bits;
 pub mod checkpoint;
 pub mod counts;
 pub mod doubts;
+pub mod intake;
 pub mod map;
 pub mod observer;
 pub mod sequencer;
@@ -254,7 +255,7 @@ impl<'w> Watch<'w> {
                 let mut sample = self.map.sample(row, progress.rows);
                 progress.begin(row.place);
                 if row.bad > 0 {
-                    let detail = format_args!("{} of {}", row.bad, row.values.len());
+                    let detail = row.bad_in_words(self.map.wanted());
                     progress.counts.note_with(Kind::BadValue, row.place, &detail);
                 }
                 self.doubts.sample(&sample);

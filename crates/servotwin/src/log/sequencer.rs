@@ -18,6 +18,7 @@
 
 use super::bits;
 use super::counts::{Counts, Kind};
+use crate::moment;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -288,7 +289,7 @@ impl Sequencer {
         let newest_s = self.grid.as_ref().map_or(f64::NAN, |grid| grid.newest_s);
         let back = first_s < newest_s;
         let kind = if back { Kind::ClockBack } else { Kind::ClockForward };
-        counts.note_with(kind, place, &format_args!("from {newest_s} s to {first_s} s"));
+        counts.note_with(kind, place, &leap(newest_s, first_s));
         self.restart = true;
     }
 
@@ -320,6 +321,11 @@ impl Sequencer {
     fn drop(&mut self, sample: &Stamped, counts: &mut Counts) {
         let late = self.turn(sample.time_s) == Turn::Late;
         let kind = if late { Kind::Late } else { Kind::Outlier };
-        counts.note_with(kind, sample.place, &format_args!("{} s", sample.time_s));
+        counts.note_with(kind, sample.place, &moment::shown(sample.time_s));
     }
+}
+
+/// From which time to which a clock was set, as people read them.
+fn leap(from_s: f64, to_s: f64) -> String {
+    format!("from {} to {}", moment::shown(from_s), moment::shown(to_s))
 }

@@ -38,7 +38,7 @@ pub fn convert(text: &str) -> Option<(Unit, f64, f64)> {
     Unit::ALL.into_iter().find(si).map(|unit| (unit, 1.0, 0.0))
 }
 
-/// Units that logs are often in instead of SI, and how many of each are one of SI.
+/// Units that logs are often in instead of SI, the most usual first, and how many of each are one of SI.
 fn of_logs(unit: Unit) -> &'static [(f64, &'static str)] {
     match unit {
         Unit::Pascal => &[(1e-5, "bar"), (1e-6, "MPa"), (1e-3, "kPa"), (1.450_377e-4, "psi")],
@@ -58,11 +58,10 @@ pub fn other(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
 }
 
 /// The unit that a value seems to be in which is outside of its range and would be inside in that unit; of several the
-/// one that is nearest to SI.
+/// most usual one.
 pub fn within(unit: Unit, value: f64, range: (f64, f64)) -> Option<(f64, &'static str)> {
     let is_inside = |factor: f64| (range.0..=range.1).contains(&(value / factor));
-    let fitting = of_logs(unit).iter().filter(|(factor, _)| is_inside(*factor));
-    fitting.min_by(|a, b| a.0.ln().abs().total_cmp(&b.0.ln().abs())).copied()
+    of_logs(unit).iter().find(|(factor, _)| is_inside(*factor)).copied()
 }
 
 /// How numbers for a unit may be written, for messages.

@@ -280,6 +280,8 @@ pub struct Origin {
     unread: Vec<String>,
     /// The file, where there is one.
     file: Option<PathBuf>,
+    /// What is counted instead of lines, where it is something else.
+    counted: Option<&'static str>,
 }
 
 impl PartialEq for Origin {
@@ -293,7 +295,9 @@ impl Origin {
     pub fn place(&self, row: usize) -> String {
         let leap = self.leaps.iter().rev().find(|(first, _)| *first <= row);
         match leap {
-            Some((first, line)) => format!("line {}", line + row - first),
+            Some((first, line)) => {
+                format!("{} {}", self.counted.unwrap_or("line"), line + row - first)
+            }
             None => format!("row {}", row + 1),
         }
     }
@@ -369,6 +373,11 @@ impl Table {
     /// The columns from left to right.
     pub fn columns(&self) -> &[Column] {
         &self.columns
+    }
+
+    /// The columns from left to right, without the table.
+    pub(crate) fn into_columns(self) -> Vec<Column> {
+        self.columns
     }
 
     /// The column names from left to right.
@@ -483,9 +492,17 @@ impl Table {
         self
     }
 
-    /// The same table, made of the rows of another: they stand where those do.
-    pub(crate) fn with_rows_of(self, other: &Table) -> Self {
-        Self { origin: other.origin.clone(), ..self }
+    /// The same table, whose rows stand at these places of what is counted in a log.
+    pub(crate) fn with_places(
+        mut self,
+        counted: &'static str,
+        places: impl Iterator<Item = u64>,
+    ) -> Self {
+        self.origin.counted = Some(counted);
+        for (row, place) in places.enumerate() {
+            self.origin.push_line(row, place as usize);
+        }
+        self
     }
 
     /// Where its rows stand in the file that it was read from.

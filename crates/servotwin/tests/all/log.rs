@@ -4,17 +4,18 @@
 use proptest::prelude::*;
 use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::{Counts, Kind};
-use servotwin::log::map::{Map, guess};
+use servotwin::log::map::{Map, Trust, guess};
 use servotwin::log::sequencer::{Rules, Sequencer, Stamped, Tick};
 use servotwin::log::sink::events::Events;
 use servotwin::log::sink::mcap::Mcap;
 use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
-use servotwin::log::source::{Address, Read, Row, Source, SourceError};
+use servotwin::log::source::{Address, LogColumn, Read, Row, Source, SourceError};
 use servotwin::log::{
     Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,
 };
+use servotwin::study::Study;
 use servotwin::system::System;
 use std::io::Read as _;
 use std::net::{TcpListener, TcpStream};
@@ -26,6 +27,10 @@ const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_
 
 fn spring() -> System {
     System::read(SPRING).unwrap()
+}
+
+fn spring_study() -> Study {
+    Study::read("spring_actuator").unwrap()
 }
 
 /// A folder of its own, removed at the end.
@@ -233,10 +238,10 @@ fn columns_are_found_by_their_names() {
         .chain(system.network().inputs.iter().map(|i| format!("{}{}", i.id, i.unit.suffix())))
         .chain(system.sensors.iter().map(|s| format!("{}{}", s.id, s.unit.suffix())))
         .collect();
-    let columns = |names: &[String]| -> Vec<(String, String)> {
-        names.iter().map(|name| (name.clone(), String::new())).collect()
-    };
-    let found = guess(&columns(&own), &system);
+    let study = Study::default();
+    let columns =
+        |names: &[String]| -> Vec<LogColumn> { names.iter().map(LogColumn::named).collect() };
+    let found = guess(&columns(&own), &study, Trust::Certain);
     assert!(found.time && found.inputs.is_empty() && found.sensors.is_empty(), "{}", found.text);
     assert!(found.assumed.is_empty() && found.unused.is_empty(), "{found:?}");
     let map = Map::parse(&found.text, "map", &system).unwrap();
@@ -248,7 +253,7 @@ fn columns_are_found_by_their_names() {
     assert_eq!(map.wanted().names.len(), own.len());
 
     let rig = ["Time [ms]", "Command (deg)", "PA1 [bar]", "p_B1 / bar", "xv2", "oil \"level\""];
-    let found = guess(&columns(&rig.map(String::from)), &system);
+    let found = guess(&columns(&rig.map(String::from)), &study, Trust::Certain);
     assert_eq!(found.assumed, ["xv2"]);
     assert_eq!(found.unused, ["oil \"level\""]);
     assert!(found.text.contains("p_a_1 = { column = \"PA1 [bar]\", unit = \"bar\" }"));
@@ -658,7 +663,7 @@ fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
     let path = folder.0.join("flight.mcap");
     let kept = recorded(&log, &system, &path);
     let address = Address::File(path.clone());
-    let found = guess(&address.columns().unwrap(), &system);
+    let found = guess(&address.columns().unwrap(), &spring_study(), Trust::Certain);
     assert!(found.time && found.sensors.is_empty() && found.inputs.is_empty(), "{}", found.text);
     assert!(found.text.contains("\"measured.p_a_pa\", unit = \"Pa\""), "{}", found.text);
     let map = Map::parse(&found.text, "map", &system).unwrap();

@@ -12,6 +12,7 @@ mod files;
 mod fitted;
 mod flights;
 mod golden;
+mod intake;
 mod log;
 #[cfg(feature = "mqtt")]
 mod mqtt;

@@ -1,8 +1,9 @@
 //! Which columns of a table become features, how, and why the others do not.
 
+use super::Selection;
 use super::error::TableModelError;
-use super::{Selection, times};
 use crate::evaluation::EvaluationError;
+use crate::moment;
 use crate::study::campaign::columns::{is_data_set, is_feature_column};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
@@ -199,7 +200,7 @@ fn inputs_of(
 
 fn are_times(texts: &[String]) -> bool {
     let mut given = texts.iter().filter(|text| !text.trim().is_empty()).peekable();
-    given.peek().is_some() && given.all(|text| times::seconds(text).is_some())
+    given.peek().is_some() && given.all(|text| moment::seconds(text).is_some())
 }
 
 /// Why a column can tell nothing.
@@ -360,7 +361,7 @@ fn encode_column(
             values.extend(texts(column).into_iter().map(is_value));
         }
         (Input::Time { .. }, Values::Text(texts)) => {
-            let time = |text: &String| times::seconds(text).unwrap_or(f64::NAN);
+            let time = |text: &String| moment::seconds(text).unwrap_or(f64::NAN);
             values.extend(texts.iter().map(time));
         }
         (_, Values::Flag(flags)) => {

@@ -11,7 +11,6 @@ mod judge;
 mod labels;
 mod precision;
 mod predict;
-pub(crate) mod times;
 
 pub use columns::{Input, MOST_CATEGORIES, Unused};
 pub use error::TableModelError;

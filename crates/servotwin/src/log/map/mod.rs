@@ -5,9 +5,9 @@
 mod guess;
 mod mistake;
 mod read;
-mod whole;
+mod words;
 
-pub use guess::{Guess, guess};
+pub use guess::{Guess, Trust, guess};
 pub use mistake::Mistake;
 
 use super::sequencer::{Rules, Stamped};
@@ -154,12 +154,25 @@ impl Map {
         sensors.filter(|c| c.from == Origin::Nothing).map(|channel| channel.id.as_str())
     }
 
+    /// The time of a row, s; `rows` came before it, and those that were cut off. NaN where it has none.
+    pub fn time_s(&self, row: &Row, rows: u64) -> f64 {
+        match self.time {
+            Time::Column { place, unit_s } => row.values[place] * unit_s,
+            Time::Rate { rate_hz } => (rows + row.cut) as f64 / rate_hz,
+        }
+    }
+
+    /// The column with the time and its unit in s; 1 for dates. `None` where rows follow each other at a rate.
+    pub fn time_column(&self) -> Option<(&str, f64)> {
+        match self.time {
+            Time::Column { place, unit_s } => Some((&self.wanted.names[place], unit_s)),
+            Time::Rate { .. } => None,
+        }
+    }
+
     /// A row as a sample; `rows` came before it.
     pub fn sample(&self, row: &Row, rows: u64) -> Stamped {
-        let time_s = match self.time {
-            Time::Column { place, unit_s } => row.values[place] * unit_s,
-            Time::Rate { rate_hz } => rows as f64 / rate_hz,
-        };
+        let time_s = self.time_s(row, rows);
         let value = |channel: &Channel| match channel.from {
             Origin::Column { place, factor, offset } => in_si(row.values[place], factor, offset),
             Origin::Value(_) | Origin::Default(_) | Origin::Nothing => f64::NAN,
@@ -178,6 +191,11 @@ impl Map {
             }
         }
         first
+    }
+
+    /// Whether a column of the log says what a channel is.
+    pub fn is_column(&self, channel: usize) -> bool {
+        matches!(self.channels[channel].from, Origin::Column { .. })
     }
 
     /// For each channel the constant that the map gives it.

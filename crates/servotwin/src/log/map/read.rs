@@ -13,6 +13,7 @@ use toml::de::DeTable;
 pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapError> {
     let mut reader = Reader::new(system);
     reader.file(text);
+    reader.mark_flags();
     let Reader { mistakes, time, channels, inputs, rules, wanted, places, .. } = reader;
     if !mistakes.is_empty() {
         return Err(MapError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) });
@@ -96,6 +97,19 @@ impl<'s> Reader<'s> {
         let measured = |channel: &Channel| matches!(channel.from, Origin::Column { .. });
         if self.mistakes.is_empty() && !self.channels[self.inputs..].iter().any(measured) {
             self.mistakes.note(&at(&root, "sensors"), Mistake::NoSensor);
+        }
+    }
+
+    /// Words for on and off are numbers in the column of an input that lies between 0 and 1.
+    fn mark_flags(&mut self) {
+        self.wanted.flags = vec![false; self.wanted.names.len()];
+        for (input, channel) in self.channels[..self.inputs].iter().enumerate() {
+            let network = self.system.network();
+            let is_flag = network.inputs[input].unit == Unit::None
+                && network.input_range(input) == (0.0, 1.0);
+            if let Origin::Column { place, .. } = channel.from {
+                self.wanted.flags[place] |= is_flag;
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 use super::{Sample, Sink, SinkError};
 use crate::files::FileError;
 use crate::log::observer::Finding;
+use crate::moment;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -11,6 +12,9 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Serialize)]
 struct Event<'e> {
     time_s: f64,
+    /// The same as a date, where it counts from 1970.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    date: Option<String>,
     place: u64,
     #[serde(flatten)]
     finding: &'e Finding,
@@ -48,7 +52,8 @@ impl<W: Write> Sink for Events<W> {
             return Ok(());
         }
         let (time_s, place) = (sample.time_s, sample.place);
-        let event = Event { time_s, place, finding: sample.observation.finding };
+        let date = moment::date_of(time_s);
+        let event = Event { time_s, date, place, finding: sample.observation.finding };
         let line = serde_json::to_string(&event).unwrap_or_default();
         match writeln!(self.out, "{line}").and_then(|()| self.out.flush()) {
             // A reader that has gone is no failure.

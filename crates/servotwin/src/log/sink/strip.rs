@@ -2,6 +2,7 @@
 
 use super::{Sample, Sink, SinkError};
 use crate::log::observer::{Finding, State};
+use crate::moment;
 use std::fmt::Write;
 
 /// Parts of the strip while it grows; shown are half of them or more.
@@ -114,7 +115,8 @@ impl Strip {
             return "no sample\n".into();
         }
         let strip: String = self.parts.iter().map(|state| state.mark()).collect();
-        let mut text = format!("{:.1} s |{strip}| {:.1} s\n", self.begin_s, self.end_s);
+        let [begin, end] = [self.begin_s, self.end_s].map(moment::shown);
+        let mut text = format!("{begin} |{strip}| {end}\n");
         let met = |state: &State| self.parts.contains(state);
         let legend = State::ALL.into_iter().filter(met);
         let legend: Vec<String> =
@@ -125,10 +127,10 @@ impl Strip {
                 sure if sure > 0.0 => format!(" ({:.0} %)", 100.0 * sure),
                 _ => String::new(),
             };
-            let _ = writeln!(text, "{time_s:>10.2} s  {}{sure}", finding.words());
+            let _ = writeln!(text, "{:>12}  {}{sure}", moment::shown(*time_s), finding.words());
             if *more > 0 {
-                let _ =
-                    writeln!(text, "{last_s:>10.2} s  until here {more} more between these two");
+                let last = moment::shown(*last_s);
+                let _ = writeln!(text, "{last:>12}  until here {more} more between these two");
             }
         }
         if self.left_out > 0 {

@@ -5,8 +5,7 @@
 //! semicolons or tabs. The first one that has all the names wanted is the header, unless the map
 //! names the columns; it may come again. Blank lines and those that begin with `#` say nothing.
 
-use super::{Read, Row, Wanted};
-use crate::evaluation::table_model::times;
+use super::{Bad, Read, Row, Wanted};
 use crate::sanitize;
 use crate::table::csv::dialect::Dialect;
 use crate::table::csv::encoding::{self, Encoding};
@@ -51,6 +50,8 @@ pub enum Flaw {
         /// Its topic.
         topic: String,
     },
+    /// There are words, and no number among them.
+    NoNumber,
 }
 
 impl fmt::Display for Flaw {
@@ -62,7 +63,8 @@ impl fmt::Display for Flaw {
             Flaw::BadObject { cause } => write!(out, "{cause}"),
             Flaw::NoTime { text } if text.is_empty() => Ok(()),
             Flaw::NoTime { text } => write!(out, "'{text}'"),
-            Flaw::Retained { topic } => write!(out, "topic {}", quoted::text(topic)),
+            Flaw::Retained { topic } => write!(out, "topic {}", sanitize::text(topic)),
+            Flaw::NoNumber => write!(out, "no number in the row, which is dropped"),
             _ => Ok(()),
         }
     }
@@ -122,7 +124,7 @@ impl Frames {
     pub fn begin(&self, row: &mut Row) {
         row.values.clear();
         row.values.resize(self.wanted.names.len(), f64::NAN);
-        row.bad = 0;
+        row.forget_bad();
     }
 
     /// Adds what an object has to a row; before the names of its values stands a prefix.
@@ -142,12 +144,7 @@ impl Frames {
 
     /// Whether a row that was made of objects is one.
     pub fn end(&self, row: &Row) -> Read {
-        match self.wanted.time {
-            Some(time) if row.values[time].is_nan() => {
-                Read::Flawed(Flaw::NoTime { text: String::new() })
-            }
-            _ => Read::Row,
-        }
+        with_time(&self.wanted, row)
     }
 
     fn cells(&mut self, line: &[u8], row: &mut Row) -> Result<Read, Flaw> {
@@ -178,21 +175,23 @@ impl Frames {
             let bytes = cells[cell];
             let text = std::str::from_utf8(bytes).unwrap_or("").trim();
             let is_time = wanted.time == Some(place);
-            let value = match numbers.real(text) {
-                Some(value) => Some(value),
-                None if is_time && wanted.dates => times::seconds(text),
-                None => None,
-            };
+            let value = numbers.real(text).or_else(|| wanted.number_of_words(place, text));
             row.values[place] = match value.filter(|value| value.is_finite()) {
                 Some(value) => value,
                 None if is_time => return Err(Flaw::NoTime { text: shown(bytes) }),
                 None => {
-                    row.bad += u64::from(!is_missing(bytes));
+                    if !is_missing(bytes) {
+                        row.note_bad(Bad { column: place, text: shown(bytes) });
+                    }
                     f64::NAN
                 }
             };
         }
-        Ok(Read::Row)
+        // A row of units, for example, below a header without a time.
+        match row.bad > 0 && row.values.iter().all(|value| value.is_nan()) {
+            true => Err(Flaw::NoNumber),
+            false => Ok(Read::Row),
+        }
     }
 
     /// Whether these are the names of the columns once more.
@@ -219,6 +218,16 @@ impl Frames {
     }
 }
 
+/// A row, if it has a time where there is one.
+pub(super) fn with_time(wanted: &Wanted, row: &Row) -> Read {
+    match wanted.time {
+        Some(time) if row.values[time].is_nan() => {
+            Read::Flawed(Flaw::NoTime { text: String::new() })
+        }
+        _ => Read::Row,
+    }
+}
+
 /// The columns of a line: the names in a header, or the keys of an object.
 pub fn columns(line: &[u8]) -> Option<Vec<String>> {
     let text = line.trim_ascii();
@@ -226,7 +235,7 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
         return None;
     }
     if is_object(text) {
-        return Some(leaves(text)?.into_iter().map(|(key, _)| key).collect());
+        return leaves(text);
     }
     let names = names(line, Dialect::of(line).separator);
     // A row of numbers names nothing, not even where it falls apart at decimal commas.
@@ -240,25 +249,22 @@ pub fn is_object(line: &[u8]) -> bool {
     line.trim_ascii_start().starts_with(b"{")
 }
 
-/// Which cells of a line are dates, or which values of an object.
-pub fn dates(line: &[u8]) -> Vec<bool> {
-    if is_object(line) {
-        return leaves(line).unwrap_or_default().into_iter().map(|(_, is_date)| is_date).collect();
-    }
-    let cells = names(line, Dialect::of(line).separator);
-    cells.iter().map(|cell| times::seconds(cell).is_some()).collect()
-}
-
-/// The keys of an object with those of what is in it, and whether a date stands there. `None` where it is none.
-fn leaves(line: &[u8]) -> Option<Vec<(String, bool)>> {
+/// The keys of an object with those of what is in it. `None` where it is none.
+fn leaves(line: &[u8]) -> Option<Vec<String>> {
     let value: Value = serde_json::from_slice(line.trim_ascii()).ok()?;
     let mut found = vec![];
     json_lines::leaves(value, String::new(), &mut found);
-    let is_date = |value: &Value| value.as_str().and_then(times::seconds).is_some();
-    Some(found.into_iter().map(|(key, value)| (key, is_date(&value))).collect())
+    Some(found.into_iter().map(|(key, _)| key).collect())
 }
 
-fn names(line: &[u8], separator: u8) -> Vec<String> {
+/// The separator of a header, and what it separates.
+pub(super) fn header(line: &[u8]) -> (u8, Vec<String>) {
+    let separator = Dialect::of(line).separator;
+    (separator, names(line, separator))
+}
+
+/// The cells of a line as text.
+pub(super) fn names(line: &[u8], separator: u8) -> Vec<String> {
     let line = line.strip_suffix(b"\r").unwrap_or(line);
     Cells { line: Some(line), separator }.map(decoded).collect()
 }
@@ -313,7 +319,7 @@ impl<'l> Iterator for Cells<'l> {
 }
 
 /// `NaN`, `Infinity` and `-Infinity` as `null`; `None` where there are none.
-fn without_special_numbers(text: &[u8]) -> Option<Vec<u8>> {
+pub(super) fn without_special_numbers(text: &[u8]) -> Option<Vec<u8>> {
     let text = std::str::from_utf8(text).ok()?;
     if !text.contains("NaN") && !text.contains("Infinity") {
         return None;
@@ -330,11 +336,23 @@ struct Node<'n> {
 }
 
 impl Node<'_> {
-    fn set(self, value: Option<f64>) {
+    fn set(self, value: f64) {
         let Some(&place) = self.frames.places.get(self.path.as_str()) else { return };
-        match value.filter(|value| value.is_finite()) {
+        match value.is_finite() {
+            true => self.row.values[place] = value,
+            false => self.row.note_bad(Bad { column: place, text: value.to_string() }),
+        }
+    }
+
+    /// A text that is a number is that number.
+    fn set_text(self, text: &str) {
+        let text = text.trim();
+        let Some(&place) = self.frames.places.get(self.path.as_str()) else { return };
+        let words = || self.frames.wanted.number_of_words(place, text);
+        match text.parse().ok().or_else(words).filter(|value: &f64| value.is_finite()) {
             Some(value) => self.row.values[place] = value,
-            None => self.row.bad += 1,
+            None if is_missing(text.as_bytes()) => {}
+            None => self.row.note_bad(Bad { column: place, text: sanitize::text(text) }),
         }
     }
 
@@ -374,22 +392,22 @@ impl<'de> Visitor<'de> for Node<'_> {
     }
 
     fn visit_f64<E>(self, value: f64) -> Result<(), E> {
-        self.set(Some(value));
+        self.set(value);
         Ok(())
     }
 
     fn visit_i64<E>(self, value: i64) -> Result<(), E> {
-        self.set(Some(value as f64));
+        self.set(value as f64);
         Ok(())
     }
 
     fn visit_u64<E>(self, value: u64) -> Result<(), E> {
-        self.set(Some(value as f64));
+        self.set(value as f64);
         Ok(())
     }
 
     fn visit_bool<E>(self, value: bool) -> Result<(), E> {
-        self.set(Some(f64::from(u8::from(value))));
+        self.set(f64::from(u8::from(value)));
         Ok(())
     }
 
@@ -399,15 +417,7 @@ impl<'de> Visitor<'de> for Node<'_> {
     }
 
     fn visit_str<E>(self, text: &str) -> Result<(), E> {
-        let text = text.trim();
-        let wanted = &self.frames.wanted;
-        let time = wanted.time.filter(|_| wanted.dates).map(|place| &wanted.names[place]);
-        if is_missing(text.as_bytes()) {
-            return Ok(());
-        }
-        let date = || times::seconds(text).filter(|_| time == Some(&*self.path));
-        let value = text.parse().ok().or_else(date);
-        self.set(value);
+        self.set_text(text);
         Ok(())
     }
 
@@ -507,15 +517,36 @@ mod tests {
     }
 
     #[test]
+    fn words_for_on_and_off_are_numbers_of_an_input_from_0_to_1_and_bad_elsewhere() {
+        let flags = vec![false, true, false];
+        let mut frames = Frames::new(&Wanted { flags, ..wanted(&["t", "mode", "p"]) });
+        let mut row = Row::default();
+        let line = br#"{"t": "1759967600000", "mode": "on", "p": "101.60"}"#;
+        assert_eq!(frames.read(line, &mut row), Read::Row);
+        assert_eq!((row.values.clone(), row.bad), (vec![1_759_967_600_000.0, 1.0, 101.6], 0));
+        frames.read(br#"{"t": 1, "mode": "stand-by", "p": "on"}"#, &mut row);
+        let bad = row.bad_in_words(&frames.wanted);
+        assert_eq!(bad, "column 'mode' has 'stand-by', 2 of 3 values");
+        frames.read(b"t,mode,p", &mut row);
+        frames.read(b"1,OFF,true", &mut row);
+        assert_eq!((row.values[1], row.bad), (0.0, 1));
+        assert_eq!(row.bad_in_words(&frames.wanted), "column 'p' has 'true'");
+    }
+
+    #[test]
+    fn a_row_of_units_is_no_sample_even_without_a_time() {
+        let mut frames = Frames::new(&Wanted { time: None, ..wanted(&["p", "x"]) });
+        read(&mut frames, "p;x;n");
+        assert_eq!(read(&mut frames, "bar;mm;-").0, Read::Flawed(Flaw::NoNumber));
+        assert_eq!(read(&mut frames, "1;;-").0, Read::Row);
+    }
+
+    #[test]
     fn columns_of_a_line() {
         let columns = |line: &str| super::columns(line.as_bytes());
         assert_eq!(columns("a, b ;c").unwrap(), ["a, b", "c"]);
         assert_eq!(columns(r#"{"a": {"b": 1, "c": [2, 3]}}"#).unwrap(), ["a.b", "a.c.0", "a.c.1"]);
         assert_eq!(columns("1,2"), None);
-        let dates = |line: &str| super::dates(line.as_bytes());
-        // In the order of the alphabet: whether an object keeps its own depends on what else is compiled.
-        assert_eq!(dates(r#"{"at": 1, "x": {"t": "2026-11-22T10:00:00Z"}}"#), [false, true]);
-        assert_eq!(dates("1,2026-11-22 10:00"), [false, true]);
         assert_eq!(columns("# x"), None);
     }
 }

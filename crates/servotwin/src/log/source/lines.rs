@@ -1,7 +1,8 @@
 //! A text file line by line: CSV, or lines of JSON objects. However large, one line of it is in memory.
 
 use super::frame::{self, Flaw, Frames};
-use super::{DATE, Read, Row, Source, SourceError, Wanted};
+use super::survey::{LogColumn, Objects, Sheet};
+use super::{Read, Row, Source, SourceError, Wanted};
 use crate::files::FileError;
 use crate::table::csv::encoding;
 use std::io::{self, BufRead};
@@ -12,6 +13,9 @@ const LONGEST: usize = 1 << 20;
 
 /// The header of a file stands in one of its first lines.
 const PREAMBLE: usize = 100;
+
+/// So many lines are looked at for units, dates and first numbers.
+const BEGINNING: usize = 400;
 
 /// A text file.
 pub struct Lines {
@@ -27,12 +31,11 @@ pub struct Lines {
 impl Lines {
     /// Opens a file that must have some columns.
     pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        let open = || encoding::open(path).map_err(|cause| FileError::from_io(path, cause));
-        require(path, open()?.0, wanted)?;
+        require(path, open(path)?, wanted)?;
         let size = std::fs::metadata(path).map_or(0, |data| data.len());
         Ok(Lines {
             path: path.into(),
-            reader: open()?.0,
+            reader: open(path)?,
             frames: Frames::new(wanted),
             line: vec![],
             place: 0,
@@ -72,8 +75,14 @@ fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(),
         return Ok(());
     }
     let address = path.display().to_string();
+    let lines = first_lines(path, reader, PREAMBLE)?;
+    if lines.iter().any(|line| frame::is_object(line)) {
+        let known = objects(path, &|found| found.has_all(wanted))?;
+        let known: Vec<String> = known.into_iter().map(|column| column.name).collect();
+        return SourceError::lacking(&address, wanted, &known).map_or(Ok(()), Err);
+    }
     let mut best: Option<Vec<String>> = None;
-    for names in headers(path, reader)? {
+    for names in lines.iter().filter_map(|line| frame::columns(line)) {
         match SourceError::lacking(&address, wanted, &names) {
             None => return Ok(()),
             // The line that looks most like it.
@@ -87,43 +96,69 @@ fn require(path: &Path, reader: Box<dyn BufRead>, wanted: &Wanted) -> Result<(),
     Err(lacking.unwrap_or(SourceError::NoHeader { address }))
 }
 
-/// The columns of a file: of its first lines the one with most names. Where dates stand below a name, that is its unit.
-pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
-    let reader = encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0;
-    let lines = first_lines(path, reader)?;
-    let headers = lines.iter().map(|line| frame::columns(line).unwrap_or_default());
-    let headers: Vec<Vec<String>> = headers.collect();
+/// The columns of a file. Of cells the header is the line with most names among the first; a line of units may follow it.
+/// Keys of objects are gathered from all lines.
+pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+    let lines = first_lines(path, open(path)?, BEGINNING)?;
+    let heads = &lines[..lines.len().min(PREAMBLE)];
+    let none = || SourceError::NoHeader { address: path.display().to_string() };
+    if heads.iter().any(|line| frame::is_object(line)) {
+        let found = objects(path, &|_| false)?;
+        return if found.is_empty() { Err(none()) } else { Ok(found) };
+    }
+    let count = |line: usize| frame::columns(&heads[line]).map_or(0, |names| names.len());
     // Of equally long ones the first.
-    let best = (0..headers.len()).rev().max_by_key(|&line| headers[line].len());
-    let best = best.filter(|&line| !headers[line].is_empty());
-    let Some(best) = best else {
-        return Err(SourceError::NoHeader { address: path.display().to_string() });
-    };
-    let names = &headers[best];
-    // An object has its values beside their names.
-    let first = if frame::is_object(&lines[best]) { best } else { best + 1 };
-    let below = lines[first..].iter().map(|line| frame::dates(line));
-    let dates = below.into_iter().find(|dates| dates.len() == names.len()).unwrap_or_default();
-    let unit = |place: usize| if dates.get(place) == Some(&true) { DATE } else { "" };
-    let named = names.iter().enumerate();
-    Ok(named.map(|(place, name)| (name.clone(), unit(place).to_owned())).collect())
+    let best = (0..heads.len()).rev().max_by_key(|&line| count(line));
+    let best = best.filter(|&line| count(line) > 0).ok_or_else(none)?;
+    let (separator, names) = frame::header(&lines[best]);
+    let mut sheet = Sheet::new(names, separator);
+    for line in &lines[best + 1..] {
+        sheet.add(&frame::names(line, separator));
+    }
+    Ok(sheet.finish())
 }
 
-/// What names columns in the first lines of a file.
-fn headers(path: &Path, reader: Box<dyn BufRead>) -> Result<Vec<Vec<String>>, SourceError> {
-    Ok(first_lines(path, reader)?.iter().filter_map(|line| frame::columns(line)).collect())
+/// The columns of the objects in a file, up to where there are `enough`.
+fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColumn>, SourceError> {
+    let (mut reader, mut line, mut found) = (open(path)?, vec![], Objects::default());
+    loop {
+        let next = next_line(&mut *reader, &mut line);
+        match next.map_err(|cause| FileError::from_io(path, cause))? {
+            Line::None => break,
+            Line::TooLong => {}
+            Line::Whole | Line::Unended if frame::is_object(&line) => {
+                found.add("", line.trim_ascii());
+                if enough(&found) {
+                    break;
+                }
+            }
+            Line::Whole | Line::Unended => {}
+        }
+    }
+    Ok(found.finish())
 }
 
-/// The first lines of a file, in one of which its header stands.
-fn first_lines(path: &Path, mut reader: Box<dyn BufRead>) -> Result<Vec<Vec<u8>>, SourceError> {
+fn open(path: &Path) -> Result<Box<dyn BufRead>, SourceError> {
+    Ok(encoding::open(path).map_err(|cause| FileError::from_io(path, cause))?.0)
+}
+
+/// The first lines of a file, in one of which its header stands; an error where nothing stands in them.
+fn first_lines(
+    path: &Path,
+    mut reader: Box<dyn BufRead>,
+    count: usize,
+) -> Result<Vec<Vec<u8>>, SourceError> {
     let (mut line, mut found) = (vec![], vec![]);
-    for _ in 0..PREAMBLE {
+    for _ in 0..count {
         let next = next_line(&mut *reader, &mut line);
         match next.map_err(|cause| FileError::from_io(path, cause))? {
             Line::None => break,
             Line::TooLong => {}
             Line::Whole | Line::Unended => found.push(line.clone()),
         }
+    }
+    if found.iter().all(|line| line.trim_ascii().is_empty()) {
+        return Err(SourceError::Empty { address: path.display().to_string() });
     }
     Ok(found)
 }

@@ -6,9 +6,9 @@
 //! is checked against the file.
 
 use super::groups::{Group, Groups, bytes};
-use super::{SourceError, Wanted};
+use super::{LogColumn, SourceError, Wanted};
 use crate::files::FileError;
-use crate::quoted;
+use crate::sanitize;
 use std::io::Read as _;
 use std::path::Path;
 
@@ -57,9 +57,9 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
         if values.len() != *rows {
             let cause = format!(
                 "'{}' has {} values and '{}' {rows}; the columns of one map have one length",
-                quoted::text(name),
+                sanitize::text(name),
                 values.len(),
-                quoted::text(other)
+                sanitize::text(other)
             );
             return Err(SourceError::unreadable(&address, &cause));
         }
@@ -75,14 +75,14 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
 ///
 /// # Errors
 /// It cannot be read, is damaged, or has no column.
-pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let mut reader = Reader { wanted: None, found: vec![] };
     reader.file(path)?;
     if reader.found.is_empty() {
         let cause = "no numeric vector of two or more values";
         return Err(SourceError::unreadable(&path.display().to_string(), cause));
     }
-    Ok(reader.found.into_iter().map(|column| (column.name, String::new())).collect())
+    Ok(reader.found.into_iter().map(|column| LogColumn::named(column.name)).collect())
 }
 
 struct FoundColumn {
@@ -168,7 +168,7 @@ impl Reader<'_> {
             .checked_mul(head.columns)
             .filter(|count| count.checked_mul(width) == Some(body.len()));
         let Some(count) = count else {
-            return Err(format!("'{}' has another size than it says", quoted::text(name)));
+            return Err(format!("'{}' has another size than it says", sanitize::text(name)));
         };
         let numbers = Numbers { body, kind, width, is_big: inner.is_big };
         if count < 2 {
@@ -191,7 +191,7 @@ impl Reader<'_> {
         name: &str,
         depth: usize,
     ) -> Outcome<()> {
-        let damaged = || format!("the structure '{}' is damaged", quoted::text(name));
+        let damaged = || format!("the structure '{}' is damaged", sanitize::text(name));
         let (_, length) = inner.next()?.ok_or_else(damaged)?;
         let length =
             inner.number(length).filter(|length| (1..=MAX_NAME).contains(&(*length as usize)));

@@ -3,9 +3,14 @@
 //! A column is the topic without its leading `/`, a point, and the key in the message
 //! (`measured.p_a_1_pa`); `log_time` is the time of the message in ns. A damaged chunk is left out and
 //! counted; what comes behind it is read.
+//!
+//! Rows come in the order of their times. A file is looked through once: in one whose messages are in order, as recorders
+//! write it, messages are read one after the other; of any other (written topic by topic, or several files merged) the
+//! wanted numbers are read into memory and sorted.
 
 use super::frame::{Flaw, Frames};
-use super::{Read, Row, Source, SourceError, Wanted};
+use super::survey::{LogColumn, Objects};
+use super::{Bad, Read, Row, Source, SourceError, Wanted};
 use crate::files::FileError;
 use ::mcap::McapError;
 use ::mcap::read::ChunkReader;
@@ -22,8 +27,11 @@ pub const LOG_TIME: &str = "log_time";
 /// No chunk and no record is larger.
 const LARGEST: usize = 1 << 28;
 
-/// A file.
-pub struct Mcap {
+/// Of a file that is not in order no more numbers are sorted: half a gigabyte.
+const MOST_SORTED: usize = 50_000_000;
+
+/// A file whose messages are in order.
+struct InOrder {
     messages: Messages,
     frames: Frames,
     /// The place of the time of a message in a row.
@@ -31,6 +39,21 @@ pub struct Mcap {
     /// A message of the next row.
     next: Option<Message>,
     read: u64,
+}
+
+/// Opens a file that must have some columns.
+pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    let Survey { columns, is_in_order } = survey(path, Some(wanted))?;
+    let known: Vec<String> = columns.into_iter().map(|column| column.name).collect();
+    if let Some(error) = SourceError::lacking(&path.display().to_string(), wanted, &known) {
+        return Err(error);
+    }
+    if !is_in_order {
+        return Ok(Box::new(Sorted::open(path, wanted)?));
+    }
+    let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
+    let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
+    Ok(Box::new(InOrder { messages, frames, log_time, next: None, read: 0 }))
 }
 
 /// A message in JSON.
@@ -49,21 +72,7 @@ enum Next {
     End,
 }
 
-impl Mcap {
-    /// Opens a file that must have some columns.
-    pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        let known: Vec<String> = columns(path)?.into_iter().map(|(name, _)| name).collect();
-        let address = path.display().to_string();
-        if let Some(error) = SourceError::lacking(&address, wanted, &known) {
-            return Err(error);
-        }
-        let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
-        let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
-        Ok(Mcap { messages, frames, log_time, next: None, read: 0 })
-    }
-}
-
-impl Source for Mcap {
+impl Source for InOrder {
     fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
         let first = match self.next.take() {
             Some(message) => message,
@@ -117,27 +126,146 @@ impl Source for Mcap {
     }
 }
 
-/// The columns of the first message of every channel, with the unit of the time.
-pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+/// The columns of all channels, with the unit of the time.
+pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+    let found = survey(path, None)?.columns;
+    match found.len() {
+        1 => Err(SourceError::NoHeader { address: path.display().to_string() }),
+        _ => Ok(found),
+    }
+}
+
+/// What was found by looking through a file.
+struct Survey {
+    columns: Vec<LogColumn>,
+    is_in_order: bool,
+}
+
+/// Looks through a file: wherever a channel begins, it is found. Where columns are `wanted`, others may be left out.
+fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
     let mut messages = Messages::open(path)?;
-    let mut found = vec![(LOG_TIME.to_owned(), "ns".to_owned())];
-    let mut seen = BTreeMap::new();
-    // Channels are told at the beginning; one that speaks later than this is not offered.
-    for _ in 0..10_000 {
+    let (mut found, mut last_ns, mut is_in_order) = (Objects::default(), 0, true);
+    found.name(LOG_TIME, "ns");
+    let mut has_all = false;
+    loop {
         let message = match messages.next()? {
             Next::Message(message) => message,
             Next::Flawed(_) => continue,
             Next::End => break,
         };
-        if seen.insert(message.prefix.clone(), ()).is_none() {
-            let keys = super::frame::columns(&message.data).unwrap_or_default();
-            let named = keys.iter().map(|key| (format!("{}{key}", message.prefix), String::new()));
-            found.extend(named);
+        is_in_order &= last_ns <= message.log_time_ns;
+        last_ns = message.log_time_ns;
+        if !has_all {
+            found.number(LOG_TIME, message.log_time_ns as f64);
+            found.add(&message.prefix, &message.data);
+            has_all = wanted.is_some_and(|wanted| found.has_all(wanted));
         }
     }
-    match found.len() {
-        1 => Err(SourceError::NoHeader { address: path.display().to_string() }),
-        _ => Ok(found),
+    Ok(Survey { columns: found.finish(), is_in_order })
+}
+
+/// The wanted numbers of a file that is not in order, by the times of their messages.
+struct Sorted {
+    wanted: Wanted,
+    log_time: Option<usize>,
+    parts: Vec<Part>,
+    /// The place in a row of every number, and the number.
+    places: Vec<u16>,
+    numbers: Vec<f64>,
+    /// What was no message, each told as the file was read.
+    flaws: VecDeque<(u64, Flaw)>,
+    next: usize,
+}
+
+/// What a message has of a row.
+struct Part {
+    log_time_ns: u64,
+    number: u64,
+    first: usize,
+    count: u16,
+    bad: u64,
+    first_bad: Option<Box<Bad>>,
+}
+
+impl Sorted {
+    fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
+        let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
+        let (parts, flaws) = (vec![], VecDeque::new());
+        let (places, numbers) = (vec![], vec![]);
+        let mut sorted =
+            Sorted { wanted: wanted.clone(), log_time, parts, places, numbers, flaws, next: 0 };
+        let (mut messages, frames, mut row) =
+            (Messages::open(path)?, Frames::new(wanted), Row::default());
+        loop {
+            match messages.next()? {
+                Next::Message(message) => sorted.take(&frames, &message, &mut row),
+                Next::Flawed(flaw) => sorted.flaws.push_back((messages.count, flaw)),
+                Next::End => break,
+            }
+            if sorted.numbers.len() > MOST_SORTED {
+                let address = path.display().to_string();
+                return Err(SourceError::Unsorted { address, most: MOST_SORTED });
+            }
+        }
+        sorted.parts.sort_by_key(|part| (part.log_time_ns, part.number));
+        Ok(sorted)
+    }
+
+    fn take(&mut self, frames: &Frames, message: &Message, row: &mut Row) {
+        frames.begin(row);
+        if let Err(flaw) = frames.add(&message.prefix, &message.data, row) {
+            self.flaws.push_back((message.number, flaw));
+            return;
+        }
+        let first = self.numbers.len();
+        for (place, value) in row.values.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
+            self.places.push(place as u16);
+            self.numbers.push(*value);
+        }
+        let count = (self.numbers.len() - first) as u16;
+        if count == 0 && row.bad == 0 {
+            return;
+        }
+        let (log_time_ns, number) = (message.log_time_ns, message.number);
+        let first_bad = row.first_bad.take().map(Box::new);
+        self.parts.push(Part { log_time_ns, number, first, count, bad: row.bad, first_bad });
+    }
+}
+
+impl Source for Sorted {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        if let Some((place, flaw)) = self.flaws.pop_front() {
+            row.place = place;
+            return Ok(Read::Flawed(flaw));
+        }
+        let Some(first) = self.parts.get(self.next) else { return Ok(Read::End) };
+        row.values.clear();
+        row.values.resize(self.wanted.names.len(), f64::NAN);
+        row.forget_bad();
+        row.place = first.number;
+        if let Some(place) = self.log_time {
+            row.values[place] = first.log_time_ns as f64;
+        }
+        let is_same = |part: &&Part| part.log_time_ns == first.log_time_ns;
+        for part in self.parts[self.next..].iter().take_while(is_same) {
+            let own = part.first..part.first + usize::from(part.count);
+            for (&place, &value) in self.places[own.clone()].iter().zip(&self.numbers[own]) {
+                row.values[usize::from(place)] = value;
+            }
+            row.bad += part.bad;
+            row.first_bad = row.first_bad.take().or_else(|| part.first_bad.as_deref().cloned());
+            self.next += 1;
+        }
+        Ok(super::frame::with_time(&self.wanted, row))
+    }
+
+    fn counted(&self) -> &'static str {
+        "message"
+    }
+
+    fn share(&self) -> Option<f64> {
+        let all = self.parts.len();
+        (all > 0).then(|| self.next as f64 / all as f64)
     }
 }
 

@@ -4,6 +4,7 @@
 //! the log. What cannot be read is a [`Flaw`], never an end: only a file or a connection that cannot
 //! be opened is an error.
 
+pub mod cut;
 pub mod frame;
 #[cfg(any(feature = "mf4", feature = "mat"))]
 mod groups;
@@ -16,11 +17,13 @@ mod mf4;
 #[cfg(feature = "mqtt")]
 pub mod mqtt;
 mod stdin;
+mod survey;
 mod table;
 mod udp;
 
 use super::counts::Kind;
 use crate::files::FileError;
+use crate::moment;
 use crate::nearest::nearest;
 use crate::sanitize;
 use crate::table::TableError;
@@ -30,6 +33,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub use frame::Flaw;
+pub use survey::{LogColumn, is_time_name};
 
 /// The unit of a date as text.
 pub const DATE: &str = "date";
@@ -48,6 +52,23 @@ pub struct Wanted {
     pub dates: bool,
     /// The columns of lines without a header, from left to right.
     pub columns: Vec<String>,
+    /// For each name whether words for on and off are numbers in it; where there is none, they are not.
+    pub flags: Vec<bool>,
+}
+
+impl Wanted {
+    /// The number that words stand for in a column: a date where it is the time, on and off where they are numbers.
+    pub(super) fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
+        if self.dates && self.time == Some(place) {
+            return moment::seconds(text);
+        }
+        let is = |words: [&str; 3]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
+        match self.flags.get(place) {
+            Some(true) if is(["on", "true", "yes"]) => Some(1.0),
+            Some(true) if is(["off", "false", "no"]) => Some(0.0),
+            _ => None,
+        }
+    }
 }
 
 /// A row as it came.
@@ -59,6 +80,46 @@ pub struct Row {
     pub values: Vec<f64>,
     /// How many of them were there, but no finite number.
     pub bad: u64,
+    /// The first of those.
+    pub first_bad: Option<Bad>,
+    /// How many rows before it were cut off.
+    pub cut: u64,
+}
+
+/// A value that is no finite number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bad {
+    /// Its column among those wanted.
+    pub column: usize,
+    /// The beginning of what stands there, as it may be shown.
+    pub text: String,
+}
+
+impl Row {
+    /// Before the values of the next row are looked at.
+    pub(super) fn forget_bad(&mut self) {
+        (self.bad, self.first_bad) = (0, None);
+    }
+
+    /// Counts a value that is no finite number.
+    pub(super) fn note_bad(&mut self, bad: Bad) {
+        self.bad += 1;
+        self.first_bad.get_or_insert(bad);
+    }
+
+    /// What was there instead of numbers, with the column of the first.
+    pub fn bad_in_words(&self, wanted: &Wanted) -> String {
+        let first = self.first_bad.as_ref();
+        let column = first.and_then(|bad| Some((wanted.names.get(bad.column)?, &bad.text)));
+        let first =
+            column.map(|(name, text)| format!("column '{}' has '{text}'", sanitize::text(name)));
+        let count = format!("{} of {} values", self.bad, self.values.len());
+        match first {
+            Some(first) if self.bad == 1 => first,
+            Some(first) => format!("{first}, {count}"),
+            None => count,
+        }
+    }
 }
 
 /// What came of reading on.
@@ -177,11 +238,9 @@ impl Address {
             Address::File(path) if has_extension(path, "parquet") => {
                 Box::new(table::Parquet::open(path, wanted)?)
             }
-            Address::File(path) if has_extension(path, "mcap") => {
-                Box::new(mcap::Mcap::open(path, wanted)?)
-            }
             Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
             Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
+            Address::File(path) if has_extension(path, "mcap") => mcap::open(path, wanted)?,
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
             Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
@@ -190,11 +249,12 @@ impl Address {
         })
     }
 
-    /// The columns of a file, or of what comes first in a stream, with their units where these are known.
+    /// The columns of a file, or of what comes first in a stream, with their units and first numbers where these are
+    /// known. Objects and messages of a file are looked through to its end.
     ///
     /// # Errors
     /// It cannot be opened, or nothing in it is a header.
-    pub fn columns(&self) -> Result<Vec<(String, String)>, SourceError> {
+    pub fn columns(&self) -> Result<Vec<LogColumn>, SourceError> {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
             Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
@@ -206,7 +266,7 @@ impl Address {
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
-        Ok(names.into_iter().map(|name| (name, String::new())).collect())
+        Ok(names.into_iter().map(LogColumn::named).collect())
     }
 }
 
@@ -249,12 +309,12 @@ macro_rules! optional_kind {
         }
 
         #[cfg(feature = $feature)]
-        fn $columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+        fn $columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
             $module::columns(path)
         }
 
         #[cfg(not(feature = $feature))]
-        fn $columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+        fn $columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
             Err(feature_needed(&path.display().to_string(), $feature))
         }
     };
@@ -291,7 +351,7 @@ impl fmt::Display for MixedTopics {
         let broker = &self.broker;
         let [first, second] = &self.topics;
         let (first, second, ending) = (plain(first), plain(second), plain(&self.ending));
-        let column = quoted::text(&self.column);
+        let column = sanitize::text(&self.column);
         match self.has_time {
             true => write!(
                 out,
@@ -344,11 +404,25 @@ pub enum SourceError {
         /// What happened.
         cause: String,
     },
+    /// There is nothing in it.
+    Empty {
+        /// The file.
+        address: String,
+    },
     /// Nothing in it names columns.
     NoHeader {
         /// The source.
         address: String,
     },
+    /// A file that is not in the order of its times has more numbers than are sorted.
+    Unsorted {
+        /// The file.
+        address: String,
+        /// How many are sorted at most.
+        most: usize,
+    },
+    /// Nothing of a log lies in the time that was asked for.
+    Cut(cut::CutError),
     /// Columns that the map names are not there.
     Lacking {
         /// The log.
@@ -395,9 +469,15 @@ impl fmt::Display for SourceError {
             SourceError::File(error) => write!(out, "{error}"),
             SourceError::Table(error) => write!(out, "{error}"),
             SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
+            SourceError::Empty { address } => write!(out, "{address}: the file is empty"),
             SourceError::NoHeader { address } => {
                 write!(out, "{address}: no line with the names of columns, and no JSON object")
             }
+            SourceError::Cut(error) => write!(out, "{error}"),
+            SourceError::Unsorted { address, most } => write!(
+                out,
+                "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time first"
+            ),
             SourceError::Lacking { address, columns, known } => {
                 write!(out, "{address} has no column '{}'; ", columns.join("', '"))?;
                 match nearest(&columns[0], known.iter().map(String::as_str)) {
@@ -440,6 +520,7 @@ impl Flaw {
             Flaw::BadObject { .. } => Kind::BadObject,
             Flaw::NoTime { .. } => Kind::NoTime,
             Flaw::Retained { .. } => Kind::Retained,
+            Flaw::NoNumber => Kind::BadValue,
         }
     }
 }

@@ -1,9 +1,11 @@
 //! A Parquet file, part by part.
 
-use super::{DATE, Read, Row, Source, SourceError, Wanted};
-use crate::evaluation::table_model::times;
+use super::{Bad, DATE, LogColumn, Read, Row, Source, SourceError, Wanted};
+use crate::moment;
+use crate::sanitize;
+use crate::table::csv::growing::is_missing;
 use crate::table::parquet::ParquetReader;
-use crate::table::{Column, Kind, Table, TableError, Values};
+use crate::table::{Column, Kind, Values};
 use std::path::Path;
 
 /// A Parquet file of which the wanted columns are read.
@@ -11,8 +13,8 @@ pub struct Parquet {
     reader: ParquetReader,
     wanted: Wanted,
     rows: usize,
-    /// The wanted columns of the part being read, as numbers.
-    part: Vec<Vec<f64>>,
+    /// The wanted columns of the part being read.
+    part: Vec<Values>,
     next: usize,
     place: u64,
 }
@@ -32,16 +34,24 @@ impl Parquet {
         Ok(Parquet { reader, wanted: wanted.clone(), rows, part: vec![], next: 0, place: 0 })
     }
 
-    fn numbers(&self, table: &Table) -> Result<Vec<Vec<f64>>, TableError> {
-        let columns = table.columns().iter().enumerate();
-        let numbers = |(place, column): (usize, &Column)| match &column.values {
-            Values::Text(texts) if self.wanted.time == Some(place) && self.wanted.dates => {
-                Ok(texts.iter().map(|text| times::seconds(text).unwrap_or(f64::NAN)).collect())
+    /// The number in a cell; `Err` with what stands there where it is none.
+    fn number(&self, column: usize, row: usize) -> Result<f64, String> {
+        let value = match &self.part[column] {
+            Values::Float(values) => values[row],
+            Values::Integer(values) => values[row] as f64,
+            Values::Unsigned(values) => f64::from(values[row]),
+            Values::Flag(flags) => f64::from(u8::from(flags[row])),
+            Values::Text(texts) => {
+                let text = texts[row].trim();
+                let words = || self.wanted.number_of_words(column, text);
+                match text.parse().ok().or_else(words) {
+                    Some(value) => value,
+                    None if is_missing(text.as_bytes()) => f64::NAN,
+                    None => return Err(sanitize::text(text)),
+                }
             }
-            Values::Flag(flags) => Ok(flags.iter().map(|&f| f64::from(u8::from(f))).collect()),
-            _ => column.numbers().map(|numbers| numbers.into_owned()),
         };
-        columns.map(numbers).collect()
+        if value.is_infinite() { Err(value.to_string()) } else { Ok(value) }
     }
 }
 
@@ -49,24 +59,22 @@ impl Source for Parquet {
     fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
         while self.part.first().is_none_or(|column| column.len() == self.next) {
             let Some(table) = self.reader.next() else { return Ok(Read::End) };
-            (self.part, self.next) = (self.numbers(&table?)?, 0);
+            let columns = table?.into_columns();
+            (self.part, self.next) = (columns.into_iter().map(|c| c.values).collect(), 0);
         }
         self.place += 1;
         row.place = self.place;
-        row.bad = 0;
+        row.forget_bad();
         row.values.clear();
-        for column in &self.part {
-            let value = column[self.next];
-            row.bad += u64::from(value.is_infinite());
-            row.values.push(if value.is_finite() { value } else { f64::NAN });
+        for column in 0..self.part.len() {
+            let value = self.number(column, self.next).unwrap_or_else(|text| {
+                row.note_bad(Bad { column, text });
+                f64::NAN
+            });
+            row.values.push(value);
         }
         self.next += 1;
-        Ok(match self.wanted.time {
-            Some(time) if row.values[time].is_nan() => {
-                Read::Flawed(super::Flaw::NoTime { text: String::new() })
-            }
-            _ => Read::Row,
-        })
+        Ok(super::frame::with_time(&self.wanted, row))
     }
 
     fn counted(&self) -> &'static str {
@@ -78,20 +86,31 @@ impl Source for Parquet {
     }
 }
 
-/// The columns of a file with their units. Where the first of a column's texts is a date, that is its unit.
-pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+/// The columns of a file with their units. Where the first of a column's texts is a date, that is its unit. Of numbers only
+/// what may be a time is read.
+pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let reader = ParquetReader::open(path)?;
     let columns = reader.schema().columns();
-    let texts = columns.iter().filter(|column| column.values.kind() == Kind::Text);
-    let texts: Vec<&str> = texts.map(|column| column.name.as_str()).collect();
-    let first = ParquetReader::open_columns(path, &texts)?.with_batch(1).next().transpose()?;
-    let is_date = |name: &str| {
-        let texts = first.as_ref().and_then(|part| part.text(name).ok());
-        texts.and_then(<[String]>::first).is_some_and(|text| times::seconds(text).is_some())
+    let is_read = |column: &&Column| {
+        column.values.kind() == Kind::Text || super::survey::may_be_time(&column.name)
     };
-    let unit = |column: &Column| match is_date(&column.name) {
-        true => DATE.to_owned(),
-        false => column.unit.clone(),
+    let read: Vec<&str> =
+        columns.iter().filter(is_read).map(|column| column.name.as_str()).collect();
+    let first = ParquetReader::open_columns(path, &read)?.with_batch(256).next().transpose()?;
+    let beginning = |name: &str| first.as_ref().and_then(|part| part.column(name).ok());
+    let column = |column: &Column| {
+        let (mut unit, mut head) = (column.unit.clone(), vec![]);
+        match beginning(&column.name).map(|first| (&first.values, first.numbers())) {
+            Some((Values::Text(texts), _)) => {
+                let date = texts.first().and_then(|text| moment::seconds(text));
+                if date.is_some() {
+                    unit = DATE.into();
+                }
+            }
+            Some((_, Ok(numbers))) => head.extend(numbers.iter().take(256)),
+            _ => {}
+        }
+        LogColumn { name: column.name.clone(), unit, head }
     };
-    Ok(columns.iter().map(|column| (column.name.clone(), unit(column))).collect())
+    Ok(columns.iter().map(column).collect())
 }

@@ -11,6 +11,7 @@ use super::{Sample, Scene, Sink, SinkError, Trace};
 use crate::files;
 use crate::log::counts::Counts;
 use crate::log::observer::{Finding, State};
+use crate::moment;
 use crate::report::page::escaped;
 use crate::report::words::spoken;
 use serde_json::{Value, json};
@@ -115,8 +116,10 @@ impl Timeline {
             ),
         };
         format!(
-            "{} samples with a period of {period_s} s, from {begin_s:.2} s to {:.2} s. {resolution}",
-            self.samples, self.last_s
+            "{} samples with a period of {period_s} s, from {} to {}. {resolution}",
+            self.samples,
+            moment::shown(*begin_s),
+            moment::shown(self.last_s)
         )
     }
 
@@ -127,7 +130,7 @@ impl Timeline {
         let _ = write!(
             html,
             "<h2>Decisions</h2>\n<div class=\"sheet\"><table id=\"changes\">\n<thead><tr>\
-             <th>Time, s</th><th>State</th>{head}<th>Command</th><th>Detail</th>\
+             <th>Time</th><th>State</th>{head}<th>Command</th><th>Detail</th>\
              <th>Confidence</th><th>Evidence</th></tr></thead>\n<tbody>\n"
         );
         for (sample, time_s, finding) in &self.changes {
@@ -142,9 +145,10 @@ impl Timeline {
             };
             let evidence: Vec<String> = finding.evidence.iter().map(|e| escaped(e)).collect();
             let at = *sample as f64 * self.scene.period_s;
+            let time = moment::shown(*time_s);
             let _ = writeln!(
                 html,
-                "<tr data-at=\"{at}\"><td class=\"number\">{time_s:.2}</td>\
+                "<tr data-at=\"{at}\"><td class=\"number\">{time}</td>\
                  <td><i class=\"{}\"></i>{}</td>{unit}<td>{}</td><td>{}</td>\
                  <td class=\"number\">{sure}</td><td>{}</td></tr>",
                 class_of(finding.state),

@@ -30,6 +30,9 @@ const time = at => {
   for (const s of data.stretches) if (s[0] <= at + 1e-9) last = s;
   return last[1] + at - last[0];
 };
+// As moment::shown of the program has it: a time that counts from 1970 as a date.
+const moment = s => s > 1e8 ? new Date(Math.round(1e3 * s)).toISOString().replace("T", " ").replace("Z", "")
+  : number(s) + " s";
 const bandOf = (k, at) => {
   let found = null;
   for (const [from, bands] of data.bands) if (from <= at + 1e-9) found = bands[k];
@@ -160,9 +163,9 @@ const axis = (g, w, h) => {
     const from = Math.max(begin, view.from), to = Math.min(next ? next[0] : data.length, view.to);
     const wide = x(to, w) - x(from, w);
     if (to <= from || wide < 60) return;
-    const shift = starts > 1e6 ? starts : 0, begins = time(from) - shift;
+    const shift = starts > 1e8 ? starts : 0, begins = time(from) - shift;
     for (const t of ticks(begins, begins + to - from, wide / 90)) {
-      const text = number(+t.toPrecision(12)) + " s", half = g.measureText(text).width / 2;
+      const text = shift ? moment(shift + t).slice(11, 23) : number(+t.toPrecision(12)) + " s", half = g.measureText(text).width / 2;
       const at = Math.min(x(t - begins + from, w), w - half);
       if (at - half < free) continue;
       g.fillText(text, at, h - 4);
@@ -274,7 +277,7 @@ const hover = now => {
   }
   let said = "";
   for (const change of data.changes) if (change.at <= now + 1e-9) said = change.words;
-  panels[0].reads.textContent = number(time(now)) + " s  " + said;
+  panels[0].reads.textContent = moment(time(now)) + "  " + said;
 };
 box.onpointerdown = event => {
   if (event.button) return;

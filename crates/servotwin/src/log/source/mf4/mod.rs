@@ -9,7 +9,7 @@ mod blocks;
 mod values;
 
 use super::groups::{Group, Groups};
-use super::{SourceError, Wanted};
+use super::{LogColumn, SourceError, Wanted};
 use crate::system::units;
 use blocks::{Channel, ChannelGroup, Mdf};
 use std::path::Path;
@@ -34,7 +34,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
         return Err(error);
     }
     if let Some(time) = wanted.time.filter(|&time| wanted.names[time] != TIME) {
-        let name = crate::quoted::text(&wanted.names[time]);
+        let name = crate::sanitize::text(&wanted.names[time]);
         let cause = format!("the times are the column '{TIME}', not '{name}'");
         return Err(SourceError::unreadable(&address, &cause));
     }
@@ -65,13 +65,13 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
 ///
 /// # Errors
 /// It cannot be read or is damaged.
-pub fn columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let file = Mdf::open(path)?;
-    let mut found = vec![(TIME.to_owned(), "s".to_owned())];
+    let mut found = vec![LogColumn::in_unit(TIME, "s")];
     let known = named(&file).into_iter();
     found.extend(known.map(|(name, group, channel)| {
         let unit = &file.groups[group].channels[channel].unit;
-        (name, unit.clone())
+        LogColumn::in_unit(name, unit)
     }));
     Ok(found)
 }
@@ -111,7 +111,7 @@ fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result
         .collect();
     let mut decoders = vec![];
     for channel in &channels {
-        let named = |cause| format!("column '{}': {cause}", crate::quoted::text(&channel.name));
+        let named = |cause| format!("column '{}': {cause}", crate::sanitize::text(&channel.name));
         decoders.push(values::Decoder::new(file, &group, channel).map_err(named)?);
     }
     let mut columns = vec![vec![]; decoders.len()];

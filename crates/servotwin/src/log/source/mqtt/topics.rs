@@ -135,7 +135,9 @@ impl Topic {
         let names = chosen.iter().map(|&place| plain(&wanted.names[place])).collect();
         let time = chosen.iter().position(|&place| Some(place) == wanted.time);
         let columns = wanted.columns.iter().map(plain).collect();
-        let frames = Frames::new(&Wanted { names, time, dates: wanted.dates, columns });
+        let flag = |&place: &usize| wanted.flags.get(place).copied().unwrap_or_default();
+        let flags = chosen.iter().map(flag).collect();
+        let frames = Frames::new(&Wanted { names, time, dates: wanted.dates, columns, flags });
         Topic { frames, chosen, row: Row::default() }
     }
 }

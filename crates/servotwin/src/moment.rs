@@ -1,4 +1,57 @@
-//! Times written as text: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `08:15:02`.
+//! Times as people write and read them: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `08:15:02`.
+
+use jiff::SignedDuration;
+use jiff::civil::Date;
+
+const EPOCH: Date = Date::constant(1970, 1, 1);
+
+/// Times beyond this count from 1970, s: those of a log that began in 1973 or later.
+pub const CALENDAR_S: f64 = 1e8;
+
+/// A time as people read it: `2026-11-21 08:15:02.500` where it counts from 1970, else `12.34 s`.
+///
+/// A date has no zone: it is UTC, or the clock of a log that names none.
+pub fn shown(time_s: f64) -> String {
+    date_of(time_s).unwrap_or_else(|| format!("{time_s:.2} s"))
+}
+
+/// A time that counts from 1970 as a date with milliseconds; `None` for any other.
+pub fn date_of(time_s: f64) -> Option<String> {
+    if !is_date(time_s) {
+        return None;
+    }
+    let milliseconds = SignedDuration::from_millis((time_s * 1e3).round() as i64);
+    let moment = EPOCH.at(0, 0, 0, 0).checked_add(milliseconds).ok()?;
+    Some(moment.strftime("%Y-%m-%d %H:%M:%S%.3f").to_string())
+}
+
+/// Whether a time counts from 1970.
+pub fn is_date(time_s: f64) -> bool {
+    time_s > CALENDAR_S
+}
+
+/// The slowest and the fastest sampling of a log that is anything of an actuator, s between samples.
+pub const PERIODS_S: (f64, f64) = (1e-4, 0.1);
+
+/// Whether samples may be so far apart, s.
+pub fn is_period(step_s: f64) -> bool {
+    (PERIODS_S.0..=PERIODS_S.1).contains(&rounded(step_s))
+}
+
+/// The unit in which samples that are a number apart would follow each other in a likely period, and that period, s. Of
+/// several the one nearest to `period_s`.
+pub fn likely_unit(step: f64, period_s: f64) -> Option<(&'static str, f64)> {
+    let units = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+    let periods = units.map(|(unit, unit_s)| (unit, rounded(step * unit_s)));
+    let far = |step_s: f64| (step_s / period_s).ln().abs();
+    let likely = periods.into_iter().filter(|(_, step_s)| is_period(*step_s));
+    likely.min_by(|one, other| far(one.1).total_cmp(&far(other.1)))
+}
+
+/// Three digits of a step: what follows is rounding of the times.
+pub fn rounded(step_s: f64) -> f64 {
+    format!("{step_s:.2e}").parse().unwrap_or(step_s)
+}
 
 /// A point in time in seconds: since the beginning of 1970, or since midnight where there is no
 /// date; `None` for any other text. A zone is taken into account, without one the time is taken as it
@@ -27,18 +80,10 @@ fn date(text: &str) -> Option<f64> {
     if year.len() != 4 || month.len() > 2 || day.len() > 2 {
         return None;
     }
-    let (year, month, day) = (number(year)?, number(month)?, number(day)?);
-    let sound = (1..=12).contains(&month) && (1..=31).contains(&day);
-    sound.then(|| days(year, month, day) as f64)
-}
-
-/// Days since the beginning of 1970 of a Gregorian date; years begin in March, so that the day that
-/// is not always there is the last one.
-fn days(year: i64, month: i64, day: i64) -> i64 {
-    let year = if month <= 2 { year - 1 } else { year };
-    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
-    let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    365 * year + leap_days + day_of_year - 719_468
+    let month = i8::try_from(number(month)?).ok()?;
+    let day = i8::try_from(number(day)?).ok()?;
+    let date = Date::new(i16::try_from(number(year)?).ok()?, month, day).ok()?;
+    Some((date.duration_since(EPOCH).as_hours() / 24) as f64)
 }
 
 /// Seconds since midnight in the zone of zero.
@@ -79,7 +124,7 @@ fn number(text: &str) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
-    use super::seconds;
+    use super::{seconds, shown};
 
     #[test]
     fn times_of_many_writers() {
@@ -98,8 +143,29 @@ mod tests {
         for (text, expected) in cases {
             assert_eq!(seconds(text), Some(expected), "{text}");
         }
-        for text in ["", "pump", "1.5", "12", "1-2-3", "25.13.2026", "12:75", "a:b", "11/21/2026"] {
+        for text in [
+            "",
+            "pump",
+            "1.5",
+            "12",
+            "1-2-3",
+            "25.13.2026",
+            "12:75",
+            "a:b",
+            "11/21/2026",
+            "2025-02-30",
+        ] {
             assert_eq!(seconds(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn a_date_is_shown_as_it_was_written() {
+        for text in ["2025-10-26 02:59:54.010", "2026-02-28 23:59:59.999"] {
+            assert_eq!(shown(seconds(text).unwrap()), text);
+        }
+        assert_eq!(shown(12.344), "12.34 s");
+        assert_eq!(shown(f64::NAN), "NaN s");
+        assert_eq!(shown(1e300), format!("{:.2} s", 1e300), "no calendar goes so far");
     }
 }

@@ -1,0 +1,245 @@
+//! What the names of columns mean, as test rigs and flight test installations write them, in English and German.
+
+/// What a column measures or says, as far as its name shows it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Meaning {
+    pub pressure: bool,
+    pub position: bool,
+    pub command: bool,
+    /// Words of parts, each once.
+    pub parts: Parts,
+    /// A word by which it is none of what is looked for: a status, a rate, a temperature.
+    pub is_other: bool,
+}
+
+/// Which parts a name speaks of.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Parts {
+    pub chamber_a: bool,
+    pub chamber_b: bool,
+    pub ram: bool,
+    pub spool: bool,
+    pub supply: bool,
+    pub back: bool,
+    pub surface: bool,
+}
+
+const PRESSURE: &[&str] = &["p", "press", "pres", "prs", "pressure", "druck"];
+const POSITION: &[&str] = &[
+    "x",
+    "pos",
+    "position",
+    "stroke",
+    "displacement",
+    "travel",
+    "lvdt",
+    "weg",
+    "hub",
+    "stellung",
+    "lage",
+    "auslenkung",
+];
+const COMMAND: &[&str] = &[
+    "cmd",
+    "command",
+    "comm",
+    "demand",
+    "dmd",
+    "setpoint",
+    "setpt",
+    "reference",
+    "soll",
+    "sollwert",
+    "sollwinkel",
+    "sollweg",
+    "vorgabe",
+    "befehl",
+    "stellbefehl",
+];
+const CHAMBER_A: &[&str] =
+    &["a", "cha", "extend", "extension", "kolbenseite", "boreside", "capside"];
+const CHAMBER_B: &[&str] = &["b", "chb", "retract", "retraction", "stangenseite", "rodside"];
+const RAM: &[&str] =
+    &["ram", "rod", "piston", "pist", "cylinder", "cyl", "kolben", "zylinder", "kolbenstange"];
+const SPOOL: &[&str] = &[
+    "v",
+    "spool",
+    "spl",
+    "valve",
+    "vlv",
+    "servovalve",
+    "sv",
+    "ventil",
+    "schieber",
+    "steuerschieber",
+];
+const SUPPLY: &[&str] =
+    &["s", "supply", "sup", "suppl", "sply", "pump", "versorgung", "vorlauf", "zulauf", "speise"];
+const BACK: &[&str] = &["t", "return", "ret", "rtn", "tank", "drain", "ruecklauf"];
+const SURFACE: &[&str] = &[
+    "surface",
+    "surf",
+    "srf",
+    "aileron",
+    "ail",
+    "rudder",
+    "rud",
+    "elevator",
+    "elev",
+    "flap",
+    "ruder",
+    "querruder",
+    "klappe",
+    "steuerflaeche",
+];
+const OTHER: &[&str] = &[
+    "status",
+    "stat",
+    "valid",
+    "validity",
+    "flag",
+    "error",
+    "err",
+    "fault",
+    "alarm",
+    "limit",
+    "twin",
+    "residual",
+    "temp",
+    "temperature",
+    "temperatur",
+    "rate",
+    "speed",
+    "velocity",
+    "geschwindigkeit",
+    "acc",
+    "acceleration",
+    "current",
+    "strom",
+    "force",
+    "kraft",
+    "diff",
+    "delta",
+    "min",
+    "max",
+    "std",
+    "sigma",
+    "count",
+    "counter",
+];
+
+impl Meaning {
+    /// What the words of a name mean.
+    pub(super) fn of(words: &[String]) -> Self {
+        let mut meaning = Meaning::default();
+        words.iter().for_each(|word| meaning.add(word));
+        meaning
+    }
+
+    fn add(&mut self, word: &str) {
+        // The letter of a quantity before the word of a part: PSUP, XRAM.
+        let quantity = match word.split_at_checked(1) {
+            Some(("p", rest)) if is_part(rest) => Some((PRESSURE, rest)),
+            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => Some((POSITION, rest)),
+            _ => None,
+        };
+        let whole = all().iter().any(|list| list.contains(&word));
+        match quantity {
+            Some((quantity, part)) if !whole => {
+                self.add(quantity[0]);
+                self.add(part);
+            }
+            _ => self.mark(word),
+        }
+    }
+
+    fn mark(&mut self, word: &str) {
+        let is = |list: &[&str]| list.iter().any(|known| speaks_of(word, known));
+        self.pressure |= is(PRESSURE);
+        self.position |= is(POSITION);
+        self.command |= is(COMMAND);
+        self.is_other |= is(OTHER);
+        let parts = &mut self.parts;
+        parts.chamber_a |= is(CHAMBER_A);
+        parts.chamber_b |= is(CHAMBER_B);
+        parts.ram |= is(RAM);
+        parts.spool |= is(SPOOL);
+        parts.supply |= is(SUPPLY);
+        parts.back |= is(BACK);
+        parts.surface |= is(SURFACE);
+    }
+}
+
+fn all() -> [&'static [&'static str]; 11] {
+    [PRESSURE, POSITION, COMMAND, CHAMBER_A, CHAMBER_B, RAM, SPOOL, SUPPLY, BACK, SURFACE, OTHER]
+}
+
+fn is_part(word: &str) -> bool {
+    let parts = [CHAMBER_A, CHAMBER_B, RAM, SPOOL, SUPPLY, BACK, SURFACE];
+    parts.iter().any(|list| list.contains(&word))
+}
+
+/// Whether a word is a known one, or is put together with it: Versorgungsdruck, Kolbenweg.
+fn speaks_of(word: &str, known: &str) -> bool {
+    let is_end = known.len() == 3 && matches!(known, "weg" | "hub") && word.ends_with(known);
+    word == known
+        || is_end
+        || (known.len() >= 4 && word.len() > known.len() && word.contains(known))
+}
+
+/// The words of a name in lower case, and its numbers: at every change between letters and digits, between small and
+/// capital letters, and at whatever is neither.
+pub(super) fn words(name: &str) -> (Vec<String>, Vec<u32>) {
+    let (mut words, mut current): (Vec<String>, String) = (vec![], String::new());
+    let mut last: Option<char> = None;
+    for character in name.chars() {
+        let begins = last.is_some_and(|last| {
+            last.is_ascii_digit() != character.is_ascii_digit()
+                || (last.is_lowercase() && character.is_uppercase())
+        });
+        if begins || !character.is_alphanumeric() {
+            words.extend(Some(std::mem::take(&mut current)).filter(|word| !word.is_empty()));
+        }
+        if character.is_alphanumeric() {
+            character.to_lowercase().for_each(|c| match c {
+                'ä' => current += "ae",
+                'ö' => current += "oe",
+                'ü' => current += "ue",
+                'ß' => current += "ss",
+                c => current.push(c),
+            });
+        }
+        last = Some(character);
+    }
+    words.extend(Some(current).filter(|word| !word.is_empty()));
+    let numbers = words.iter().filter_map(|word| word.parse().ok()).collect();
+    words.retain(|word| !word.starts_with(|c: char| c.is_ascii_digit()));
+    (words, numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_fall_into_words_and_numbers() {
+        let (found, numbers) = words("ACT1_xRamPos [mm] Rücklauf");
+        assert_eq!(found, ["act", "x", "ram", "pos", "mm", "ruecklauf"]);
+        assert_eq!(numbers, [1]);
+    }
+
+    #[test]
+    fn letters_of_quantities_stand_before_parts() {
+        let of = |name: &str| Meaning::of(&words(name).0);
+        let supply = of("PSUP1");
+        assert!(supply.pressure && supply.parts.supply && !supply.position);
+        let ram = of("XRAM2");
+        assert!(ram.position && ram.parts.ram && !ram.pressure);
+        let both = of("Versorgungsdruck");
+        assert!(both.pressure && both.parts.supply);
+        assert!(of("Kolbenweg").position && of("Kolbenweg").parts.ram);
+        let command = of("AIL_CMD");
+        assert!(command.command && command.parts.surface && !command.parts.chamber_a);
+        assert!(of("PSUP1_status").is_other);
+    }
+}
