@@ -15,23 +15,28 @@ pub mod counts;
 pub mod doubts;
 pub mod map;
 pub mod observer;
+mod saver;
 pub mod sequencer;
 pub mod sink;
 pub mod source;
+pub mod watchdog;
 
 pub use observer::{Finding, Observation, Observer, Phase, State};
 
 use crate::document::Quantity;
-use checkpoint::{Checkpoint, CheckpointError};
+use checkpoint::{Checkpoint, CheckpointError, Expected};
 use counts::{Counts, Kind};
 use doubts::Doubts;
 use map::Map;
+use saver::Saver;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
-use sink::{Sample, Sink, SinkError};
+use sink::{Sample, Sink, SinkError, SinkLoss};
 use source::{Read, Row, Source, SourceError};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use watchdog::{Bark, Notice, Silences, WatchEvent, Watchdog, WatchdogRules, wall_time};
 
 /// Why watching ended early.
 #[derive(Debug)]
@@ -74,6 +79,10 @@ impl From<CheckpointError> for WatchError {
     }
 }
 
+/// No counter of a checkpoint is larger: every number up to it has its own place in JSON, and a year at 1 MHz is far
+/// below.
+const LARGEST_COUNT: u64 = 1 << 53;
+
 /// What is known between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Progress {
@@ -111,6 +120,11 @@ pub struct Watch<'w> {
     observer: &'w mut dyn Observer,
     sinks: Vec<&'w mut dyn Sink>,
     checkpoints: Option<Checkpoints>,
+    /// Writes checkpoints beside a live source.
+    saver: Option<Saver>,
+    /// Of a live source.
+    watchdog: Option<Watchdog>,
+    barks: Vec<Bark>,
     period_s: f64,
     progress: Progress,
     /// Of what was read since this watch began.
@@ -153,6 +167,9 @@ impl<'w> Watch<'w> {
             observer,
             sinks: vec![],
             checkpoints: None,
+            saver: None,
+            watchdog: None,
+            barks: vec![],
             period_s,
             progress,
             doubts,
@@ -169,9 +186,37 @@ impl<'w> Watch<'w> {
         self.doubts.narrow(ranges);
     }
 
-    /// Writes checkpoints.
+    /// Writes checkpoints. Beside a live source a thread of its own writes them, and a file that cannot be written ends
+    /// nothing.
     pub fn checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.saver = self.source.is_live().then(|| Saver::new(&checkpoints.path));
         self.checkpoints = Some(checkpoints);
+    }
+
+    /// Reports by the wall clock when no data come, and that the watch lives.
+    pub fn watchdog(&mut self, rules: WatchdogRules) {
+        let allowance = |channel: usize| {
+            let has_column = self.map.is_known(channel) && self.map.constant(channel).is_none();
+            let hold = Duration::try_from_secs_f64(self.map.hold_s(channel));
+            has_column.then_some(hold.unwrap_or(Duration::ZERO))
+        };
+        let allowances = (0..self.map.width()).map(allowance).collect();
+        self.watchdog = Some(Watchdog::new(rules, allowances, Instant::now()));
+    }
+
+    /// How often the watchdog reported that no data came.
+    pub fn silences(&self) -> Silences {
+        self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
+    }
+
+    /// What sinks have lost so far, the checkpoint included.
+    pub fn losses(&self) -> Vec<SinkLoss> {
+        self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.saver_loss()).collect()
+    }
+
+    /// The checkpoints that a live watch has not written.
+    pub fn saver_loss(&self) -> Option<SinkLoss> {
+        self.saver.as_ref().map(Saver::loss)
     }
 
     /// Goes on where a checkpoint was written. A file is read up to there, a stream goes on as it
@@ -180,7 +225,8 @@ impl<'w> Watch<'w> {
     /// # Errors
     /// The checkpoint is of another map or cannot be used, or the file is shorter.
     pub fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), WatchError> {
-        self.progress = checkpoint.progress(self.map, self.period_s)?;
+        let (map, period_s, counted) = (self.map, self.period_s, self.source.counted());
+        self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
         self.observer.restore(&checkpoint.observer).map_err(CheckpointError::Observer)?;
         let last = self.progress.place;
         let mut row = Row::default();
@@ -215,11 +261,12 @@ impl<'w> Watch<'w> {
             if !self.row(&mut row)? {
                 break End::Complete;
             }
+            self.look()?;
             let samples = self.progress.counts.samples;
             let due = |every: u64| samples - saved >= every;
             if self.checkpoints.as_ref().is_some_and(|checkpoints| due(checkpoints.every)) {
                 saved = samples;
-                self.save()?;
+                self.save(false)?;
             }
             if self.source.is_live() || samples - shown >= 1000 {
                 shown = samples;
@@ -227,11 +274,12 @@ impl<'w> Watch<'w> {
             }
         };
         // Where it stopped is where it goes on: what waits is not given on before.
-        self.save()?;
+        self.save(true)?;
         if end == End::Complete || self.checkpoints.is_none() {
             self.progress.sequencer.end(&mut self.progress.counts);
             self.drain()?;
         }
+        self.look()?;
         Ok(end)
     }
 
@@ -274,6 +322,15 @@ impl<'w> Watch<'w> {
                 progress.counts.note_with(flaw.kind(), row.place, &flaw);
             }
             Read::Reconnected => progress.counts.note(Kind::Reconnected, progress.place),
+            Read::Dropped(dropped) => {
+                progress.counts.frames += dropped.count;
+                progress.counts.note_many(
+                    dropped.kind,
+                    dropped.place,
+                    dropped.count,
+                    &dropped.detail,
+                );
+            }
             Read::Pause => {
                 progress.sequencer.flush();
                 self.drain()?;
@@ -298,6 +355,9 @@ impl<'w> Watch<'w> {
                 Tick::Sample { time_s, place, values } => (time_s, place, values),
             };
             *time_s = now_s;
+            if let Some(watchdog) = &mut self.watchdog {
+                watchdog.data(values, &mut self.barks);
+            }
             let values = complete(self.map, values, held, ages, self.period_s);
             for (channel, (value, count)) in values.iter().zip(&mut counts.missing).enumerate() {
                 *count += u64::from(value.is_nan() && self.map.is_known(channel));
@@ -319,24 +379,98 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    fn save(&mut self) -> Result<(), WatchError> {
+    /// Looks at the wall clock and at the sinks, and reports what there is to report.
+    fn look(&mut self) -> Result<(), WatchError> {
+        if let Some(watchdog) = &mut self.watchdog {
+            watchdog.look(Instant::now(), &mut self.barks);
+        }
+        for bark in std::mem::take(&mut self.barks) {
+            let (event, lasts) = self.event(bark);
+            self.report(event, lasts)?;
+        }
+        let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
+        let failed: Vec<(String, String)> =
+            of_sinks.chain(self.saver.as_mut().and_then(Saver::failure)).collect();
+        for (sink, reason) in failed {
+            self.report(WatchEvent::SinkFailed { sink, reason }, None)?;
+        }
+        Ok(())
+    }
+
+    /// What the watchdog found as an event, and how long that lasts.
+    fn event(&self, bark: Bark) -> (WatchEvent, Option<Duration>) {
+        let channel = |channel: usize| self.map.id(channel).to_owned();
+        match bark {
+            Bark::Source(lasts) => (WatchEvent::NoData, Some(lasts)),
+            Bark::SourceAgain(lasted) => (WatchEvent::DataAgain, Some(lasted)),
+            Bark::Channel(number, lasts) => {
+                (WatchEvent::ChannelNoData { channel: channel(number) }, Some(lasts))
+            }
+            Bark::ChannelAgain(number, lasted) => {
+                (WatchEvent::ChannelDataAgain { channel: channel(number) }, Some(lasted))
+            }
+            Bark::Beat => {
+                let Counts { frames, samples, .. } = self.progress.counts;
+                (WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)
+            }
+        }
+    }
+
+    /// Gives a notice to all sinks.
+    fn report(&mut self, event: WatchEvent, lasts: Option<Duration>) -> Result<(), WatchError> {
+        let watchdog = self.watchdog.as_ref();
+        let Progress { finding, time_s, .. } = &self.progress;
+        let silent = lasts.or(watchdog.map(Watchdog::silent)).unwrap_or_default();
+        let is_silent = watchdog.is_some_and(Watchdog::is_silent);
+        let notice = Notice {
+            event,
+            wall_time: wall_time(),
+            time_s: time_s.is_finite().then_some(*time_s),
+            silent_s: silent.as_secs_f64(),
+            state: if is_silent { State::NoData } else { finding.state },
+            phase: finding.phase,
+        };
+        for sink in &mut self.sinks {
+            sink.notice(&notice)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a checkpoint; the last one is waited for.
+    fn save(&mut self, is_last: bool) -> Result<(), WatchError> {
         let Some(checkpoints) = &self.checkpoints else { return Ok(()) };
         for sink in &mut self.sinks {
             sink.flush()?;
         }
         let checkpoint =
             Checkpoint::new(&self.progress, self.map, self.period_s, self.observer.save());
-        Ok(checkpoint.write(&checkpoints.path)?)
+        match &mut self.saver {
+            Some(saver) if is_last => saver.finish(checkpoint),
+            Some(saver) => saver.offer(checkpoint),
+            None => checkpoint.write(&checkpoints.path)?,
+        }
+        Ok(())
     }
 }
 
 impl Progress {
-    /// Whether everything in it is of so many inputs and sensors.
-    fn has_width(&self, width: usize) -> bool {
-        self.held.len() == width
-            && self.ages.len() == width
-            && self.counts.has_width(width)
-            && self.sequencer.has_width(width)
+    /// What is wrong with it as the progress of a watch of this map and period, if anything is.
+    fn wrong(&self, expected: &Expected) -> Option<&'static str> {
+        let width = expected.map.width();
+        let counters = [self.place, self.rows, self.changes].into_iter();
+        let is_counter = |count: u64| count <= LARGEST_COUNT;
+        let finding = &self.finding;
+        let is_share = (0.0..=1.0).contains(&finding.confidence);
+        let checks = [
+            (self.held.len() == width && self.ages.len() == width, "the number of held values"),
+            (counters.chain(self.ages.iter().copied()).all(is_counter), "a counter"),
+            (is_share && finding.is_text(), "the finding"),
+            (!self.time_s.is_infinite(), "the time"),
+        ];
+        let wrong = checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what);
+        wrong
+            .or_else(|| self.counts.wrong(width, expected.counted))
+            .or_else(|| self.sequencer.wrong(expected))
     }
 
     /// Counts a row.

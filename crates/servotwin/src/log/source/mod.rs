@@ -10,7 +10,7 @@ mod mcap;
 pub mod mqtt;
 mod stdin;
 mod table;
-mod udp;
+pub mod udp;
 
 use super::counts::Kind;
 use crate::files::FileError;
@@ -67,8 +67,23 @@ pub enum Read {
     Pause,
     /// The connection was lost and made again.
     Reconnected,
+    /// Something was not taken at all.
+    Dropped(Dropped),
     /// Nothing will come.
     End,
+}
+
+/// What a source has not taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dropped {
+    /// Why.
+    pub kind: Kind,
+    /// How many since it was reported last.
+    pub count: u64,
+    /// The first of them.
+    pub place: u64,
+    /// What was there, in words.
+    pub detail: String,
 }
 
 /// Gives row by row.
@@ -101,7 +116,7 @@ pub enum Address {
     /// Lines of standard input.
     Stdin,
     /// Datagrams sent to this address.
-    Udp(SocketAddr),
+    Udp(SocketAddr, udp::Allowed),
     /// Messages of a broker.
     Mqtt(mqtt::Subscription),
 }
@@ -120,7 +135,10 @@ impl Address {
         if let Some(rest) = text.strip_prefix("udp://") {
             use std::net::ToSocketAddrs;
             let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
-            return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
+            return found
+                .next()
+                .map(|to| Address::Udp(to, udp::Allowed::First))
+                .ok_or_else(|| wrong("udp://HOST:PORT"));
         }
         if let Some(rest) = text.strip_prefix("mqtt://") {
             let found = mqtt::Subscription::parse(rest).map(Address::Mqtt);
@@ -133,9 +151,22 @@ impl Address {
         Ok(Address::File(PathBuf::from(text)))
     }
 
+    /// Listens to some senders only; `None` where the source has no senders.
+    pub fn from_senders(self, allowed: udp::Allowed) -> Option<Self> {
+        match self {
+            Address::Udp(address, _) => Some(Address::Udp(address, allowed)),
+            _ => None,
+        }
+    }
+
     /// Whether the source goes on by the clock.
     pub fn is_live(&self) -> bool {
         !matches!(self, Address::File(_))
+    }
+
+    /// Whether whoever writes the source waits until it is read: then nothing has to be dropped.
+    pub fn waits(&self) -> bool {
+        matches!(self, Address::File(_) | Address::Stdin)
     }
 
     /// Opens the source for some columns.
@@ -152,7 +183,9 @@ impl Address {
             }
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
-            Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
+            Address::Udp(address, allowed) => {
+                Box::new(udp::Udp::open(*address, allowed.clone(), wanted)?)
+            }
             Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
         })
     }
@@ -167,7 +200,7 @@ impl Address {
             Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
             Address::File(path) => return lines::columns(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
-            Address::Udp(address) => udp::columns(*address)?,
+            Address::Udp(address, allowed) => udp::columns(*address, allowed)?,
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
         Ok(names.into_iter().map(|name| (name, String::new())).collect())
@@ -179,7 +212,7 @@ impl fmt::Display for Address {
         match self {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
-            Address::Udp(address) => write!(out, "udp://{address}"),
+            Address::Udp(address, _) => write!(out, "udp://{address}"),
             Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }
     }

@@ -1,0 +1,389 @@
+//! Sinks on threads of their own, each behind a bounded queue: no sink delays the diagnosis, and none delays another.
+//!
+//! A sink that cannot keep up with a live source loses its own samples, which are counted. Changes of what the observer
+//! says and notices have the second half of the queue to themselves: a sink has to stand still for long before it loses
+//! one of them. Where the source can wait (a file), the queue is waited for and nothing is lost.
+//!
+//! A sink that fails is counted as failed from then on, and everything it would have got as lost.
+
+use super::mcap::Lost;
+use super::{Sample, Sink, SinkError, SinkLoss};
+use crate::log::observer::{Finding, Observation};
+use crate::log::watchdog::{Notice, WatchEvent};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// The most messages that wait for a sink.
+const WAITING: usize = 1024;
+
+/// The most samples without a change among them.
+const WAITING_SAMPLES: usize = WAITING / 2;
+
+/// How long a socket may take at the end for what waits, and again for the end itself.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// What happens where a sink cannot keep up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delivery {
+    /// The diagnosis waits for the sink; nothing is lost.
+    Wait,
+    /// The sink loses samples; nothing waits.
+    Drop,
+}
+
+/// How a sink is served.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OutletRules {
+    /// The file, socket or stream, for messages.
+    pub name: String,
+    /// What happens where it cannot keep up.
+    pub delivery: Delivery,
+    /// Whether it gets nothing but changes and notices.
+    pub only_changes: bool,
+    /// Whether it is a file that has to be complete at the end: then the end waits for it.
+    pub is_file: bool,
+}
+
+/// A sample that outlives its period.
+#[derive(Debug, Clone)]
+struct OwnedSample {
+    time_s: f64,
+    place: u64,
+    inputs: Vec<f64>,
+    measured: Vec<f64>,
+    twin: Vec<f64>,
+    residuals: Vec<f64>,
+    bands: Vec<f64>,
+    features: Vec<f64>,
+    finding: Finding,
+    changed: bool,
+}
+
+impl OwnedSample {
+    fn new(sample: &Sample) -> Self {
+        let observation = &sample.observation;
+        OwnedSample {
+            time_s: sample.time_s,
+            place: sample.place,
+            inputs: sample.inputs.to_vec(),
+            measured: sample.measured.to_vec(),
+            twin: observation.twin.to_vec(),
+            residuals: observation.residuals.to_vec(),
+            bands: observation.bands.to_vec(),
+            features: observation.features.to_vec(),
+            finding: observation.finding.clone(),
+            changed: sample.changed,
+        }
+    }
+
+    fn borrow(&self) -> Sample<'_> {
+        Sample {
+            time_s: self.time_s,
+            place: self.place,
+            inputs: &self.inputs,
+            measured: &self.measured,
+            observation: Observation {
+                twin: &self.twin,
+                residuals: &self.residuals,
+                bands: &self.bands,
+                features: &self.features,
+                finding: &self.finding,
+            },
+            changed: self.changed,
+        }
+    }
+}
+
+enum Message {
+    Sample(Arc<OwnedSample>),
+    Notice(Arc<Notice>),
+    /// To be answered once everything before was written.
+    Flush(SyncSender<()>),
+}
+
+/// What a sink's thread and the diagnosis both know.
+#[derive(Default)]
+struct Shared {
+    waiting: AtomicUsize,
+    lost: AtomicU64,
+    /// Nobody waits for what is in the queue any more.
+    is_abandoned: AtomicBool,
+    /// The watch ended with an error: what was written is not brought to its end.
+    is_cancelled: AtomicBool,
+    has_failed: AtomicBool,
+    fault: Mutex<Option<Fault>>,
+}
+
+/// Why a sink gets nothing any more.
+enum Fault {
+    Error(SinkError),
+    /// The other end has gone, which is no failure of the watch.
+    Connection(String),
+}
+
+impl Fault {
+    fn words(&self) -> String {
+        match self {
+            Fault::Error(error) => error.to_string(),
+            Fault::Connection(reason) => format!("the connection is lost: {reason}"),
+        }
+    }
+}
+
+impl Shared {
+    fn lose(&self, count: u64) {
+        self.lost.fetch_add(count, Ordering::Relaxed);
+    }
+
+    fn fail(&self, fault: Fault) {
+        let mut kept = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.get_or_insert(fault);
+        self.has_failed.store(true, Ordering::Release);
+    }
+
+    fn with_fault<T>(&self, read: impl FnOnce(&mut Option<Fault>) -> T) -> Option<T> {
+        let has_failed = self.has_failed.load(Ordering::Acquire);
+        has_failed.then(|| read(&mut self.fault.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+}
+
+/// A sink behind its queue.
+struct Outlet {
+    rules: OutletRules,
+    /// `None` once the output has ended.
+    queue: Option<SyncSender<Message>>,
+    shared: Arc<Shared>,
+    /// Ends when the thread does.
+    done: Receiver<()>,
+    is_failure_told: bool,
+}
+
+/// Sinks, each on a thread of its own.
+pub struct Outlets {
+    /// Whether the watch goes on without a sink that failed.
+    goes_on: bool,
+    outlets: Vec<Outlet>,
+}
+
+impl Outlets {
+    /// None so far. A live watch goes on without a sink that failed; a log can be read again, so there it is an error.
+    pub fn new(is_live: bool) -> Self {
+        Outlets { goes_on: is_live, outlets: vec![] }
+    }
+
+    /// Adds a sink and starts its thread.
+    pub fn add(&mut self, rules: OutletRules, sink: Box<dyn Sink + Send>) {
+        let (queue, messages) = sync_channel(WAITING);
+        let (ended, done) = sync_channel(0);
+        let shared = Arc::new(Shared::default());
+        let of_thread = shared.clone();
+        thread::spawn(move || {
+            serve(sink, &messages, &of_thread);
+            drop(ended);
+        });
+        let queue = Some(queue);
+        self.outlets.push(Outlet { rules, queue, shared, done, is_failure_told: false });
+    }
+
+    /// Ends all outputs, and says what each has lost. Files are waited for; a socket has a few seconds.
+    ///
+    /// # Errors
+    /// A sink failed that the watch does not go on without.
+    pub fn finish(&mut self) -> Result<Vec<SinkLoss>, SinkError> {
+        for outlet in &mut self.outlets {
+            outlet.queue = None;
+        }
+        self.outlets.iter().for_each(Outlet::await_end);
+        self.check()?;
+        Ok(self.losses())
+    }
+
+    /// The error of a sink that the watch does not go on without.
+    fn check(&mut self) -> Result<(), SinkError> {
+        if self.goes_on {
+            return Ok(());
+        }
+        let error = |fault: &mut Option<Fault>| match fault.take() {
+            Some(Fault::Error(error)) => Err(error),
+            other => {
+                *fault = other;
+                Ok(())
+            }
+        };
+        self.outlets.iter().try_for_each(|outlet| outlet.shared.with_fault(error).unwrap_or(Ok(())))
+    }
+}
+
+impl Drop for Outlets {
+    /// Without [`Outlets::finish`] nothing is brought to its end: files that appear when they are complete do not appear.
+    fn drop(&mut self) {
+        for outlet in &mut self.outlets {
+            outlet.shared.is_cancelled.store(true, Ordering::Relaxed);
+            if outlet.queue.take().is_some() {
+                // The thread removes what it has begun.
+                let _ = outlet.done.recv_timeout(GRACE);
+            }
+        }
+    }
+}
+
+impl Outlet {
+    /// Gives a message to the sink, or counts it as lost.
+    fn offer(&self, message: Message, is_urgent: bool) {
+        let Some(queue) = &self.queue else { return };
+        let shared = &self.shared;
+        let waiting = shared.waiting.fetch_add(1, Ordering::Relaxed);
+        let limit = if is_urgent { WAITING } else { WAITING_SAMPLES };
+        let is_taken = match self.rules.delivery {
+            Delivery::Wait => queue.send(message).is_ok(),
+            Delivery::Drop => waiting < limit && queue.try_send(message).is_ok(),
+        };
+        if !is_taken {
+            shared.waiting.fetch_sub(1, Ordering::Relaxed);
+            shared.lose(1);
+        }
+    }
+
+    fn await_end(&self) {
+        let has_ended = |patience| {
+            use std::sync::mpsc::RecvTimeoutError::Timeout;
+            self.done.recv_timeout(patience) != Err(Timeout)
+        };
+        if self.rules.is_file || self.rules.delivery == Delivery::Wait {
+            let _ = self.done.recv();
+            return;
+        }
+        if has_ended(GRACE) {
+            return;
+        }
+        self.shared.is_abandoned.store(true, Ordering::Relaxed);
+        if !has_ended(GRACE) {
+            self.shared.lose(self.shared.waiting.load(Ordering::Relaxed) as u64);
+            self.shared.fail(Fault::Connection("it takes nothing at the end".into()));
+        }
+    }
+}
+
+impl Sink for Outlets {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        let wants = |outlet: &&Outlet| sample.changed || !outlet.rules.only_changes;
+        if self.outlets.iter().any(|outlet| wants(&outlet)) {
+            let owned = Arc::new(OwnedSample::new(sample));
+            for outlet in self.outlets.iter().filter(wants) {
+                outlet.offer(Message::Sample(owned.clone()), sample.changed);
+            }
+        }
+        self.check()
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        let shared = Arc::new(notice.clone());
+        let is_urgent = !matches!(notice.event, WatchEvent::Heartbeat { .. });
+        for outlet in &self.outlets {
+            outlet.offer(Message::Notice(shared.clone()), is_urgent);
+        }
+        self.check()
+    }
+
+    /// Waits for the sinks that are waited for.
+    fn flush(&mut self) -> Result<(), SinkError> {
+        for outlet in &self.outlets {
+            if outlet.rules.delivery == Delivery::Wait
+                && let Some(queue) = &outlet.queue
+            {
+                let (answer, answered) = sync_channel(1);
+                outlet.shared.waiting.fetch_add(1, Ordering::Relaxed);
+                if queue.send(Message::Flush(answer)).is_ok() {
+                    let _ = answered.recv();
+                }
+            }
+        }
+        self.check()
+    }
+
+    fn failures(&mut self) -> Vec<(String, String)> {
+        let mut failed = vec![];
+        for outlet in self.outlets.iter_mut().filter(|outlet| !outlet.is_failure_told) {
+            let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
+            if let Some(Some(reason)) = outlet.shared.with_fault(words) {
+                outlet.is_failure_told = true;
+                failed.push((outlet.rules.name.clone(), reason));
+            }
+        }
+        failed
+    }
+
+    fn losses(&self) -> Vec<SinkLoss> {
+        let loss = |outlet: &Outlet| {
+            let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
+            let (sink, is_file) = (outlet.rules.name.clone(), outlet.rules.is_file);
+            let lost = outlet.shared.lost.load(Ordering::Relaxed);
+            SinkLoss { sink, lost, failure: outlet.shared.with_fault(words).flatten(), is_file }
+        };
+        self.outlets.iter().map(loss).collect()
+    }
+}
+
+/// Gives a sink what comes until the queue is closed.
+fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shared) {
+    let mut sink = Some(sink);
+    for message in messages {
+        let is_abandoned = shared.is_abandoned.load(Ordering::Relaxed)
+            || shared.is_cancelled.load(Ordering::Relaxed);
+        let given = match sink.as_mut().filter(|_| !is_abandoned) {
+            Some(sink) => give(&mut **sink, &message),
+            None => {
+                shared.lose(u64::from(!matches!(message, Message::Flush(_))));
+                Given::Taken
+            }
+        };
+        match given {
+            Given::Taken => {}
+            Given::Failed(error) => {
+                sink = None;
+                shared.lose(1);
+                shared.fail(Fault::Error(error));
+            }
+            Given::Lost(lost) => {
+                sink = None;
+                shared.lose(lost.unsent);
+                shared.fail(Fault::Connection(lost.reason));
+            }
+        }
+        shared.waiting.fetch_sub(1, Ordering::Relaxed);
+        if let Message::Flush(answer) = message {
+            let _ = answer.send(());
+        }
+    }
+    match sink.filter(|_| !shared.is_cancelled.load(Ordering::Relaxed)).map(Sink::close) {
+        Some(Err(error)) => shared.fail(Fault::Error(error)),
+        Some(Ok(Some(lost))) => {
+            shared.lose(lost.unsent);
+            shared.fail(Fault::Connection(lost.reason));
+        }
+        Some(Ok(None)) | None => {}
+    }
+}
+
+/// What became of a message.
+enum Given {
+    Taken,
+    Failed(SinkError),
+    Lost(Lost),
+}
+
+fn give(sink: &mut dyn Sink, message: &Message) -> Given {
+    let given = match message {
+        Message::Sample(sample) => sink.sample(&sample.borrow()),
+        Message::Notice(notice) => sink.notice(notice),
+        Message::Flush(_) => sink.flush(),
+    };
+    match (given, sink.lost_connection()) {
+        (Err(error), _) => Given::Failed(error),
+        (Ok(()), Some(lost)) => Given::Lost(lost),
+        (Ok(()), None) => Given::Taken,
+    }
+}
