@@ -188,7 +188,7 @@ impl Finding {
     }
 
     /// Whether its words are short, without control characters.
-    pub(super) fn is_text(&self) -> bool {
+    pub(crate) fn is_text(&self) -> bool {
         let words =
             [&self.command, &self.detail].into_iter().chain(&self.unit).chain(&self.evidence);
         let mut words = words.map(String::as_str);
