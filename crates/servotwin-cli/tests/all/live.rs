@@ -186,7 +186,7 @@ fn a_silent_stream_says_no_data_and_a_second_sender_is_not_mixed_in() {
     watch.feed_until(&mut || own.send(None), is_of_pressure("channel_data_again"));
     let (code, summary) = watch.interrupt();
     assert_eq!(code, 0, "{summary}");
-    assert!(summary["no_data"]["source"].as_u64().unwrap() >= 1, "{summary}");
+    assert!(summary["silences"]["source"].as_u64().unwrap() >= 1, "{summary}");
     let foreign = &summary["met"]["foreign_sender"];
     let expected = other.socket.local_addr().unwrap().to_string();
     assert!(foreign["first"].as_str().unwrap().ends_with(&expected), "{summary}");

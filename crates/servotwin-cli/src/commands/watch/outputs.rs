@@ -281,7 +281,7 @@ impl Totals {
             "missing": missing.collect::<Map<String, Value>>(),
             "unsent": unsent.collect::<Map<String, Value>>(),
             "failed": failed.collect::<Map<String, Value>>(),
-            "no_data": silences,
+            "silences": silences,
         }})
     }
 
