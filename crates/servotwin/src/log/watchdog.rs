@@ -92,9 +92,10 @@ impl Notice {
         let silent_s = self.silent_s;
         Some(match &self.event {
             WatchEvent::NoData => format!("no data: the source is silent for {silent_s:.1} s"),
-            WatchEvent::DataAgain => {
+            WatchEvent::DataAgain if self.state.is_judgement() => {
                 format!("data again after {silent_s:.1} s: {}", self.state.words())
             }
+            WatchEvent::DataAgain => format!("data again after {silent_s:.1} s"),
             WatchEvent::ChannelNoData { channel } => {
                 format!("no data of {channel} for {silent_s:.1} s")
             }
@@ -102,11 +103,17 @@ impl Notice {
                 format!("data of {channel} again after {silent_s:.1} s")
             }
             WatchEvent::SinkFailed { sink, reason } => {
+                let reason = without_name(sink, reason);
                 format!("{sink} failed and gets nothing more ({reason}); the watch goes on")
             }
             WatchEvent::Heartbeat { .. } => return None,
         })
     }
+}
+
+/// Why a sink failed, without its name: what is said of a file begins with it.
+pub fn without_name<'r>(sink: &str, reason: &'r str) -> &'r str {
+    reason.strip_prefix(sink).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(reason)
 }
 
 /// The wall clock, UTC, in milliseconds.

@@ -19,7 +19,7 @@ use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError, SinkLoss};
 use servotwin::log::source::Address;
-use servotwin::log::watchdog::{Notice, Silences, WatchEvent};
+use servotwin::log::watchdog::{Notice, Silences, WatchEvent, without_name};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom};
 use std::path::Path;
@@ -306,7 +306,7 @@ impl Totals {
                 text += &format!("samples not sent to {sink}: {lost}\n");
             }
             if let Some(reason) = failure {
-                text += &format!("{sink} failed: {reason}\n");
+                text += &format!("{sink} failed: {}\n", without_name(sink, reason));
             }
         }
         if counts.met().next().is_some() {
