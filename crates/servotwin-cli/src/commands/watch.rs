@@ -241,9 +241,9 @@ impl Setup<'_> {
         }
         stop::heed();
         let show = outputs.shows_progress(address.is_live());
-        let Outputs { shown, outlets, .. } = &mut outputs;
+        let Outputs { shown, threads, .. } = &mut outputs;
         watch.sink(shown);
-        watch.sink(outlets);
+        watch.sink(threads);
         let end = thread::scope(|scope| {
             // A log is mostly read before a compiler would be done.
             if address.is_live() {
@@ -255,7 +255,7 @@ impl Setup<'_> {
         });
         let end = end?;
         let (counts, silences) = (watch.counts().clone(), watch.silences());
-        let saved = watch.saver_loss();
+        let saved = watch.checkpoint_loss();
         let doubts = watch.doubts().sentences(system, map, period_s, &counts);
         drop(watch);
         if end == End::Complete && counts.samples == 0 {

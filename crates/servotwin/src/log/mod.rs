@@ -11,11 +11,11 @@
 
 mod bits;
 pub mod checkpoint;
+mod checkpoint_writer;
 pub mod counts;
 pub mod doubts;
 pub mod map;
 pub mod observer;
-mod saver;
 pub mod sequencer;
 pub mod sink;
 pub mod source;
@@ -25,10 +25,10 @@ pub use observer::{Finding, Observation, Observer, Phase, State};
 
 use crate::document::Quantity;
 use checkpoint::{Checkpoint, CheckpointError, Expected};
+use checkpoint_writer::CheckpointWriter;
 use counts::{Counts, Kind};
 use doubts::Doubts;
 use map::Map;
-use saver::Saver;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
 use sink::{Sample, Sink, SinkError, SinkLoss};
@@ -36,7 +36,7 @@ use source::{Read, Row, Source, SourceError};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use watchdog::{Bark, Notice, Silences, WatchEvent, Watchdog, WatchdogRules, wall_time};
+use watchdog::{Notice, Silences, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time};
 
 /// Why watching ended early.
 #[derive(Debug)]
@@ -121,10 +121,10 @@ pub struct Watch<'w> {
     sinks: Vec<&'w mut dyn Sink>,
     checkpoints: Option<Checkpoints>,
     /// Writes checkpoints beside a live source.
-    saver: Option<Saver>,
+    checkpoint_writer: Option<CheckpointWriter>,
     /// Of a live source.
     watchdog: Option<Watchdog>,
-    barks: Vec<Bark>,
+    alerts: Vec<WatchdogAlert>,
     period_s: f64,
     progress: Progress,
     /// Of what was read since this watch began.
@@ -167,9 +167,9 @@ impl<'w> Watch<'w> {
             observer,
             sinks: vec![],
             checkpoints: None,
-            saver: None,
+            checkpoint_writer: None,
             watchdog: None,
-            barks: vec![],
+            alerts: vec![],
             period_s,
             progress,
             doubts,
@@ -189,7 +189,8 @@ impl<'w> Watch<'w> {
     /// Writes checkpoints. Beside a live source a thread of its own writes them, and a file that cannot be written ends
     /// nothing.
     pub fn checkpoints(&mut self, checkpoints: Checkpoints) {
-        self.saver = self.source.is_live().then(|| Saver::new(&checkpoints.path));
+        self.checkpoint_writer =
+            self.source.is_live().then(|| CheckpointWriter::new(&checkpoints.path));
         self.checkpoints = Some(checkpoints);
     }
 
@@ -211,12 +212,12 @@ impl<'w> Watch<'w> {
 
     /// What sinks have lost so far, the checkpoint included.
     pub fn losses(&self) -> Vec<SinkLoss> {
-        self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.saver_loss()).collect()
+        self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
     }
 
     /// The checkpoints that a live watch has not written.
-    pub fn saver_loss(&self) -> Option<SinkLoss> {
-        self.saver.as_ref().map(Saver::loss)
+    pub fn checkpoint_loss(&self) -> Option<SinkLoss> {
+        self.checkpoint_writer.as_ref().map(CheckpointWriter::loss)
     }
 
     /// Goes on where a checkpoint was written. A file is read up to there, a stream goes on as it
@@ -261,7 +262,7 @@ impl<'w> Watch<'w> {
             if !self.row(&mut row)? {
                 break End::Complete;
             }
-            self.look()?;
+            self.check_clock_and_sinks()?;
             let samples = self.progress.counts.samples;
             let due = |every: u64| samples - saved >= every;
             if self.checkpoints.as_ref().is_some_and(|checkpoints| due(checkpoints.every)) {
@@ -279,7 +280,7 @@ impl<'w> Watch<'w> {
             self.progress.sequencer.end(&mut self.progress.counts);
             self.drain()?;
         }
-        self.look()?;
+        self.check_clock_and_sinks()?;
         Ok(end)
     }
 
@@ -356,7 +357,7 @@ impl<'w> Watch<'w> {
             };
             *time_s = now_s;
             if let Some(watchdog) = &mut self.watchdog {
-                watchdog.data(values, &mut self.barks);
+                watchdog.note_data(values, &mut self.alerts);
             }
             let values = complete(self.map, values, held, ages, self.period_s);
             for (channel, (value, count)) in values.iter().zip(&mut counts.missing).enumerate() {
@@ -380,17 +381,18 @@ impl<'w> Watch<'w> {
     }
 
     /// Looks at the wall clock and at the sinks, and reports what there is to report.
-    fn look(&mut self) -> Result<(), WatchError> {
+    fn check_clock_and_sinks(&mut self) -> Result<(), WatchError> {
         if let Some(watchdog) = &mut self.watchdog {
-            watchdog.look(Instant::now(), &mut self.barks);
+            watchdog.check(Instant::now(), &mut self.alerts);
         }
-        for bark in std::mem::take(&mut self.barks) {
-            let (event, lasts) = self.event(bark);
+        for alert in std::mem::take(&mut self.alerts) {
+            let (event, lasts) = self.event(alert);
             self.report(event, lasts)?;
         }
         let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
-        let failed: Vec<(String, String)> =
-            of_sinks.chain(self.saver.as_mut().and_then(Saver::failure)).collect();
+        let failed: Vec<(String, String)> = of_sinks
+            .chain(self.checkpoint_writer.as_mut().and_then(CheckpointWriter::failure))
+            .collect();
         for (sink, reason) in failed {
             self.report(WatchEvent::SinkFailed { sink, reason }, None)?;
         }
@@ -398,18 +400,18 @@ impl<'w> Watch<'w> {
     }
 
     /// What the watchdog found as an event, and how long that lasts.
-    fn event(&self, bark: Bark) -> (WatchEvent, Option<Duration>) {
+    fn event(&self, alert: WatchdogAlert) -> (WatchEvent, Option<Duration>) {
         let channel = |channel: usize| self.map.id(channel).to_owned();
-        match bark {
-            Bark::Source(lasts) => (WatchEvent::NoData, Some(lasts)),
-            Bark::SourceAgain(lasted) => (WatchEvent::DataAgain, Some(lasted)),
-            Bark::Channel(number, lasts) => {
+        match alert {
+            WatchdogAlert::Source(lasts) => (WatchEvent::NoData, Some(lasts)),
+            WatchdogAlert::SourceAgain(lasted) => (WatchEvent::DataAgain, Some(lasted)),
+            WatchdogAlert::Channel(number, lasts) => {
                 (WatchEvent::ChannelNoData { channel: channel(number) }, Some(lasts))
             }
-            Bark::ChannelAgain(number, lasted) => {
+            WatchdogAlert::ChannelAgain(number, lasted) => {
                 (WatchEvent::ChannelDataAgain { channel: channel(number) }, Some(lasted))
             }
-            Bark::Beat => {
+            WatchdogAlert::Beat => {
                 let Counts { frames, samples, .. } = self.progress.counts;
                 (WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)
             }
@@ -444,9 +446,9 @@ impl<'w> Watch<'w> {
         }
         let checkpoint =
             Checkpoint::new(&self.progress, self.map, self.period_s, self.observer.save());
-        match &mut self.saver {
-            Some(saver) if is_last => saver.finish(checkpoint),
-            Some(saver) => saver.offer(checkpoint),
+        match &mut self.checkpoint_writer {
+            Some(checkpoint_writer) if is_last => checkpoint_writer.finish(checkpoint),
+            Some(checkpoint_writer) => checkpoint_writer.offer(checkpoint),
             None => checkpoint.write(&checkpoints.path)?,
         }
         Ok(())

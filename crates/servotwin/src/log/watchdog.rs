@@ -4,7 +4,7 @@
 //! [`Notice`]s: nothing of it reaches the twin or the diagnosis.
 //!
 //! Data are periods with a value of a column. A sender that repeats one time for ever sends rows, and no data. Where the
-//! program itself stood still (a laptop that slept), the stream is not blamed: one look counts for [`LONGEST_LOOK`] at
+//! program itself stood still (a laptop that slept), the stream is not blamed: one look counts for [`LONGEST_CHECK`] at
 //! most.
 
 use super::observer::{Phase, State};
@@ -12,8 +12,8 @@ use super::sink::SinkLoss;
 use serde::Serialize;
 use std::time::{Duration, Instant, SystemTime};
 
-/// No look at the clock counts for more: between two looks a source is read for 0.2 s.
-const LONGEST_LOOK: Duration = Duration::from_millis(1000);
+/// No look at the clock counts for more: between two checks a source is read for 0.2 s.
+const LONGEST_CHECK: Duration = Duration::from_millis(1000);
 
 /// When a source counts as silent, and how often the watch says that it lives.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,7 +131,7 @@ struct Silence {
 
 impl Silence {
     /// Time passes without data; whether that is to be reported now.
-    fn passes(&mut self, time: Duration, limit: Duration) -> bool {
+    fn add(&mut self, time: Duration, limit: Duration) -> bool {
         self.lasts += time;
         let is_due = self.lasts >= limit && !self.is_reported;
         self.is_reported |= is_due;
@@ -139,7 +139,7 @@ impl Silence {
     }
 
     /// Data came; how long there were none, if that was reported.
-    fn ends(&mut self) -> Option<Duration> {
+    fn end(&mut self) -> Option<Duration> {
         let Silence { lasts, is_reported } = std::mem::take(self);
         is_reported.then_some(lasts)
     }
@@ -147,7 +147,7 @@ impl Silence {
 
 /// What a watchdog finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Bark {
+pub(super) enum WatchdogAlert {
     /// The source is silent for so long.
     Source(Duration),
     /// The source was silent for so long.
@@ -168,7 +168,7 @@ pub(super) struct Watchdog {
     /// Of each channel how much longer than the source it may be silent; `None` for one without a column.
     allowances: Vec<Option<Duration>>,
     channels: Vec<Silence>,
-    last_look: Instant,
+    last_check: Instant,
     since_beat: Duration,
     /// The silences that were reported: how often, and how long those of the source were that are over.
     pub silences: Silences,
@@ -191,7 +191,7 @@ impl Watchdog {
         let channels = vec![Silence::default(); allowances.len()];
         let (source, since_beat) = (Silence::default(), Duration::ZERO);
         let silences = Silences::default();
-        Watchdog { rules, source, allowances, channels, last_look: now, since_beat, silences }
+        Watchdog { rules, source, allowances, channels, last_check: now, since_beat, silences }
     }
 
     /// Whether the source counts as silent.
@@ -205,47 +205,47 @@ impl Watchdog {
     }
 
     /// A period came; `values` as they came, NaN is missing. Adds what ends to `found`.
-    pub fn data(&mut self, values: &[f64], found: &mut Vec<Bark>) {
+    pub fn note_data(&mut self, values: &[f64], found: &mut Vec<WatchdogAlert>) {
         if values.iter().all(|value| value.is_nan()) {
             return;
         }
-        if let Some(lasted) = self.source.ends() {
+        if let Some(lasted) = self.source.end() {
             self.silences.source_s += lasted.as_secs_f64();
-            found.push(Bark::SourceAgain(lasted));
+            found.push(WatchdogAlert::SourceAgain(lasted));
         }
         for (channel, (silence, value)) in self.channels.iter_mut().zip(values).enumerate() {
             if !value.is_nan()
-                && let Some(lasted) = silence.ends()
+                && let Some(lasted) = silence.end()
             {
-                found.push(Bark::ChannelAgain(channel, lasted));
+                found.push(WatchdogAlert::ChannelAgain(channel, lasted));
             }
         }
     }
 
     /// Looks at the clock. Adds what is due to `found`.
-    pub fn look(&mut self, now: Instant, found: &mut Vec<Bark>) {
-        let passed = now.saturating_duration_since(self.last_look);
-        self.last_look = now;
-        let counted = passed.min(LONGEST_LOOK);
+    pub fn check(&mut self, now: Instant, found: &mut Vec<WatchdogAlert>) {
+        let passed = now.saturating_duration_since(self.last_check);
+        self.last_check = now;
+        let counted = passed.min(LONGEST_CHECK);
         let limit = self.rules.no_data_after;
-        if self.source.passes(counted, limit) {
+        if self.source.add(counted, limit) {
             self.silences.source += 1;
-            found.push(Bark::Source(self.source.lasts));
+            found.push(WatchdogAlert::Source(self.source.lasts));
         }
         // Where nothing comes at all, no column is to blame.
-        if self.source.lasts < limit.min(LONGEST_LOOK) {
+        if self.source.lasts < limit.min(LONGEST_CHECK) {
             for (channel, silence) in self.channels.iter_mut().enumerate() {
                 let Some(allowance) = self.allowances[channel] else { continue };
-                if silence.passes(counted, limit.saturating_add(allowance)) {
+                if silence.add(counted, limit.saturating_add(allowance)) {
                     self.silences.channels += 1;
-                    found.push(Bark::Channel(channel, silence.lasts));
+                    found.push(WatchdogAlert::Channel(channel, silence.lasts));
                 }
             }
         }
         self.since_beat += passed;
         if self.rules.heartbeat.is_some_and(|every| self.since_beat >= every) {
             self.since_beat = Duration::ZERO;
-            found.push(Bark::Beat);
+            found.push(WatchdogAlert::Beat);
         }
     }
 }
@@ -257,18 +257,21 @@ mod tests {
     const NAN: f64 = f64::NAN;
 
     /// Looks every 0.2 s; at each a period with values, or none.
-    fn barks(looks: impl IntoIterator<Item = Option<[f64; 2]>>, heartbeat_s: u64) -> Vec<Bark> {
+    fn alerts(
+        checks: impl IntoIterator<Item = Option<[f64; 2]>>,
+        heartbeat_s: u64,
+    ) -> Vec<WatchdogAlert> {
         let heartbeat = Some(Duration::from_secs(heartbeat_s)).filter(|beat| !beat.is_zero());
         let rules = WatchdogRules { heartbeat, ..WatchdogRules::default() };
         let begin = Instant::now();
         let allowances = vec![Some(Duration::ZERO), Some(Duration::from_secs(1))];
         let mut watchdog = Watchdog::new(rules, allowances, begin);
         let mut found = vec![];
-        for (k, values) in looks.into_iter().enumerate() {
+        for (k, values) in checks.into_iter().enumerate() {
             if let Some(values) = values {
-                watchdog.data(&values, &mut found);
+                watchdog.note_data(&values, &mut found);
             }
-            watchdog.look(begin + Duration::from_millis(200) * (k as u32 + 1), &mut found);
+            watchdog.check(begin + Duration::from_millis(200) * (k as u32 + 1), &mut found);
         }
         found
     }
@@ -280,37 +283,43 @@ mod tests {
     #[test]
     fn a_source_without_data_is_reported_once_and_its_return_too() {
         let whole = Some([1.0, 2.0]);
-        let looks = times(5, whole).chain(times(30, None)).chain(times(5, whole));
+        let checks = times(5, whole).chain(times(30, None)).chain(times(5, whole));
         let second = Duration::from_secs(1);
         assert_eq!(
-            barks(looks, 0),
-            [Bark::Source(2 * second), Bark::SourceAgain(Duration::from_millis(6200))]
+            alerts(checks, 0),
+            [
+                WatchdogAlert::Source(2 * second),
+                WatchdogAlert::SourceAgain(Duration::from_millis(6200))
+            ]
         );
         // A source that never sends anything, and one that sends periods without a value.
-        assert_eq!(barks(times(30, None), 0), [Bark::Source(2 * second)]);
-        assert_eq!(barks(times(30, Some([NAN; 2])), 0), [Bark::Source(2 * second)]);
+        assert_eq!(alerts(times(30, None), 0), [WatchdogAlert::Source(2 * second)]);
+        assert_eq!(alerts(times(30, Some([NAN; 2])), 0), [WatchdogAlert::Source(2 * second)]);
     }
 
     #[test]
     fn a_channel_without_data_is_reported_while_others_go_on() {
         let [whole, first, second] = [[1.0, 2.0], [1.0, NAN], [NAN, 2.0]].map(Some);
-        let looks = times(5, whole).chain(times(20, first)).chain(times(3, whole));
+        let checks = times(5, whole).chain(times(20, first)).chain(times(3, whole));
         // What may stand for a second is missed a second later.
-        let found = barks(looks, 0);
-        let [Bark::Channel(1, after), Bark::ChannelAgain(1, _)] = found[..] else {
+        let found = alerts(checks, 0);
+        let [WatchdogAlert::Channel(1, after), WatchdogAlert::ChannelAgain(1, _)] = found[..]
+        else {
             panic!("{found:?}");
         };
         assert_eq!(after, Duration::from_secs(3));
-        let found = barks(times(5, whole).chain(times(11, second)), 0);
-        assert_eq!(found, [Bark::Channel(0, Duration::from_secs(2))]);
+        let found = alerts(times(5, whole).chain(times(11, second)), 0);
+        assert_eq!(found, [WatchdogAlert::Channel(0, Duration::from_secs(2))]);
     }
 
     #[test]
     fn heartbeats_come_with_data_and_without() {
-        let count = |found: Vec<Bark>| found.iter().filter(|bark| **bark == Bark::Beat).count();
-        assert_eq!(count(barks(times(100, Some([1.0; 2])), 5)), 4);
-        assert_eq!(count(barks(times(100, None), 5)), 4);
-        assert_eq!(count(barks(times(100, None), 0)), 0);
+        let count = |found: Vec<WatchdogAlert>| {
+            found.iter().filter(|alert| **alert == WatchdogAlert::Beat).count()
+        };
+        assert_eq!(count(alerts(times(100, Some([1.0; 2])), 5)), 4);
+        assert_eq!(count(alerts(times(100, None), 5)), 4);
+        assert_eq!(count(alerts(times(100, None), 0)), 0);
     }
 
     #[test]
@@ -318,8 +327,8 @@ mod tests {
         let begin = Instant::now();
         let mut watchdog = Watchdog::new(WatchdogRules::default(), vec![], begin);
         let mut found = vec![];
-        watchdog.look(begin + Duration::from_secs(3600), &mut found);
-        assert_eq!(found, [Bark::Beat]);
+        watchdog.check(begin + Duration::from_secs(3600), &mut found);
+        assert_eq!(found, [WatchdogAlert::Beat]);
         assert!(!watchdog.is_silent());
     }
 

@@ -8,8 +8,8 @@ use servotwin::log::map::{Map, guess};
 use servotwin::log::sequencer::{Rules, Sequencer, Stamped, Tick};
 use servotwin::log::sink::events::Events;
 use servotwin::log::sink::mcap::Mcap;
-use servotwin::log::sink::outlet::{Delivery, OutletRules, Outlets};
 use servotwin::log::sink::strip::Strip;
+use servotwin::log::sink::threads::{Delivery, SinkRules, SinkThreads};
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::{Address, Read, Row, Source, SourceError};
@@ -1145,8 +1145,12 @@ fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
     let said = Arc::new(Mutex::new(vec![]));
     let mut source = Quiet { left: vec![50, 50, 50], rows: 0, said: said.clone() };
     let (mut fake, mut kept, mut heard) = (Fake::default(), Kept::default(), Heard(said.clone()));
+    let (mut strip, scene) = (Strip::default(), Scene::new("a stream", &system, vec![], 0.01));
+    let mut timeline = Timeline::new(scene);
     let mut watch = Watch::new(&mut source, &map, &mut fake, 0.01);
     watch.sink(&mut kept);
+    watch.sink(&mut strip);
+    watch.sink(&mut timeline);
     watch.sink(&mut heard);
     watch.watchdog(WatchdogRules {
         no_data_after: Duration::from_millis(30),
@@ -1154,6 +1158,11 @@ fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
     });
     watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
     assert!(watch.silences().source >= 3);
+    let counts = watch.counts().clone();
+    drop(watch);
+    for text in [strip.text(), timeline.html(&counts)] {
+        assert!(text.contains("no data: the source is silent for 0."), "{text}");
+    }
     // The wall clock has no part in what is given on.
     let times: Vec<f64> = kept.0.iter().map(|(time_s, ..)| *time_s).collect();
     assert_eq!(times.len(), 150);
@@ -1191,8 +1200,8 @@ impl Sink for Full {
     }
 }
 
-fn rules(name: &str, delivery: Delivery) -> OutletRules {
-    OutletRules { name: name.into(), delivery, only_changes: false, is_file: true }
+fn rules(name: &str, delivery: Delivery) -> SinkRules {
+    SinkRules { name: name.into(), delivery, only_changes: false, is_file: true }
 }
 
 /// Gives samples, every hundredth a change, and says whether one of them failed.
@@ -1218,15 +1227,15 @@ fn a_sink_that_stands_still_delays_nobody_and_loses_its_own_samples_first() {
     let (got, slow_got) = channel();
     let (permit_all, all_permits) = channel();
     let (other_got, others) = channel();
-    let mut outlets = Outlets::new(true);
-    outlets.add(rules("slow", Delivery::Drop), Box::new(Slow { permits, got }));
+    let mut threads = SinkThreads::new(true);
+    threads.add(rules("slow", Delivery::Drop), Box::new(Slow { permits, got }));
     let other = Slow { permits: all_permits, got: other_got };
-    outlets.add(rules("other", Delivery::Wait), Box::new(other));
+    threads.add(rules("other", Delivery::Wait), Box::new(other));
     drop(permit_all);
     // Nobody permits the slow one anything: this would stand still if it were waited for.
-    give_all(&mut outlets, 20_000).unwrap();
+    give_all(&mut threads, 20_000).unwrap();
     drop(permit);
-    let losses = outlets.finish().unwrap();
+    let losses = threads.finish().unwrap();
     let found: Vec<(f64, bool)> = slow_got.iter().collect();
     assert_eq!(others.iter().count(), 20_000, "the other has lost none");
     assert_eq!((losses[1].lost, &losses[1].failure), (0, &None));
@@ -1241,26 +1250,26 @@ fn a_sink_that_fails_is_reported_once_and_the_others_go_on() {
     let (got, others) = channel();
     let (permit, permits) = channel();
     drop(permit);
-    let mut outlets = Outlets::new(true);
-    outlets.add(rules("full", Delivery::Drop), Box::new(Full));
-    outlets.add(rules("other", Delivery::Wait), Box::new(Slow { permits, got }));
+    let mut threads = SinkThreads::new(true);
+    threads.add(rules("full", Delivery::Drop), Box::new(Full));
+    threads.add(rules("other", Delivery::Wait), Box::new(Slow { permits, got }));
     let mut failures = vec![];
     while failures.is_empty() {
-        give_all(&mut outlets, 100).unwrap();
-        failures = outlets.failures();
+        give_all(&mut threads, 100).unwrap();
+        failures = threads.failures();
     }
     assert_eq!(failures.len(), 1);
     assert_eq!(failures[0].0, "full");
-    give_all(&mut outlets, 100).unwrap();
-    assert_eq!(outlets.failures(), []);
-    let losses = outlets.finish().unwrap();
+    give_all(&mut threads, 100).unwrap();
+    assert_eq!(threads.failures(), []);
+    let losses = threads.finish().unwrap();
     assert_eq!(losses[0].lost as usize, others.iter().count(), "all of them, the first included");
     assert!(losses[0].failure.is_some() && losses[1].failure.is_none());
     // A log can be read again: there it is an error.
-    let mut outlets = Outlets::new(false);
-    outlets.add(rules("full", Delivery::Wait), Box::new(Full));
-    let given = give_all(&mut outlets, 100);
-    assert!(given.is_err() || outlets.finish().is_err());
+    let mut threads = SinkThreads::new(false);
+    threads.add(rules("full", Delivery::Wait), Box::new(Full));
+    let given = give_all(&mut threads, 100);
+    assert!(given.is_err() || threads.finish().is_err());
 }
 
 #[test]
@@ -1294,9 +1303,9 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
         of("/watch").into_iter().map(|(_, value)| value["event"].clone()).collect();
     assert_eq!(events, ["no_data", "data_again"]);
     // A watch that ends with an error leaves no file that looks complete.
-    let mut outlets = Outlets::new(false);
+    let mut threads = SinkThreads::new(false);
     let mcap = Mcap::open(&unfinished, &scene).unwrap();
-    outlets.add(rules("b", Delivery::Wait), Box::new(mcap));
-    drop(outlets);
+    threads.add(rules("b", Delivery::Wait), Box::new(mcap));
+    drop(threads);
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);
 }

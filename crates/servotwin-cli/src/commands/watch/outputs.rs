@@ -14,8 +14,8 @@ use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::Counts;
 use servotwin::log::sink::events::{Events, is_change};
 use servotwin::log::sink::mcap::Mcap;
-use servotwin::log::sink::outlet::{Delivery, OutletRules, Outlets};
 use servotwin::log::sink::strip::Strip;
+use servotwin::log::sink::threads::{Delivery, SinkRules, SinkThreads};
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError, SinkLoss};
 use servotwin::log::source::Address;
@@ -29,7 +29,7 @@ pub struct Outputs {
     /// What is kept in memory.
     pub shown: Shown,
     /// What is written as it comes.
-    pub outlets: Outlets,
+    pub threads: SinkThreads,
     bar: ProgressBar,
 }
 
@@ -43,35 +43,35 @@ impl Outputs {
         global: Global,
     ) -> Result<Self, Failure> {
         let (is_live, bar) = (address.is_live(), bar(global));
-        let mut outlets = Outlets::new(is_live);
+        let mut threads = SinkThreads::new(is_live);
         // The writer of standard input waits for us, as a file does; a listener at a socket must not make it wait.
-        let of_files = if address.waits() { Delivery::Wait } else { Delivery::Drop };
-        let of_sockets = if is_live { Delivery::Drop } else { Delivery::Wait };
-        let rules = |name: &str, delivery, only_changes, is_file| OutletRules {
+        let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
+        let socket_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
+        let rules = |name: &str, delivery, only_changes, is_file| SinkRules {
             name: name.into(),
             delivery,
             only_changes,
             is_file,
         };
         let terminal = Terminal { bar: bar.clone(), is_live, global };
-        outlets.add(rules("terminal", of_sockets, false, false), Box::new(terminal));
+        threads.add(rules("terminal", socket_delivery, false, false), Box::new(terminal));
         for target in &options.mcap {
             let (name, is_socket) = (target.to_string_lossy(), is_socket(target));
-            let delivery = if is_socket { of_sockets } else { of_files };
+            let delivery = if is_socket { socket_delivery } else { file_delivery };
             let mcap = Box::new(Mcap::open(target, &scene)?);
-            outlets.add(rules(&name, delivery, false, !is_socket), mcap);
+            threads.add(rules(&name, delivery, false, !is_socket), mcap);
         }
         if let Some(path) = &options.events {
             let events = Box::new(Events::to_file(events_file(path, resumed)?, path));
-            outlets.add(rules(&path.to_string_lossy(), of_files, true, true), events);
+            threads.add(rules(&path.to_string_lossy(), file_delivery, true, true), events);
         }
         if global.json {
             let lines = Box::new(Events::new(io::stdout()));
-            outlets.add(rules("standard output", of_files, true, false), lines);
+            threads.add(rules("standard output", file_delivery, true, false), lines);
         }
         let timeline = options.html.is_some().then(|| Timeline::new(scene));
         let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![] };
-        Ok(Outputs { shown, outlets, bar })
+        Ok(Outputs { shown, threads, bar })
     }
 
     /// What shows how far a log is read. Of a live source the terminal's thread shows it.
@@ -96,7 +96,7 @@ impl Outputs {
         saved: Option<SinkLoss>,
         is_live: bool,
     ) -> Result<(Totals, Shown), Failure> {
-        let mut losses = self.outlets.finish()?;
+        let mut losses = self.threads.finish()?;
         self.bar.finish_and_clear();
         losses.extend(saved);
         if let (Some(path), Some(timeline)) = (&options.html, &self.shown.timeline) {
@@ -174,13 +174,13 @@ impl Sink for Terminal {
     }
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
-        let time_s = notice.time_s.unwrap_or(f64::NAN);
+        let time_s = notice.time_s.unwrap_or(0.0);
         let Some(words) = notice.words() else { return Ok(()) };
         let is_over =
             matches!(notice.event, WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. });
         let text = match notice.time_s {
-            Some(time_s) => format!("after {time_s:.2} s: {words}"),
-            None => words,
+            Some(time_s) => format!("{}: after {time_s:.2} s: {words}", notice.wall_time),
+            None => format!("{}: {words}", notice.wall_time),
         };
         self.bar.suspend(|| match is_over {
             true => note(self.global, &text),

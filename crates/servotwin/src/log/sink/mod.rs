@@ -2,8 +2,8 @@
 
 pub mod events;
 pub mod mcap;
-pub mod outlet;
 pub mod strip;
+pub mod threads;
 pub mod timeline;
 
 use super::observer::Observation;

@@ -85,7 +85,7 @@ impl Sink for Strip {
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let words = notice.words().filter(|_| self.notices.len() < CHANGES);
-        self.notices.extend(words.map(|words| (notice.time_s.unwrap_or(f64::NAN), words)));
+        self.notices.extend(words.map(|words| (notice.time_s.unwrap_or(0.0), words)));
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
 /// A thread that writes one checkpoint after the other to the same file. The first that cannot be written is the last.
-pub(super) struct Saver {
+pub(super) struct CheckpointWriter {
     path: PathBuf,
     /// `None` once the last one was given.
     queue: Option<SyncSender<Checkpoint>>,
@@ -19,14 +19,14 @@ pub(super) struct Saver {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Saver {
+impl CheckpointWriter {
     /// Starts the thread.
     pub fn new(path: &Path) -> Self {
         let (queue, checkpoints) = sync_channel(1);
         let failure = Arc::new(Mutex::new(None));
-        let (target, of_thread) = (path.to_owned(), failure.clone());
-        let thread = thread::spawn(move || write_all(&target, &checkpoints, &of_thread));
-        Saver {
+        let (target, thread_shared) = (path.to_owned(), failure.clone());
+        let thread = thread::spawn(move || write_all(&target, &checkpoints, &thread_shared));
+        CheckpointWriter {
             path: path.into(),
             queue: Some(queue),
             failure,

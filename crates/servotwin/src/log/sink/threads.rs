@@ -36,7 +36,7 @@ pub enum Delivery {
 
 /// How a sink is served.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct OutletRules {
+pub struct SinkRules {
     /// The file, socket or stream, for messages.
     pub name: String,
     /// What happens where it cannot keep up.
@@ -151,8 +151,8 @@ impl Shared {
 }
 
 /// A sink behind its queue.
-struct Outlet {
-    rules: OutletRules,
+struct SinkThread {
+    rules: SinkRules,
     /// `None` once the output has ended.
     queue: Option<SyncSender<Message>>,
     shared: Arc<Shared>,
@@ -162,30 +162,30 @@ struct Outlet {
 }
 
 /// Sinks, each on a thread of its own.
-pub struct Outlets {
+pub struct SinkThreads {
     /// Whether the watch goes on without a sink that failed.
     goes_on: bool,
-    outlets: Vec<Outlet>,
+    threads: Vec<SinkThread>,
 }
 
-impl Outlets {
+impl SinkThreads {
     /// None so far. A live watch goes on without a sink that failed; a log can be read again, so there it is an error.
     pub fn new(is_live: bool) -> Self {
-        Outlets { goes_on: is_live, outlets: vec![] }
+        SinkThreads { goes_on: is_live, threads: vec![] }
     }
 
     /// Adds a sink and starts its thread.
-    pub fn add(&mut self, rules: OutletRules, sink: Box<dyn Sink + Send>) {
+    pub fn add(&mut self, rules: SinkRules, sink: Box<dyn Sink + Send>) {
         let (queue, messages) = sync_channel(WAITING);
         let (ended, done) = sync_channel(0);
         let shared = Arc::new(Shared::default());
-        let of_thread = shared.clone();
+        let thread_shared = shared.clone();
         thread::spawn(move || {
-            serve(sink, &messages, &of_thread);
+            serve(sink, &messages, &thread_shared);
             drop(ended);
         });
         let queue = Some(queue);
-        self.outlets.push(Outlet { rules, queue, shared, done, is_failure_told: false });
+        self.threads.push(SinkThread { rules, queue, shared, done, is_failure_told: false });
     }
 
     /// Ends all outputs, and says what each has lost. Files are waited for; a socket has a few seconds.
@@ -193,10 +193,10 @@ impl Outlets {
     /// # Errors
     /// A sink failed that the watch does not go on without.
     pub fn finish(&mut self) -> Result<Vec<SinkLoss>, SinkError> {
-        for outlet in &mut self.outlets {
-            outlet.queue = None;
+        for thread in &mut self.threads {
+            thread.queue = None;
         }
-        self.outlets.iter().for_each(Outlet::await_end);
+        self.threads.iter().for_each(SinkThread::await_end);
         self.check()?;
         Ok(self.losses())
     }
@@ -213,24 +213,24 @@ impl Outlets {
                 Ok(())
             }
         };
-        self.outlets.iter().try_for_each(|outlet| outlet.shared.with_fault(error).unwrap_or(Ok(())))
+        self.threads.iter().try_for_each(|thread| thread.shared.with_fault(error).unwrap_or(Ok(())))
     }
 }
 
-impl Drop for Outlets {
-    /// Without [`Outlets::finish`] nothing is brought to its end: files that appear when they are complete do not appear.
+impl Drop for SinkThreads {
+    /// Without [`SinkThreads::finish`] nothing is brought to its end: files that appear when they are complete do not appear.
     fn drop(&mut self) {
-        for outlet in &mut self.outlets {
-            outlet.shared.is_cancelled.store(true, Ordering::Relaxed);
-            if outlet.queue.take().is_some() {
+        for thread in &mut self.threads {
+            thread.shared.is_cancelled.store(true, Ordering::Relaxed);
+            if thread.queue.take().is_some() {
                 // The thread removes what it has begun.
-                let _ = outlet.done.recv_timeout(GRACE);
+                let _ = thread.done.recv_timeout(GRACE);
             }
         }
     }
 }
 
-impl Outlet {
+impl SinkThread {
     /// Gives a message to the sink, or counts it as lost.
     fn offer(&self, message: Message, is_urgent: bool) {
         let Some(queue) = &self.queue else { return };
@@ -267,13 +267,13 @@ impl Outlet {
     }
 }
 
-impl Sink for Outlets {
+impl Sink for SinkThreads {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        let wants = |outlet: &&Outlet| sample.changed || !outlet.rules.only_changes;
-        if self.outlets.iter().any(|outlet| wants(&outlet)) {
+        let wants = |thread: &&SinkThread| sample.changed || !thread.rules.only_changes;
+        if self.threads.iter().any(|thread| wants(&thread)) {
             let owned = Arc::new(OwnedSample::new(sample));
-            for outlet in self.outlets.iter().filter(wants) {
-                outlet.offer(Message::Sample(owned.clone()), sample.changed);
+            for thread in self.threads.iter().filter(wants) {
+                thread.offer(Message::Sample(owned.clone()), sample.changed);
             }
         }
         self.check()
@@ -282,20 +282,20 @@ impl Sink for Outlets {
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let shared = Arc::new(notice.clone());
         let is_urgent = !matches!(notice.event, WatchEvent::Heartbeat { .. });
-        for outlet in &self.outlets {
-            outlet.offer(Message::Notice(shared.clone()), is_urgent);
+        for thread in &self.threads {
+            thread.offer(Message::Notice(shared.clone()), is_urgent);
         }
         self.check()
     }
 
     /// Waits for the sinks that are waited for.
     fn flush(&mut self) -> Result<(), SinkError> {
-        for outlet in &self.outlets {
-            if outlet.rules.delivery == Delivery::Wait
-                && let Some(queue) = &outlet.queue
+        for thread in &self.threads {
+            if thread.rules.delivery == Delivery::Wait
+                && let Some(queue) = &thread.queue
             {
                 let (answer, answered) = sync_channel(1);
-                outlet.shared.waiting.fetch_add(1, Ordering::Relaxed);
+                thread.shared.waiting.fetch_add(1, Ordering::Relaxed);
                 if queue.send(Message::Flush(answer)).is_ok() {
                     let _ = answered.recv();
                 }
@@ -306,24 +306,24 @@ impl Sink for Outlets {
 
     fn failures(&mut self) -> Vec<(String, String)> {
         let mut failed = vec![];
-        for outlet in self.outlets.iter_mut().filter(|outlet| !outlet.is_failure_told) {
+        for thread in self.threads.iter_mut().filter(|thread| !thread.is_failure_told) {
             let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
-            if let Some(Some(reason)) = outlet.shared.with_fault(words) {
-                outlet.is_failure_told = true;
-                failed.push((outlet.rules.name.clone(), reason));
+            if let Some(Some(reason)) = thread.shared.with_fault(words) {
+                thread.is_failure_told = true;
+                failed.push((thread.rules.name.clone(), reason));
             }
         }
         failed
     }
 
     fn losses(&self) -> Vec<SinkLoss> {
-        let loss = |outlet: &Outlet| {
+        let loss = |thread: &SinkThread| {
             let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
-            let (sink, is_file) = (outlet.rules.name.clone(), outlet.rules.is_file);
-            let lost = outlet.shared.lost.load(Ordering::Relaxed);
-            SinkLoss { sink, lost, failure: outlet.shared.with_fault(words).flatten(), is_file }
+            let (sink, is_file) = (thread.rules.name.clone(), thread.rules.is_file);
+            let lost = thread.shared.lost.load(Ordering::Relaxed);
+            SinkLoss { sink, lost, failure: thread.shared.with_fault(words).flatten(), is_file }
         };
-        self.outlets.iter().map(loss).collect()
+        self.threads.iter().map(loss).collect()
     }
 }
 
@@ -337,17 +337,17 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
             Some(sink) => give(&mut **sink, &message),
             None => {
                 shared.lose(u64::from(!matches!(message, Message::Flush(_))));
-                Given::Taken
+                Delivered::Taken
             }
         };
         match given {
-            Given::Taken => {}
-            Given::Failed(error) => {
+            Delivered::Taken => {}
+            Delivered::Failed(error) => {
                 sink = None;
                 shared.lose(1);
                 shared.fail(Fault::Error(error));
             }
-            Given::Lost(lost) => {
+            Delivered::Lost(lost) => {
                 sink = None;
                 shared.lose(lost.unsent);
                 shared.fail(Fault::Connection(lost.reason));
@@ -369,21 +369,21 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
 }
 
 /// What became of a message.
-enum Given {
+enum Delivered {
     Taken,
     Failed(SinkError),
     Lost(Lost),
 }
 
-fn give(sink: &mut dyn Sink, message: &Message) -> Given {
+fn give(sink: &mut dyn Sink, message: &Message) -> Delivered {
     let given = match message {
         Message::Sample(sample) => sink.sample(&sample.borrow()),
         Message::Notice(notice) => sink.notice(notice),
         Message::Flush(_) => sink.flush(),
     };
     match (given, sink.lost_connection()) {
-        (Err(error), _) => Given::Failed(error),
-        (Ok(()), Some(lost)) => Given::Lost(lost),
-        (Ok(()), None) => Given::Taken,
+        (Err(error), _) => Delivered::Failed(error),
+        (Ok(()), Some(lost)) => Delivered::Lost(lost),
+        (Ok(()), None) => Delivered::Taken,
     }
 }
