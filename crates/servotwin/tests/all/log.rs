@@ -9,7 +9,7 @@ use servotwin::log::sequencer::{Rules, Sequencer, Stamped, Tick};
 use servotwin::log::sink::events::Events;
 use servotwin::log::sink::mcap::Mcap;
 use servotwin::log::sink::strip::Strip;
-use servotwin::log::sink::threads::{Delivery, SinkRules, SinkThreads};
+use servotwin::log::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
 use servotwin::log::source::{Address, Read, Row, Source, SourceError};
@@ -1201,7 +1201,7 @@ impl Sink for Full {
 }
 
 fn rules(name: &str, delivery: Delivery) -> SinkRules {
-    SinkRules { name: name.into(), delivery, only_changes: false, is_file: true }
+    SinkRules { name: name.into(), delivery, only_changes: false, kind: SinkKind::File }
 }
 
 /// Gives samples, every hundredth a change, and says whether one of them failed.

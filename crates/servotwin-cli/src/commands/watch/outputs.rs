@@ -15,7 +15,7 @@ use servotwin::log::counts::Counts;
 use servotwin::log::sink::events::{Events, is_change};
 use servotwin::log::sink::mcap::Mcap;
 use servotwin::log::sink::strip::Strip;
-use servotwin::log::sink::threads::{Delivery, SinkRules, SinkThreads};
+use servotwin::log::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError, SinkLoss};
 use servotwin::log::source::Address;
@@ -47,27 +47,32 @@ impl Outputs {
         // The writer of standard input waits for us, as a file does; a listener at a socket must not make it wait.
         let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
         let socket_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
-        let rules = |name: &str, delivery, only_changes, is_file| SinkRules {
+        let rules = |name: &str, delivery, only_changes, kind| SinkRules {
             name: name.into(),
             delivery,
             only_changes,
-            is_file,
+            kind,
         };
         let terminal = Terminal { bar: bar.clone(), is_live, global };
-        threads.add(rules("terminal", socket_delivery, false, false), Box::new(terminal));
+        threads
+            .add(rules("terminal", socket_delivery, false, SinkKind::Terminal), Box::new(terminal));
         for target in &options.mcap {
             let (name, is_socket) = (target.to_string_lossy(), is_socket(target));
-            let delivery = if is_socket { socket_delivery } else { file_delivery };
+            let (delivery, kind) = match is_socket {
+                true => (socket_delivery, SinkKind::Stream),
+                false => (file_delivery, SinkKind::File),
+            };
             let mcap = Box::new(Mcap::open(target, &scene)?);
-            threads.add(rules(&name, delivery, false, !is_socket), mcap);
+            threads.add(rules(&name, delivery, false, kind), mcap);
         }
         if let Some(path) = &options.events {
             let events = Box::new(Events::to_file(events_file(path, resumed)?, path));
-            threads.add(rules(&path.to_string_lossy(), file_delivery, true, true), events);
+            threads
+                .add(rules(&path.to_string_lossy(), file_delivery, true, SinkKind::File), events);
         }
         if global.json {
             let lines = Box::new(Events::new(io::stdout()));
-            threads.add(rules("standard output", file_delivery, true, false), lines);
+            threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
         }
         let timeline = options.html.is_some().then(|| Timeline::new(scene));
         let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![] };
@@ -255,11 +260,6 @@ impl Totals {
         lost.filter_map(|loss| loss.failure.clone()).collect()
     }
 
-    /// What was lost, of what people and programs can do something about.
-    fn lost(&self) -> impl Iterator<Item = &SinkLoss> {
-        self.losses.iter().filter(|loss| loss.sink != "terminal")
-    }
-
     /// For programs: the last line behind the events.
     pub fn json(&self, signals: &[&str]) -> Value {
         let Totals { counts, silences, .. } = self;
@@ -269,9 +269,10 @@ impl Totals {
         });
         let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
         let missing = missing.map(|(id, count)| (id.to_string(), json!(count)));
-        let unsent = self.lost().filter(|loss| loss.lost > 0);
+        let unsent = self.losses.iter().filter(|loss| loss.lost > 0);
         let unsent = unsent.map(|loss| (loss.sink.clone(), json!(loss.lost)));
-        let failed = self.lost().filter_map(|loss| Some((&loss.sink, loss.failure.as_ref()?)));
+        let failed =
+            self.losses.iter().filter_map(|loss| Some((&loss.sink, loss.failure.as_ref()?)));
         let failed = failed.map(|(sink, reason)| (sink.clone(), json!(reason)));
         json!({ "summary": {
             "frames": counts.frames,
@@ -301,7 +302,7 @@ impl Totals {
             let Silences { source, source_s, .. } = silences;
             text += &format!("no data from the source: {source} times, {source_s:.1} s in all\n");
         }
-        for SinkLoss { sink, lost, failure, .. } in self.lost() {
+        for SinkLoss { sink, lost, failure, .. } in &self.losses {
             if *lost > 0 {
                 text += &format!("samples not sent to {sink}: {lost}\n");
             }

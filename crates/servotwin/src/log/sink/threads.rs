@@ -11,7 +11,7 @@ use super::{Sample, Sink, SinkError, SinkLoss};
 use crate::log::observer::{Finding, Observation};
 use crate::log::watchdog::{Notice, WatchEvent};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
@@ -43,8 +43,19 @@ pub struct SinkRules {
     pub delivery: Delivery,
     /// Whether it gets nothing but changes and notices.
     pub only_changes: bool,
-    /// Whether it is a file that has to be complete at the end: then the end waits for it.
-    pub is_file: bool,
+    /// What it is.
+    pub kind: SinkKind,
+}
+
+/// What a sink is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SinkKind {
+    /// A file that has to be complete at the end, which waits for it.
+    File,
+    /// A socket or standard output.
+    Stream,
+    /// A terminal, which shows what is kept elsewhere: what it loses is not counted.
+    Terminal,
 }
 
 /// A sample that outlives its period.
@@ -122,6 +133,8 @@ enum Fault {
     Error(SinkError),
     /// The other end has gone, which is no failure of the watch.
     Connection(String),
+    /// Its thread has ended before its time.
+    Thread,
 }
 
 impl Fault {
@@ -129,6 +142,7 @@ impl Fault {
         match self {
             Fault::Error(error) => error.to_string(),
             Fault::Connection(reason) => format!("the connection is lost: {reason}"),
+            Fault::Thread => "its thread has ended".into(),
         }
     }
 }
@@ -237,13 +251,19 @@ impl SinkThread {
         let shared = &self.shared;
         let waiting = shared.waiting.fetch_add(1, Ordering::Relaxed);
         let limit = if is_urgent { WAITING } else { WAITING_SAMPLES };
-        let is_taken = match self.rules.delivery {
-            Delivery::Wait => queue.send(message).is_ok(),
-            Delivery::Drop => waiting < limit && queue.try_send(message).is_ok(),
+        let sent = match self.rules.delivery {
+            Delivery::Wait => {
+                queue.send(message).map_err(|error| TrySendError::Disconnected(error.0))
+            }
+            Delivery::Drop if waiting >= limit => Err(TrySendError::Full(message)),
+            Delivery::Drop => queue.try_send(message),
         };
-        if !is_taken {
+        if let Err(error) = sent {
             shared.waiting.fetch_sub(1, Ordering::Relaxed);
             shared.lose(1);
+            if let TrySendError::Disconnected(_) = error {
+                shared.fail(Fault::Thread);
+            }
         }
     }
 
@@ -252,7 +272,7 @@ impl SinkThread {
             use std::sync::mpsc::RecvTimeoutError::Timeout;
             self.done.recv_timeout(patience) != Err(Timeout)
         };
-        if self.rules.is_file || self.rules.delivery == Delivery::Wait {
+        if self.rules.kind == SinkKind::File || self.rules.delivery == Delivery::Wait {
             let _ = self.done.recv();
             return;
         }
@@ -319,11 +339,12 @@ impl Sink for SinkThreads {
     fn losses(&self) -> Vec<SinkLoss> {
         let loss = |thread: &SinkThread| {
             let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
-            let (sink, is_file) = (thread.rules.name.clone(), thread.rules.is_file);
+            let (sink, is_file) = (thread.rules.name.clone(), thread.rules.kind == SinkKind::File);
             let lost = thread.shared.lost.load(Ordering::Relaxed);
             SinkLoss { sink, lost, failure: thread.shared.with_fault(words).flatten(), is_file }
         };
-        self.threads.iter().map(loss).collect()
+        let counted = |thread: &&SinkThread| thread.rules.kind != SinkKind::Terminal;
+        self.threads.iter().filter(counted).map(loss).collect()
     }
 }
 
