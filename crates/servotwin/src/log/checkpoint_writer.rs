@@ -11,7 +11,7 @@ use std::thread::{self, JoinHandle};
 pub(super) struct CheckpointWriter {
     path: PathBuf,
     /// `None` once the last one was given.
-    queue: Option<SyncSender<Checkpoint>>,
+    queue: Option<SyncSender<Box<Checkpoint>>>,
     failure: Arc<Mutex<Option<String>>>,
     is_failure_told: bool,
     /// Checkpoints that were left out because the one before was still being written.
@@ -38,15 +38,18 @@ impl CheckpointWriter {
 
     /// Gives a checkpoint to the thread, unless one waits already.
     pub fn offer(&mut self, checkpoint: Checkpoint) {
-        let taken = self.queue.as_ref().map(|queue| queue.try_send(checkpoint));
-        self.skipped += u64::from(!matches!(taken, Some(Ok(()))));
+        let is_taken = match &self.queue {
+            Some(queue) => queue.try_send(Box::new(checkpoint)).is_ok(),
+            None => false,
+        };
+        self.skipped += u64::from(!is_taken);
     }
 
     /// Writes the last checkpoint, and waits until it is written.
     pub fn finish(&mut self, checkpoint: Checkpoint) {
         if let Some(queue) = self.queue.take() {
             // A thread that is gone has said why.
-            let _ = queue.send(checkpoint);
+            let _ = queue.send(Box::new(checkpoint));
         }
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -71,7 +74,11 @@ impl CheckpointWriter {
     }
 }
 
-fn write_all(path: &Path, checkpoints: &Receiver<Checkpoint>, failure: &Mutex<Option<String>>) {
+fn write_all(
+    path: &Path,
+    checkpoints: &Receiver<Box<Checkpoint>>,
+    failure: &Mutex<Option<String>>,
+) {
     for checkpoint in checkpoints {
         if let Err(error) = checkpoint.write(path) {
             let mut kept = failure.lock().unwrap_or_else(PoisonError::into_inner);

@@ -250,7 +250,7 @@ impl Mcap {
             WatchEvent::DataAgain => self.decide(now_s, &self.last_finding.clone())?,
             _ => {}
         }
-        if self.loss.is_some() { self.writer.flush().map_err(McapError::from) } else { Ok(()) }
+        if self.loss.is_some() { self.writer.flush() } else { Ok(()) }
     }
 }
 

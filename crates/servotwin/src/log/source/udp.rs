@@ -379,7 +379,7 @@ mod tests {
         assert_eq!(next(&mut source).0, Read::Row);
         other.send_to(b"1,9", source.address).unwrap();
         own.send_to(b"2,3", source.address).unwrap();
-        let mut found = vec![next(&mut source), next(&mut source)];
+        let mut found = [next(&mut source), next(&mut source)];
         found.sort_by_key(|(read, _)| *read != Read::Row);
         assert_eq!((&found[0].0, &found[0].1.values[..]), (&Read::Row, &[2.0, 3.0][..]));
         let detail = other.local_addr().unwrap().to_string();
