@@ -42,7 +42,8 @@ impl Outputs {
         resumed: Option<&Checkpoint>,
         global: Global,
     ) -> Result<Self, Failure> {
-        let (is_live, bar) = (address.is_live(), bar(global));
+        let is_live = address.is_live();
+        let bar = bar(global, is_live);
         let mut threads = SinkThreads::new(is_live);
         // The writer of standard input waits for us, as a file does; a listener at a socket must not make it wait.
         let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
@@ -229,11 +230,13 @@ fn kept_lines(text: &str, changes: u64) -> u64 {
     kept
 }
 
-fn bar(global: Global) -> ProgressBar {
+fn bar(global: Global, is_live: bool) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} %");
+    // Of a stream there is no share.
+    let template = if is_live { "{msg}" } else { "{msg} {wide_bar} {percent} %" };
+    let style = ProgressStyle::with_template(template);
     ProgressBar::new(1000).with_style(style.expect("a correct template"))
 }
 
@@ -300,7 +303,7 @@ impl Totals {
         }
         if silences.source > 0 {
             let Silences { source, source_s, .. } = silences;
-            text += &format!("no data from the source: {source} times, {source_s:.1} s in all\n");
+            text += &format!("silences of the source: {source}, {source_s:.1} s in all\n");
         }
         for SinkLoss { sink, lost, failure, .. } in &self.losses {
             if *lost > 0 {
