@@ -3,9 +3,9 @@
 use super::super::progress::is_shown;
 use super::super::{note, warn};
 use super::Options;
-use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Grid, Side};
+use crate::{Global, out};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value, json};
 use servotwin::files;
@@ -20,8 +20,9 @@ use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError, SinkLoss};
 use servotwin::log::source::Address;
 use servotwin::log::watchdog::{Notice, Silences, WatchEvent, without_name};
+use servotwin::sanitize;
 use std::fs::{File, OpenOptions};
-use std::io::{self, Seek, SeekFrom};
+use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 /// All outputs of a watch.
@@ -72,7 +73,7 @@ impl Outputs {
                 .add(rules(&path.to_string_lossy(), file_delivery, true, SinkKind::File), events);
         }
         if global.json {
-            let lines = Box::new(Events::new(io::stdout()));
+            let lines = Box::new(Events::new(out::stdout()));
             threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
         }
         let timeline = options.html.is_some().then(|| Timeline::new(scene));
@@ -173,7 +174,9 @@ impl Sink for Terminal {
         }
         let finding = sample.observation.finding;
         if sample.changed {
-            self.bar.println(format!("{:>10.2} s  {}", sample.time_s, finding.words()));
+            let words = finding.words();
+            let words = sanitize::printable(&words);
+            self.bar.println(format!("{:>10.2} s  {words}", sample.time_s));
         }
         self.holds(sample.time_s, finding.state);
         Ok(())
