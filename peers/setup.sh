@@ -1,7 +1,7 @@
 #!/bin/sh
 # Creates (once) the Python environment of the peer scripts in peers/.venv, and
-# installs CVODE for peers/cvode and the broker mosquitto for the tests of `watch` (Debian; needs
-# the right to install packages).
+# installs CVODE for peers/cvode and the broker mosquitto and openssl for the tests of `watch` (Debian;
+# needs the right to install packages).
 # Run it again at any time: it only installs what is missing.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
@@ -11,7 +11,7 @@ here=$(cd "$(dirname "$0")" && pwd)
     apt-get update
     apt-get install --yes --no-install-recommends libsundials-dev
 }
-[ -x /usr/sbin/mosquitto ] || {
+{ [ -x /usr/sbin/mosquitto ] && [ -x /usr/bin/openssl ]; } || {
     apt-get update
-    apt-get install --yes --no-install-recommends mosquitto
+    apt-get install --yes --no-install-recommends mosquitto openssl
 }

@@ -275,7 +275,9 @@ impl Failure {
             Failure::SinksLost { .. } => 1,
             Failure::Map(_) => 3,
             Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,
-            Failure::Watch(WatchError::Source(SourceError::Address { .. })) => 2,
+            Failure::Watch(WatchError::Source(
+                SourceError::Address { .. } | SourceError::Feature { .. },
+            )) => 2,
             Failure::Watch(WatchError::Source(SourceError::Connection { .. })) => 1,
             Failure::Watch(WatchError::Source(_)) => 3,
             Failure::Watch(WatchError::Checkpoint(CheckpointError::File(_))) => 1,

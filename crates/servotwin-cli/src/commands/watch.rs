@@ -41,8 +41,8 @@ use std::time::Duration;
 /// until it ends or Ctrl-C.
 #[derive(clap::Args)]
 pub struct Options {
-    /// A log (.csv, .parquet, .mcap, .jsonl), - for lines of standard input,
-    /// udp://HOST:PORT to listen at, or mqtt://HOST/TOPICS to subscribe to.
+    /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat with the features of these names), - for lines of standard
+    /// input, udp://HOST:PORT to listen at, or mqtt://HOST/TOPIC to subscribe to.
     source: String,
     /// A study file, which names the system; without it, the paper's study of the aileron.
     #[arg(long, value_name = "FILE")]

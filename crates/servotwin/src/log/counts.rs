@@ -41,8 +41,12 @@ pub enum Kind {
     ClockBack,
     /// The clock went forward further than a gap may be, and stayed there: a new beginning.
     ClockForward,
-    /// The connection was lost and made again.
+    /// The connection was lost.
+    Disconnected,
+    /// A connection that was lost was made again.
     Reconnected,
+    /// A message that a broker had kept from before.
+    Retained,
     /// A datagram of another sender than the one that is listened to.
     ForeignSender,
     /// A datagram for which there was no place: the diagnosis did not keep up.
@@ -51,7 +55,7 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, in the order of reports.
-    pub const ALL: [Kind; 20] = [
+    pub const ALL: [Kind; 22] = [
         Kind::Noise,
         Kind::TooLong,
         Kind::CutShort,
@@ -69,7 +73,9 @@ impl Kind {
         Kind::Gap,
         Kind::ClockBack,
         Kind::ClockForward,
+        Kind::Disconnected,
         Kind::Reconnected,
+        Kind::Retained,
         Kind::ForeignSender,
         Kind::Overflow,
     ];
@@ -94,7 +100,9 @@ impl Kind {
             Kind::Gap => ("gap", "period without a sample: all values missing"),
             Kind::ClockBack => ("clock_back", "clock set back: begun anew"),
             Kind::ClockForward => ("clock_forward", "clock set forward: begun anew"),
-            Kind::Reconnected => ("reconnected", "connection lost and made again"),
+            Kind::Disconnected => ("disconnected", "connection lost"),
+            Kind::Reconnected => ("reconnected", "connection made again"),
+            Kind::Retained => ("retained", "kept by the broker from before: no sample"),
             Kind::ForeignSender => ("foreign_sender", "from another sender: dropped"),
             Kind::Overflow => ("overflow", "came faster than it was diagnosed: dropped"),
         }

@@ -322,7 +322,16 @@ impl<'w> Watch<'w> {
                 progress.begin(row.place);
                 progress.counts.note_with(flaw.kind(), row.place, &flaw);
             }
-            Read::Reconnected => progress.counts.note(Kind::Reconnected, progress.place),
+            Read::Disconnected { cause } => {
+                progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
+                progress.sequencer.flush();
+                self.drain()?;
+                self.report(WatchEvent::Disconnected { reason: cause }, None)?;
+            }
+            Read::Reconnected => {
+                progress.counts.note(Kind::Reconnected, progress.place);
+                self.report(WatchEvent::Reconnected, None)?;
+            }
             Read::Dropped(dropped) => {
                 progress.counts.frames += dropped.count;
                 progress.counts.note_many(

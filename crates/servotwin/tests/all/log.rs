@@ -22,11 +22,10 @@ use sha2::{Digest, Sha256};
 use std::io::Read as _;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
 
@@ -947,140 +946,6 @@ fn val_mcap_of_the_python_library() {
             assert_eq!(measured[sensor("x_p")], (k * 0.25) * 1e-3, "{name}");
         }
     }
-}
-
-/// A broker of its own, ended at the end.
-struct Broker(Child, u16);
-
-impl Broker {
-    /// `None` where mosquitto is not installed, unless it must be.
-    fn start(folder: &Folder) -> Option<Self> {
-        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = free.local_addr().unwrap().port();
-        drop(free);
-        let settings = format!("listener {port} 127.0.0.1\nallow_anonymous true\n");
-        let settings = folder.write("mosquitto.conf", settings);
-        let path = std::env::var("PATH").unwrap_or_default() + ":/usr/sbin";
-        let started = Command::new("mosquitto")
-            .env("PATH", path)
-            .arg("-c")
-            .arg(settings)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn();
-        match started {
-            Ok(child) => Some(Broker(child, port)),
-            Err(error) if std::env::var_os("SERVOTWIN_ALL_PEERS").is_some() => {
-                panic!("mosquitto: {error}; peers/setup.sh installs it")
-            }
-            Err(_) => None,
-        }
-    }
-
-    fn stop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-impl Drop for Broker {
-    fn drop(&mut self) {
-        self.stop();
-    }
-}
-
-/// Publishes by the bytes of the standard: connect, then each payload with this quality of service.
-fn publish(port: u16, topic: &str, qos: u8, payloads: &[String]) {
-    use std::io::{Read, Write};
-    let mut stream = connected(port);
-    stream.write_all(b"\x10\x10\x00\x04MQTT\x04\x02\x00\x3c\x00\x04test").unwrap();
-    let mut answer = [0; 4];
-    stream.read_exact(&mut answer).unwrap();
-    assert_eq!(answer, [0x20, 2, 0, 0]);
-    for (number, payload) in payloads.iter().enumerate() {
-        let mut body = (topic.len() as u16).to_be_bytes().to_vec();
-        body.extend(topic.bytes());
-        if qos > 0 {
-            body.extend((1 + number as u16).to_be_bytes());
-        }
-        body.extend(payload.bytes());
-        let mut packet = vec![0x30 | qos << 1, body.len() as u8 | 128, (body.len() >> 7) as u8];
-        packet.extend(body);
-        stream.write_all(&packet).unwrap();
-        if qos > 0 {
-            stream.read_exact(&mut answer).unwrap();
-        }
-    }
-}
-
-/// A connection to a broker that may still be starting.
-fn connected(port: u16) -> std::net::TcpStream {
-    let begin = Instant::now();
-    loop {
-        match std::net::TcpStream::connect(("127.0.0.1", port)) {
-            Ok(stream) => return stream,
-            Err(error) if begin.elapsed() > Duration::from_secs(20) => panic!("{error}"),
-            Err(_) => std::thread::sleep(Duration::from_millis(50)),
-        }
-    }
-}
-
-/// Reads until as many rows have come, or too long nothing.
-fn rows(source: &mut dyn Source, count: usize) -> (Vec<Vec<f64>>, Vec<Read>) {
-    let (mut row, mut found, mut others) = (Row::default(), vec![], vec![]);
-    let begin = Instant::now();
-    while found.len() < count && begin.elapsed() < Duration::from_secs(30) {
-        match source.read(&mut row).unwrap() {
-            Read::Row => found.push(row.values.clone()),
-            Read::Pause | Read::Nothing => {}
-            other => others.push(other),
-        }
-    }
-    (found, others)
-}
-
-#[test]
-fn val_mosquitto_delivers_in_both_qualities_and_after_it_was_away() {
-    let folder = Folder::new("mqtt");
-    let Some(mut broker) = Broker::start(&folder) else {
-        eprintln!("mosquitto is not installed: nothing was tested");
-        return;
-    };
-    let port = broker.1;
-    drop(connected(port));
-    let map = simple_map(&spring());
-    let payload = |k: u64| format!("{{\"t\": {k}, \"p\": {}}}\n{{\"t\": {k}.5, \"p\": 1}}", 2 * k);
-    let expected = |from: u64, to: u64| -> Vec<Vec<f64>> {
-        (from..to)
-            .flat_map(|k| [vec![k as f64, 2.0 * k as f64], vec![k as f64 + 0.5, 1.0]])
-            .collect()
-    };
-    let payloads = |from, to| (from..to).map(payload).collect::<Vec<_>>();
-    for qos in [0, 1] {
-        let address = format!("mqtt://127.0.0.1:{port}/rig/+?qos={qos}");
-        let mut source = Address::parse(&address).unwrap().open(map.wanted()).unwrap();
-        publish(port, "rig/one", qos, &payloads(0, 500));
-        let (found, others) = rows(&mut *source, 1000);
-        assert_eq!((found, others), (expected(0, 500), vec![]), "quality {qos}");
-        if qos == 1 {
-            broker.stop();
-            let settings = folder.0.join("mosquitto.conf");
-            let path = std::env::var("PATH").unwrap_or_default() + ":/usr/sbin";
-            let mut again = Command::new("mosquitto");
-            again.env("PATH", path).arg("-c").arg(settings).stdout(Stdio::null());
-            broker.0 = again.stderr(Stdio::null()).spawn().unwrap();
-            drop(connected(port));
-            let mut row = Row::default();
-            let begin = Instant::now();
-            while source.read(&mut row).unwrap() != Read::Reconnected {
-                assert!(begin.elapsed() < Duration::from_secs(30), "no connection again");
-            }
-            publish(port, "rig/two", 1, &payloads(7, 9));
-            assert_eq!(rows(&mut *source, 4).0, expected(7, 9));
-        }
-    }
-    let closed = Address::parse("mqtt://127.0.0.1:1/a").unwrap().open(map.wanted()).err().unwrap();
-    assert!(closed.to_string().starts_with("mqtt://127.0.0.1:1/a: "), "{closed}");
 }
 
 /// A stream that is silent until the watch has said so, and once more.

@@ -13,8 +13,11 @@ mod fitted;
 mod flights;
 mod golden;
 mod log;
+#[cfg(feature = "mqtt")]
+mod mqtt;
 mod peer_cases;
 mod physics;
+mod recordings;
 mod relief;
 mod report;
 mod runtime;

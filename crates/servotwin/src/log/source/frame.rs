@@ -46,6 +46,11 @@ pub enum Flaw {
         /// What is there.
         text: String,
     },
+    /// A broker had kept the message from before.
+    Retained {
+        /// Its topic.
+        topic: String,
+    },
 }
 
 impl fmt::Display for Flaw {
@@ -57,6 +62,7 @@ impl fmt::Display for Flaw {
             Flaw::BadObject { cause } => write!(out, "{cause}"),
             Flaw::NoTime { text } if text.is_empty() => Ok(()),
             Flaw::NoTime { text } => write!(out, "'{text}'"),
+            Flaw::Retained { topic } => write!(out, "topic {}", sanitize::text(topic)),
             _ => Ok(()),
         }
     }

@@ -5,8 +5,15 @@
 //! be opened is an error.
 
 pub mod frame;
+#[cfg(any(feature = "mf4", feature = "mat"))]
+mod groups;
 mod lines;
+#[cfg(feature = "mat")]
+mod mat;
 mod mcap;
+#[cfg(feature = "mf4")]
+mod mf4;
+#[cfg(feature = "mqtt")]
 pub mod mqtt;
 mod stdin;
 mod table;
@@ -65,7 +72,12 @@ pub enum Read {
     Nothing,
     /// A live stream is quiet.
     Pause,
-    /// The connection was lost and made again.
+    /// The connection is lost; it is being made again.
+    Disconnected {
+        /// What happened.
+        cause: String,
+    },
+    /// The connection that was lost is made again.
     Reconnected,
     /// Something was not taken at all.
     Dropped(Dropped),
@@ -111,24 +123,25 @@ pub trait Source {
 /// A source by its name.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Address {
-    /// A .parquet or .mcap file, or any other name for CSV or lines of JSON objects.
+    /// A .parquet, .mcap, .mf4 or .mat file, or any other name for CSV or lines of JSON objects.
     File(PathBuf),
     /// Lines of standard input.
     Stdin,
     /// Datagrams sent to this address.
     Udp(SocketAddr, udp::Allowed),
     /// Messages of a broker.
+    #[cfg(feature = "mqtt")]
     Mqtt(mqtt::Subscription),
 }
 
 impl Address {
     /// The source that a text names: a file, `-`, `udp://HOST:PORT`, or
-    /// `mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=1]`.
+    /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=1]`.
     ///
     /// # Errors
-    /// [`SourceError::Address`].
+    /// [`SourceError::Address`], or [`SourceError::Feature`] where this program cannot read such a source.
     pub fn parse(text: &str) -> Result<Self, SourceError> {
-        let wrong = |needed| SourceError::Address { given: text.into(), needed };
+        let wrong = |needed| SourceError::Address { given: without_user(text), needed };
         if text == "-" {
             return Ok(Address::Stdin);
         }
@@ -140,10 +153,8 @@ impl Address {
                 .map(|to| Address::Udp(to, udp::Allowed::First))
                 .ok_or_else(|| wrong("udp://HOST:PORT"));
         }
-        if let Some(rest) = text.strip_prefix("mqtt://") {
-            let found = mqtt::Subscription::parse(rest).map(Address::Mqtt);
-            let needed = "mqtt://[USER:PASSWORD@]HOST[:PORT]/TOPICS[?qos=0 or 1]";
-            return found.ok_or_else(|| wrong(needed));
+        if text.starts_with("mqtt://") || text.starts_with("mqtts://") {
+            return Address::parse_mqtt(text);
         }
         if text.contains("://") {
             return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
@@ -157,6 +168,25 @@ impl Address {
             Address::Udp(address, _) => Some(Address::Udp(address, allowed)),
             _ => None,
         }
+    }
+
+    #[cfg(feature = "mqtt")]
+    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
+        let needed = mqtt::Subscription::FORM;
+        let wrong = SourceError::Address { given: without_user(text), needed };
+        let found = mqtt::Subscription::parse(text).ok_or(wrong)?;
+        match found.tls.is_some() && !cfg!(feature = "mqtt-tls") {
+            true => Err(feature_needed("mqtts://", "mqtt-tls")),
+            false => Ok(Address::Mqtt(found)),
+        }
+    }
+
+    #[cfg(not(feature = "mqtt"))]
+    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
+        Err(match text.starts_with("mqtts") {
+            true => feature_needed("mqtts://", "mqtt-tls"),
+            false => feature_needed("mqtt://", "mqtt"),
+        })
     }
 
     /// Whether the source goes on by the clock.
@@ -181,11 +211,14 @@ impl Address {
             Address::File(path) if has_extension(path, "mcap") => {
                 Box::new(mcap::Mcap::open(path, wanted)?)
             }
+            Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
+            Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
             Address::Udp(address, allowed) => {
                 Box::new(udp::Udp::open(*address, allowed.clone(), wanted)?)
             }
+            #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
         })
     }
@@ -198,9 +231,12 @@ impl Address {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
             Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
+            Address::File(path) if is_mdf(path) => return mf4_columns(path),
+            Address::File(path) if has_extension(path, "mat") => return mat_columns(path),
             Address::File(path) => return lines::columns(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address, allowed) => udp::columns(*address, allowed)?,
+            #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
         Ok(names.into_iter().map(|name| (name, String::new())).collect())
@@ -213,13 +249,95 @@ impl fmt::Display for Address {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
             Address::Udp(address, _) => write!(out, "udp://{address}"),
+            #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }
     }
 }
 
+/// An address without user and password, for messages.
+fn without_user(text: &str) -> String {
+    match (text.find("://"), text.rfind('@')) {
+        (Some(mark), Some(at)) if at > mark => format!("{}…{}", &text[..mark + 3], &text[at..]),
+        _ => text.to_owned(),
+    }
+}
+
+/// That a source of some kind is read by a feature that this program was built without.
+pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
+    SourceError::Feature { what: what.to_owned(), feature }
+}
+
+/// Defines how files of an optional kind are opened, and what is said of one where they are not read.
+macro_rules! optional_kind {
+    ($feature:literal, $module:ident, $open:ident, $columns:ident) => {
+        #[cfg(feature = $feature)]
+        fn $open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+            Ok(Box::new($module::open(path, wanted)?))
+        }
+
+        #[cfg(not(feature = $feature))]
+        fn $open(path: &Path, _: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+            Err(feature_needed(&path.display().to_string(), $feature))
+        }
+
+        #[cfg(feature = $feature)]
+        fn $columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+            $module::columns(path)
+        }
+
+        #[cfg(not(feature = $feature))]
+        fn $columns(path: &Path) -> Result<Vec<(String, String)>, SourceError> {
+            Err(feature_needed(&path.display().to_string(), $feature))
+        }
+    };
+}
+
+optional_kind!("mf4", mf4, open_mf4, mf4_columns);
+optional_kind!("mat", mat, open_mat, mat_columns);
+
+fn is_mdf(path: &Path) -> bool {
+    has_extension(path, "mf4") || has_extension(path, "mdf")
+}
+
 fn has_extension(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+/// Which column two topics of a broker send.
+#[derive(Debug)]
+pub struct MixedTopics {
+    /// The address of the broker.
+    pub broker: String,
+    /// The column.
+    pub column: String,
+    /// The topics.
+    pub topics: [String; 2],
+    /// The last levels of the first topic, which the second does not have.
+    pub ending: String,
+    /// Whether the map names the time.
+    pub has_time: bool,
+}
+
+impl fmt::Display for MixedTopics {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let broker = &self.broker;
+        let [first, second] = &self.topics;
+        let (first, second, ending) = (plain(first), plain(second), plain(&self.ending));
+        let column = sanitize::text(&self.column);
+        match self.has_time {
+            true => write!(
+                out,
+                "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are \
+                 not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
+            ),
+            false => write!(
+                out,
+                "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name \
+                 the column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
+            ),
+        }
+    }
 }
 
 /// Why there is no source, or no more of it.
@@ -231,6 +349,22 @@ pub enum SourceError {
         given: String,
         /// What is possible.
         needed: &'static str,
+    },
+    /// This program was built without what reads such a source.
+    Feature {
+        /// What was to be read.
+        what: String,
+        /// The feature of the packages `servotwin` and `servotwin-cli`.
+        feature: &'static str,
+    },
+    /// Two topics of a broker send the same column.
+    Mixed(Box<MixedTopics>),
+    /// A file is damaged, or of a kind that is not read.
+    Unreadable {
+        /// The file.
+        address: String,
+        /// What is wrong with it.
+        cause: String,
     },
     /// A file.
     File(FileError),
@@ -260,6 +394,11 @@ pub enum SourceError {
 }
 
 impl SourceError {
+    #[cfg(any(feature = "mf4", feature = "mat"))]
+    fn unreadable(address: &str, cause: &str) -> Self {
+        SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
+    }
+
     /// The error for wanted names that are not among those there, if there are any.
     pub(super) fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
         let columns = wanted.names.iter().filter(|name| !known.contains(name));
@@ -279,6 +418,13 @@ impl fmt::Display for SourceError {
             SourceError::Address { given, needed } => {
                 write!(out, "'{given}' names no source: {needed} is needed")
             }
+            SourceError::Feature { what, feature } => write!(
+                out,
+                "{what} needs the feature '{feature}', which this program was built without: \
+                 cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
+            ),
+            SourceError::Mixed(mixed) => write!(out, "{mixed}"),
+            SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
             SourceError::File(error) => write!(out, "{error}"),
             SourceError::Table(error) => write!(out, "{error}"),
             SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
@@ -294,6 +440,11 @@ impl fmt::Display for SourceError {
             }
         }
     }
+}
+
+/// A topic in full, with nothing in it that a terminal would act on.
+fn plain(topic: &str) -> String {
+    topic.chars().flat_map(char::escape_debug).collect()
 }
 
 impl std::error::Error for SourceError {}
@@ -321,6 +472,7 @@ impl Flaw {
             Flaw::NoHeader => Kind::NoHeader,
             Flaw::BadObject { .. } => Kind::BadObject,
             Flaw::NoTime { .. } => Kind::NoTime,
+            Flaw::Retained { .. } => Kind::Retained,
         }
     }
 }

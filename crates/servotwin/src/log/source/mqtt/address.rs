@@ -1,0 +1,174 @@
+//! The address of a subscription as people write it.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// The usual time between two signs of life.
+const KEEP_ALIVE: Duration = Duration::from_secs(10);
+
+/// What to subscribe to.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Subscription {
+    /// The host; an IPv6 address is in brackets.
+    pub host: String,
+    /// The port.
+    pub port: u16,
+    /// User and password.
+    pub user: Option<(String, String)>,
+    /// The topics; `+` and `#` stand for any.
+    pub filters: Vec<String>,
+    /// The quality of service: 0 at most once, 1 at least once.
+    pub qos: u8,
+    /// A broker that is silent for one and a half times this long is lost.
+    pub keep_alive: Duration,
+    /// Whether the connection is encrypted, and by which authority the broker is known.
+    pub tls: Option<Authority>,
+}
+
+/// Who vouches for the broker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Authority {
+    /// The certificates of the operating system.
+    System,
+    /// A file of certificates in PEM.
+    File(PathBuf),
+}
+
+impl Subscription {
+    /// How an address is written.
+    pub const FORM: &str = "mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=0 or 1&keep_alive=1…3600 in s\
+        &ca=FILE for mqtts]";
+
+    /// `mqtt://[user:password@]host[:port]/topic[,topic…][?qos=1&keep_alive=10]`; without a port 1883, or 8883 where
+    /// it is `mqtts://`, which may also have `ca=FILE`.
+    pub fn parse(text: &str) -> Option<Self> {
+        let (rest, is_tls) = match text.strip_prefix("mqtts://") {
+            Some(rest) => (rest, true),
+            None => (text.strip_prefix("mqtt://")?, false),
+        };
+        let (rest, options) = match rest.split_once('?') {
+            Some((rest, options)) => (rest, Some(options)),
+            None => (rest, None),
+        };
+        let (place, topics) = rest.split_once('/')?;
+        let (user, host) = match place.rsplit_once('@') {
+            Some((user, host)) => {
+                let (name, password) = user.split_once(':').unwrap_or((user, ""));
+                (Some((name.to_owned(), password.to_owned())), host)
+            }
+            None => (None, place),
+        };
+        let (host, port) = host_and_port(host, if is_tls { 8883 } else { 1883 })?;
+        let filters: Vec<String> = topics.split(',').map(str::to_owned).collect();
+        let tls = is_tls.then_some(Authority::System);
+        let (qos, keep_alive) = (0, KEEP_ALIVE);
+        let mut found = Subscription { host, port, user, filters, qos, keep_alive, tls };
+        for option in options.iter().flat_map(|options| options.split('&')) {
+            found.set(option)?;
+        }
+        found.filters.iter().all(|filter| rumqttc::valid_filter(filter)).then_some(found)
+    }
+
+    fn set(&mut self, option: &str) -> Option<()> {
+        match option.split_once('=')? {
+            ("qos", "0") => self.qos = 0,
+            ("qos", "1") => self.qos = 1,
+            ("keep_alive", text) => {
+                let seconds = text.parse().ok().filter(|seconds| (1..=3600).contains(seconds))?;
+                self.keep_alive = Duration::from_secs(seconds);
+            }
+            ("ca", path) if self.tls.is_some() && !path.is_empty() => {
+                self.tls = Some(Authority::File(path.into()));
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Whether messages may come from several topics.
+    pub fn has_several_topics(&self) -> bool {
+        self.filters.len() > 1 || self.filters.iter().any(|filter| filter.contains(['+', '#']))
+    }
+
+    /// The broker's part of the address, without user and password.
+    pub fn broker(&self) -> String {
+        let secure = if self.tls.is_some() { "s" } else { "" };
+        format!("mqtt{secure}://{}:{}", self.host, self.port)
+    }
+}
+
+/// `host`, `host:port`, `[v6]` or `[v6]:port`.
+fn host_and_port(text: &str, usual: u16) -> Option<(String, u16)> {
+    let end = if text.starts_with('[') {
+        text.find(']')? + 1
+    } else {
+        text.find(':').unwrap_or(text.len())
+    };
+    let (host, port) = text.split_at(end);
+    let port = match port.strip_prefix(':') {
+        Some(port) => port.parse().ok()?,
+        None if port.is_empty() => usual,
+        None => return None,
+    };
+    (!host.is_empty()).then(|| (host.to_owned(), port))
+}
+
+impl fmt::Display for Subscription {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // No password in a title or a message.
+        write!(out, "{}/{}", self.broker(), self.filters.join(","))
+    }
+}
+
+impl fmt::Debug for Subscription {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{self}?qos={}&keep_alive={}", self.qos, self.keep_alive.as_secs())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_names_broker_topics_and_quality() {
+        let parse = Subscription::parse;
+        assert_eq!(parse("mqtt://me:se/cret@rig:1884/a/+/b?qos=1"), None, "a slash ends the host");
+        let full = parse("mqtt://me:secret@rig:1884/a/+/b,c?qos=1&keep_alive=3").unwrap();
+        assert_eq!(full.user, Some(("me".into(), "secret".into())));
+        assert_eq!((&*full.host, full.port, full.qos), ("rig", 1884, 1));
+        assert_eq!(full.filters, ["a/+/b", "c"]);
+        assert_eq!(full.keep_alive, Duration::from_secs(3));
+        let plain = parse("mqtt://rig/a").unwrap();
+        assert_eq!((plain.port, plain.has_several_topics(), plain.tls), (1883, false, None));
+        let secure = parse("mqtts://[::1]/a/#?ca=rig.pem").unwrap();
+        assert_eq!((&*secure.host, secure.port), ("[::1]", 8883));
+        assert_eq!(secure.tls, Some(Authority::File("rig.pem".into())));
+        assert!(secure.has_several_topics() && full.has_several_topics());
+        let wrong = [
+            "rig",
+            "rig/",
+            "/a",
+            "rig/a?qos=2",
+            "rig/a?keep_alive=0",
+            "rig/a?ca=x",
+            "rig/a,",
+            "rig/a#",
+            "rig:/a",
+            "[::1/a",
+            "rig/a?word",
+            ":1883/a",
+        ];
+        for wrong in wrong {
+            assert_eq!(parse(&format!("mqtt://{wrong}")), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_password_is_never_shown() {
+        let found = Subscription::parse("mqtt://me:secret@rig/a").unwrap();
+        assert_eq!(found.to_string(), "mqtt://rig:1883/a");
+        assert!(!format!("{found:?}").contains("secret"));
+    }
+}

@@ -1,0 +1,308 @@
+//! The connection to a broker, kept by a thread of its own.
+//!
+//! The protocol is `rumqttc`'s (MQTT 3.1.1). This thread adds three things: a ping without an answer within half a
+//! keep-alive interval ends the connection, lost connections are made again with growing pauses, and both are news.
+
+use super::super::PAUSE;
+use super::address::{Authority, Subscription};
+use rumqttc::{
+    Client, Connection, ConnectionError, Event, MqttOptions, Outgoing, Packet, Publish, QoS,
+    RecvTimeoutError, StateError, SubscribeFilter, SubscribeReasonCode, Transport, mqttbytes,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The largest packet that is read, bytes.
+const MAX_PACKET: usize = 1 << 20;
+
+/// So many messages may wait to be read; then the broker waits.
+const WAITING: usize = 1024;
+
+/// How long a broker may take to answer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The first pause between two attempts to connect; it doubles up to the longest.
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
+const LONGEST_PAUSE: Duration = Duration::from_secs(8);
+
+/// What the thread reports.
+#[derive(Debug)]
+pub(super) enum News {
+    /// The broker has accepted the subscription.
+    Subscribed,
+    /// The connection is lost, or was not made: why.
+    Lost(String),
+    /// A message.
+    Message(Publish),
+}
+
+/// The thread's news; it ends when this is dropped.
+pub(super) struct Mailbox {
+    news: Receiver<News>,
+    closed: Arc<AtomicBool>,
+}
+
+impl Mailbox {
+    /// The next news, if any come within a pause.
+    pub(super) fn next(&self) -> Result<News, std::sync::mpsc::RecvTimeoutError> {
+        self.news.recv_timeout(PAUSE)
+    }
+}
+
+impl Drop for Mailbox {
+    fn drop(&mut self) {
+        self.closed.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Connects and subscribes, and does so again for ever.
+///
+/// # Errors
+/// The file of certificates cannot be read or has none.
+pub(super) fn start(subscription: &Subscription) -> Result<Mailbox, String> {
+    let (client, mut connection) = Client::new(options(subscription)?, 10);
+    let mut network = connection.eventloop.network_options();
+    network.set_connection_timeout(PATIENCE.as_secs());
+    network.set_tcp_nodelay(true);
+    connection.eventloop.set_network_options(network);
+    let (send, news) = sync_channel(WAITING);
+    let closed = Arc::new(AtomicBool::new(false));
+    let mut keeper = Keeper {
+        client,
+        connection,
+        subscription: subscription.clone(),
+        send,
+        closed: Arc::clone(&closed),
+        is_connected: false,
+        answer_by: None,
+        pause: FIRST_PAUSE,
+    };
+    thread::spawn(move || keeper.run());
+    Ok(Mailbox { news, closed })
+}
+
+fn options(subscription: &Subscription) -> Result<MqttOptions, String> {
+    // A name of our own: some brokers give none. Two watches of one moment differ in their process.
+    let nanos = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let nanos = nanos.map_or(0, |since| since.subsec_nanos());
+    let name = format!("servotwin{:05x}{nanos:08x}", std::process::id() & 0xf_ffff);
+    let mut options = MqttOptions::new(name, &subscription.host, subscription.port);
+    options.set_keep_alive(subscription.keep_alive);
+    options.set_max_packet_size(MAX_PACKET, MAX_PACKET);
+    // What was missed while the connection was lost is not sent behind: it would be late.
+    options.set_clean_session(true);
+    if let Some((name, password)) = &subscription.user {
+        options.set_credentials(name, password);
+    }
+    if let Some(authority) = &subscription.tls {
+        options.set_transport(transport(authority)?);
+    }
+    Ok(options)
+}
+
+#[cfg(feature = "mqtt-tls")]
+fn transport(authority: &Authority) -> Result<Transport, String> {
+    use rustls::pki_types::{CertificateDer, pem::PemObject};
+    let mut roots = rustls::RootCertStore::empty();
+    match authority {
+        Authority::System => {
+            roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
+        }
+        Authority::File(path) => {
+            let failed = |cause: &dyn std::fmt::Display| format!("{}: {cause}", path.display());
+            let text = std::fs::read(path).map_err(|cause| failed(&cause))?;
+            let found = CertificateDer::pem_slice_iter(&text).collect::<Result<Vec<_>, _>>();
+            roots.add_parsable_certificates(found.map_err(|cause| failed(&cause))?);
+        }
+    }
+    if roots.is_empty() {
+        return Err("no certificate of an authority was found; ca=FILE names one in PEM".into());
+    }
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = rustls::ClientConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .map_err(|cause| cause.to_string())?
+        .with_root_certificates(roots)
+        .with_no_client_auth();
+    Ok(Transport::tls_with_config(config.into()))
+}
+
+#[cfg(not(feature = "mqtt-tls"))]
+fn transport(_: &Authority) -> Result<Transport, String> {
+    Err(super::super::feature_needed("mqtts://", "mqtt-tls").to_string())
+}
+
+struct Keeper {
+    client: Client,
+    connection: Connection,
+    subscription: Subscription,
+    send: SyncSender<News>,
+    closed: Arc<AtomicBool>,
+    is_connected: bool,
+    /// When the broker must have answered a ping or a subscription.
+    answer_by: Option<Instant>,
+    pause: Duration,
+}
+
+impl Keeper {
+    fn run(&mut self) {
+        let mut is_told = false;
+        while !self.closed.load(Ordering::Relaxed) {
+            let news = match self.step() {
+                Ok(None) => continue,
+                Ok(Some(news)) => vec![news],
+                Err(cause) => self.lose(cause),
+            };
+            for news in news {
+                let is_lost = matches!(news, News::Lost(_));
+                // An outage is told once, however many attempts fail.
+                if !(is_lost && is_told) && self.send.send(news).is_err() {
+                    return;
+                }
+                is_told = is_lost;
+            }
+            if is_told {
+                self.rest();
+            }
+        }
+    }
+
+    /// Drops the connection. What came through it before is told first.
+    fn lose(&mut self, mut cause: String) -> Vec<News> {
+        let mut news = vec![];
+        for event in std::mem::take(&mut self.connection.eventloop.state.events) {
+            let Event::Incoming(packet) = event else { continue };
+            match self.take(packet) {
+                Ok(found) => news.extend(found),
+                // The end of the connection follows from it.
+                Err(earlier) => {
+                    cause = earlier;
+                    break;
+                }
+            }
+        }
+        self.connection.eventloop.clean();
+        (self.is_connected, self.answer_by) = (false, None);
+        news.push(News::Lost(cause));
+        news
+    }
+
+    /// Takes one event of the connection, or finds that the broker is silent.
+    fn step(&mut self) -> Result<Option<News>, String> {
+        // An attempt to connect has its own limit, and would begin anew if it were left.
+        let event = match self.is_connected {
+            false => self.connection.recv().map_err(|_| "the client has ended".to_owned())?,
+            true => match self.connection.recv_timeout(PAUSE) {
+                Ok(event) => event,
+                Err(RecvTimeoutError::Timeout) => return self.answered().map(|()| None),
+                Err(RecvTimeoutError::Disconnected) => return Err("the client has ended".into()),
+            },
+        };
+        let news = match event.map_err(|error| cause(&error))? {
+            Event::Incoming(packet) => {
+                // Messages that waited stand before the answer to a ping.
+                self.answer_by = self.answer_by.map(|_| self.next_answer());
+                return self.take(packet);
+            }
+            Event::Outgoing(Outgoing::PingReq) => {
+                self.answer_by = Some(self.next_answer());
+                None
+            }
+            Event::Outgoing(_) => None,
+        };
+        self.answered().map(|()| news)
+    }
+
+    fn take(&mut self, packet: Packet) -> Result<Option<News>, String> {
+        match packet {
+            Packet::ConnAck(_) => {
+                let qos =
+                    if self.subscription.qos == 0 { QoS::AtMostOnce } else { QoS::AtLeastOnce };
+                let filters = self.subscription.filters.iter();
+                let filters = filters.map(|filter| SubscribeFilter::new(filter.clone(), qos));
+                self.client.try_subscribe_many(filters).map_err(|error| error.to_string())?;
+                (self.is_connected, self.answer_by) = (true, Some(Instant::now() + PATIENCE));
+                Ok(None)
+            }
+            Packet::SubAck(answer) => {
+                let refused = answer.return_codes.iter();
+                let refused = refused.zip(&self.subscription.filters);
+                let mut refused =
+                    refused.filter(|(code, _)| **code == SubscribeReasonCode::Failure);
+                if let Some((_, filter)) = refused.next() {
+                    return Err(format!("the broker refuses the subscription to {filter}"));
+                }
+                (self.answer_by, self.pause) = (None, FIRST_PAUSE);
+                Ok(Some(News::Subscribed))
+            }
+            Packet::PingResp => {
+                self.answer_by = None;
+                Ok(None)
+            }
+            Packet::Publish(message) => Ok(Some(News::Message(message))),
+            Packet::Disconnect => Err("the broker ended the connection".into()),
+            _ => Ok(None),
+        }
+    }
+
+    /// Until when a ping must be answered that is sent now.
+    fn next_answer(&self) -> Instant {
+        Instant::now() + self.subscription.keep_alive / 2
+    }
+
+    /// That no answer is overdue.
+    fn answered(&self) -> Result<(), String> {
+        match self.answer_by {
+            Some(by) if Instant::now() >= by => Err("the broker does not answer".into()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Waits before the next attempt, longer each time.
+    fn rest(&mut self) {
+        let end = Instant::now() + self.pause;
+        while Instant::now() < end && !self.closed.load(Ordering::Relaxed) {
+            thread::sleep(PAUSE.min(self.pause));
+        }
+        self.pause = (2 * self.pause).min(LONGEST_PAUSE);
+    }
+}
+
+/// What ended a connection, in words.
+fn cause(error: &ConnectionError) -> String {
+    use rumqttc::ConnectReturnCode as Code;
+    match error {
+        ConnectionError::ConnectionRefused(code) => match code {
+            Code::RefusedProtocolVersion => "the broker does not know MQTT 3.1.1".into(),
+            Code::BadClientId => "the broker refuses our name".into(),
+            Code::ServiceUnavailable => "the broker does not serve".into(),
+            Code::BadUserNamePassword => "wrong user or password".into(),
+            Code::NotAuthorized => "not allowed".into(),
+            Code::Success => "the broker refuses".into(),
+        },
+        ConnectionError::NetworkTimeout | ConnectionError::FlushTimeout => {
+            format!("no answer within {} s", PATIENCE.as_secs())
+        }
+        ConnectionError::Io(error) | ConnectionError::MqttState(StateError::Io(error)) => {
+            error.to_string()
+        }
+        ConnectionError::MqttState(StateError::ConnectionAborted) => {
+            "the broker closed the connection".into()
+        }
+        ConnectionError::MqttState(StateError::AwaitPingResp) => {
+            "the broker does not answer".into()
+        }
+        ConnectionError::MqttState(StateError::Deserialization(error)) => match error {
+            mqttbytes::Error::Io(error) => error.to_string(),
+            mqttbytes::Error::PayloadSizeLimitExceeded(size) => {
+                format!("a message of {size} bytes, more than {MAX_PACKET}")
+            }
+            error => format!("a damaged packet ({error})"),
+        },
+        ConnectionError::NotConnAck(_) => "the answer is not that of a broker".into(),
+        error => error.to_string(),
+    }
+}

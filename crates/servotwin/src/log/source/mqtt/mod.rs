@@ -1,0 +1,152 @@
+//! An MQTT subscription: every message is one or several lines.
+//!
+//! [`client`] keeps the connection, [`topics`] tells the messages of one topic from those of another, and retained
+//! messages are counted and left out: they are of a time before the watch.
+
+mod address;
+mod client;
+mod topics;
+
+pub use address::{Authority, Subscription};
+
+use super::frame::{self, Flaw};
+use super::{Read, Row, Source, SourceError, Wanted};
+use client::{Mailbox, News};
+use std::collections::VecDeque;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::{Duration, Instant};
+use topics::Topics;
+
+/// How long the columns of several topics are collected after the first message.
+const COLLECTING: Duration = Duration::from_secs(2);
+
+/// A subscription that is being served.
+pub struct Mqtt {
+    subscription: Subscription,
+    mailbox: Mailbox,
+    topics: Topics,
+    /// The lines of the last message that were not read, with its topic.
+    lines: VecDeque<Vec<u8>>,
+    topic: String,
+    place: u64,
+    is_lost: bool,
+}
+
+impl Mqtt {
+    /// Connects and subscribes.
+    ///
+    /// # Errors
+    /// The broker cannot be reached or refuses.
+    pub fn open(subscription: &Subscription, wanted: &Wanted) -> Result<Self, SourceError> {
+        Ok(Mqtt {
+            mailbox: subscribed(subscription)?,
+            topics: Topics::new(subscription, wanted),
+            subscription: subscription.clone(),
+            lines: VecDeque::new(),
+            topic: String::new(),
+            place: 0,
+            is_lost: false,
+        })
+    }
+
+    /// Takes what the connection reports; `None` where it is a message with lines.
+    fn receive(&mut self) -> Result<Option<Read>, SourceError> {
+        Ok(Some(match self.mailbox.next() {
+            Err(RecvTimeoutError::Timeout) => Read::Pause,
+            Err(RecvTimeoutError::Disconnected) => return Err(ended(&self.subscription)),
+            Ok(News::Lost(cause)) => {
+                self.is_lost = true;
+                Read::Disconnected { cause }
+            }
+            Ok(News::Subscribed) if self.is_lost => {
+                self.is_lost = false;
+                Read::Reconnected
+            }
+            Ok(News::Subscribed) => Read::Nothing,
+            Ok(News::Message(message)) => {
+                self.place += 1;
+                if message.retain {
+                    return Ok(Some(Read::Flawed(Flaw::Retained { topic: message.topic })));
+                }
+                let lines = message.payload.split(|&byte| byte == b'\n');
+                self.lines.extend(lines.map(<[u8]>::to_vec));
+                self.topic = message.topic;
+                return Ok(None);
+            }
+        }))
+    }
+}
+
+impl Source for Mqtt {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        if self.lines.is_empty()
+            && let Some(read) = self.receive()?
+        {
+            row.place = self.place;
+            return Ok(read);
+        }
+        row.place = self.place;
+        let Some(line) = self.lines.pop_front() else { return Ok(Read::Nothing) };
+        self.topics.read(&self.topic, &line, row)
+    }
+
+    fn counted(&self) -> &'static str {
+        "message"
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+}
+
+/// Connects, and waits until the broker has accepted the subscription.
+fn subscribed(subscription: &Subscription) -> Result<Mailbox, SourceError> {
+    let mailbox = client::start(subscription).map_err(|cause| failed(subscription, cause))?;
+    loop {
+        match mailbox.next() {
+            Ok(News::Subscribed) => return Ok(mailbox),
+            Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
+            // What comes before the subscription is accepted is retained, or would have been missed.
+            Ok(News::Message(_)) | Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
+        }
+    }
+}
+
+/// The columns of the first message that names any; waits for it. Where several topics may send, those of all that do
+/// within two seconds: a column of two topics stands there as such, and once more for each topic.
+///
+/// # Errors
+/// The broker cannot be reached or refuses.
+pub fn columns(subscription: &Subscription) -> Result<Vec<String>, SourceError> {
+    let mailbox = subscribed(subscription)?;
+    let mut found: Vec<(String, Vec<String>)> = vec![];
+    let mut first = None;
+    while first.is_none_or(|first: Instant| first.elapsed() < COLLECTING) {
+        match mailbox.next() {
+            Ok(News::Message(message)) => {
+                let mut lines = message.payload.split(|&byte| byte == b'\n');
+                let is_new = found.iter().all(|(topic, _)| *topic != message.topic);
+                let named = if is_new { lines.find_map(frame::columns) } else { None };
+                let Some(names) = named else { continue };
+                found.push((message.topic, names));
+                first = first.or(Some(Instant::now()));
+                if !subscription.has_several_topics() {
+                    break;
+                }
+            }
+            Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
+            Ok(News::Subscribed) | Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
+        }
+    }
+    Ok(topics::union(&found))
+}
+
+fn failed(subscription: &Subscription, cause: String) -> SourceError {
+    SourceError::Connection { address: subscription.to_string(), cause }
+}
+
+fn ended(subscription: &Subscription) -> SourceError {
+    failed(subscription, "the client has ended".into())
+}
