@@ -198,6 +198,13 @@ pub enum Failure {
         /// Why.
         reason: String,
     },
+    /// A live watch went on without files that could not be written.
+    SinksLost {
+        /// What was counted all the same, for standard output.
+        output: String,
+        /// The files, each with the reason.
+        files: Vec<String>,
+    },
     /// The map of a log has mistakes.
     Map(MapError),
     /// A log or a stream cannot be read, or what comes of it not be written.
@@ -266,6 +273,7 @@ impl Failure {
             | Failure::OutOfRange { .. }
             | Failure::Options(_)
             | Failure::Signal { .. } => 2,
+            Failure::SinksLost { .. } => 1,
             Failure::Map(_) => 3,
             Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,
             Failure::Watch(WatchError::Source(
@@ -436,6 +444,9 @@ impl fmt::Display for Failure {
             Failure::Diagnoser { path, error } => write!(out, "error: {}: {error}", path.display()),
             Failure::NoLogs { folder, reason } => {
                 write!(out, "error: {}: {reason}", folder.display())
+            }
+            Failure::SinksLost { files, .. } => {
+                write!(out, "error: not complete: {}", files.join("; "))
             }
             Failure::NoSample { log, reason } | Failure::Unjudged { log, reason, .. } => {
                 write!(out, "error: {log}: {reason}")

@@ -143,6 +143,7 @@ fn main() -> ExitCode {
         Err(failure) => {
             if let Failure::NoUpdate { output, .. }
             | Failure::Alarm { output, .. }
+            | Failure::SinksLost { output, .. }
             | Failure::Unjudged { output, .. } = &failure
             {
                 let _ = print(output);

@@ -128,6 +128,9 @@ impl Reference {
     /// [`Error::LengthMismatch`].
     pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         same_length("means of a reference", self.means.len(), stored.means.len())?;
+        if stored.samples > 1 << 53 || !stored.means.iter().all(|mean| mean.is_finite()) {
+            return Err(Error::CorruptModel { broken: "a stored reference is no mean of samples" });
+        }
         self.samples = stored.samples;
         self.means.copy_from_slice(&stored.means);
         Ok(())

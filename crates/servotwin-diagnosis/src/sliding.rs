@@ -16,6 +16,12 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, require, same_length};
 use crate::residual::Window;
 
+/// No stored count is larger.
+const LARGEST_COUNT: u64 = 1 << 53;
+
+/// No stored statistic is larger: a residual is at most a million times its scale, and squares of it are summed up.
+const LARGEST_STATISTIC: f64 = 1e30;
+
 /// How long a window is, and how often there is a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -147,18 +153,35 @@ impl Ring {
 
     fn restore(&mut self, stored: &StoredSpan) -> Result<(), Error> {
         same_length("panes", self.panes.len(), stored.panes.len())?;
+        possible(stored.ended <= LARGEST_COUNT)?;
+        let of_pane = u64::from(self.span.pane_samples);
         for (pane, values) in self.panes.iter_mut().zip(&stored.panes) {
-            restore(pane, values)?;
+            restore(pane, values, of_pane)?;
         }
-        restore(&mut self.open, &stored.open)?;
-        restore(&mut self.window, &stored.window)?;
+        restore(&mut self.open, &stored.open, of_pane)?;
+        let of_window = self.span.samples().unwrap_or(LARGEST_COUNT);
+        restore(&mut self.window, &stored.window, of_window)?;
         self.ended = stored.ended;
         self.next = (stored.ended % (self.panes.len().max(1) as u64)) as usize;
         Ok(())
     }
 }
 
-fn restore(window: &mut Window, values: &[f64]) -> Result<(), Error> {
+/// That a stored number is one that there can be.
+fn possible(holds: bool) -> Result<(), Error> {
+    let broken = "a number of a stored window is none that there can be";
+    if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+}
+
+/// Takes over stored statistics of so many samples at most.
+fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(), Error> {
+    let is_count = |number: f64| number.fract() == 0.0 && number <= most_samples as f64;
+    possible(values.iter().all(|number| number.abs() <= LARGEST_STATISTIC))?;
+    if let [count, first, ..] = values {
+        let is_none = *first == -1.0;
+        possible(*count >= 0.0 && is_count(*count))?;
+        possible(is_none || (*first >= 0.0 && is_count(*first)))?;
+    }
     let fits = window.set_values(values);
     if fits {
         Ok(())
@@ -284,10 +307,12 @@ impl Sliding {
     /// [`Error::LengthMismatch`] and [`Error::CorruptModel`] if it was stored by another one.
     pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         same_length("spans", self.rings.len(), stored.spans.len())?;
-        restore(&mut self.base, &stored.base)?;
+        let of_base = u64::from(self.base_samples);
+        restore(&mut self.base, &stored.base, of_base)?;
         self.turn = self.rings.len();
         if !stored.full.is_empty() {
-            restore(&mut self.full, &stored.full)?;
+            restore(&mut self.full, &stored.full, of_base)?;
+            possible(stored.turn <= self.rings.len())?;
             self.turn = stored.turn;
         }
         for (ring, stored) in self.rings.iter_mut().zip(&stored.spans) {

@@ -1,13 +1,13 @@
 //! `servotwin watch`: the twin and the diagnosis beside a log or a live stream.
 
-use super::progress::is_shown;
+mod outputs;
+
 use super::{SpanOptions, note, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Grid, Side};
-use crate::{Global, out, stop};
-use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Value, json};
+use crate::{Global, stop};
+use outputs::{Outputs, Totals};
+use serde_json::json;
 use servotwin::evaluation::{EvaluationError, model_file};
 use servotwin::files;
 use servotwin::flight::band::BandMerit;
@@ -16,26 +16,24 @@ use servotwin::job::{Folder, flights};
 use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::{Counts, Kind};
 use servotwin::log::map::{Guess, Map, Trust, guess};
-use servotwin::log::sink::events::Events;
-use servotwin::log::sink::mcap::{Lost, Mcap};
-use servotwin::log::sink::strip::Strip;
-use servotwin::log::sink::timeline::Timeline;
-use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
+use servotwin::log::sink::{Scene, SinkError};
 use servotwin::log::source::cut::Cut;
-use servotwin::log::source::{Address, LogColumn};
+use servotwin::log::source::udp::Allowed;
+use servotwin::log::source::{Address, LogColumn, Source};
+use servotwin::log::watchdog::WatchdogRules;
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
-use servotwin::moment;
-use servotwin::sanitize::{self, Printable};
+use servotwin::sanitize;
+use servotwin::signal::Quantity;
 use servotwin::study::{Setting, Study};
 use servotwin::system::{System, units};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::diagnoser::environment::Input;
 use servotwin_model::lanes::Level;
-use std::fs::OpenOptions;
-use std::io::{Stdout, Write};
+use servotwin_model::spec::Unit;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 /// Watch an actuator: a log, or a live stream, beside its twin.
 ///
@@ -83,6 +81,17 @@ pub struct Options {
     /// Go on from the checkpoint.
     #[arg(long, requires = "checkpoint")]
     resume: bool,
+    /// Of a live source: report no data after this time without any, of the source and of each column; by the wall clock
+    /// [default: 2 s, or ten periods of the diagnoser if these are longer].
+    #[arg(long, value_name = "TIME")]
+    no_data_after: Option<String>,
+    /// Of a live source: report this often that the watch lives, and what each output lost. 0s reports nothing.
+    #[arg(long, value_name = "TIME", default_value = "10s")]
+    heartbeat: String,
+    /// Of udp://: take datagrams of this sender only, IP or IP:PORT; may be given several times. any takes all [default:
+    /// the first that sends a sample, until it is silent for 2 s].
+    #[arg(long, value_name = "ADDRESS")]
+    from: Vec<String>,
 }
 
 /// The time between two checkpoints, s.
@@ -118,7 +127,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         None => Study::default(),
     };
     let system = &study.system;
-    let address = Address::parse(&options.source)?;
+    let address = address(options)?;
     if let Some(path) = &options.make_map {
         return make_map(options, &address, &study, path, global);
     }
@@ -143,73 +152,170 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
     let believed = believed(&diagnoser, system);
     let (mut observer, period_s) = observer(options, &study, diagnoser, &map, &needed, global)?;
+    let watchdog = watchdog(options, period_s)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
     let resumed = match options.resume {
         true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
         false => None,
     };
-    let mut outputs = Outputs::new(options, scene, resumed.as_ref(), global)?;
-    let mut watch = Watch::new(&mut *source, &map, &mut observer, period_s);
-    watch.believed(&believed);
-    if let Some(checkpoint) = resumed {
-        watch.resume(checkpoint)?;
+    let setup = Setup { options, study: &study, address: &address, map: &map, period_s, global };
+    let watched =
+        setup.watch(&mut *source, &mut observer, &believed, (scene, watchdog), resumed)?;
+    let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * period_s);
+    setup.conclude(watched, &needed, shortest_s)
+}
+
+/// The source, with the senders that it listens to.
+fn address(options: &Options) -> Result<Address, Failure> {
+    let address = Address::parse(&options.source)?;
+    if options.from.is_empty() {
+        return Ok(address);
     }
-    if let Some(path) = &options.checkpoint {
-        let every = (CHECKPOINT_S / period_s) as u64;
-        watch.checkpoints(Checkpoints { path: path.clone(), every });
-    }
-    stop::heed();
-    let bar = outputs.bar.clone();
-    watch.sink(&mut outputs);
-    let end = thread::scope(|scope| {
-        // A log is mostly read before a compiler would be done.
-        if address.is_live() {
-            scope.spawn(|| system.compiled.kernels(&system.program, Level::Single));
-        }
-        let end = watch.run(stop::flag(), &mut |time_s, share| show(&bar, time_s, share));
-        system.compiled.give_up();
-        end
-    });
-    bar.finish_and_clear();
-    let end = end?;
-    let counts = watch.counts().clone();
-    let doubts = watch.doubts().sentences(system, &map, period_s, &counts);
-    drop(watch);
-    if end == End::Complete && counts.samples == 0 {
-        return Err(nothing(&address, &counts));
-    }
-    if let (Some(path), Some(timeline)) = (&options.html, &outputs.timeline) {
-        timeline.write(path, &counts)?;
-    }
-    let mut lost = vec![];
-    for mcap in outputs.mcaps.drain(..) {
-        lost.extend(mcap.finish()?);
-    }
-    // Ctrl-C is how a stream is left, but not how a file is done.
-    if end == End::Stopped && !address.is_live() {
-        return Err(Failure::Stopped);
-    }
-    let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
-    let output = match global {
-        Global { json: true, .. } => format!("{}\n", summary(&counts, &signals, &lost)),
-        Global { quiet: true, .. } => String::new(),
-        _ => outputs.strip.text() + "\n" + &people(&counts, &signals, &lost),
+    let range = || "any, an IP address or IP:PORT".into();
+    let allowed = Allowed::parse(&options.from);
+    let allowed =
+        allowed.map_err(|given| Failure::OutOfRange { option: "--from", given, range: range() })?;
+    let none = "--from names the senders of a udp:// source; this source has none";
+    address.from_senders(allowed).ok_or(Failure::Options(none))
+}
+
+/// When a live source counts as silent, and how often the watch says that it lives.
+fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> {
+    let usual = WatchdogRules::default().no_data_after;
+    let ten_periods = Duration::try_from_secs_f64(10.0 * period_s).unwrap_or(usual);
+    let no_data_after = match &options.no_data_after {
+        Some(text) => Duration::from_secs_f64(seconds("--no-data-after", text, 0.1)?),
+        None => usual.max(ten_periods),
     };
-    if end == End::Complete && counts.judged == 0 && !options.resume {
-        let mut reasons = doubts;
-        reasons.extend(unmeasured(&map, &needed));
-        if reasons.is_empty() {
-            let shortest_s = shortest.map_or(0.0, |n| n as f64 * period_s);
-            reasons.push(gaps(&map, &needed, &counts, shortest_s));
+    let heartbeat = Duration::from_secs_f64(seconds("--heartbeat", &options.heartbeat, 0.0)?);
+    Ok(WatchdogRules { no_data_after, heartbeat: Some(heartbeat).filter(|every| !every.is_zero()) })
+}
+
+/// A time option in seconds, from a least one on.
+fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failure> {
+    let value =
+        Quantity::in_unit(text, Unit::Second).map_err(|error| Failure::Number { option, error })?;
+    match (least_s..=86_400.0).contains(&value) {
+        true => Ok(value),
+        false => {
+            let (given, range) = (text.into(), format!("{least_s} s to 86,400 s").into());
+            Err(Failure::OutOfRange { option, given, range })
         }
-        let states = outputs.unjudged.join(" or ");
-        let reason =
-            format!("nothing could be judged, every period is {states}: {}", reasons.join("; "));
-        return Err(Failure::Unjudged { output, log: address.to_string(), reason });
     }
-    warn(global, &doubts);
-    Ok(output)
+}
+
+/// All that a watch needs beside its source and its observer.
+struct Setup<'s> {
+    options: &'s Options,
+    study: &'s Study,
+    address: &'s Address,
+    map: &'s Map,
+    period_s: f64,
+    global: Global,
+}
+
+/// What came of a watch.
+struct Watched {
+    end: End,
+    totals: Totals,
+    doubts: Vec<String>,
+    /// What was said instead of a judgement, as it came.
+    unjudged: Vec<State>,
+    /// The lines for people.
+    text: String,
+}
+
+impl Setup<'_> {
+    /// Watches until the source ends or Ctrl-C, and ends all outputs.
+    fn watch(
+        &self,
+        source: &mut dyn Source,
+        observer: &mut Watcher,
+        believed: &[(f64, f64)],
+        (scene, watchdog): (Scene, WatchdogRules),
+        resumed: Option<Checkpoint>,
+    ) -> Result<Watched, Failure> {
+        let Setup { options, study, address, map, period_s, global } = *self;
+        let system = &study.system;
+        let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), global)?;
+        let mut watch = Watch::new(source, map, observer, period_s);
+        watch.believed(believed);
+        if let Some(checkpoint) = resumed {
+            watch.resume(checkpoint)?;
+        }
+        if let Some(path) = &options.checkpoint {
+            let every = (CHECKPOINT_S / period_s) as u64;
+            watch.checkpoints(Checkpoints { path: path.clone(), every });
+        }
+        if address.is_live() {
+            watch.watchdog(watchdog);
+        }
+        stop::heed();
+        let show = outputs.shows_progress(address.is_live());
+        let Outputs { shown, threads, .. } = &mut outputs;
+        watch.sink(shown);
+        watch.sink(threads);
+        let end = thread::scope(|scope| {
+            // A log is mostly read before a compiler would be done.
+            if address.is_live() {
+                scope.spawn(|| system.compiled.kernels(&system.program, Level::Single));
+            }
+            let end = watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
+            system.compiled.give_up();
+            end
+        });
+        let end = end?;
+        let (counts, silences) = (watch.counts().clone(), watch.silences());
+        let saved = watch.checkpoint_loss();
+        let doubts = watch.doubts().sentences(system, map, period_s, &counts);
+        drop(watch);
+        if end == End::Complete && counts.samples == 0 {
+            return Err(nothing(address, &counts));
+        }
+        let (totals, shown) = outputs.end(options, counts, silences, saved, address.is_live())?;
+        let (unjudged, text) = (shown.unjudged, shown.strip.text());
+        Ok(Watched { end, totals, doubts, unjudged, text })
+    }
+
+    /// The text for standard output, or why the run counts as failed.
+    fn conclude(
+        &self,
+        watched: Watched,
+        needed: &[&str],
+        shortest_s: f64,
+    ) -> Result<String, Failure> {
+        let Setup { options, address, map, global, .. } = *self;
+        let Watched { end, totals, doubts, unjudged, text } = watched;
+        // Ctrl-C is how a stream is left, but not how a file is done.
+        if end == End::Stopped && !address.is_live() {
+            return Err(Failure::Stopped);
+        }
+        let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
+        let output = match global {
+            Global { json: true, .. } => format!("{}\n", totals.json(&signals)),
+            Global { quiet: true, .. } => String::new(),
+            _ => text + "\n" + &totals.text(&signals),
+        };
+        let counts = &totals.counts;
+        if end == End::Complete && counts.judged == 0 && !options.resume {
+            let mut reasons = doubts;
+            reasons.extend(unmeasured(map, needed));
+            if reasons.is_empty() {
+                reasons.push(gaps(map, needed, counts, shortest_s));
+            }
+            let states = unjudged.iter().map(|state| format!("'{}'", state.words()));
+            let states = states.collect::<Vec<_>>().join(" or ");
+            let reasons = reasons.join("; ");
+            let reason = format!("nothing could be judged, every period is {states}: {reasons}");
+            return Err(Failure::Unjudged { output, log: address.to_string(), reason });
+        }
+        warn(global, &doubts);
+        match totals.lost_files() {
+            files if files.is_empty() => Ok(output),
+            files => Err(Failure::SinksLost { output, files }),
+        }
+    }
 }
 
 /// That a log has no column for sensors that the diagnoser reads.
@@ -474,187 +580,4 @@ fn make_map(
             guess.unused.len()
         ),
     })
-}
-
-/// Everything that is told each sample.
-struct Outputs {
-    strip: Strip,
-    timeline: Option<Timeline>,
-    mcaps: Vec<Mcap>,
-    /// What was said instead of a judgement, as it came.
-    unjudged: Vec<String>,
-    /// Whether it was said that a connection is lost.
-    is_loss_told: bool,
-    global: Global,
-    events: Option<Events<std::fs::File>>,
-    lines: Option<Events<Printable<Stdout>>>,
-    bar: ProgressBar,
-}
-
-impl Outputs {
-    fn new(
-        options: &Options,
-        scene: Scene,
-        resumed: Option<&Checkpoint>,
-        global: Global,
-    ) -> Result<Self, Failure> {
-        let events = match &options.events {
-            Some(path) => Some(Events::to_file(events_file(path, resumed)?, path)),
-            None => None,
-        };
-        let mcaps = options.mcap.iter().map(|target| Mcap::open(target, &scene));
-        Ok(Outputs {
-            mcaps: mcaps.collect::<Result<_, _>>()?,
-            unjudged: vec![],
-            is_loss_told: false,
-            global,
-            strip: Strip::default(),
-            timeline: options.html.is_some().then(|| Timeline::new(scene)),
-            events,
-            lines: global.json.then(|| Events::new(out::stdout())),
-            bar: bar(global),
-        })
-    }
-
-    /// On a terminal every change is a line as it comes.
-    fn told(&self, sample: &Sample) {
-        if sample.changed && !self.bar.is_hidden() {
-            let words = sample.observation.finding.words();
-            self.bar.println(format!("{:>12}  {words}", moment::shown(sample.time_s)));
-        }
-    }
-
-    fn keep_unjudged(&mut self, state: State) {
-        let words = format!("'{}'", state.words());
-        if !state.is_judgement() && !self.unjudged.contains(&words) {
-            self.unjudged.push(words);
-        }
-    }
-
-    /// Says once that nobody takes a stream any more.
-    fn tell_loss(&mut self) {
-        let lost = if self.is_loss_told { None } else { self.mcaps.iter().find_map(Mcap::lost) };
-        if let Some(Lost { target, reason, .. }) = lost {
-            self.is_loss_told = true;
-            let text = format!("{target}: the connection is lost ({reason}); the watch goes on");
-            self.bar.suspend(|| warn(self.global, &[text]));
-        }
-    }
-}
-
-impl Sink for Outputs {
-    fn connection(&mut self, lost: Option<&str>) -> Result<(), SinkError> {
-        let text = match lost {
-            Some(cause) => {
-                format!("the connection to the source is lost ({cause}); the watch connects again")
-            }
-            None => "the connection to the source is made again".to_owned(),
-        };
-        self.bar.suspend(|| warn(self.global, &[text]));
-        Ok(())
-    }
-
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        self.told(sample);
-        self.keep_unjudged(sample.observation.finding.state);
-        self.strip.sample(sample)?;
-        if let Some(timeline) = &mut self.timeline {
-            timeline.sample(sample)?;
-        }
-        for mcap in &mut self.mcaps {
-            mcap.sample(sample)?;
-        }
-        self.tell_loss();
-        if let Some(events) = &mut self.events {
-            events.sample(sample)?;
-        }
-        if let Some(lines) = &mut self.lines {
-            lines.sample(sample)?;
-        }
-        Ok(())
-    }
-}
-
-/// The file of events: it grows line by line, so that others can follow it. Where a watch goes on, it
-/// keeps what it has up to there.
-fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<std::fs::File, Failure> {
-    let failed = |cause| SinkError::File(files::FileError::from_io(path, cause));
-    let kept = match resumed {
-        Some(checkpoint) if path.exists() => {
-            let text = files::read_text(path).map_err(SinkError::File)?;
-            let lines = text.lines().take(checkpoint.events() as usize);
-            lines.map(|line| format!("{line}\n")).collect()
-        }
-        _ => String::new(),
-    };
-    let mut open = OpenOptions::new();
-    let mut file = open.write(true).create(true).truncate(true).open(path).map_err(failed)?;
-    file.write_all(kept.as_bytes()).map_err(failed)?;
-    Ok(file)
-}
-
-fn bar(global: Global) -> ProgressBar {
-    if !is_shown(global) {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} %");
-    ProgressBar::new(1000).with_style(style.expect("a correct template"))
-}
-
-fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
-    if time_s.is_finite() {
-        bar.set_message(moment::shown(time_s));
-    }
-    bar.set_position((1000.0 * share.unwrap_or(0.0)) as u64);
-}
-
-/// What was counted, for programs: the last line behind the events.
-fn summary(counts: &Counts, signals: &[&str], lost: &[Lost]) -> Value {
-    let met: serde_json::Map<String, Value> = counts
-        .met()
-        .map(|(kind, tally)| {
-            let first = counts.place(tally);
-            (kind.words().0.to_owned(), json!({ "count": tally.count, "first": first }))
-        })
-        .collect();
-    let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
-    let missing: serde_json::Map<String, Value> =
-        missing.map(|(id, count)| (id.to_string(), json!(count))).collect();
-    let unsent = lost.iter().map(|lost| (lost.target.clone(), json!(lost.unsent)));
-    json!({ "summary": {
-        "frames": counts.frames,
-        "samples": counts.samples,
-        "judged": counts.judged,
-        "met": met,
-        "missing": missing,
-        "unsent": unsent.collect::<serde_json::Map<String, Value>>(),
-    }})
-}
-
-/// What was counted, for people.
-fn people(counts: &Counts, signals: &[&str], lost: &[Lost]) -> String {
-    let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
-    let judged = counts.judged;
-    let mut text =
-        format!("{frames} {counted}s became {samples} samples, {judged} of them judged\n");
-    let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
-    let missing: Vec<String> = missing.map(|(id, count)| format!("{id} in {count}")).collect();
-    if !missing.is_empty() {
-        text += &format!("samples without a value: {}\n", missing.join(", "));
-    }
-    for Lost { target, unsent, .. } in lost {
-        text += &format!("samples not sent to {target}: {unsent}\n");
-    }
-    if counts.met().next().is_some() {
-        let heads =
-            [("how often", Side::Right), ("what was met", Side::Left), ("first", Side::Left)];
-        let mut grid = Grid::new(&heads);
-        for (kind, tally) in counts.met() {
-            let words = kind.words().1.to_owned();
-            grid.push(vec![tally.count.to_string(), words, counts.place(tally)]);
-        }
-        text += "\n";
-        text += &grid.text();
-    }
-    text
 }

@@ -5,6 +5,7 @@ mod first_hour;
 mod fit;
 mod flights;
 mod hostile;
+mod live;
 mod paths;
 mod public_tables;
 mod reading;

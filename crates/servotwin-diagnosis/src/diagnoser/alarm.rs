@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::decision::{Hypotheses, Settings};
-use super::outcome::Raised;
+use super::outcome::{Places, Raised};
 use crate::hierarchy::Names;
 
 /// The alarm of a session, and what it must remember.
@@ -67,12 +67,12 @@ impl Memory {
         }
     }
 
-    /// Whether a stored memory fits the names.
-    pub fn fits(&self, rules: &Rules) -> bool {
-        let Hypotheses { actuators, commands } = rules.hypotheses;
+    /// Whether a stored memory fits the names, window lengths and samples so far.
+    pub fn fits(&self, places: &Places, samples: u64) -> bool {
         let lists = [&self.is_off, &self.was_claimed_off, &self.is_inhibited];
-        let known = |r: &Raised| (r.unit as usize) < actuators && (r.command as usize) < commands;
-        lists.iter().all(|list| list.len() == actuators) && self.raised.as_ref().is_none_or(known)
+        lists.iter().all(|list| list.len() == places.hypotheses.actuators)
+            && self.raised.as_ref().is_none_or(|raised| raised.fits(places, samples))
+            && self.recovering_since.is_none_or(|since| since <= samples)
     }
 
     /// Whether a hypothesis may be raised at all: its actuator is judged, and if it is to be switched

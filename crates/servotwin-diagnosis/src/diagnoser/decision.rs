@@ -420,6 +420,7 @@ impl Evidence {
 
     pub fn fits(&self, hypotheses: Hypotheses) -> bool {
         self.of_pairs.len() == hypotheses.count() * hypotheses.count()
+            && self.of_pairs.iter().chain([&self.change, &self.unknown]).all(|sum| sum.is_finite())
     }
 
     /// Takes in what a window says, of which `share` is new.

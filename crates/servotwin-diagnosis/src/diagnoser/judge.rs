@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::alike::Alike;
 use super::decision::{Hypotheses, IsNovel, Said};
+use super::outcome::{Places, is_share};
 use super::{Diagnoser, Length};
 use crate::error::Error;
 use crate::features::Views;
@@ -54,6 +55,20 @@ pub(super) struct Judgement {
     pub is_novel: bool,
 }
 
+impl Judgement {
+    fn fits(&self, places: &Places) -> bool {
+        let is_hypothesis = |place: usize| place < places.hypotheses.count();
+        self.worst.0 < places.sensors
+            && self.worst.1.is_finite()
+            && self.of_trees.is_none_or(is_hypothesis)
+            && self.detail_of_trees.is_none_or(|detail| places.has_detail(detail))
+            && is_hypothesis(self.likeliest)
+            && self
+                .detail
+                .is_none_or(|(detail, share)| places.has_detail(detail) && is_share(share))
+    }
+}
+
 impl Judge {
     pub fn new(diagnoser: &Diagnoser, length: &Length) -> Result<Self, Error> {
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
@@ -78,9 +93,11 @@ impl Judge {
         self.memory.last = None;
     }
 
-    /// Whether a stored memory is of as many hypotheses.
-    pub fn fits(&self, memory: &Memory) -> bool {
+    /// Whether a stored memory is of as many hypotheses, and names places that there are.
+    pub fn fits(&self, memory: &Memory, places: &Places) -> bool {
         memory.probabilities.len() == self.hypotheses.count()
+            && memory.probabilities.iter().all(|share| is_share(*share))
+            && memory.last.is_none_or(|last| last.fits(places))
     }
 
     pub fn last(&self) -> Option<&Judgement> {

@@ -41,6 +41,9 @@ pub use session::{Session, State};
 /// The word that a stored diagnoser begins with.
 pub const FORMAT: &str = "servotwin diagnoser 1";
 
+/// No count of a stored session is larger.
+const LARGEST_COUNT: u64 = 1 << 53;
+
 /// A sensor whose residual is watched.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::decision::Hypotheses;
 use super::environment::Why;
+use super::{Diagnoser, LARGEST_COUNT};
 
 /// What was found. Numbers are places in the diagnoser's names, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -82,6 +84,75 @@ pub struct Raised {
     pub confidence: f64,
 }
 
+/// How many places there are in the lists of a diagnoser: a stored number must be one of them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Places {
+    pub hypotheses: Hypotheses,
+    pub details: usize,
+    pub lengths: usize,
+    pub sensors: usize,
+    pub inputs: usize,
+}
+
+impl Places {
+    pub fn of(diagnoser: &Diagnoser) -> Self {
+        let names = diagnoser.names();
+        Places {
+            hypotheses: Hypotheses::of(names),
+            details: names.details.len(),
+            lengths: diagnoser.lengths.len(),
+            sensors: diagnoser.sensors.len(),
+            inputs: diagnoser.environment.inputs.len(),
+        }
+    }
+
+    fn has_unit(&self, unit: u32) -> bool {
+        (unit as usize) < self.hypotheses.actuators
+    }
+
+    fn has_command(&self, command: u32) -> bool {
+        (command as usize) < self.hypotheses.commands
+    }
+
+    pub fn has_detail(&self, detail: u32) -> bool {
+        (detail as usize) < self.details
+    }
+}
+
+/// Whether a number is a probability.
+pub(super) fn is_share(number: f64) -> bool {
+    // A sum of shares may be above one by what it was rounded by.
+    (0.0..=1.0 + 1e-9).contains(&number)
+}
+
+impl Raised {
+    /// Whether a stored one names places that there are, and a sample that was.
+    pub(super) fn fits(&self, places: &Places, samples: u64) -> bool {
+        places.has_unit(self.unit)
+            && places.has_command(self.command)
+            && self.detail.is_none_or(|detail| places.has_detail(detail))
+            && self.sample <= samples
+            && (self.length as usize) < places.lengths
+            && is_share(self.confidence)
+    }
+}
+
+impl Finding {
+    fn fits(&self, places: &Places) -> bool {
+        match *self {
+            Finding::Unjudged | Finding::Healthy | Finding::Detected | Finding::Unknown => true,
+            Finding::Actuator { unit } => places.has_unit(unit),
+            Finding::Command { unit, command } => {
+                places.has_unit(unit) && places.has_command(command)
+            }
+            Finding::Detail { unit, command, detail } => {
+                places.has_unit(unit) && places.has_command(command) && places.has_detail(detail)
+            }
+            Finding::EnvironmentInvalid { input, .. } => (input as usize) < places.inputs,
+        }
+    }
+}
+
 /// What a diagnosis says.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -131,7 +202,29 @@ pub struct Counts {
     pub settling: u64,
 }
 
+impl Counts {
+    fn fits(&self) -> bool {
+        let Counts { missing, errors, environment, settling } = *self;
+        [missing, errors, environment, settling].iter().all(|count| *count <= LARGEST_COUNT)
+    }
+}
+
 impl Outcome {
+    /// Whether a stored one names places that there are, and samples that were.
+    pub(super) fn fits(&self, places: &Places, samples: u64) -> bool {
+        self.finding.fits(places)
+            && self.raised.as_ref().is_none_or(|raised| raised.fits(places, samples))
+            && self.sample <= samples
+            && self.since_sample <= samples
+            && is_share(self.confidence)
+            && self.length.is_none_or(|length| (length as usize) < places.lengths)
+            && self.worst_sensor.is_none_or(|sensor| (sensor as usize) < places.sensors)
+            && self.excess.is_finite()
+            && self.outside.is_finite()
+            && self.lost as usize <= places.sensors
+            && self.counts.fits()
+    }
+
     pub(super) fn first() -> Self {
         Outcome {
             sample: 0,

@@ -35,6 +35,11 @@ impl Presence {
     pub fn is_lost(self) -> bool {
         self.is_lost
     }
+
+    /// Whether a stored one can have been written with this patience.
+    pub fn fits(self, patience: Patience) -> bool {
+        self.against < if self.is_lost { patience.until_back } else { patience.until_lost }
+    }
 }
 
 #[cfg(test)]

@@ -10,10 +10,10 @@ use super::alarm::{self, Rules};
 use super::decision::{self, Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
 use super::judge::{self, Judge};
-use super::outcome::{Alarm, Finding, Outcome, Raised};
+use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
 use super::presence::{Patience, Presence};
 use super::streams::{Sample, StoredRelative, Streams};
-use super::{Diagnoser, Length};
+use super::{Diagnoser, LARGEST_COUNT, Length};
 use crate::error::Error;
 use crate::field::{self, Here};
 use crate::hierarchy::Stage;
@@ -338,17 +338,26 @@ impl Session {
 
     fn try_restore(&mut self, state: &State) -> Result<(), Error> {
         let State { format, memory, environment, windows, relative } = state;
+        let places = Places::of(&self.diagnoser);
         let fits = format == FORMAT
             && memory.evidence.len() == self.judges.len()
             && memory.evidence.iter().all(|evidence| evidence.fits(self.hypotheses))
             && memory.judged.len() == self.judges.len()
-            && memory.judged.iter().zip(&self.judges).all(|(judged, judge)| judge.fits(judged))
+            && memory
+                .judged
+                .iter()
+                .zip(&self.judges)
+                .all(|(judged, own)| own.fits(judged, &places))
             && memory.is_taken_out.len() == self.scales.len()
             && memory.asked.len() == self.memory.asked.len()
-            && memory.alarm.fits(&self.rules)
+            && memory.alarm.fits(&places, memory.samples)
             && self.guard.fits(environment);
         if !fits {
             return Err(Error::CorruptModel { broken: "the state is another diagnoser's" });
+        }
+        if !self.is_possible(memory, &places) {
+            let broken = "a number of the state is none that a diagnosis can have";
+            return Err(Error::CorruptModel { broken });
         }
         self.streams.restore(windows, relative.as_ref())?;
         self.memory = memory.clone();
@@ -362,6 +371,24 @@ impl Session {
         Ok(())
     }
 
+    /// Whether the numbers of a stored memory are such that a session may have written them.
+    fn is_possible(&self, memory: &Memory, places: &Places) -> bool {
+        let settling = self.settling_samples();
+        let sensors = memory.presence.len();
+        let of_before = sensors == 0;
+        [memory.samples, memory.gap].iter().all(|count| *count <= LARGEST_COUNT)
+            && memory.settling <= settling
+            && (of_before || sensors == self.scales.len())
+            && memory.presence.iter().all(|presence| presence.fits(self.patience))
+            && memory.asked.iter().flatten().all(|asked| asked.is_finite())
+            && memory.outcome.fits(places, memory.samples)
+    }
+
+    /// Samples that are not judged after a new beginning.
+    fn settling_samples(&self) -> u64 {
+        libm::ceil(self.diagnoser.decision.settle_s / self.diagnoser.period_s) as u64
+    }
+
     fn check_unit(&self, index: usize) -> Result<(), Error> {
         let length = self.is_masked.len();
         let known = index < length;
@@ -371,8 +398,7 @@ impl Session {
     /// Begins anew with a twin that must settle first. What is raised stays.
     pub fn restart(&mut self) {
         self.clear_windows();
-        let settle_s = self.diagnoser.decision.settle_s;
-        self.memory.settling = libm::ceil(settle_s / self.diagnoser.period_s) as u64;
+        self.memory.settling = self.settling_samples();
         let raised = self.memory.alarm.raised;
         self.memory.outcome.raised = raised;
         let alarm = if raised.is_some() { Alarm::Raised } else { Alarm::Normal };

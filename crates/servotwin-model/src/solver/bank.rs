@@ -54,6 +54,11 @@ impl<'p, V: Lanes> Bank<'p, V> {
         self.periods_s.len()
     }
 
+    /// The period of each clock, s.
+    pub fn periods_s(&self) -> &[f64] {
+        &self.periods_s
+    }
+
     /// Idle lanes.
     pub fn new(program: &'p Program, settings: Settings, kernels: Option<&'p Kernels>) -> Self {
         let periods_s: Vec<f64> = program.clock_periods_s().collect();

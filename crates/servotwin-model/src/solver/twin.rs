@@ -14,7 +14,7 @@
 use super::bank::{Bank, Numbers};
 use super::course::{Course, Moving, Phase};
 use super::kernels::Kernels;
-use super::{Failure, Settings, Statistics};
+use super::{Failure, SMALLEST_STEP_S, Settings, Statistics};
 use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
 use alloc::vec::Vec;
@@ -78,6 +78,13 @@ pub struct Twin<'p> {
 
 /// Its only lane.
 const LANE: usize = 0;
+
+/// The latest time of a snapshot, s: thirty years.
+const LONGEST_TIME_S: f64 = 1e9;
+/// The longest step of a snapshot, s.
+const LONGEST_STEP_S: f64 = 1e4;
+/// The most attempts of a snapshot within a second.
+const MOST_EFFORT: f64 = 1e12;
 
 impl<'p> Twin<'p> {
     /// A twin with samples every `period_s` seconds; `between` for each external input of the
@@ -203,7 +210,7 @@ impl<'p> Twin<'p> {
     /// Goes on from what a twin of the same program, settings and parameters remembered.
     ///
     /// # Errors
-    /// What does not fit: a list of another length.
+    /// What does not fit: a list of another length, or a number with which no twin ever stood on a sample.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), &'static str> {
         let held = self.bank.held(LANE).count();
         let fits = |fits: bool, what| if fits { Ok(()) } else { Err(what) };
@@ -211,6 +218,7 @@ impl<'p> Twin<'p> {
         fits(snapshot.held.len() == held, "held values")?;
         fits(snapshot.next_tick.len() == self.bank.clocks(), "clocks")?;
         fits(snapshot.inputs.len() == self.inputs.len(), "inputs")?;
+        self.check_numbers(snapshot)?;
         self.inputs.copy_from_slice(&snapshot.inputs);
         self.take_loaded();
         self.restart(false);
@@ -224,6 +232,27 @@ impl<'p> Twin<'p> {
         self.bank.set_held(LANE, &snapshot.held);
         self.stand();
         Ok(())
+    }
+
+    /// That the numbers of a snapshot are such that the way goes on from them: a step of zero, or one that is too short
+    /// to change the time, would never end.
+    fn check_numbers(&self, snapshot: &Snapshot) -> Result<(), &'static str> {
+        let fits = |fits: bool, what| if fits { Ok(()) } else { Err(what) };
+        let time_s = snapshot.sample as f64 * self.period_s;
+        let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+        let mut inputs = snapshot.inputs.iter().flat_map(|knot| [knot.value, knot.slope_per_s]);
+        // A clock has ticked up to the sample, and not beyond its next tick.
+        let is_next = |(&tick, &period_s): (&u64, &f64)| {
+            let next_s = tick as f64 * period_s;
+            (time_s - period_s..=time_s + 2.0 * period_s).contains(&next_s)
+        };
+        fits(time_s <= LONGEST_TIME_S, "time")?;
+        fits((SMALLEST_STEP_S..=LONGEST_STEP_S).contains(&snapshot.wanted_s), "step")?;
+        fits((0.0..=MOST_EFFORT).contains(&snapshot.effort), "effort")?;
+        fits(is_finite(&snapshot.states), "states")?;
+        fits(is_finite(&snapshot.held), "held values")?;
+        fits(inputs.all(f64::is_finite), "inputs")?;
+        fits(snapshot.next_tick.iter().zip(self.bank.periods_s()).all(is_next), "clocks")
     }
 
     fn course(&self) -> &Course {

@@ -281,6 +281,15 @@ impl<'s> Runtime<'s> {
         if checkpoint.buses.len() != self.buses.len() {
             return Err(Error::CorruptModel { broken: "the checkpoint has other inputs" }.into());
         }
+        let mut memories = checkpoint.buses.iter();
+        let is_finite = |&(last, slope): &(Option<f64>, f64)| {
+            last.is_none_or(f64::is_finite) && slope.is_finite()
+        };
+        if !memories.all(is_finite) {
+            return Err(
+                Error::CorruptModel { broken: "an input of the checkpoint is no number" }.into()
+            );
+        }
         self.session.restore(&checkpoint.session)?;
         let buses = self.buses.iter_mut().zip(&mut self.believed).zip(&checkpoint.buses);
         for ((bus, believed), &memory) in buses {

@@ -277,6 +277,17 @@ impl Observer for Watcher<'_> {
         if stored.is_off.len() != self.is_off.len() {
             return Err("it is of another number of actuators".into());
         }
+        if stored.outside_for > self.longest {
+            return Err("it was outside of the band for longer than a window".into());
+        }
+        if stored.finding.as_ref().is_some_and(|finding| !finding.is_text()) {
+            return Err("its words are no text".into());
+        }
+        // What the flight control computer did about units that are off is part of the twin.
+        for (unit, reaction) in self.off.iter().enumerate().filter(|(unit, _)| stored.is_off[*unit])
+        {
+            self.runtime.follow(unit, reaction).map_err(|error| error.to_string())?;
+        }
         let knot = |&(value, slope_per_s): &(f64, f64)| Knot { value, slope_per_s };
         let twin = stored.twin.map(|twin| Snapshot {
             sample: twin.sample,

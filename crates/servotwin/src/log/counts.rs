@@ -47,11 +47,15 @@ pub enum Kind {
     Reconnected,
     /// A message that a broker had kept from before.
     Retained,
+    /// A datagram of another sender than the one that is listened to.
+    ForeignSender,
+    /// A datagram for which there was no place: the diagnosis did not keep up.
+    Overflow,
 }
 
 impl Kind {
     /// All kinds, in the order of reports.
-    pub const ALL: [Kind; 20] = [
+    pub const ALL: [Kind; 22] = [
         Kind::Noise,
         Kind::TooLong,
         Kind::CutShort,
@@ -72,6 +76,8 @@ impl Kind {
         Kind::Disconnected,
         Kind::Reconnected,
         Kind::Retained,
+        Kind::ForeignSender,
+        Kind::Overflow,
     ];
 
     /// The name in JSON, and in words what was found and done.
@@ -97,9 +103,14 @@ impl Kind {
             Kind::Disconnected => ("disconnected", "connection lost"),
             Kind::Reconnected => ("reconnected", "connection made again"),
             Kind::Retained => ("retained", "kept by the broker from before: no sample"),
+            Kind::ForeignSender => ("foreign_sender", "from another sender: dropped"),
+            Kind::Overflow => ("overflow", "came faster than it was diagnosed: dropped"),
         }
     }
 }
+
+/// The most bytes of a detail in a checkpoint.
+const LONGEST_DETAIL: usize = 10_000;
 
 /// How often a kind was met, and where first.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -144,9 +155,23 @@ impl Counts {
         }
     }
 
-    /// Whether it counts every kind, and of so many inputs and sensors.
-    pub(super) fn has_width(&self, channels: usize) -> bool {
-        self.tallies.len() == Kind::ALL.len() && self.missing.len() == channels
+    /// What is wrong with it as the counts of so many inputs and sensors, if anything is.
+    pub(super) fn wrong(&self, channels: usize, counted: &str) -> Option<&'static str> {
+        let of_kinds = self.tallies.iter().flat_map(|tally| [tally.count, tally.first]);
+        let counters = [self.frames, self.samples, self.judged].into_iter().chain(of_kinds);
+        let mut counters = counters.chain(self.missing.iter().copied());
+        let is_text = |tally: &Tally| {
+            tally.detail.len() <= LONGEST_DETAIL && !tally.detail.contains(char::is_control)
+        };
+        let checks = [
+            (self.tallies.len() == Kind::ALL.len(), "the number of kinds"),
+            (self.missing.len() == channels, "the number of inputs and sensors"),
+            (self.counted == counted, "what is counted"),
+            (counters.all(|count| count <= super::LARGEST_COUNT), "a count"),
+            (self.judged <= self.samples, "the number of judged samples"),
+            (self.tallies.iter().all(is_text), "the first place of a kind"),
+        ];
+        checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
     /// Counts one of a kind.
@@ -162,6 +187,14 @@ impl Counts {
             tally.detail = detail.to_string();
         }
         tally.count += 1;
+    }
+
+    /// Counts several of a kind.
+    pub fn note_many(&mut self, kind: Kind, place: u64, count: u64, detail: &dyn fmt::Display) {
+        if count > 0 {
+            self.note_with(kind, place, detail);
+            self.tallies[kind as usize].count += count - 1;
+        }
     }
 
     /// How often a kind was met, and where first.

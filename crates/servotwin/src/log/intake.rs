@@ -149,7 +149,8 @@ fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Coun
                 }
             }
             Read::Flawed(flaw) => counts.note_with(flaw.kind(), row.place, &flaw),
-            Read::Nothing | Read::Pause | Read::Disconnected { .. } | Read::Reconnected => continue,
+            Read::Nothing | Read::Pause | Read::Reconnected => continue,
+            Read::Disconnected { .. } | Read::Dropped(_) => continue,
             Read::End => break,
         }
         (rows, counts.frames) = (rows + 1, counts.frames + 1);

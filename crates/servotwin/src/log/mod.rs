@@ -11,6 +11,7 @@
 
 mod bits;
 pub mod checkpoint;
+mod checkpoint_writer;
 pub mod counts;
 pub mod doubts;
 pub mod intake;
@@ -19,20 +20,24 @@ pub mod observer;
 pub mod sequencer;
 pub mod sink;
 pub mod source;
+pub mod watchdog;
 
 pub use observer::{Finding, Observation, Observer, Phase, State};
 
 use crate::document::Quantity;
-use checkpoint::{Checkpoint, CheckpointError};
+use checkpoint::{Checkpoint, CheckpointError, Expected};
+use checkpoint_writer::CheckpointWriter;
 use counts::{Counts, Kind};
 use doubts::Doubts;
 use map::Map;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
-use sink::{Sample, Sink, SinkError};
+use sink::{Sample, Sink, SinkError, SinkLoss};
 use source::{Read, Row, Source, SourceError};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use watchdog::{Notice, Silences, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time};
 
 /// Why watching ended early.
 #[derive(Debug)]
@@ -75,6 +80,10 @@ impl From<CheckpointError> for WatchError {
     }
 }
 
+/// No counter of a checkpoint is larger: every number up to it has its own place in JSON, and a year at 1 MHz is far
+/// below.
+const LARGEST_COUNT: u64 = 1 << 53;
+
 /// What is known between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Progress {
@@ -112,6 +121,11 @@ pub struct Watch<'w> {
     observer: &'w mut dyn Observer,
     sinks: Vec<&'w mut dyn Sink>,
     checkpoints: Option<Checkpoints>,
+    /// Writes checkpoints beside a live source.
+    checkpoint_writer: Option<CheckpointWriter>,
+    /// Of a live source.
+    watchdog: Option<Watchdog>,
+    alerts: Vec<WatchdogAlert>,
     period_s: f64,
     progress: Progress,
     /// Of what was read since this watch began.
@@ -154,6 +168,9 @@ impl<'w> Watch<'w> {
             observer,
             sinks: vec![],
             checkpoints: None,
+            checkpoint_writer: None,
+            watchdog: None,
+            alerts: vec![],
             period_s,
             progress,
             doubts,
@@ -170,9 +187,38 @@ impl<'w> Watch<'w> {
         self.doubts.narrow(ranges);
     }
 
-    /// Writes checkpoints.
+    /// Writes checkpoints. Beside a live source a thread of its own writes them, and a file that cannot be written ends
+    /// nothing.
     pub fn checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoint_writer =
+            self.source.is_live().then(|| CheckpointWriter::new(&checkpoints.path));
         self.checkpoints = Some(checkpoints);
+    }
+
+    /// Reports by the wall clock when no data come, and that the watch lives.
+    pub fn watchdog(&mut self, rules: WatchdogRules) {
+        let allowance = |channel: usize| {
+            let has_column = self.map.is_known(channel) && self.map.constant(channel).is_none();
+            let hold = Duration::try_from_secs_f64(self.map.hold_s(channel));
+            has_column.then_some(hold.unwrap_or(Duration::ZERO))
+        };
+        let allowances = (0..self.map.width()).map(allowance).collect();
+        self.watchdog = Some(Watchdog::new(rules, allowances, Instant::now()));
+    }
+
+    /// How often the watchdog reported that no data came.
+    pub fn silences(&self) -> Silences {
+        self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
+    }
+
+    /// What sinks have lost so far, the checkpoint included.
+    pub fn losses(&self) -> Vec<SinkLoss> {
+        self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
+    }
+
+    /// The checkpoints that a live watch has not written.
+    pub fn checkpoint_loss(&self) -> Option<SinkLoss> {
+        self.checkpoint_writer.as_ref().map(CheckpointWriter::loss)
     }
 
     /// Goes on where a checkpoint was written. A file is read up to there, a stream goes on as it
@@ -181,7 +227,8 @@ impl<'w> Watch<'w> {
     /// # Errors
     /// The checkpoint is of another map or cannot be used, or the file is shorter.
     pub fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), WatchError> {
-        self.progress = checkpoint.progress(self.map, self.period_s)?;
+        let (map, period_s, counted) = (self.map, self.period_s, self.source.counted());
+        self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
         self.observer.restore(&checkpoint.observer).map_err(CheckpointError::Observer)?;
         let last = self.progress.place;
         let mut row = Row::default();
@@ -216,11 +263,12 @@ impl<'w> Watch<'w> {
             if !self.row(&mut row)? {
                 break End::Complete;
             }
+            self.check_clock_and_sinks()?;
             let samples = self.progress.counts.samples;
             let due = |every: u64| samples - saved >= every;
             if self.checkpoints.as_ref().is_some_and(|checkpoints| due(checkpoints.every)) {
                 saved = samples;
-                self.save()?;
+                self.save(false)?;
             }
             if self.source.is_live() || samples - shown >= 1000 {
                 shown = samples;
@@ -228,11 +276,12 @@ impl<'w> Watch<'w> {
             }
         };
         // Where it stopped is where it goes on: what waits is not given on before.
-        self.save()?;
+        self.save(true)?;
         if end == End::Complete || self.checkpoints.is_none() {
             self.progress.sequencer.end(&mut self.progress.counts);
             self.drain()?;
         }
+        self.check_clock_and_sinks()?;
         Ok(end)
     }
 
@@ -278,11 +327,20 @@ impl<'w> Watch<'w> {
                 progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
                 progress.sequencer.flush();
                 self.drain()?;
-                self.tell_connection(Some(&cause))?;
+                self.report(WatchEvent::Disconnected { reason: cause }, None)?;
             }
             Read::Reconnected => {
                 progress.counts.note(Kind::Reconnected, progress.place);
-                self.tell_connection(None)?;
+                self.report(WatchEvent::Reconnected, None)?;
+            }
+            Read::Dropped(dropped) => {
+                progress.counts.frames += dropped.count;
+                progress.counts.note_many(
+                    dropped.kind,
+                    dropped.place,
+                    dropped.count,
+                    &dropped.detail,
+                );
             }
             Read::Pause => {
                 progress.sequencer.flush();
@@ -292,13 +350,6 @@ impl<'w> Watch<'w> {
             Read::End => return Ok(false),
         }
         Ok(true)
-    }
-
-    fn tell_connection(&mut self, lost: Option<&str>) -> Result<(), WatchError> {
-        for sink in &mut self.sinks {
-            sink.connection(lost)?;
-        }
-        Ok(())
     }
 
     /// Gives on all that may be given on.
@@ -315,6 +366,9 @@ impl<'w> Watch<'w> {
                 Tick::Sample { time_s, place, values } => (time_s, place, values),
             };
             *time_s = now_s;
+            if let Some(watchdog) = &mut self.watchdog {
+                watchdog.note_data(values, &mut self.alerts);
+            }
             let values = complete(self.map, values, held, ages, self.period_s);
             for (channel, (value, count)) in values.iter().zip(&mut counts.missing).enumerate() {
                 *count += u64::from(value.is_nan() && self.map.is_known(channel));
@@ -336,24 +390,99 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    fn save(&mut self) -> Result<(), WatchError> {
+    /// Looks at the wall clock and at the sinks, and reports what there is to report.
+    fn check_clock_and_sinks(&mut self) -> Result<(), WatchError> {
+        if let Some(watchdog) = &mut self.watchdog {
+            watchdog.check(Instant::now(), &mut self.alerts);
+        }
+        for alert in std::mem::take(&mut self.alerts) {
+            let (event, lasts) = self.event(alert);
+            self.report(event, lasts)?;
+        }
+        let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
+        let failed: Vec<(String, String)> = of_sinks
+            .chain(self.checkpoint_writer.as_mut().and_then(CheckpointWriter::failure))
+            .collect();
+        for (sink, reason) in failed {
+            self.report(WatchEvent::SinkFailed { sink, reason }, None)?;
+        }
+        Ok(())
+    }
+
+    /// What the watchdog found as an event, and how long that lasts.
+    fn event(&self, alert: WatchdogAlert) -> (WatchEvent, Option<Duration>) {
+        let channel = |channel: usize| self.map.id(channel).to_owned();
+        match alert {
+            WatchdogAlert::Source(lasts) => (WatchEvent::NoData, Some(lasts)),
+            WatchdogAlert::SourceAgain(lasted) => (WatchEvent::DataAgain, Some(lasted)),
+            WatchdogAlert::Channel(number, lasts) => {
+                (WatchEvent::ChannelNoData { channel: channel(number) }, Some(lasts))
+            }
+            WatchdogAlert::ChannelAgain(number, lasted) => {
+                (WatchEvent::ChannelDataAgain { channel: channel(number) }, Some(lasted))
+            }
+            WatchdogAlert::Beat => {
+                let Counts { frames, samples, .. } = self.progress.counts;
+                (WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)
+            }
+        }
+    }
+
+    /// Gives a notice to all sinks.
+    fn report(&mut self, event: WatchEvent, lasts: Option<Duration>) -> Result<(), WatchError> {
+        let watchdog = self.watchdog.as_ref();
+        let Progress { finding, time_s, .. } = &self.progress;
+        let silent = lasts.or(watchdog.map(Watchdog::silent)).unwrap_or_default();
+        let is_silent = watchdog.is_some_and(Watchdog::is_silent);
+        let notice = Notice {
+            event,
+            wall_time: wall_time(),
+            time_s: time_s.is_finite().then_some(*time_s),
+            silent_s: silent.as_secs_f64(),
+            state: if is_silent { State::NoData } else { finding.state },
+            phase: finding.phase,
+        };
+        for sink in &mut self.sinks {
+            sink.notice(&notice)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a checkpoint; the last one is waited for.
+    fn save(&mut self, is_last: bool) -> Result<(), WatchError> {
         let Some(checkpoints) = &self.checkpoints else { return Ok(()) };
         for sink in &mut self.sinks {
             sink.flush()?;
         }
         let checkpoint =
             Checkpoint::new(&self.progress, self.map, self.period_s, self.observer.save());
-        Ok(checkpoint.write(&checkpoints.path)?)
+        match &mut self.checkpoint_writer {
+            Some(checkpoint_writer) if is_last => checkpoint_writer.finish(checkpoint),
+            Some(checkpoint_writer) => checkpoint_writer.offer(checkpoint),
+            None => checkpoint.write(&checkpoints.path)?,
+        }
+        Ok(())
     }
 }
 
 impl Progress {
-    /// Whether everything in it is of so many inputs and sensors.
-    fn has_width(&self, width: usize) -> bool {
-        self.held.len() == width
-            && self.ages.len() == width
-            && self.counts.has_width(width)
-            && self.sequencer.has_width(width)
+    /// What is wrong with it as the progress of a watch of this map and period, if anything is.
+    fn wrong(&self, expected: &Expected) -> Option<&'static str> {
+        let width = expected.map.width();
+        let counters = [self.place, self.rows, self.changes].into_iter();
+        let is_counter = |count: u64| count <= LARGEST_COUNT;
+        let finding = &self.finding;
+        let is_share = (0.0..=1.0).contains(&finding.confidence);
+        let checks = [
+            (self.held.len() == width && self.ages.len() == width, "the number of held values"),
+            (counters.chain(self.ages.iter().copied()).all(is_counter), "a counter"),
+            (is_share && finding.is_text(), "the finding"),
+            (!self.time_s.is_infinite(), "the time"),
+        ];
+        let wrong = checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what);
+        wrong
+            .or_else(|| self.counts.wrong(width, expected.counted))
+            .or_else(|| self.sequencer.wrong(expected))
     }
 
     /// Counts a row.

@@ -135,6 +135,10 @@ impl Phase {
     }
 }
 
+/// The most reasons of a finding that is restored, and the most bytes of each of its words.
+const MAX_EVIDENCE: usize = 1000;
+const MAX_TEXT: usize = 10_000;
+
 /// A finding: what is wrong, what to do, and why.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
@@ -181,6 +185,15 @@ impl Finding {
         };
         let said = |f: &Finding| (state(f), f.phase, f.actuator, f.is_outside);
         said(self) == said(other) && self.command == other.command && self.detail == other.detail
+    }
+
+    /// Whether its words are short, without control characters.
+    pub(crate) fn is_text(&self) -> bool {
+        let words =
+            [&self.command, &self.detail].into_iter().chain(&self.unit).chain(&self.evidence);
+        let mut words = words.map(String::as_str);
+        self.evidence.len() <= MAX_EVIDENCE
+            && words.all(|text| text.len() <= MAX_TEXT && !text.contains(char::is_control))
     }
 
     /// The unit concerned as people call it; empty for none, and where there is only one.

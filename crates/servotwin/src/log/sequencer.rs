@@ -16,8 +16,9 @@
 //!
 //! A sequencer holds at most `longest_gap_s + wait_s` of periods, whatever comes.
 
-use super::bits;
+use super::checkpoint::Expected;
 use super::counts::{Counts, Kind};
+use super::{LARGEST_COUNT, bits};
 use crate::moment;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -112,6 +113,21 @@ struct Grid {
     waiting: VecDeque<Stamped>,
 }
 
+impl Grid {
+    /// Whether its numbers belong together: the newest sample lies in the periods that wait, or in the last one given on.
+    fn is_sound(&self, rules: Rules, period_s: f64) -> bool {
+        let most = (rules.longest_gap_s + rules.wait_s) / period_s + 2.0;
+        let newest = (self.newest_s - self.start_s) / period_s - self.next as f64;
+        let waiting = self.waiting.len() as f64;
+        self.start_s.is_finite()
+            && self.newest_s.is_finite()
+            && self.step_s > 0.0
+            && self.next <= LARGEST_COUNT
+            && waiting <= most
+            && (newest - (waiting - 1.0)).abs() <= 2.0
+    }
+}
+
 /// Where a time belongs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turn {
@@ -141,11 +157,27 @@ impl Sequencer {
         }
     }
 
-    /// Whether everything that waits has so many values, or none.
-    pub(super) fn has_width(&self, width: usize) -> bool {
-        let waiting = self.grid.iter().flat_map(|grid| &grid.waiting);
-        let all = waiting.chain(&self.suspects).map(|sample| sample.values.len());
-        self.width == width && all.into_iter().all(|values| values == 0 || values == width)
+    /// What is wrong with it as the sequencer of this map and period, if anything is: whatever comes later must neither
+    /// overflow nor need more memory than [`Rules`] allow.
+    pub(super) fn wrong(&self, expected: &Expected) -> Option<&'static str> {
+        let (width, rules) = (expected.map.width(), expected.map.rules);
+        let is_sample = |sample: &Stamped| {
+            sample.place <= LARGEST_COUNT
+                && sample.time_s.is_finite()
+                && sample.values.len() == width
+        };
+        let is_waiting = |sample: &Stamped| sample.values.is_empty() || is_sample(sample);
+        let mut waiting = self.grid.iter().flat_map(|grid| &grid.waiting);
+        let checks = [
+            (self.period_s.to_bits() == expected.period_s.to_bits(), "the period"),
+            (self.rules == rules, "the rules of samples"),
+            (self.width == width, "the number of inputs and sensors"),
+            (waiting.all(is_waiting), "a sample that waits"),
+            (self.suspects.iter().all(is_sample), "a sample that is not believed"),
+            (self.votes <= self.suspects.len(), "the votes"),
+            (self.grid.as_ref().is_none_or(|grid| grid.is_sound(rules, self.period_s)), "the grid"),
+        ];
+        checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
     /// Takes a sample with a finite time. Everything that [`next`](Self::next) has to give should be taken

@@ -9,18 +9,23 @@ use servotwin::log::sequencer::{Rules, Sequencer, Stamped, Tick};
 use servotwin::log::sink::events::Events;
 use servotwin::log::sink::mcap::Mcap;
 use servotwin::log::sink::strip::Strip;
+use servotwin::log::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
-use servotwin::log::source::{Address, LogColumn, Read, Row, Source, SourceError};
+use servotwin::log::source::{Address, Read, Row, Source, SourceError};
+use servotwin::log::watchdog::{Notice, WatchEvent, WatchdogRules};
 use servotwin::log::{
     Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,
 };
 use servotwin::study::Study;
 use servotwin::system::System;
+use sha2::{Digest, Sha256};
 use std::io::Read as _;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
@@ -480,22 +485,168 @@ fn a_checkpoint_of_something_else_is_refused() {
         let error = result.unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
-    let whole = std::fs::read_to_string(&path).unwrap();
-    for list in ["held", "ages", "missing", "tallies"] {
-        let mut damaged: serde_json::Value = serde_json::from_str(&whole).unwrap();
-        let progress = &mut damaged["progress"];
-        let holder = match progress.get(list) {
-            Some(_) => progress,
-            None => &mut progress["counts"],
-        };
-        holder[list] = serde_json::json!([]);
-        folder.write("c.json", damaged.to_string());
+    let whole = std::fs::read(&path).unwrap();
+    for (place, what) in [
+        ("/progress/held", "the number of held values"),
+        ("/progress/ages", "the number of held values"),
+        ("/progress/counts/missing", "the number of inputs and sensors"),
+        ("/progress/counts/tallies", "the number of kinds"),
+    ] {
+        let mut body = checkpoint_body(&whole);
+        *body.pointer_mut(place).unwrap() = serde_json::json!([]);
+        folder.write("c.json", with_checksum(&body));
         let error = run(&map, &log, 0.01, true).unwrap_err().to_string();
-        assert!(error.contains("another number of inputs and sensors"), "{list}: {error}");
+        assert!(error.contains("cannot be used") && error.contains(what), "{place}: {error}");
     }
-    folder.write("c.json", "{\"format\": 1}");
-    let error = run(&map, &log, 0.01, true).unwrap_err().to_string();
-    assert!(error.contains("no checkpoint that can be used"), "{error}");
+    for (text, what) in [
+        ("{\"format\": 1}", "format 1, this version reads 3"),
+        ("{\"format\": 3}\n{}\n", "its checksum is wrong"),
+        ("", "no checkpoint that can be used"),
+        ("[]", "no checkpoint that can be used"),
+    ] {
+        folder.write("c.json", text);
+        let error = run(&map, &log, 0.01, true).unwrap_err().to_string();
+        assert!(error.contains(what), "{text}: {error}");
+    }
+    let folder_error = Checkpoint::read(&folder.0).unwrap_err().to_string();
+    assert!(folder_error.contains("this is no file"), "{folder_error}");
+}
+
+/// The second line of a checkpoint.
+fn checkpoint_body(bytes: &[u8]) -> serde_json::Value {
+    let second = bytes.split(|&byte| byte == b'\n').nth(1).unwrap();
+    serde_json::from_slice(second).unwrap()
+}
+
+/// A checkpoint with a body that is none of its own, and the right checksum.
+fn with_checksum(body: &serde_json::Value) -> String {
+    let body = body.to_string();
+    let sum = Sha256::digest(body.as_bytes());
+    let sum: String = sum.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("{{\"format\":3,\"sha256\":\"{sum}\"}}\n{body}\n")
+}
+
+/// Whatever stands in a checkpoint: a watch goes on from it or says in one line why not. A period of zero and numbers
+/// near the largest made it panic, overflow and take all memory.
+#[test]
+fn a_mutated_checkpoint_gives_one_message_or_goes_on() {
+    let folder = Folder::new("mutated");
+    let (system, path) = (spring(), folder.0.join("c.json"));
+    let map = simple_map(&system);
+    let mut text = episodes(400);
+    // Samples that wait, and some whose time is not believed so far.
+    text += "900.0,1\n900.01,1\n900.02,1\n";
+    let log = folder.write("log.csv", &text);
+    let longer: String = (0..60).map(|k| format!("{:?},1\n", 4.0 + 0.01 * f64::from(k))).collect();
+    let goes_on = || -> Result<End, WatchError> {
+        let mut source = Address::File(log.clone()).open(map.wanted()).unwrap();
+        let mut fake = Fake::default();
+        let mut watch = Watch::new(&mut *source, &map, &mut fake, 0.01);
+        watch.resume(Checkpoint::read(&path)?)?;
+        watch.run(&AtomicBool::new(false), &mut |_, _| ())
+    };
+    let mut source = Address::File(log.clone()).open(map.wanted()).unwrap();
+    let stop = AtomicBool::new(false);
+    let mut stopping = Stopping { source: &mut *source, left: Some(404), stop: &stop };
+    let mut fake = Fake::default();
+    let mut watch = Watch::new(&mut stopping, &map, &mut fake, 0.01);
+    watch.checkpoints(Checkpoints { path: path.clone(), every: 1_000_000 });
+    assert_eq!(watch.run(&stop, &mut |_, _| ()).unwrap(), End::Stopped);
+    drop(watch);
+    let whole = std::fs::read(&path).unwrap();
+    folder.write("log.csv", text.clone() + &longer);
+    goes_on().unwrap();
+    // Bytes that flip, and ends that are missing.
+    let mut dice = Dice(11);
+    for _ in 0..300 {
+        let mut damaged = whole.clone();
+        match dice.roll(4) {
+            0 => damaged.truncate(dice.roll(whole.len() as u64) as usize),
+            _ => damaged[dice.roll(whole.len() as u64) as usize] ^= 1 << dice.roll(8),
+        }
+        folder.write("c.json", &damaged);
+        assert_message(&goes_on(), &format!("{:?}", String::from_utf8_lossy(&damaged)));
+    }
+    // Every number, text and list as something absurd, with the right checksum.
+    let body = checkpoint_body(&whole);
+    let places = places(&body);
+    let (mut refused, mut tried) = (0, 0);
+    for place in &places {
+        for absurd in absurd_values() {
+            let mut changed = body.clone();
+            *changed.pointer_mut(place).unwrap() = absurd.clone();
+            folder.write("c.json", with_checksum(&changed));
+            let outcome = goes_on();
+            refused += usize::from(outcome.is_err());
+            tried += 1;
+            assert_message(&outcome, &format!("{place} = {absurd}"));
+        }
+    }
+    assert!(tried > 500 && refused > tried / 2, "{refused} of {tried}");
+    for (place, absurd) in [
+        ("/progress/sequencer/period_s", serde_json::json!(0)),
+        ("/progress/sequencer/width", serde_json::json!(1_u64 << 40)),
+        ("/progress/sequencer/grid/next", serde_json::json!(0)),
+        ("/progress/sequencer/rules/longest_gap_s", serde_json::json!(1e300)),
+        ("/progress/rows", serde_json::json!(u64::MAX)),
+        ("/progress/counts/frames", serde_json::json!(u64::MAX)),
+        ("/progress/finding/detail", serde_json::json!("\u{1b}[2J")),
+    ] {
+        let mut changed = body.clone();
+        *changed.pointer_mut(place).unwrap() = absurd;
+        folder.write("c.json", with_checksum(&changed));
+        assert!(goes_on().is_err(), "{place}");
+    }
+}
+
+/// That a watch that does not go on says so in one line.
+fn assert_message(outcome: &Result<End, WatchError>, what: &str) {
+    if let Err(error) = outcome {
+        let text = error.to_string();
+        assert!(text.lines().count() == 1 && text.len() < 500, "{what}: {text}");
+    }
+}
+
+/// Where something stands in a value, as JSON pointers; of long lists the first.
+fn places(value: &serde_json::Value) -> Vec<String> {
+    use serde_json::Value;
+    let mut found = vec![];
+    let inner: Vec<(String, &Value)> = match value {
+        Value::Object(map) => map.iter().map(|(key, value)| (key.clone(), value)).collect(),
+        Value::Array(list) => {
+            list.iter().take(2).enumerate().map(|(k, value)| (k.to_string(), value)).collect()
+        }
+        _ => vec![],
+    };
+    for (key, value) in inner {
+        found.push(format!("/{key}"));
+        found.extend(places(value).into_iter().map(|rest| format!("/{key}{rest}")));
+    }
+    found
+}
+
+/// What stands where something else should.
+fn absurd_values() -> Vec<serde_json::Value> {
+    use serde_json::json;
+    let bits = |value: f64| json!(value.to_bits());
+    vec![
+        json!(0),
+        json!(1),
+        json!(-1),
+        json!(u64::MAX),
+        json!(1_u64 << 53),
+        json!(1e300),
+        json!(-1e-300),
+        bits(f64::INFINITY),
+        bits(f64::NAN),
+        bits(-1e300),
+        bits(1e-300),
+        json!(null),
+        json!(true),
+        json!("x"),
+        json!([]),
+        json!({}),
+    ]
 }
 
 /// A generator that needs no crate: the same bytes every time.
@@ -800,4 +951,231 @@ fn val_mcap_of_the_python_library() {
             assert_eq!(measured[sensor("x_p")], (k * 0.25) * 1e-3, "{name}");
         }
     }
+}
+
+/// A stream that is silent until the watch has said so, and once more.
+struct Quiet {
+    /// Rows between silences.
+    left: Vec<usize>,
+    rows: u64,
+    said: Arc<Mutex<Vec<Notice>>>,
+}
+
+impl Source for Quiet {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        let count = |event: &WatchEvent| {
+            let said = self.said.lock().unwrap();
+            said.iter().filter(|notice| notice.event == *event).count()
+        };
+        match self.left.last_mut() {
+            None => return Ok(Read::End),
+            Some(0) => {
+                // The second silence begins when the end of the first was reported.
+                std::thread::sleep(Duration::from_millis(1));
+                if count(&WatchEvent::NoData) > count(&WatchEvent::DataAgain) {
+                    self.left.pop();
+                }
+                return Ok(Read::Pause);
+            }
+            Some(left) => *left -= 1,
+        }
+        self.rows += 1;
+        row.place = self.rows;
+        row.values = vec![self.rows as f64 * 0.01, 0.5];
+        Ok(Read::Row)
+    }
+
+    fn counted(&self) -> &'static str {
+        "line"
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+}
+
+/// Keeps every notice.
+struct Heard(Arc<Mutex<Vec<Notice>>>);
+
+impl Sink for Heard {
+    fn sample(&mut self, _: &Sample) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        self.0.lock().unwrap().push(notice.clone());
+        Ok(())
+    }
+}
+
+#[test]
+fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
+    let system = spring();
+    let map = simple_map(&system);
+    let said = Arc::new(Mutex::new(vec![]));
+    let mut source = Quiet { left: vec![50, 50, 50], rows: 0, said: said.clone() };
+    let (mut fake, mut kept, mut heard) = (Fake::default(), Kept::default(), Heard(said.clone()));
+    let (mut strip, scene) = (Strip::default(), Scene::new("a stream", &system, vec![], 0.01));
+    let mut timeline = Timeline::new(scene);
+    let mut watch = Watch::new(&mut source, &map, &mut fake, 0.01);
+    watch.sink(&mut kept);
+    watch.sink(&mut strip);
+    watch.sink(&mut timeline);
+    watch.sink(&mut heard);
+    watch.watchdog(WatchdogRules {
+        no_data_after: Duration::from_millis(30),
+        heartbeat: Some(Duration::from_millis(5)),
+    });
+    watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
+    assert!(watch.silences().source >= 3);
+    let counts = watch.counts().clone();
+    drop(watch);
+    for text in [strip.text(), timeline.html(&counts)] {
+        assert!(text.contains("no data: the source is silent for 0."), "{text}");
+    }
+    // The wall clock has no part in what is given on.
+    let times: Vec<f64> = kept.0.iter().map(|(time_s, ..)| *time_s).collect();
+    assert_eq!(times.len(), 150);
+    let said = said.lock().unwrap();
+    let of = |event: WatchEvent| said.iter().filter(move |notice| notice.event == event);
+    assert!(of(WatchEvent::NoData).all(|notice| notice.state == State::NoData));
+    assert!(of(WatchEvent::NoData).all(|notice| notice.silent_s >= 0.03));
+    assert!(of(WatchEvent::DataAgain).all(|notice| notice.state == State::Healthy));
+    assert!(of(WatchEvent::DataAgain).count() >= 2);
+    let is_beat = |notice: &&Notice| matches!(notice.event, WatchEvent::Heartbeat { .. });
+    let silent = |notice: &&Notice| notice.state == State::NoData;
+    assert!(said.iter().filter(is_beat).any(|notice| silent(&notice)), "it beats in silence");
+}
+
+/// Waits for a permission before each sample, and says which it got.
+struct Slow {
+    permits: Receiver<()>,
+    got: Sender<(f64, bool)>,
+}
+
+impl Sink for Slow {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        let _ = self.permits.recv();
+        let _ = self.got.send((sample.time_s, sample.changed));
+        Ok(())
+    }
+}
+
+/// Fails at its first sample.
+struct Full;
+
+impl Sink for Full {
+    fn sample(&mut self, _: &Sample) -> Result<(), SinkError> {
+        Err(SinkError::Output(std::io::ErrorKind::StorageFull.into()))
+    }
+}
+
+fn rules(name: &str, delivery: Delivery) -> SinkRules {
+    SinkRules { name: name.into(), delivery, only_changes: false, kind: SinkKind::File }
+}
+
+/// Gives samples, every hundredth a change, and says whether one of them failed.
+fn give_all(sink: &mut dyn Sink, count: usize) -> Result<(), SinkError> {
+    let (values, finding) = ([0.5; 2], Finding::default());
+    let observation = Observation {
+        twin: &values,
+        residuals: &values,
+        bands: &values,
+        features: &[],
+        finding: &finding,
+    };
+    (0..count).try_for_each(|k| {
+        let (time_s, place, changed) = (k as f64, k as u64, k % 100 == 0);
+        let (inputs, measured) = (&values[..], &values[..]);
+        sink.sample(&Sample { time_s, place, inputs, measured, observation, changed })
+    })
+}
+
+#[test]
+fn a_sink_that_stands_still_delays_nobody_and_loses_its_own_samples_first() {
+    let (permit, permits) = channel();
+    let (got, slow_got) = channel();
+    let (permit_all, all_permits) = channel();
+    let (other_got, others) = channel();
+    let mut threads = SinkThreads::new(true);
+    threads.add(rules("slow", Delivery::Drop), Box::new(Slow { permits, got }));
+    let other = Slow { permits: all_permits, got: other_got };
+    threads.add(rules("other", Delivery::Wait), Box::new(other));
+    drop(permit_all);
+    // Nobody permits the slow one anything: this would stand still if it were waited for.
+    give_all(&mut threads, 20_000).unwrap();
+    drop(permit);
+    let losses = threads.finish().unwrap();
+    let found: Vec<(f64, bool)> = slow_got.iter().collect();
+    assert_eq!(others.iter().count(), 20_000, "the other has lost none");
+    assert_eq!((losses[1].lost, &losses[1].failure), (0, &None));
+    assert_eq!(losses[0].lost, 20_000 - found.len() as u64);
+    assert!(found.len() <= 1025, "{}", found.len());
+    let changes = found.iter().filter(|(_, changed)| *changed).count();
+    assert_eq!(changes, 200, "changes have places of their own");
+}
+
+#[test]
+fn a_sink_that_fails_is_reported_once_and_the_others_go_on() {
+    let (got, others) = channel();
+    let (permit, permits) = channel();
+    drop(permit);
+    let mut threads = SinkThreads::new(true);
+    threads.add(rules("full", Delivery::Drop), Box::new(Full));
+    threads.add(rules("other", Delivery::Wait), Box::new(Slow { permits, got }));
+    let mut failures = vec![];
+    while failures.is_empty() {
+        give_all(&mut threads, 100).unwrap();
+        failures = threads.failures();
+    }
+    assert_eq!(failures.len(), 1);
+    assert_eq!(failures[0].0, "full");
+    give_all(&mut threads, 100).unwrap();
+    assert_eq!(threads.failures(), []);
+    let losses = threads.finish().unwrap();
+    assert_eq!(losses[0].lost as usize, others.iter().count(), "all of them, the first included");
+    assert!(losses[0].failure.is_some() && losses[1].failure.is_none());
+    // A log can be read again: there it is an error.
+    let mut threads = SinkThreads::new(false);
+    threads.add(rules("full", Delivery::Wait), Box::new(Full));
+    let given = give_all(&mut threads, 100);
+    assert!(given.is_err() || threads.finish().is_err());
+}
+
+#[test]
+fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
+    let folder = Folder::new("mcap-notices");
+    let scene = Scene::new("a log", &spring(), vec![], 0.01);
+    let [path, unfinished] = ["a.mcap", "b.mcap"].map(|name| folder.0.join(name));
+    let mut mcap = Mcap::open(&path, &scene).unwrap();
+    give(&mut mcap, 0, true);
+    let notice = |event, state| Notice {
+        event,
+        wall_time: "2026-11-25T17:05:37.123Z".into(),
+        time_s: Some(0.5),
+        silent_s: 2.0,
+        state,
+        phase: Phase::None,
+    };
+    mcap.notice(&notice(WatchEvent::NoData, State::NoData)).unwrap();
+    mcap.notice(&notice(WatchEvent::DataAgain, State::Healthy)).unwrap();
+    mcap.finish().unwrap();
+    let found = messages(&std::fs::read(&path).unwrap());
+    let of = |topic: &str| -> Vec<(u64, serde_json::Value)> {
+        let own = found.iter().filter(|(name, ..)| name == topic);
+        own.map(|(_, _, time, text)| (*time, serde_json::from_slice(text).unwrap())).collect()
+    };
+    let decisions = of("/decisions");
+    assert_eq!(decisions.len(), 3);
+    assert_eq!((decisions[1].0, &decisions[1].1["state"]), (2_500_000_000, &"no_data".into()));
+    assert_eq!(decisions[2].1["state"], decisions[0].1["state"]);
+    let events: Vec<serde_json::Value> =
+        of("/watch").into_iter().map(|(_, value)| value["event"].clone()).collect();
+    assert_eq!(events, ["no_data", "data_again"]);
+    // A watch that ends with an error leaves no file that looks complete.
+    let mut threads = SinkThreads::new(false);
+    let mcap = Mcap::open(&unfinished, &scene).unwrap();
+    threads.add(rules("b", Delivery::Wait), Box::new(mcap));
+    drop(threads);
+    assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);
 }

@@ -190,3 +190,85 @@ fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_s
     let wrong: Vec<usize> = (0..200).filter(|&k| marked[k] != expected(k)).collect();
     assert!(wrong.len() <= 1, "{wrong:?}");
 }
+
+/// Where something stands in a value, as JSON pointers; of long lists the first two.
+fn places(value: &serde_json::Value, before: &str, found: &mut Vec<String>) {
+    use serde_json::Value;
+    let inner: Vec<(String, &Value)> = match value {
+        Value::Object(map) => map.iter().map(|(key, value)| (key.clone(), value)).collect(),
+        Value::Array(list) => {
+            list.iter().take(2).enumerate().map(|(k, value)| (k.to_string(), value)).collect()
+        }
+        _ => vec![],
+    };
+    for (key, value) in inner {
+        let place = format!("{before}/{key}");
+        places(value, &place, found);
+        found.push(place);
+    }
+}
+
+/// A step of zero made the twin stand for ever, a length that there is not made the diagnosis panic.
+#[test]
+fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
+    use serde_json::json;
+    let record = fly(vec![(1.0, fault("actuator_1.servo_valve.bias_positive"))]);
+    let sensors = study().system.sensors.len();
+    let push = |watcher: &mut Watcher, k: usize| {
+        let inputs: Vec<f64> = record.inputs.iter().map(|column| column[k]).collect();
+        let mut measured = vec![f64::NAN; sensors];
+        for (column, &sensor) in record.measured.iter().zip(&study().measured) {
+            measured[sensor] = column[k];
+        }
+        watcher.push(record.time_s[k], &inputs, &measured);
+    };
+    let mut watcher = Watcher::new(study(), diagnoser().clone()).unwrap();
+    let stop = record.time_s.len() - 30;
+    (0..stop).for_each(|k| push(&mut watcher, k));
+    let saved: serde_json::Value = serde_json::from_slice(&watcher.save()).unwrap();
+    let mut found = vec![];
+    places(&saved, "", &mut found);
+    let absurd = [
+        json!(0),
+        json!(-1.0),
+        json!(1_u64 << 53),
+        json!(u64::MAX),
+        json!(1e300),
+        json!(1e-300),
+        json!(null),
+        json!([]),
+    ];
+    let (mut tried, mut refused) = (0, 0);
+    for place in &found {
+        for value in &absurd {
+            let mut changed = saved.clone();
+            *changed.pointer_mut(place).unwrap() = value.clone();
+            let restored = watcher.restore(changed.to_string().as_bytes());
+            if restored.is_ok() {
+                (stop..stop + 12).for_each(|k| push(&mut watcher, k));
+            }
+            tried += 1;
+            refused += usize::from(restored.is_err());
+        }
+    }
+    assert!(tried > 1000 && refused > tried / 2, "{refused} of {tried}");
+    for (place, value) in [
+        ("/twin/wanted_s", json!(0)),
+        ("/twin/wanted_s", json!(1e-300)),
+        ("/twin/sample", json!(u64::MAX)),
+        ("/twin/states/0", json!(null)),
+        ("/session/memory/samples", json!(u64::MAX)),
+        ("/session/memory/settling", json!(1_u64 << 40)),
+        ("/session/memory/outcome/length", json!(99)),
+        ("/session/memory/outcome/finding", json!({ "actuator": { "unit": 99 } })),
+        ("/session/windows/spans/0/ended", json!(u64::MAX)),
+        ("/session/windows/spans/0/open/0", json!(-3)),
+        ("/outside_for", json!(u64::MAX)),
+        ("/buses/0/1", json!(null)),
+    ] {
+        let mut changed = saved.clone();
+        *changed.pointer_mut(place).unwrap_or_else(|| panic!("{place}")) = value;
+        assert!(watcher.restore(changed.to_string().as_bytes()).is_err(), "{place}");
+    }
+    watcher.restore(saved.to_string().as_bytes()).unwrap();
+}

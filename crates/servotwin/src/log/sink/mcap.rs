@@ -2,7 +2,8 @@
 //!
 //! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`; `/bands` speaks when a band
 //! changes, `/decisions` when the observer says something else. Messages are JSON with a schema; the
-//! name of a number ends with its unit, and what is missing is null.
+//! name of a number ends with its unit, and what is missing is null. Notices of a live watch (no data, heartbeats) are
+//! on `/watch`; while the source is silent `/decisions` has the state `no_data`.
 //!
 //! A stream goes to a socket that somebody listens at: nothing is sought in it, and what there is goes out with each
 //! decision and after each second of samples. Where the connection is lost the watch goes on.
@@ -11,6 +12,8 @@ mod live;
 
 use super::{Sample, Scene, Sink, SinkError, Trace};
 use crate::files::{AtomicFile, FileError};
+use crate::log::observer::{Finding, State};
+use crate::log::watchdog::{Notice, WatchEvent};
 use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
 use live::{Live, Loss};
@@ -46,6 +49,10 @@ pub struct Mcap {
     bands: Channel,
     features: Option<Channel>,
     decisions: Channel,
+    /// Of a live watch, from its first notice on.
+    notices: Option<Channel>,
+    /// What was written to `/decisions` last, but for silence.
+    last_finding: Finding,
     last_bands: Option<Vec<u64>>,
     text: String,
 }
@@ -145,6 +152,8 @@ impl Mcap {
             bands,
             features,
             decisions,
+            notices: None,
+            last_finding: Finding::default(),
             last_bands: None,
             text: String::new(),
         })
@@ -205,11 +214,43 @@ impl Mcap {
             self.last_bands = Some(bits);
         }
         if sample.changed {
-            let mut decision = serde_json::to_value(observation.finding).unwrap_or_default();
-            decision["time_s"] = json!(time_s);
-            self.decisions.send(writer, time_s, &decision.to_string())?;
+            self.last_finding.clone_from(observation.finding);
+            self.decide(time_s, observation.finding)?;
         }
         Ok(())
+    }
+
+    fn decide(&mut self, time_s: f64, finding: &Finding) -> Result<(), McapError> {
+        let mut decision = serde_json::to_value(finding).unwrap_or_default();
+        decision["time_s"] = json!(time_s);
+        self.decisions.send(&mut self.writer, time_s, &decision.to_string())
+    }
+
+    fn write_notice(&mut self, notice: &Notice) -> Result<(), McapError> {
+        let time_s = notice.time_s.unwrap_or(0.0);
+        // Samples stand still while the source is silent: the wall clock goes on from the last one.
+        let now_s = match notice.event {
+            WatchEvent::NoData | WatchEvent::Heartbeat { .. } => time_s + notice.silent_s,
+            _ => time_s,
+        };
+        let channel = match &mut self.notices {
+            Some(channel) => channel,
+            none => none.insert(Channel::notices(&mut self.writer)?),
+        };
+        let text = serde_json::to_string(notice).unwrap_or_default();
+        channel.send(&mut self.writer, now_s, &text)?;
+        match notice.event {
+            WatchEvent::NoData => {
+                let evidence = notice.words().into_iter().collect();
+                let phase = notice.phase;
+                let silent =
+                    Finding { state: State::NoData, phase, evidence, ..Finding::default() };
+                self.decide(now_s, &silent)?;
+            }
+            WatchEvent::DataAgain => self.decide(now_s, &self.last_finding.clone())?,
+            _ => {}
+        }
+        if self.loss.is_some() { self.writer.flush() } else { Ok(()) }
     }
 }
 
@@ -223,6 +264,18 @@ impl Sink for Mcap {
         let streamed =
             written.and_then(|()| if self.loss.is_some() { self.stream(sample) } else { Ok(()) });
         streamed.map_err(|error| sink_error(&self.path, error))
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        self.write_notice(notice).map_err(|error| sink_error(&self.path, error))
+    }
+
+    fn lost_connection(&self) -> Option<Lost> {
+        self.lost()
+    }
+
+    fn close(self: Box<Self>) -> Result<Option<Lost>, SinkError> {
+        self.finish()
     }
 }
 
@@ -284,6 +337,21 @@ impl Channel {
         });
         let properties = properties.as_object().cloned().unwrap_or_default();
         let id = channel_id(writer, "/decisions", properties)?;
+        Ok(Channel { id, sequence: 0, keys: vec![] })
+    }
+
+    fn notices(writer: &mut Writer<Target>) -> Result<Self, McapError> {
+        let text = json!({ "type": "string" });
+        let properties = json!({
+            "event": text,
+            "wall_time": text,
+            "time_s": { "type": ["number", "null"], "description": "s" },
+            "silent_s": { "type": "number", "description": "s" },
+            "state": text,
+            "phase": text,
+        });
+        let properties = properties.as_object().cloned().unwrap_or_default();
+        let id = channel_id(writer, "/watch", properties)?;
         Ok(Channel { id, sequence: 0, keys: vec![] })
     }
 

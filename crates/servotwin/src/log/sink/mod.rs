@@ -3,12 +3,16 @@
 pub mod events;
 pub mod mcap;
 pub mod strip;
+pub mod threads;
 pub mod timeline;
 
 use super::observer::Observation;
+use super::watchdog::Notice;
 use crate::files::FileError;
 use crate::shown::Shown;
 use crate::system::{Sensor, System};
+use mcap::Lost;
+use serde::Serialize;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
 use std::fmt;
@@ -38,14 +42,6 @@ pub trait Sink {
     /// It cannot be written.
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
-    /// Takes when it happens that the source has lost its connection, and why, or (`None`) has made it again.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    fn connection(&mut self, _lost: Option<&str>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     /// Brings out what it holds back.
     ///
     /// # Errors
@@ -53,6 +49,52 @@ pub trait Sink {
     fn flush(&mut self) -> Result<(), SinkError> {
         Ok(())
     }
+
+    /// Takes what the watch reports beside the diagnosis.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn notice(&mut self, _notice: &Notice) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    /// The connection, where the sink has one and lost it.
+    fn lost_connection(&self) -> Option<Lost> {
+        None
+    }
+
+    /// What failed since the last call, if the sink goes on without it: its name and why.
+    fn failures(&mut self) -> Vec<(String, String)> {
+        vec![]
+    }
+
+    /// What was lost so far, of each sink behind this one.
+    fn losses(&self) -> Vec<SinkLoss> {
+        vec![]
+    }
+
+    /// Ends the output. A connection that was lost is no error.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn close(mut self: Box<Self>) -> Result<Option<Lost>, SinkError> {
+        self.flush()?;
+        Ok(None)
+    }
+}
+
+/// What a sink has lost.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SinkLoss {
+    /// The file, socket or stream.
+    pub sink: String,
+    /// How many samples and notices it did not get.
+    pub lost: u64,
+    /// Why it gets nothing any more, if it failed.
+    pub failure: Option<String>,
+    /// Whether the user wanted a file that is not complete now.
+    #[serde(skip)]
+    pub is_file: bool,
 }
 
 /// Why a result cannot be written.

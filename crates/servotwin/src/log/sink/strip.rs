@@ -2,6 +2,7 @@
 
 use super::{Sample, Sink, SinkError};
 use crate::log::observer::{Finding, State};
+use crate::log::watchdog::Notice;
 use crate::moment;
 use std::fmt::Write;
 
@@ -36,6 +37,8 @@ pub struct Strip {
     end_s: f64,
     changes: Vec<Change>,
     left_out: usize,
+    /// What the watch reported by the wall clock, with the time of the last sample, s.
+    notices: Vec<(f64, String)>,
 }
 
 /// The state that a part shows, if it has both.
@@ -78,6 +81,12 @@ impl Sink for Strip {
         if sample.changed {
             self.change(sample.time_s, finding);
         }
+        Ok(())
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        let words = notice.words().filter(|_| self.notices.len() < CHANGES);
+        self.notices.extend(words.map(|words| (notice.time_s.unwrap_or(0.0), words)));
         Ok(())
     }
 }
@@ -135,6 +144,9 @@ impl Strip {
         }
         if self.left_out > 0 {
             let _ = writeln!(text, "and {} changes more", self.left_out);
+        }
+        for (time_s, words) in &self.notices {
+            let _ = writeln!(text, "after {time_s:.2} s  {words}");
         }
         text
     }

@@ -19,7 +19,7 @@ pub mod mqtt;
 mod stdin;
 mod survey;
 mod table;
-mod udp;
+pub mod udp;
 
 use super::counts::Kind;
 use crate::files::FileError;
@@ -140,8 +140,23 @@ pub enum Read {
     },
     /// The connection that was lost is made again.
     Reconnected,
+    /// Something was not taken at all.
+    Dropped(Dropped),
     /// Nothing will come.
     End,
+}
+
+/// What a source has not taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dropped {
+    /// Why.
+    pub kind: Kind,
+    /// How many since it was reported last.
+    pub count: u64,
+    /// The first of them.
+    pub place: u64,
+    /// What was there, in words.
+    pub detail: String,
 }
 
 /// Gives row by row.
@@ -174,7 +189,7 @@ pub enum Address {
     /// Lines of standard input.
     Stdin,
     /// Datagrams sent to this address.
-    Udp(SocketAddr),
+    Udp(SocketAddr, udp::Allowed),
     /// Messages of a broker.
     #[cfg(feature = "mqtt")]
     Mqtt(mqtt::Subscription),
@@ -194,7 +209,10 @@ impl Address {
         if let Some(rest) = text.strip_prefix("udp://") {
             use std::net::ToSocketAddrs;
             let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
-            return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
+            return found
+                .next()
+                .map(|to| Address::Udp(to, udp::Allowed::First))
+                .ok_or_else(|| wrong("udp://HOST:PORT"));
         }
         if text.starts_with("mqtt://") || text.starts_with("mqtts://") {
             return Address::parse_mqtt(text);
@@ -203,6 +221,14 @@ impl Address {
             return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
         }
         Ok(Address::File(PathBuf::from(text)))
+    }
+
+    /// Listens to some senders only; `None` where the source has no senders.
+    pub fn from_senders(self, allowed: udp::Allowed) -> Option<Self> {
+        match self {
+            Address::Udp(address, _) => Some(Address::Udp(address, allowed)),
+            _ => None,
+        }
     }
 
     #[cfg(feature = "mqtt")]
@@ -229,6 +255,11 @@ impl Address {
         !matches!(self, Address::File(_))
     }
 
+    /// Whether whoever writes the source waits until it is read: then nothing has to be dropped.
+    pub fn waits(&self) -> bool {
+        matches!(self, Address::File(_) | Address::Stdin)
+    }
+
     /// Opens the source for some columns.
     ///
     /// # Errors
@@ -243,7 +274,9 @@ impl Address {
             Address::File(path) if has_extension(path, "mcap") => mcap::open(path, wanted)?,
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
-            Address::Udp(address) => Box::new(udp::Udp::open(*address, wanted)?),
+            Address::Udp(address, allowed) => {
+                Box::new(udp::Udp::open(*address, allowed.clone(), wanted)?)
+            }
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
         })
@@ -262,7 +295,7 @@ impl Address {
             Address::File(path) if has_extension(path, "mat") => return mat_columns(path),
             Address::File(path) => return lines::columns(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
-            Address::Udp(address) => udp::columns(*address)?,
+            Address::Udp(address, allowed) => udp::columns(*address, allowed)?,
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
@@ -275,7 +308,7 @@ impl fmt::Display for Address {
         match self {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
-            Address::Udp(address) => write!(out, "udp://{address}"),
+            Address::Udp(address, _) => write!(out, "udp://{address}"),
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }

@@ -1,13 +1,17 @@
 //! A connection that a stream goes to.
 
 use super::super::SinkError;
+use socket2::SockRef;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// A listener that takes nothing for so long is as good as lost: a diagnosis waits for nobody.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// A listener that takes nothing for so long is as good as lost.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The most bytes that wait in the operating system. A slow listener would otherwise see what was minutes ago.
+const SEND_BUFFER: usize = 1 << 18;
 
 /// Takes what is written. Once the connection is lost that is noted, and whatever comes is dropped: what is written is
 /// never an error.
@@ -30,6 +34,8 @@ impl Live {
         let connected = TcpStream::connect(address);
         let ready = connected.and_then(|socket| {
             socket.set_write_timeout(Some(PATIENCE))?;
+            // A system that keeps its own size is as good, but slower.
+            let _ = SockRef::from(&socket).set_send_buffer_size(SEND_BUFFER);
             Ok(socket)
         });
         let failed = |cause| SinkError::Connection { address: address.into(), cause };

@@ -11,6 +11,7 @@ use super::{Sample, Scene, Sink, SinkError, Trace};
 use crate::files;
 use crate::log::counts::Counts;
 use crate::log::observer::{Finding, State};
+use crate::log::watchdog::Notice;
 use crate::moment;
 use crate::report::page::escaped;
 use crate::report::words::spoken;
@@ -45,6 +46,8 @@ pub struct Timeline {
     last_s: f64,
     changes: Vec<(usize, f64, Finding)>,
     left_out: usize,
+    /// What the watch reported by the wall clock, with the time of the last sample, s.
+    notices: Vec<(f64, String)>,
     bands: Vec<(usize, Vec<f64>)>,
 }
 
@@ -66,6 +69,7 @@ impl Timeline {
             last_s: f64::NAN,
             changes: vec![],
             left_out: 0,
+            notices: vec![],
             bands: vec![],
         }
     }
@@ -179,6 +183,9 @@ impl Timeline {
             let text = escaped(&missing.join(", "));
             let _ = writeln!(html, "<p>Samples without a value: {text}.</p>");
         }
+        for (time_s, words) in &self.notices {
+            let _ = writeln!(html, "<p>After {time_s:.2} s: {}.</p>", escaped(words));
+        }
         if counts.met().next().is_none() {
             return;
         }
@@ -291,6 +298,12 @@ impl Sink for Timeline {
             false => {}
         }
         self.samples += 1;
+        Ok(())
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        let words = notice.words().filter(|_| self.notices.len() < CHANGES);
+        self.notices.extend(words.map(|words| (notice.time_s.unwrap_or(0.0), words)));
         Ok(())
     }
 }

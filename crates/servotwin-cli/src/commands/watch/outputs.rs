@@ -1,0 +1,356 @@
+//! Where a watch writes: what is kept in memory for the end, and outputs on threads of their own.
+
+use super::super::progress::is_shown;
+use super::super::{note, warn};
+use super::Options;
+use crate::failure::Failure;
+use crate::render::{Grid, Side};
+use crate::{Global, out};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Map, Value, json};
+use servotwin::files;
+use servotwin::log::State;
+use servotwin::log::checkpoint::Checkpoint;
+use servotwin::log::counts::Counts;
+use servotwin::log::sink::events::{Events, is_change};
+use servotwin::log::sink::mcap::Mcap;
+use servotwin::log::sink::strip::Strip;
+use servotwin::log::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
+use servotwin::log::sink::timeline::Timeline;
+use servotwin::log::sink::{Sample, Scene, Sink, SinkError, SinkLoss};
+use servotwin::log::source::Address;
+use servotwin::log::watchdog::{Notice, Silences, WatchEvent, without_name};
+use servotwin::moment;
+use servotwin::sanitize;
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, SeekFrom};
+use std::path::Path;
+
+/// All outputs of a watch.
+pub struct Outputs {
+    /// What is kept in memory.
+    pub shown: Shown,
+    /// What is written as it comes.
+    pub threads: SinkThreads,
+    bar: ProgressBar,
+}
+
+impl Outputs {
+    /// Opens everything that the options name.
+    pub fn new(
+        options: &Options,
+        address: &Address,
+        scene: Scene,
+        resumed: Option<&Checkpoint>,
+        global: Global,
+    ) -> Result<Self, Failure> {
+        let is_live = address.is_live();
+        let bar = bar(global, is_live);
+        let mut threads = SinkThreads::new(is_live);
+        // The writer of standard input waits for us, as a file does; a listener at a socket must not make it wait.
+        let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
+        let socket_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
+        let rules = |name: &str, delivery, only_changes, kind| SinkRules {
+            name: name.into(),
+            delivery,
+            only_changes,
+            kind,
+        };
+        let terminal = Terminal { bar: bar.clone(), is_live, global };
+        threads
+            .add(rules("terminal", socket_delivery, false, SinkKind::Terminal), Box::new(terminal));
+        for target in &options.mcap {
+            let (name, is_socket) = (target.to_string_lossy(), is_socket(target));
+            let (delivery, kind) = match is_socket {
+                true => (socket_delivery, SinkKind::Stream),
+                false => (file_delivery, SinkKind::File),
+            };
+            let mcap = Box::new(Mcap::open(target, &scene)?);
+            threads.add(rules(&name, delivery, false, kind), mcap);
+        }
+        if let Some(path) = &options.events {
+            let events = Box::new(Events::to_file(events_file(path, resumed)?, path));
+            threads
+                .add(rules(&path.to_string_lossy(), file_delivery, true, SinkKind::File), events);
+        }
+        if global.json {
+            let lines = Box::new(Events::new(out::stdout()));
+            threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
+        }
+        let timeline = options.html.is_some().then(|| Timeline::new(scene));
+        let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![] };
+        Ok(Outputs { shown, threads, bar })
+    }
+
+    /// What shows how far a log is read. Of a live source the terminal's thread shows it.
+    pub fn shows_progress(&self, is_live: bool) -> impl Fn(f64, Option<f64>) + use<> {
+        let bar = self.bar.clone();
+        move |time_s, share| {
+            if !is_live {
+                show(&bar, time_s, share);
+            }
+        }
+    }
+
+    /// Ends all outputs.
+    ///
+    /// # Errors
+    /// One of a log cannot be written.
+    pub fn end(
+        mut self,
+        options: &Options,
+        counts: Counts,
+        silences: Silences,
+        saved: Option<SinkLoss>,
+        is_live: bool,
+    ) -> Result<(Totals, Shown), Failure> {
+        let mut losses = self.threads.finish()?;
+        self.bar.finish_and_clear();
+        losses.extend(saved);
+        if let (Some(path), Some(timeline)) = (&options.html, &self.shown.timeline) {
+            match timeline.write(path, &counts) {
+                Err(error) if is_live => losses.push(SinkLoss {
+                    sink: path.display().to_string(),
+                    lost: 0,
+                    failure: Some(error.to_string()),
+                    is_file: true,
+                }),
+                written => written?,
+            }
+        }
+        Ok((Totals { counts, silences, losses }, self.shown))
+    }
+}
+
+/// Whether a target of `--mcap` is a socket.
+fn is_socket(target: &Path) -> bool {
+    target.to_string_lossy().contains("://")
+}
+
+/// What is kept in memory until the end.
+pub struct Shown {
+    /// The strip of states and what changed.
+    pub strip: Strip,
+    timeline: Option<Timeline>,
+    /// What was said instead of a judgement, as it came.
+    pub unjudged: Vec<State>,
+}
+
+impl Sink for Shown {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        let state = sample.observation.finding.state;
+        if !state.is_judgement() && !self.unjudged.contains(&state) {
+            self.unjudged.push(state);
+        }
+        if let Some(timeline) = &mut self.timeline {
+            timeline.sample(sample)?;
+        }
+        self.strip.sample(sample)
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        self.strip.notice(notice)
+    }
+}
+
+/// On a terminal every change is a line as it comes, and what holds now stands below.
+struct Terminal {
+    bar: ProgressBar,
+    is_live: bool,
+    global: Global,
+}
+
+impl Terminal {
+    fn holds(&self, time_s: f64, state: State) {
+        if self.is_live {
+            self.bar.set_message(format!("{}  {}", moment::shown(time_s), state.words()));
+        }
+    }
+}
+
+impl Sink for Terminal {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        if self.bar.is_hidden() {
+            return Ok(());
+        }
+        let finding = sample.observation.finding;
+        if sample.changed {
+            let words = finding.words();
+            let words = sanitize::printable(&words);
+            self.bar.println(format!("{:>12}  {words}", moment::shown(sample.time_s)));
+        }
+        self.holds(sample.time_s, finding.state);
+        Ok(())
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        let time_s = notice.time_s.unwrap_or(0.0);
+        let Some(words) = notice.words() else { return Ok(()) };
+        let is_over = matches!(
+            notice.event,
+            WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. } | WatchEvent::Reconnected
+        );
+        let text = match notice.time_s {
+            Some(time_s) => {
+                format!("{}: after {}: {words}", notice.wall_time, moment::shown(time_s))
+            }
+            None => format!("{}: {words}", notice.wall_time),
+        };
+        self.bar.suspend(|| match is_over {
+            true => note(self.global, &text),
+            false => warn(self.global, &[text]),
+        });
+        self.holds(time_s, notice.state);
+        Ok(())
+    }
+}
+
+/// The file of events: it grows line by line, so that others can follow it. Where a watch goes on, it
+/// keeps what it has up to there.
+fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<File, Failure> {
+    let failed = |cause| SinkError::File(files::FileError::from_io(path, cause));
+    let kept = match resumed {
+        Some(checkpoint) if path.exists() => {
+            kept_lines(&files::read_text(path).map_err(SinkError::File)?, checkpoint.events())
+        }
+        _ => 0,
+    };
+    // What is kept is not written again: on a full disk it would be lost.
+    let mut file =
+        OpenOptions::new().write(true).create(true).truncate(false).open(path).map_err(failed)?;
+    if file.metadata().is_ok_and(|data| data.is_file()) {
+        file.set_len(kept).map_err(failed)?;
+        file.seek(SeekFrom::End(0)).map_err(failed)?;
+    }
+    Ok(file)
+}
+
+/// The length of the whole lines up to so many changes, bytes.
+fn kept_lines(text: &str, changes: u64) -> u64 {
+    let (mut kept, mut found) = (0, 0);
+    for line in text.split_inclusive('\n').filter(|line| line.ends_with('\n')) {
+        found += u64::from(is_change(line));
+        if found > changes {
+            break;
+        }
+        kept += line.len() as u64;
+    }
+    kept
+}
+
+fn bar(global: Global, is_live: bool) -> ProgressBar {
+    if !is_shown(global) {
+        return ProgressBar::hidden();
+    }
+    // Of a stream there is no share.
+    let template = if is_live { "{msg}" } else { "{msg} {wide_bar} {percent} %" };
+    let style = ProgressStyle::with_template(template);
+    ProgressBar::new(1000).with_style(style.expect("a correct template"))
+}
+
+fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
+    if time_s.is_finite() {
+        bar.set_message(moment::shown(time_s));
+    }
+    bar.set_position((1000.0 * share.unwrap_or(0.0)) as u64);
+}
+
+/// What was counted in all.
+pub struct Totals {
+    /// Of the log or stream.
+    pub counts: Counts,
+    silences: Silences,
+    losses: Vec<SinkLoss>,
+}
+
+impl Totals {
+    /// Files that are not complete, each with the reason.
+    pub fn lost_files(&self) -> Vec<String> {
+        let lost = self.losses.iter().filter(|loss| loss.is_file);
+        // The reason of a file begins with its name.
+        lost.filter_map(|loss| loss.failure.clone()).collect()
+    }
+
+    /// For programs: the last line behind the events.
+    pub fn json(&self, signals: &[&str]) -> Value {
+        let Totals { counts, silences, .. } = self;
+        let met = counts.met().map(|(kind, tally)| {
+            let first = counts.place(tally);
+            (kind.words().0.to_owned(), json!({ "count": tally.count, "first": first }))
+        });
+        let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
+        let missing = missing.map(|(id, count)| (id.to_string(), json!(count)));
+        let unsent = self.losses.iter().filter(|loss| loss.lost > 0);
+        let unsent = unsent.map(|loss| (loss.sink.clone(), json!(loss.lost)));
+        let failed =
+            self.losses.iter().filter_map(|loss| Some((&loss.sink, loss.failure.as_ref()?)));
+        let failed = failed.map(|(sink, reason)| (sink.clone(), json!(reason)));
+        json!({ "summary": {
+            "frames": counts.frames,
+            "samples": counts.samples,
+            "judged": counts.judged,
+            "met": met.collect::<Map<String, Value>>(),
+            "missing": missing.collect::<Map<String, Value>>(),
+            "unsent": unsent.collect::<Map<String, Value>>(),
+            "failed": failed.collect::<Map<String, Value>>(),
+            "silences": silences,
+        }})
+    }
+
+    /// For people.
+    pub fn text(&self, signals: &[&str]) -> String {
+        let Totals { counts, silences, .. } = self;
+        let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
+        let judged = counts.judged;
+        let mut text =
+            format!("{frames} {counted}s became {samples} samples, {judged} of them judged\n");
+        let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
+        let missing: Vec<String> = missing.map(|(id, count)| format!("{id} in {count}")).collect();
+        if !missing.is_empty() {
+            text += &format!("samples without a value: {}\n", missing.join(", "));
+        }
+        if silences.source > 0 {
+            let Silences { source, source_s, .. } = silences;
+            text += &format!("silences of the source: {source}, {source_s:.1} s in all\n");
+        }
+        for SinkLoss { sink, lost, failure, .. } in &self.losses {
+            if *lost > 0 {
+                text += &format!("samples not sent to {sink}: {lost}\n");
+            }
+            if let Some(reason) = failure {
+                text += &format!("{sink} failed: {}\n", without_name(sink, reason));
+            }
+        }
+        if counts.met().next().is_some() {
+            let heads =
+                [("how often", Side::Right), ("what was met", Side::Left), ("first", Side::Left)];
+            let mut grid = Grid::new(&heads);
+            for (kind, tally) in counts.met() {
+                let words = kind.words().1.to_owned();
+                grid.push(vec![tally.count.to_string(), words, counts.place(tally)]);
+            }
+            text += "\n";
+            text += &grid.text();
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_are_kept_up_to_the_checkpoint_with_the_notices_between() {
+        let change = "{\"time_s\":1.0,\"place\":1,\"state\":\"healthy\"}\n";
+        let notice = "{\"event\":\"heartbeat\",\"state\":\"healthy\"}\n";
+        let text = [change, notice, notice, change, notice, change].concat();
+        let up_to = |changes| &text[..kept_lines(&text, changes) as usize];
+        assert_eq!(up_to(0), "");
+        assert_eq!(up_to(1), [change, notice, notice].concat());
+        assert_eq!(up_to(2), [change, notice, notice, change, notice].concat());
+        assert_eq!(up_to(9), text);
+        // A line that was cut off goes.
+        assert_eq!(kept_lines(&(change.to_owned() + "{\"time"), 9), change.len() as u64);
+    }
+}
