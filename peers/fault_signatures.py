@@ -2,16 +2,17 @@
 """Writes the measured tables of docs/faults.md. Standard library only.
 
     cargo build --release -p servotwin-cli
-    python3 peers/fault_signatures.py [target/release/servotwin]
+    python3 peers/fault_signatures.py [PROGRAM] [--check]
 
-A table belongs to a mark like
+PROGRAM is target/release/servotwin unless another one is given. A table belongs to a mark such as
 
     <!-- measured aileron_dual actuator_1.servo_valve.jam actuator_1.servo_valve.damping_loss -->
 
-which names a built-in system and its faults. Every fault is simulated beside the healthy system with the same
-inputs. The residual of a sensor is the faulty reading less the healthy one; its rms over the run is given in
-percent of the sensor's scale. A table lists the sensors whose rms exceeds 3 %.
-With --check the page is compared and not written (exit code 1 where it differs).
+which names a system and its faults; `bench` is peers/fault_bench.toml. The script simulates every fault and the
+healthy system with the same inputs, and subtracts the readings of the sensors. The table lists the sensors whose
+difference has an rms of more than 3 % of the sensor's scale, with this rms in percent. If no sensor exceeds 3 %,
+it gives the largest one in parentheses. With --check the script compares the page instead of writing it, and ends
+with exit code 1 if the page differs.
 """
 
 import csv
@@ -28,15 +29,19 @@ PAGE = REPOSITORY / "docs" / "faults.md"
 THRESHOLD_PERCENT = 3.0
 MARK = re.compile(r"(<!-- measured (\S+) (.+?) -->\n).*?(<!-- end -->)", re.S)
 
-AILERON_NOISE = "noise:rms=5deg,bandwidth=1Hz,seed=7"
-# What drives each system: the signal of the moving command, and the other inputs of every run.
+LISTED_SENSORS = 4
+
+AILERON = ["--command", "noise:rms=5deg,bandwidth=1Hz,seed=7"]
+# The inputs of the moving run of each system. The run at rest takes the defaults of all inputs.
 MOVING = {
-    "aileron_dual": AILERON_NOISE,
-    "aileron_relief": AILERON_NOISE,
-    "spring_actuator": AILERON_NOISE,
-    "press_axis": "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=1",
+    "aileron_dual": AILERON,
+    "aileron_relief": AILERON,
+    "spring_actuator": AILERON,
+    "press_axis": ["--command", "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=1"],
+    "bench": ["--input", "setpoint=noise:rms=0.25,bandwidth=1Hz,limit=0.8,seed=7"],
 }
-# The mode valve acts when its actuator is switched off.
+FILES = {"bench": "peers/fault_bench.toml"}
+# The faults of a mode valve act when its actuator is switched off.
 SWITCHED_OFF = ["--input", "actuator_1.mode=1 + step:size=-1,at=5s"]
 
 
@@ -46,50 +51,67 @@ class Bench:
     def __init__(self, program):
         self.program = program
         self.folder = tempfile.TemporaryDirectory()
-        self.sensors = {}
+        self.described = {}
         self.healthy = {}
+        self.laws = {}
 
     def run(self, *arguments):
         """What the program prints."""
-        done = subprocess.run([self.program, *arguments], capture_output=True, text=True)
+        done = subprocess.run([self.program, *arguments], capture_output=True, text=True, cwd=REPOSITORY)
         if done.returncode != 0:
             sys.exit(f"{' '.join(arguments)}: {done.stderr}")
         return done.stdout
 
-    def scales(self, system):
-        """The sensors of a system: column, label and scale."""
-        if system not in self.sensors:
-            described = json.loads(self.run("describe", system, "--json"))
-            self.sensors[system] = [(s["id"], s["label"], s["scale"]) for s in described["sensors"]]
-        return self.sensors[system]
+    def describe(self, system):
+        """What the program reports about a system."""
+        if system not in self.described:
+            self.described[system] = json.loads(self.run("describe", FILES.get(system, system), "--json"))
+        return self.described[system]
 
-    def simulate(self, system, command, extra):
+    def scales(self, system):
+        """The sensors of a system: id, label and scale."""
+        return [(s["id"], s["label"], s["scale"]) for s in self.describe(system)["sensors"]]
+
+    def law(self, system, fault):
+        """The value of the fault's parameter at intensity i, as the catalog gives it."""
+        component, name = fault.rsplit(".", 1)
+        kind = next(c["kind"] for c in self.describe(system)["components"] if c["id"] == component)
+        if kind not in self.laws:
+            declared = json.loads(self.run("components", kind, "--json"))["faults"]
+            self.laws[kind] = {one["name"]: one["law"] for one in declared}
+        return self.laws[kind][name]
+
+    def simulate(self, system, inputs):
         """The readings of one run by the ids of the sensors."""
         path = pathlib.Path(self.folder.name) / "run.csv"
-        self.run("simulate", system, "--command", command, "--duration", "20s", "--quiet", "--out", str(path), *extra)
+        self.run("simulate", FILES.get(system, system), "--duration", "20s", "--quiet", "--out", str(path), *inputs)
         with open(path, newline="") as file:
             head, *rows = csv.reader(file)
-        ids = [sensor for sensor, _, _ in self.scales(system)]
-        places = {}
-        for sensor in ids:
-            # The column of a sensor is its id with its SI unit.
-            places[sensor] = next(i for i, name in enumerate(head) if name == sensor or name.startswith(sensor + "_"))
-        return {sensor: [float(row[place]) for row in rows] for sensor, place in places.items()}
 
-    def signature(self, system, fault, intensity, command, extra=()):
-        """The sensors beyond the threshold, the largest residual first."""
-        key = (system, command, tuple(extra))
+        def column(sensor):
+            # The column of a sensor is its id with its SI unit.
+            return next(i for i, name in enumerate(head) if name == sensor or name.startswith(sensor + "_"))
+
+        return {sensor: [float(row[column(sensor)]) for row in rows] for sensor, _, _ in self.scales(system)}
+
+    def signature(self, system, fault, intensity, inputs):
+        """The sensors beyond the threshold, the largest rms first."""
+        key = (system, *inputs)
         if key not in self.healthy:
-            self.healthy[key] = self.simulate(system, command, extra)
-        faulty = self.simulate(system, command, [*extra, "--fault", f"{fault}={intensity}"])
-        moved = []
+            self.healthy[key] = self.simulate(system, inputs)
+        faulty = self.simulate(system, [*inputs, "--fault", f"{fault}={intensity}"])
+        sizes = []
         for sensor, label, scale in self.scales(system):
             residuals = [a - b for a, b in zip(faulty[sensor], self.healthy[key][sensor])]
-            percent = 100 * math.sqrt(sum(r * r for r in residuals) / len(residuals)) / scale
-            if percent > THRESHOLD_PERCENT:
-                moved.append((percent, label))
-        moved.sort(key=lambda one: (-one[0], one[1]))
-        return ", ".join(f"{label} {rounded(percent)}" for percent, label in moved) or "none"
+            sizes.append((100 * math.sqrt(sum(r * r for r in residuals) / len(residuals)) / scale, label))
+        sizes.sort(key=lambda one: (-one[0], one[1]))
+        moved = [f"{label} {rounded(percent)}" for percent, label in sizes if percent > THRESHOLD_PERCENT]
+        if not moved:
+            percent, label = sizes[0]
+            return f"({label} {rounded(percent)})" if percent >= 0.05 else "–"
+        if len(moved) > LISTED_SENSORS:
+            moved[LISTED_SENSORS:] = [f"{len(moved) - LISTED_SENSORS} more"]
+        return ", ".join(moved)
 
 
 def rounded(percent):
@@ -99,30 +121,31 @@ def rounded(percent):
 
 def table(bench, system, faults):
     """The rows of a mark's faults."""
-    is_switched = any(".mode_valve." in fault for fault in faults)
-    head = ["fault", "moving, 0.5", "moving, 0.1", "at rest, 0.5"] + ["switched off at 5 s, 0.5"] * is_switched
-    lines = [f"| {' | '.join(head)} |", "| --- " * len(head) + "|"]
+    moving = MOVING[system]
+    columns = [
+        ("moving, 0.1", 0.1, moving),
+        ("moving, 0.5", 0.5, moving),
+        ("moving, 1", 1, moving),
+        ("at rest, 0.5", 0.5, []),
+    ]
+    if any(".mode_valve." in fault for fault in faults):
+        columns.append(("switched off at 5 s, 0.5", 0.5, [*moving, *SWITCHED_OFF]))
+    lines = [f"| fault | parameter | {' | '.join(head for head, _, _ in columns)} |", "| --- " * (len(columns) + 2) + "|"]
     for fault in faults:
-        moving, still = MOVING[system], "constant:value=0"
-        cells = [
-            bench.signature(system, fault, 0.5, moving),
-            bench.signature(system, fault, 0.1, moving),
-            bench.signature(system, fault, 0.5, still),
-        ]
-        if is_switched:
-            cells.append(bench.signature(system, fault, 0.5, moving, SWITCHED_OFF))
-        lines.append(f"| `{fault}` | {' | '.join(cells)} |")
+        cells = [bench.signature(system, fault, intensity, inputs) for _, intensity, inputs in columns]
+        lines.append(f"| `{fault}` | `{bench.law(system, fault)}` | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
 def main():
     arguments = [one for one in sys.argv[1:] if one != "--check"]
-    bench = Bench(arguments[0] if arguments else str(REPOSITORY / "target" / "release" / "servotwin"))
+    program = arguments[0] if arguments else REPOSITORY / "target" / "release" / "servotwin"
+    bench = Bench(str(pathlib.Path(program).resolve()))
     found = PAGE.read_text()
 
     def filled(match):
         begin, system, faults, end = match.groups()
-        return f"{begin}{table(bench, system, faults.split())}{end}"
+        return f"{begin}\n{table(bench, system, faults.split())}{end}"
 
     wanted = MARK.sub(filled, found)
     if "--check" in sys.argv[1:]:
