@@ -73,7 +73,7 @@ static SPEC: Spec = Spec {
             sort: Sort::Value,
             range: Range::Positive,
             fallback: Fallback::Without("22deg for an angle, none for other inputs"),
-            summary: "limit on the magnitude of every sample, at least twice the rms",
+            summary: "largest magnitude of a sample, at least twice the rms",
         },
         Parameter {
             name: "sampling",

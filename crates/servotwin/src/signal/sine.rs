@@ -34,14 +34,14 @@ static SPEC: Spec = Spec {
             sort: Sort::Frequency,
             range: Range::Between(1e-4, 1e3),
             fallback: Fallback::Required,
-            summary: "frequency",
+            summary: "oscillations per second",
         },
         Parameter {
             name: "phase",
             sort: Sort::Angle,
             range: Range::Any,
             fallback: Fallback::Number(0.0),
-            summary: "phase at the start",
+            summary: "angle at the start",
         },
         Parameter {
             name: "at",
