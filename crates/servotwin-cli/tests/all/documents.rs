@@ -81,8 +81,12 @@ fn every_relative_link_of_the_documents_leads_to_a_file_and_a_heading() {
 #[test]
 fn a_link_to_a_missing_file_or_heading_is_found() {
     let page = Path::new(REPOSITORY).join("docs/idea.md");
-    assert!(broken(&page, "features.md#parity").is_none() && broken(&page, "../README.md").is_none());
-    assert!(broken(&page, "nowhere.md").is_some() && broken(&page, "features.md#nowhere").is_some());
+    assert!(
+        broken(&page, "features.md#parity").is_none() && broken(&page, "../README.md").is_none()
+    );
+    assert!(
+        broken(&page, "nowhere.md").is_some() && broken(&page, "features.md#nowhere").is_some()
+    );
 }
 
 #[test]
@@ -112,7 +116,9 @@ fn code(text: &str) -> impl Iterator<Item = &str> {
 /// How many sections of the page describe a fault, by kind of component and name of the fault.
 fn described_faults(page: &str) -> BTreeMap<(&str, &str), usize> {
     let mut described = BTreeMap::new();
-    for group in page.lines().filter_map(|line| line.strip_prefix(FAULTS)).flat_map(|l| l.split(';')) {
+    for group in
+        page.lines().filter_map(|line| line.strip_prefix(FAULTS)).flat_map(|l| l.split(';'))
+    {
         let (kinds, names) = group.split_once(": ").expect("kinds, a colon, faults");
         for kind in code(kinds) {
             for name in code(names) {
@@ -136,7 +142,10 @@ fn every_fault_of_the_catalog_has_a_section_with_its_law_and_four_answers() {
             assert!(is_shown, "docs/faults.md lacks `{law}`: run peers/fault_signatures.py");
         }
     }
-    assert!(described.is_empty(), "docs/faults.md describes faults that do not exist: {described:?}");
+    assert!(
+        described.is_empty(),
+        "docs/faults.md describes faults that do not exist: {described:?}"
+    );
     let parts = ["What it does.", "Why it matters.", "How it shows.", "When it does not show."];
     for section in page.split("\n### ").skip(1) {
         let title = section.lines().next().unwrap_or_default();

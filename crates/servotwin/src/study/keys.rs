@@ -28,18 +28,34 @@ pub(crate) static STUDY: [Key; 19] = [
     must("duration_s", Value::Number(0.1, LONGEST_S, "s"), "length of every run"),
     must("sample_hz", Value::Number(1.0, 1e4, "Hz"), "samples per second"),
     must("intensities", Value::List(0, &INTENSITY), "the intensities of every fault"),
-    must("units", Value::List(1, &Value::Text), "the channels that can fail; \"\" for a system of one"),
+    must(
+        "units",
+        Value::List(1, &Value::Text),
+        "the channels that can fail; \"\" for a system of one",
+    ),
     must("command", Value::Table(&COMMAND), "the commands of the evaluation"),
     may("load", Value::Table(&LOAD), "the loads at which every command runs"),
-    must("sensors", Value::Names(1, &Value::Table(&SENSOR)), "the sensors that the diagnosis reads"),
+    must(
+        "sensors",
+        Value::Names(1, &Value::Table(&SENSOR)),
+        "the sensors that the diagnosis reads",
+    ),
     may("extra_sensor", Value::Table(&EXTRA), "an additional sensor to assess"),
-    may("classes", Value::List(0, &Value::Table(&CLASS)), "faults with the same cause and the same remedy"),
+    may(
+        "classes",
+        Value::List(0, &Value::Table(&CLASS)),
+        "faults with the same cause and the same remedy",
+    ),
     may("realistic", Value::Table(&REALISTIC), "how real specimens differ from the twin"),
     may("fitted", Value::Table(&FITTED), "specimens whose twins are fitted to them"),
     may("training", Value::Table(&TRAINING), "the commands that the diagnosis learns from"),
     may("evaluation", Value::Table(&EVALUATION), "training and evaluation, if not the defaults"),
     may("flights", Value::Table(&FLIGHTS), "flights with the onset of a fault"),
-    may("reactions", Value::Names(0, &Value::Table(&REACTION)), "the effect of each command of a class"),
+    may(
+        "reactions",
+        Value::Names(0, &Value::Table(&REACTION)),
+        "the effect of each command of a class",
+    ),
 ];
 
 static INTENSITY: Value = Value::Number(1e-6, 1.0, "");
@@ -86,7 +102,11 @@ static FITTED: [Key; 5] = [
 ];
 
 static TOLERANCE: [Key; 3] = [
-    must("parameters", Value::List(1, &Value::Text), "parameters that vary together, without the unit"),
+    must(
+        "parameters",
+        Value::List(1, &Value::Text),
+        "parameters that vary together, without the unit",
+    ),
     must("sigma", Value::Number(0.0, 1.0, ""), "one standard deviation"),
     may("absolute", Value::Flag, "sigma is in the parameter's unit, not relative to it"),
 ];
@@ -131,7 +151,11 @@ static COMMITTEE: [Key; 4] = [
     may("trees", Value::Whole(1.0, MOST_TREES as f64), "trees at each stage of the hierarchy"),
     may("depth", Value::Whole(1.0, DEEPEST as f64), "questions on the longest path"),
     may("learning_rate", Value::Number(1e-3, 1.0, ""), "factor on the contribution of each tree"),
-    may("feature_share", Value::Number(1e-3, 1.0, ""), "share of the features that each tree may use"),
+    may(
+        "feature_share",
+        Value::Number(1e-3, 1.0, ""),
+        "share of the features that each tree may use",
+    ),
 ];
 
 static TREES: [Key; 3] = [
@@ -182,9 +206,21 @@ static SIZE: [Key; 7] = [
 ];
 
 static LIMITS: [Key; 4] = [
-    may("latency_s", Value::Number(0.0, 1e4, "s"), "latency limit for 95 % of visible shutdown faults"),
-    may("latency_unfitted_s", Value::Number(0.0, 1e4, "s"), "the same limit for a twin that is not fitted"),
-    may("false_alarms_per_h", Value::Number(0.0, 1e4, "1/h"), "limit on false alarms of healthy actuators"),
+    may(
+        "latency_s",
+        Value::Number(0.0, 1e4, "s"),
+        "latency limit for 95 % of visible shutdown faults",
+    ),
+    may(
+        "latency_unfitted_s",
+        Value::Number(0.0, 1e4, "s"),
+        "the same limit for a twin that is not fitted",
+    ),
+    may(
+        "false_alarms_per_h",
+        Value::Number(0.0, 1e4, "1/h"),
+        "limit on false alarms of healthy actuators",
+    ),
     may("wrong_shutdowns", Value::Number(0.0, 1e4, ""), "limit on shutdowns of the wrong actuator"),
 ];
 
@@ -193,5 +229,9 @@ static REACTION: [Key; 5] = [
     may("unit_inputs", Value::Names(0, &ANY), "values for inputs of the unit at fault"),
     may("unit_parameters", Value::Names(0, &ANY), "values for parameters of the unit at fault"),
     may("parameters", Value::Names(0, &ANY), "values for parameters of the system"),
-    may("takes_out", Value::List(0, &Value::Word(quantities)), "quantities whose sensors are ignored afterwards"),
+    may(
+        "takes_out",
+        Value::List(0, &Value::Word(quantities)),
+        "quantities whose sensors are ignored afterwards",
+    ),
 ];
