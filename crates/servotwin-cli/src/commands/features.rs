@@ -100,9 +100,11 @@ fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
 
 /// What stands above the list.
 const LIST_HEAD: &str = "# Features\n\n\
-    What `servotwin features --list` prints: every feature of the default study's sensors, by family.\n\
-    A family gives features only where the sensors exist that it compares. r' is a residual (measured\n\
-    less nominal) over its sensor's scale; a threshold of a tree is in the unit given here.\n";
+    This reference lists every feature of the default study's sensors, by family.\n\
+    `servotwin features --list` prints it, and `--study` lists the features of another study.\n\
+    A family has features only where the sensors exist that it compares.\n\
+    r' is a residual: the measured value less the twin's value, over the sensor's scale.\n\
+    The threshold of a tree is in the unit given here.\n";
 
 /// A study file of traces.
 pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {

@@ -134,7 +134,7 @@ fn what_the_book_shows_of_shipped_files_is_in_them() {
 }
 
 /// What a page's heading is called in links, by mdBook and by repositories.
-fn anchor(heading: &str) -> String {
+pub(super) fn anchor(heading: &str) -> String {
     let letter = |c: char| match c {
         ' ' => Some('-'),
         c if c.is_alphanumeric() || "_-".contains(c) => Some(c.to_ascii_lowercase()),
@@ -158,7 +158,7 @@ fn is_in_the_book(link: &str) -> bool {
 }
 
 /// What a page links to, and the pictures it shows, beside other sites.
-fn links(page: &str) -> Vec<&str> {
+pub(super) fn links(page: &str) -> Vec<&str> {
     let places = page.match_indices("](").map(|(place, _)| &page[place + 2..]);
     places.filter_map(|rest| rest.split(')').next()).filter(|link| !link.contains("://")).collect()
 }

@@ -27,7 +27,7 @@ impl Family for Comparison {
     }
 
     fn summary(&self) -> &'static str {
-        "sizes of like residuals of actuators against each other"
+        "magnitudes of corresponding residuals of the actuators against each other"
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {

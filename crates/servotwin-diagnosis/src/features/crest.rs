@@ -1,4 +1,4 @@
-//! Whether a residual is there all the time or comes in bursts.
+//! Whether a residual is steady or comes in bursts.
 //!
 //! ```text
 //! K_i = log10 ( peak_i / rms_i ),   peak = max(largest |r'_i|, 4 noise_i),   rms² = mean² + variance
@@ -22,7 +22,7 @@ impl Family for Crest {
     }
 
     fn summary(&self) -> &'static str {
-        "whether each residual is there all the time or comes in bursts"
+        "crest factor: whether each residual is steady or comes in bursts"
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
@@ -30,7 +30,7 @@ impl Family for Crest {
             name: format!("crest_{}", s.name),
             unit: "log10",
             meaning: format!(
-                "log10 of the largest size of the residual of {} over its rms",
+                "log10 of the largest magnitude of the residual of {} over its rms",
                 s.name
             ),
             units: s.unit.into_iter().collect(),

@@ -16,7 +16,7 @@ impl Family for Deviation {
     }
 
     fn summary(&self) -> &'static str {
-        "logarithm of the standard deviation, and largest size, of each residual"
+        "logarithm of the standard deviation, and largest magnitude, of each residual"
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
@@ -35,7 +35,7 @@ impl Family for Deviation {
                 Feature {
                     name: format!("largest_{}", s.name),
                     unit: "of scale",
-                    meaning: format!("largest size of the residual of {}", s.name),
+                    meaning: format!("largest magnitude of the residual of {}", s.name),
                     units: s.unit.into_iter().collect(),
                     teaches: Teaches::Nobody,
                 },

@@ -39,7 +39,10 @@ impl Family for Moments {
                 Feature {
                     name: format!("no_dev_{}", s.name),
                     unit: "0 or 1",
-                    meaning: format!("one where {} stays inside ±3 % and 1 % deviation", s.name),
+                    meaning: format!(
+                        "1 if {} stays within ±3 % with a deviation below 1 %",
+                        s.name
+                    ),
                     units,
                     teaches: Teaches::Nobody,
                 },

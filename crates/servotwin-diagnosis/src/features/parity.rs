@@ -1,4 +1,4 @@
-//! What a sensor shows beyond the law that ties it to others.
+//! Parity residuals: a sensor against the law that ties it to others.
 //!
 //! A controller makes a sensor follow others of its unit: the spool of a servo valve follows what is measured of the ram
 //! and of the pressures, whatever the flow, the load and the friction are. With `r_s` the sensor's scaled residual and
@@ -78,7 +78,7 @@ impl Family for Parity {
     }
 
     fn summary(&self) -> &'static str {
-        "what a sensor shows beyond the law by which it follows others"
+        "parity residuals: each sensor against the law by which it follows others"
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
@@ -87,7 +87,7 @@ impl Family for Parity {
             let feature = |kind: &str, of_unit, meaning: &str| Feature {
                 name: format!("parity_{kind}_{name}"),
                 unit: of_unit,
-                meaning: meaning.replace("{}", &format!("{name} beyond what it follows")),
+                meaning: meaning.replace("{}", &format!("the parity residual of {name}")),
                 units: unit.iter().copied().collect(),
                 teaches: Teaches::Windows,
             };

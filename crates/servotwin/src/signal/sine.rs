@@ -18,7 +18,7 @@ const PIECES_PER_PERIOD: f64 = 256.0;
 
 static SPEC: Spec = Spec {
     kind: "sine",
-    summary: "a sine",
+    summary: "a sine wave",
     example: "sine:amplitude=5deg,frequency=1Hz",
     continuous: true,
     parameters: &[
@@ -27,28 +27,28 @@ static SPEC: Spec = Spec {
             sort: Sort::Value,
             range: Range::Any,
             fallback: Fallback::Required,
-            summary: "from the middle to the top",
+            summary: "peak value",
         },
         Parameter {
             name: "frequency",
             sort: Sort::Frequency,
             range: Range::Between(1e-4, 1e3),
             fallback: Fallback::Required,
-            summary: "periods per second",
+            summary: "oscillations per second",
         },
         Parameter {
             name: "phase",
             sort: Sort::Angle,
             range: Range::Any,
             fallback: Fallback::Number(0.0),
-            summary: "how far into the period it begins",
+            summary: "angle at the start",
         },
         Parameter {
             name: "at",
             sort: Sort::Time,
             range: Range::NotNegative,
             fallback: Fallback::Number(0.0),
-            summary: "when it begins",
+            summary: "start time",
         },
     ],
 };

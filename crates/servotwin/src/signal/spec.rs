@@ -75,7 +75,7 @@ pub enum Fallback {
     Number(f64),
     /// This word.
     Word(&'static str),
-    /// What the kind does without it, in words.
+    /// The behavior of the kind without it, in words.
     Without(&'static str),
 }
 
@@ -148,7 +148,7 @@ impl Spec {
                 Fallback::Required => "required".to_string(),
                 Fallback::Number(number) => format!("default {number}"),
                 Fallback::Word(word) => format!("default {word}"),
-                Fallback::Without(what) => format!("without it {what}"),
+                Fallback::Without(what) => format!("default: {what}"),
             };
             let range = match parameter.sort {
                 Sort::Text | Sort::Choice(_) => String::new(),

@@ -9,7 +9,7 @@ pub struct Step;
 
 static SPEC: Spec = Spec {
     kind: "step",
-    summary: "a jump from zero",
+    summary: "a step from zero",
     example: "step:size=10deg,at=0.1s",
     continuous: false,
     parameters: &[
@@ -18,7 +18,7 @@ static SPEC: Spec = Spec {
             sort: Sort::Value,
             range: Range::Any,
             fallback: Fallback::Required,
-            summary: "the value after the jump",
+            summary: "the value after the step",
         },
         Parameter {
             name: "at",
@@ -26,7 +26,7 @@ static SPEC: Spec = Spec {
             range: Range::NotNegative,
             // Later than the rest from which a run begins, which would else be that after the jump.
             fallback: Fallback::Number(0.1),
-            summary: "when it jumps",
+            summary: "time of the step",
         },
     ],
 };

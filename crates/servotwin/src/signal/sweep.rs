@@ -30,7 +30,7 @@ const ERROR: f64 = 9e-10;
 
 static SPEC: Spec = Spec {
     kind: "sweep",
-    summary: "a sine whose frequency goes from one value to another",
+    summary: "a sine with a rising or falling frequency",
     example: "sweep:amplitude=2deg,from=0.1Hz,to=10Hz",
     continuous: true,
     parameters: &[
@@ -39,42 +39,42 @@ static SPEC: Spec = Spec {
             sort: Sort::Value,
             range: Range::Any,
             fallback: Fallback::Required,
-            summary: "from the middle to the top",
+            summary: "peak value",
         },
         Parameter {
             name: "from",
             sort: Sort::Frequency,
             range: Range::Between(1e-4, 1e3),
             fallback: Fallback::Required,
-            summary: "the frequency at the beginning",
+            summary: "frequency at the start",
         },
         Parameter {
             name: "to",
             sort: Sort::Frequency,
             range: Range::Between(1e-4, 1e3),
             fallback: Fallback::Required,
-            summary: "the frequency at the end",
+            summary: "frequency at the end",
         },
         Parameter {
             name: "law",
             sort: Sort::Choice(&["log", "linear"]),
             range: Range::Any,
             fallback: Fallback::Word("log"),
-            summary: "how the frequency goes",
+            summary: "course of the frequency over time",
         },
         Parameter {
             name: "at",
             sort: Sort::Time,
             range: Range::NotNegative,
             fallback: Fallback::Number(0.0),
-            summary: "when it begins",
+            summary: "start time",
         },
         Parameter {
             name: "length",
             sort: Sort::Time,
             range: Range::Positive,
-            fallback: Fallback::Without("it takes the rest of the run"),
-            summary: "how long it takes",
+            fallback: Fallback::Without("the rest of the run"),
+            summary: "duration of the sweep",
         },
     ],
 };

@@ -28,7 +28,7 @@ static SPEC: Spec = Spec {
             sort: Sort::Text,
             range: Range::Any,
             fallback: Fallback::Required,
-            summary: "the file, .csv or .parquet (no comma in its name here)",
+            summary: "the file, .csv or .parquet, without a comma in its name",
         },
         Parameter {
             name: "column",
@@ -49,7 +49,7 @@ static SPEC: Spec = Spec {
             sort: Sort::Choice(&["line", "hold"]),
             range: Range::Any,
             fallback: Fallback::Word("line"),
-            summary: "what holds between the rows",
+            summary: "interpolation between the rows",
         },
     ],
 };

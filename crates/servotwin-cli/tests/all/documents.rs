@@ -1,0 +1,157 @@
+//! The documents of the repository: their links lead to files and headings that exist, the index lists every decision
+//! and lab note, and the page of faults describes every fault of the catalog.
+
+use super::book::{anchor, links};
+use servotwin::catalogue;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+const FAULTS: &str = "Faults: ";
+/// A longer index is no index any more.
+const MAX_INDEX_LINES: usize = 130;
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The Markdown files of a folder, in the order of their names.
+fn markdown_files(folder: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(Path::new(REPOSITORY).join(folder)).expect("the folder exists");
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    let mut paths: Vec<_> = paths.filter(|p| p.extension().is_some_and(|e| e == "md")).collect();
+    paths.sort();
+    paths
+}
+
+/// The text without blocks of code, whose brackets are no links.
+fn without_code(text: &str) -> String {
+    let mut is_code = false;
+    let mut kept = String::new();
+    for line in text.lines() {
+        if line.trim_start().starts_with("```") {
+            is_code = !is_code;
+        } else if !is_code {
+            kept += &format!("{line}\n");
+        }
+    }
+    kept
+}
+
+/// What is wrong with a link of a document, if anything.
+fn broken(document: &Path, link: &str) -> Option<String> {
+    let (file, place) = link.split_once('#').unwrap_or((link, ""));
+    let folder = document.parent().expect("a document stands in a folder");
+    let target = if file.is_empty() { document.to_owned() } else { folder.join(file) };
+    if !target.exists() {
+        return Some(format!("{}: {link} leads to no file", document.display()));
+    }
+    let is_heading = |line: &str| line.starts_with('#') && anchor(line) == place;
+    let is_found = place.is_empty()
+        || target.extension().is_none_or(|e| e != "md")
+        || read(&target).lines().any(is_heading);
+    (!is_found).then(|| format!("{}: {link} leads to no heading", document.display()))
+}
+
+#[test]
+fn every_relative_link_of_the_documents_leads_to_a_file_and_a_heading() {
+    let mut documents = vec![
+        Path::new(REPOSITORY).join("README.md"),
+        Path::new(REPOSITORY).join("DESIGN.md"),
+        Path::new(REPOSITORY).join("ARCHITECTURE.md"),
+        Path::new(REPOSITORY).join("CONTRIBUTING.md"),
+    ];
+    for folder in ["docs", "docs/decisions", "docs/lab"] {
+        documents.extend(markdown_files(folder));
+    }
+    let mut checked = 0;
+    let mut mistakes = vec![];
+    for document in &documents {
+        let text = without_code(&read(document));
+        let relative = links(&text).into_iter().filter(|link| !link.starts_with("mailto:"));
+        for link in relative {
+            mistakes.extend(broken(document, link));
+            checked += 1;
+        }
+    }
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+    assert!(checked > 100, "{checked} links");
+}
+
+#[test]
+fn a_link_to_a_missing_file_or_heading_is_found() {
+    let page = Path::new(REPOSITORY).join("docs/idea.md");
+    assert!(
+        broken(&page, "features.md#parity").is_none() && broken(&page, "../README.md").is_none()
+    );
+    assert!(
+        broken(&page, "nowhere.md").is_some() && broken(&page, "features.md#nowhere").is_some()
+    );
+}
+
+#[test]
+fn the_index_lists_every_decision_and_lab_note_once() {
+    let index = read(&Path::new(REPOSITORY).join("DESIGN.md"));
+    let listed = links(&index);
+    for folder in ["docs/decisions", "docs/lab"] {
+        for path in markdown_files(folder) {
+            let name = path.file_name().expect("a name").to_string_lossy();
+            if name == "README.md" {
+                continue;
+            }
+            let link = format!("{folder}/{name}");
+            let count = listed.iter().filter(|one| **one == link).count();
+            assert_eq!(count, 1, "DESIGN.md must list {link} once; add a line to its section");
+        }
+    }
+    let lines = index.lines().count();
+    assert!(lines <= MAX_INDEX_LINES, "DESIGN.md is an index and has {lines} lines");
+}
+
+/// The words in backticks of a text.
+fn code(text: &str) -> impl Iterator<Item = &str> {
+    text.split('`').skip(1).step_by(2)
+}
+
+/// How many sections of the page describe a fault, by kind of component and name of the fault.
+fn described_faults(page: &str) -> BTreeMap<(&str, &str), usize> {
+    let mut described = BTreeMap::new();
+    for group in
+        page.lines().filter_map(|line| line.strip_prefix(FAULTS)).flat_map(|l| l.split(';'))
+    {
+        let (kinds, names) = group.split_once(": ").expect("kinds, a colon, faults");
+        for kind in code(kinds) {
+            for name in code(names) {
+                *described.entry((kind, name)).or_default() += 1;
+            }
+        }
+    }
+    described
+}
+
+#[test]
+fn every_fault_of_the_catalog_has_a_section_with_its_law_and_four_answers() {
+    let page = read(&Path::new(REPOSITORY).join("docs/faults.md"));
+    let mut described = described_faults(&page);
+    for spec in catalogue::all() {
+        for fault in spec.faults {
+            let count = described.remove(&(spec.kind, fault.name));
+            assert_eq!(count, Some(1), "docs/faults.md: sections of {} {}", spec.kind, fault.name);
+            let law = catalogue::law(fault, spec);
+            let is_shown = page.contains(&format!("| `{law}` |"));
+            assert!(is_shown, "docs/faults.md lacks `{law}`: run peers/fault_signatures.py");
+        }
+    }
+    assert!(
+        described.is_empty(),
+        "docs/faults.md describes faults that do not exist: {described:?}"
+    );
+    let parts = ["What it does.", "Why it matters.", "How it shows.", "When it does not show."];
+    for section in page.split("\n### ").skip(1) {
+        let title = section.lines().next().unwrap_or_default();
+        assert_eq!(section.matches(FAULTS).count(), 1, "{title}");
+        for part in parts {
+            assert_eq!(section.matches(&format!("**{part}** ")).count(), 1, "{title}: {part}");
+        }
+    }
+}
