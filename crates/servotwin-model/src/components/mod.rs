@@ -169,7 +169,7 @@ catalogue! {
     tank::Tank [],
     flow_source::FlowSource [PumpFlow],
     variable_pump::VariablePump [Compensator, StrokedFlow],
-    volume::Volume [VolumePressure],
+    volume::Volume [VolumePressure, FluidPressure],
     orifice::Orifice [Restriction],
     external_leakage::ExternalLeakage [LeakageFlow],
     filter::Filter [FilterFlow],
