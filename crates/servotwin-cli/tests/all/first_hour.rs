@@ -594,6 +594,33 @@ fn a_press_begins_as_a_press() {
     assert!((ram["end"].as_f64().unwrap() - 0.05).abs() < 2e-3, "{ram}");
 }
 
+#[test]
+fn two_actuators_begin_as_an_assembly() {
+    let folder = Folder::new("init-dual");
+    let place = folder.0.display().to_string();
+    let made = json(&["init", "twins", "--like", "aileron_dual", "--folder", &place, "--json"]);
+    let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
+    let checked = json(&["check", study, "--json"]);
+    assert_eq!((&checked["system"], &checked["name"]), (&"twins".into(), &"twins".into()));
+    let text = std::fs::read_to_string(system).unwrap();
+    assert_eq!(text.matches("kind = \"servo_valve\"").count(), 1, "each part is written once");
+    let ends = |more: &[&str]| {
+        let fixed =
+            ["simulate", system, "--command", "step:size=5deg", "--duration", "2s", "-q", "--json"];
+        let run = json(&[&fixed[..], more].concat());
+        let recorded = run["recorded"].as_array().unwrap().clone();
+        ["x_p_1_m", "x_p_2_m"].map(|name| {
+            let found = recorded.iter().find(|one| one["name"] == name).unwrap();
+            found["end"].as_f64().unwrap()
+        })
+    };
+    let [first, second] = ends(&[]);
+    assert!((first - 4.357e-3).abs() < 1e-5 && (first - second).abs() < 1e-9, "{first} {second}");
+    // One that is shut off is dragged along.
+    let [dragged, alone] = ends(&["--input", "actuator_1.mode=0"]);
+    assert!(alone > 4.3e-3 && dragged > 4.0e-3, "{dragged} {alone}");
+}
+
 /// What sensors show is what they declare: noise, the steps of their converters, and the same for the same seed.
 #[test]
 fn sensors_show_their_noise() {
@@ -638,4 +665,27 @@ fn sensors_show_their_noise() {
     // A sensor's noise does not depend on what else is recorded.
     let alone = run(&["--noise", "1", "--record", "x_p"]);
     assert_eq!(values(&alone, "x_p_m"), values(&noisy, "x_p_m"));
+}
+
+/// A run that leaves the range of validity ends with a note, not with a number below zero.
+#[test]
+fn a_cavity_is_noted_with_place_time_and_duration() {
+    let folder = Folder::new("cavity");
+    let slam = include_str!("../../../servotwin/tests/cavitation/slam.toml");
+    std::fs::write(folder.file("slam.toml"), slam).unwrap();
+    let system = folder.file("slam.toml");
+    let opening = "opening=ramp:rate=100,to=1,at=0.05s + ramp:rate=-2000,to=-1,at=0.15s";
+    let hard = ["--set", "valve_in.area_m2=2e-5", "--set", "valve_out.area_m2=2e-5"];
+    let run = ["simulate", &system, "--input", opening, "--duration", "0.2s", "--rate", "20kHz"];
+    let told = stderr(&servotwin(&[&run[..], &hard].concat()));
+    assert!(told.contains("cylinder.b.pressure_pa is at vapor pressure for 0.0"), "{told}");
+    let hard = json(&[&run[..], &hard, &["-q", "--json", "--record", "cylinder"]].concat());
+    let outside = hard["outside_validity"].as_array().unwrap();
+    let names: Vec<&str> = outside.iter().map(|one| one["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["cylinder.a.pressure_pa", "cylinder.b.pressure_pa"]);
+    assert!((outside[1]["first_s"].as_f64().unwrap() - 0.158).abs() < 1e-3, "{outside:?}");
+    let least = hard["recorded"].as_array().unwrap().iter().filter(|one| one["unit"] == "Pa");
+    assert!(least.clone().count() == 4 && least.clone().all(|one| one["min"] == 20.0), "{hard}");
+    let gentle = json(&[&run[..], &["-q", "--json"]].concat());
+    assert_eq!(gentle["outside_validity"].as_array().unwrap().len(), 0, "{gentle}");
 }

@@ -202,7 +202,9 @@ catalogue! {
     axis_controller::AxisController [AxisDemand, AxisDamping, AxisOutput],
     pid_controller::PidController [PidLaw],
     force_fight_equaliser::ForceFightEqualiser [PressureDifference, FightFilter, FightCorrection],
+    force_fight_equaliser::ForceFightEqualiser3 [FightOfThree],
+    force_fight_equaliser::ForceFightEqualiser4 [FightOfFour],
     low_pass_filter::LowPassFilter [FirstOrder],
-    selector::Selector [Selection],
+    selector::Selector [Selection, MiddleOfThree, MiddleOfFour],
     gain::Gain [Product],
 }

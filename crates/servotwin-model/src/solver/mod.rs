@@ -27,7 +27,7 @@ mod twin;
 pub use batch::Batch;
 pub use ensemble::{Case, Change, Feed, run};
 pub use kernels::{Functions, Kernels};
-pub use trim::settle;
+pub use trim::{settle, settle_counted};
 pub use twin::{Between, Knot, Snapshot, Twin};
 
 use core::fmt;
