@@ -3,6 +3,7 @@
 use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::signal::Signal;
 use servotwin::system::System;
+use servotwin::template::{Like, Template};
 
 const BAR: f64 = 1e5;
 
@@ -44,21 +45,28 @@ fn a_load_held_by_a_relief_valve_comes_to_rest() {
 
 #[test]
 fn a_loop_that_swings_for_ever_is_measured_to_do_so() {
-    let system = System::default();
-    let program = &system.program;
-    let (component, fault) = program.find_fault("actuator_1.sensor_ram.lag").unwrap();
-    let mut curves = system.default_inputs();
-    let place = system.network().inputs.iter().position(|input| input.id == "command").unwrap();
-    let held: Signal = "5deg".parse().unwrap();
-    curves[place] = system.driven(place, &held, 1.0).unwrap();
-    let at = |intensity| Variant {
-        faults: vec![servotwin_model::program::FaultAt { component, fault, intensity }],
-        inputs: curves.iter().collect(),
-        ..Variant::default()
+    // A sampled controller that acts twenty times a second, with sixteen times the gain that such a loop bears.
+    let text = Template::new("sampled", Like::ServoActuator).unwrap().system();
+    let sampled = "kind = \"sampled_position_controller\"\nperiod_s = 0.05";
+    let text = text.replace("kind = \"position_controller\"", sampled);
+    let system = System::parse(&text, "sampled.toml").unwrap_or_else(|e| panic!("{e}"));
+    let curves = system.default_inputs();
+    let (component, parameter) = system.parameter("controller.gain_per_m").unwrap();
+    let searched = |gain| {
+        let variant = Variant {
+            overrides: vec![(component, parameter, gain), rigged(&system)],
+            inputs: curves.iter().collect(),
+            ..Variant::default()
+        };
+        let (_, work) = Ensemble::new(&system.program).settle_counted(&variant).unwrap();
+        (work.unsettled, work.limit_cycles)
     };
-    let ensemble = Ensemble::new(program);
-    let (_, healthy) = ensemble.settle_counted(&at(0.0)).unwrap();
-    assert_eq!((healthy.unsettled, healthy.limit_cycles), (0, 0));
-    let (_, swinging) = ensemble.settle_counted(&at(1.0)).unwrap();
-    assert_eq!((swinging.unsettled, swinging.limit_cycles), (1, 1));
+    assert_eq!(searched(250.0), (0, 0));
+    assert_eq!(searched(4000.0), (1, 1));
+}
+
+/// The loop holds 2.6 mm, away from the center.
+fn rigged(system: &System) -> (usize, usize, f64) {
+    let (component, parameter) = system.parameter("controller.rig_offset_m").unwrap();
+    (component, parameter, 2.6e-3)
 }
