@@ -42,7 +42,8 @@ fn a_template_says_what_it_is_and_what_else_there_is() {
     let init = |name: &str| {
         stdout(&servotwin(&["init", name, "--folder", &folder.0.display().to_string()]))
     };
-    let servo = "both are of a servo actuator against a spring; --like press_axis writes the axis of a press instead";
+    let servo = "both are of a servo actuator against a spring; --like aileron_dual writes two servo actuators on one load \
+                 instead; --like press_axis writes the axis of a press instead";
     assert!(init("presse").contains(servo));
     assert!(init("my_press").contains("both are of the axis of a press; --like servo_actuator"));
 }
@@ -455,23 +456,34 @@ fn safety_does_not_hang_on_a_name() {
 
 #[test]
 fn a_run_that_does_not_begin_at_rest_says_so() {
-    // The loop swings for ever where its sensor answers late.
-    let late = "actuator_1.sensor_ram.lag=1";
-    let run = |fault: &[&str]| {
-        let first = ["simulate", "--command", "5deg", "--duration", "50ms", "--json"];
-        servotwin(&[&first, fault].concat())
+    // A loop that is sampled too slowly for its gain swings for ever.
+    let folder = Folder::new("on-the-move");
+    let place = folder.0.display().to_string();
+    json(&["init", "sampled", "--folder", &place, "--json"]);
+    let path = folder.file("sampled.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let sampled = "kind = \"sampled_position_controller\"\nperiod_s = 0.05";
+    let text = text.replace("kind = \"position_controller\"", sampled);
+    std::fs::write(&path, text).unwrap();
+    let first = ["simulate", &path, "--command", "3deg", "--duration", "50ms", "--json"];
+    let sampled = |gain: &str| {
+        servotwin(&[&first[..], &["--set", &format!("controller.gain_per_m={gain}")]].concat())
     };
     let told = |output: &std::process::Output| stderr(output).contains("no rest was found");
     let at_rest = |output: &std::process::Output| -> serde_json::Value {
         let run: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         run["starts_at_rest"].clone()
     };
-    let (healthy, faulty) = (run(&[]), run(&["--fault", late]));
-    assert!(!told(&healthy) && told(&faulty), "{}", stderr(&faulty));
-    assert_eq!((at_rest(&healthy), at_rest(&faulty)), (true.into(), false.into()));
-    // A valve that rings has a rest, and it is found.
-    let ringing = run(&["--fault", "actuator_1.servo_valve.damping_loss=0.7"]);
-    assert!(!told(&ringing), "{}", stderr(&ringing));
+    let (usual, swinging) = (sampled("250"), sampled("4000"));
+    assert!(!told(&usual) && told(&swinging), "{}", stderr(&swinging));
+    assert!(stderr(&swinging).contains("a limit cycle was measured"), "{}", stderr(&swinging));
+    assert_eq!((at_rest(&usual), at_rest(&swinging)), (true.into(), false.into()));
+    // A loop whose sensor answers late and a valve that rings have a rest, and it is found.
+    for fault in ["actuator_1.sensor_ram.lag=1", "actuator_1.servo_valve.damping_loss=0.7"] {
+        let first = ["simulate", "--command", "5deg", "--duration", "50ms", "--json"];
+        let run = servotwin(&[&first[..], &["--fault", fault]].concat());
+        assert!(!told(&run) && at_rest(&run) == true, "{}", stderr(&run));
+    }
 }
 
 #[test]
