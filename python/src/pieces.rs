@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use servotwin::evaluation::model_file;
 use servotwin::flight::flown::Flown;
 use servotwin::flight::judge::{self, Watched};
-use servotwin::flight::lessons::{self, Lessons};
+use servotwin::flight::lessons::{self, LeftOut, Lessons};
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::{foreign, plan};
 use servotwin::job::flights::{self, Crew};
@@ -258,8 +258,8 @@ pub fn learn_from_flights(
             lessons.add(from_text(text)?);
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        let (_, failed) = flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
-        Ok(failed)
+        let learned = flights::learn_from(&folder, study, &flights, setting, lessons, &crew)?;
+        Ok(learned.1.failed)
     })?;
     Ok(result?)
 }
@@ -289,7 +289,8 @@ pub fn join_flights(
             for text in texts {
                 watched.add(from_text(text)?);
             }
-            let learned = (&diagnoser, *failed);
+            let left_out = LeftOut { failed: *failed, ..LeftOut::default() };
+            let learned = (&diagnoser, left_out);
             let merit = flights::merit(study, &flights, setting, learned, watched);
             measured.push((merit, from_text(said)?));
         }

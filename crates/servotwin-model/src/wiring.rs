@@ -82,6 +82,8 @@ pub(crate) struct Block {
     pub outputs: Vec<Output>,
     /// The clock that runs it; `None` for continuous equations.
     pub clock: Option<usize>,
+    /// Whether it runs before all others ([`Wiring::opening_equation`]).
+    pub is_opening: bool,
 }
 
 impl Block {
@@ -152,6 +154,8 @@ pub(crate) struct Collected {
     pub exchanges: Vec<(usize, Variable, Variable)>,
     /// The nodes of all connected ports, in the order of components.
     pub nodes: Vec<(PortOf, Node)>,
+    /// (state, what is recorded of it).
+    pub shown: Vec<(Variable, Variable)>,
 }
 
 impl Collected {
@@ -308,6 +312,24 @@ impl Wiring<'_> {
         self.block::<E, I, O, C>(which, inputs, outputs, None);
     }
 
+    /// Adds an equation block that reads states alone and runs before all other blocks, so that the order of those does
+    /// not depend on whether they read the states or what the block makes of them.
+    pub fn opening_equation<E, const I: usize, const O: usize, const C: usize>(
+        &mut self,
+        inputs: [Variable; I],
+        outputs: [Output; O],
+    ) where
+        E: Equation<I, O, C> + Listed,
+    {
+        self.block::<E, I, O, C>(0, inputs, outputs, None);
+        self.collected.blocks.last_mut().expect("the block just added").is_opening = true;
+    }
+
+    /// Makes runs record a variable where a state is asked for.
+    pub fn show_state(&mut self, state: &str, variable: Variable) {
+        self.collected.shown.push((self.state(state), variable));
+    }
+
     /// Adds an equation block that runs once per period of the named parameter
     /// and keeps its outputs in between.
     ///
@@ -356,6 +378,7 @@ impl Wiring<'_> {
             inputs: inputs.to_vec(),
             outputs: outputs.to_vec(),
             clock,
+            is_opening: false,
         });
     }
 }

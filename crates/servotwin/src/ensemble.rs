@@ -11,7 +11,7 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Case, Change, Failure, Feed, Kernels, Settings, Statistics, run, settle,
+    Case, Change, Failure, Feed, Kernels, Settings, Statistics, run, settle, settle_counted,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -206,6 +206,14 @@ impl<'p> Ensemble<'p> {
     /// Where the search met numbers that are not finite.
     pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, Failure> {
         settle(self.program, self.case(0, variant))
+    }
+
+    /// As [`Ensemble::settle`], with the work that it took: whether there was a rest.
+    ///
+    /// # Errors
+    /// Where the search met numbers that are not finite.
+    pub fn settle_counted(&self, variant: &Variant) -> Result<(Vec<f64>, Statistics), Failure> {
+        settle_counted(self.program, self.case(0, variant))
     }
 
     fn case<'a>(&self, job: usize, variant: &Variant<'a>) -> Case<'a> {

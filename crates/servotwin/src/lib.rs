@@ -102,3 +102,4 @@ pub mod study;
 pub mod system;
 pub mod table;
 pub mod template;
+pub mod validity;

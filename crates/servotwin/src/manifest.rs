@@ -65,6 +65,9 @@ pub struct DataSetEntry {
     pub undetectable: usize,
     /// What simulations took, by kind of fault.
     pub efforts: Vec<KindEffort>,
+    /// Variants that began without a steady state.
+    #[serde(default)]
+    pub on_the_move: Vec<MovingVariant>,
     /// Variants that were not simulated to the end.
     pub failed: Vec<FailedVariant>,
 }
@@ -84,6 +87,24 @@ pub struct KindEffort {
     pub rings: usize,
     /// Variants that began on the move: no rest was found.
     pub began_on_the_move: usize,
+    /// Those of them that were measured to swing for ever.
+    #[serde(default)]
+    pub limit_cycles: usize,
+}
+
+/// A variant that began without a steady state: none was found for it or for its twin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MovingVariant {
+    /// Its number.
+    pub variant: u32,
+    /// Its fault.
+    pub fault: String,
+    /// Its intensity.
+    pub intensity: f64,
+    /// The operating case.
+    pub case: String,
+    /// Whether it was measured to swing for ever.
+    pub limit_cycle: bool,
 }
 
 /// A variant that was not simulated to the end.

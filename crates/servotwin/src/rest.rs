@@ -13,6 +13,10 @@ pub struct Rest {
     pub states: Vec<f64>,
     /// Slowest first.
     pub eigenvalues: Vec<Complex>,
+    /// Whether the states are a rest. Otherwise they are where the search for it ended.
+    pub is_found: bool,
+    /// Whether the system was measured to swing for ever.
+    pub limit_cycle: bool,
 }
 
 /// Why a run stopped, with names.
@@ -73,11 +77,17 @@ pub fn of(system: &System) -> Result<Rest, RestError> {
     let program = &system.program;
     let inputs = system.default_inputs();
     let variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
-    let states = Ensemble::new(program).settle(&variant);
-    let states = states.map_err(|failure| RestError::Stopped(Stopped::new(system, failure)))?;
+    let found = Ensemble::new(program).settle_counted(&variant);
+    let (states, work) =
+        found.map_err(|failure| RestError::Stopped(Stopped::new(system, failure)))?;
     let values: Vec<f64> = inputs.iter().map(|input| input.value(0.0)).collect();
     let eigenvalues = eigenvalues::of_system(program, &states, &values);
-    Ok(Rest { states, eigenvalues: eigenvalues.ok_or(RestError::NotFinite)? })
+    Ok(Rest {
+        states,
+        eigenvalues: eigenvalues.ok_or(RestError::NotFinite)?,
+        is_found: work.unsettled == 0,
+        limit_cycle: work.limit_cycles > 0,
+    })
 }
 
 /// Components, states, inputs, sensors and eigenvalues, in SI units.
@@ -114,6 +124,8 @@ pub fn describe(system: &System, rest: &Rest) -> Value {
         "name": system.name, "title": system.title,
         "components": components.collect::<Vec<_>>(),
         "states": states.collect::<Vec<_>>(),
+        "rest_is_found": rest.is_found,
+        "limit_cycle_measured": rest.limit_cycle,
         "inputs": inputs.collect::<Vec<_>>(),
         "sensors": sensors.collect::<Vec<_>>(),
         "eigenvalues_per_s": eigenvalues.collect::<Vec<_>>(),

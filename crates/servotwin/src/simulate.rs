@@ -30,6 +30,7 @@ use crate::signal::bus::Bus;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
 use crate::table::{Column, Table, TableError};
+use crate::validity::{PressureFinding, PressureMonitor};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::{CurveError, Piecewise};
@@ -656,16 +657,24 @@ impl<'s> Prepared<'s> {
         progress: &(dyn Fn(SimulationProgress) + Sync),
         cancel: Option<&AtomicBool>,
     ) -> Result<SimulationResults<'s>, SimulationError> {
-        let ensemble = self.ensemble(cancel);
+        let mut ensemble = self.ensemble(cancel);
+        let monitor = PressureMonitor::new(self.simulation.system, ensemble.sample_period_s);
+        ensemble.record.extend(monitor.slots());
         let times_s = recording::times_s(&ensemble);
         let mut results: Vec<Option<Result<RunResult, solver::Failure>>> = vec![];
         results.resize_with(self.runs.len(), || None);
         ensemble.run(
             self.runs.len(),
             |run| self.runs[run].variant(),
-            |_| Recorder { values: vec![Vec::new(); self.recorded.len()], progress },
+            |_| Recorder {
+                values: vec![Vec::new(); self.recorded.len()],
+                monitor: monitor.clone(),
+                progress,
+            },
             |run, recorder, outcome| {
-                let result = |statistics| RunResult { values: recorder.values, statistics };
+                let outside_validity = recorder.monitor.findings();
+                let values = recorder.values;
+                let result = |statistics| RunResult { values, statistics, outside_validity };
                 results[run] = Some(outcome.map(result));
                 progress(SimulationProgress::Run);
             },
@@ -695,12 +704,15 @@ impl<'s> Prepared<'s> {
 /// Keeps the samples of one run and reports each.
 struct Recorder<'r> {
     values: Vec<Vec<f64>>,
+    monitor: PressureMonitor,
     progress: &'r (dyn Fn(SimulationProgress) + Sync),
 }
 
 impl Sink for Recorder<'_> {
     fn sample(&mut self, index: usize, values: &[f64]) {
-        self.values.sample(index, values);
+        let (recorded, pressures) = values.split_at(self.values.len());
+        self.values.sample(index, recorded);
+        self.monitor.sample(index, pressures);
         (self.progress)(SimulationProgress::Sample);
     }
 }
@@ -712,9 +724,16 @@ pub struct RunResult {
     pub values: Vec<Vec<f64>>,
     /// What the solver did.
     pub statistics: Statistics,
+    /// The pressures that left the range of validity, recorded or not.
+    pub outside_validity: Vec<PressureFinding>,
 }
 
 impl RunResult {
+    /// Whether no steady state was found because the system was measured to swing for ever.
+    pub fn has_limit_cycle(&self) -> bool {
+        self.statistics.limit_cycles > 0
+    }
+
     /// Whether the run began in the steady state of its inputs at time zero.
     pub fn starts_at_steady_state(&self) -> bool {
         self.statistics.unsettled == 0

@@ -1,9 +1,11 @@
-//! A system and a study to begin with, which run as they are: a servo actuator, or an axis of a press.
+//! A system and a study to begin with, which run as they are: a servo actuator, two of them on one load, or an axis of a press.
 
 use crate::built_in;
 
 const SYSTEM: &str = include_str!("template/system.toml");
 const STUDY: &str = include_str!("template/study.toml");
+const DUAL_SYSTEM: &str = include_str!("template/dual_system.toml");
+const DUAL_STUDY: &str = include_str!("template/dual_study.toml");
 
 /// The built-in system and study that a press begins with.
 const PRESS: &str = "press_axis";
@@ -13,18 +15,22 @@ const PRESS: &str = "press_axis";
 pub enum Like {
     /// An actuator with a servo valve against a spring, whose command is an angle.
     ServoActuator,
+    /// Two equal actuators on one load, written once as an assembly: the redundancy of the built-in `aileron_dual`
+    /// without the details of an aircraft.
+    AileronDual,
     /// A vertical ram with a proportional valve, a pump and an accumulator, whose command is a position.
     PressAxis,
 }
 
 impl Like {
     /// All there are.
-    pub const ALL: [Like; 2] = [Like::ServoActuator, Like::PressAxis];
+    pub const ALL: [Like; 3] = [Like::ServoActuator, Like::AileronDual, Like::PressAxis];
 
     /// The name in commands.
     pub fn name(self) -> &'static str {
         match self {
             Like::ServoActuator => "servo_actuator",
+            Like::AileronDual => "aileron_dual",
             Like::PressAxis => PRESS,
         }
     }
@@ -33,6 +39,7 @@ impl Like {
     pub fn words(self) -> &'static str {
         match self {
             Like::ServoActuator => "a servo actuator against a spring",
+            Like::AileronDual => "two servo actuators on one load",
             Like::PressAxis => "the axis of a press",
         }
     }
@@ -48,7 +55,7 @@ impl Like {
     /// A command that it can follow, as a signal.
     pub fn command(self) -> &'static str {
         match self {
-            Like::ServoActuator => "step:size=5deg",
+            Like::ServoActuator | Like::AileronDual => "step:size=5deg",
             Like::PressAxis => "step:size=50mm",
         }
     }
@@ -82,6 +89,7 @@ impl Template {
     pub fn system(&self) -> String {
         match self.like {
             Like::ServoActuator => SYSTEM.replace("NAME", &self.name),
+            Like::AileronDual => DUAL_SYSTEM.replace("NAME", &self.name),
             Like::PressAxis => built_in(&built_in::SYSTEMS).replace(PRESS, &self.name),
         }
     }
@@ -90,6 +98,7 @@ impl Template {
     pub fn study(&self) -> String {
         match self.like {
             Like::ServoActuator => STUDY.replace("NAME", &self.name),
+            Like::AileronDual => DUAL_STUDY.replace("NAME", &self.name),
             Like::PressAxis => built_in(&built_in::STUDIES)
                 .replace(&format!("studies/{PRESS}.toml"), &self.study_name())
                 .replace(

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use servotwin::evaluation::parallel::Workers;
 use servotwin::job::{Folder, manifest};
-use servotwin::study::campaign::{Campaign, CampaignError, Outcome, Part, runs};
+use servotwin::study::campaign::{Campaign, CampaignError, OnTheMove, Outcome, Part, runs};
 use servotwin::study::{Role, Setting, Study};
 use std::time::Instant;
 
@@ -180,15 +180,30 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
             outcome.alike
         ));
     }
-    match outcome.statistics.unsettled {
-        0 => {}
-        // A limit cycle, a slow drift: what such a run shows at first is no fault.
-        moving => {
-            text.push_str(&format!("  {moving} simulations began on the move, not at rest\n"))
-        }
-    }
+    text.push_str(&on_the_move(&outcome.on_the_move));
     for (setting, variant, reason) in &outcome.failed {
         text.push_str(&format!("  {} variant {variant}: {reason}\n", setting.name()));
+    }
+    text
+}
+
+/// So many runs without a steady state are named; `manifest.json` names all of them.
+const MAX_NAMED: usize = 10;
+
+/// The runs that began without a steady state: what such a run shows at first is no fault.
+fn on_the_move(runs: &[OnTheMove]) -> String {
+    if runs.is_empty() {
+        return String::new();
+    }
+    let count = runs.len();
+    let mut text = format!(
+        "  {count} variants began on the move, because no steady state was found; they teach no band\n"
+    );
+    for run in runs.iter().take(MAX_NAMED) {
+        text.push_str(&format!("    {run}\n"));
+    }
+    if count > MAX_NAMED {
+        text.push_str(&format!("    and {} more, in manifest.json\n", count - MAX_NAMED));
     }
     text
 }
@@ -198,6 +213,11 @@ fn to_json(campaign: &Campaign, outcome: &Outcome) -> serde_json::Value {
     let failed = failed
         .map(|(s, v, r)| json!({"setting": s.name(), "variant": v, "reason": r}))
         .collect::<Vec<_>>();
+    let moving = outcome.on_the_move.iter().map(|run| {
+        json!({"setting": run.setting.name(), "variant": run.variant, "fault": run.fault,
+               "case": run.case, "limit_cycle": run.limit_cycle})
+    });
+    let moving = moving.collect::<Vec<_>>();
     json!({
         "settings": campaign.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
         "training": campaign.role == Role::Training,
@@ -209,6 +229,7 @@ fn to_json(campaign: &Campaign, outcome: &Outcome) -> serde_json::Value {
         "rejected": outcome.statistics.rejected,
         "jacobians": outcome.statistics.jacobians,
         "unsettled": outcome.statistics.unsettled,
+        "on_the_move": moving,
         "failed": failed,
     })
 }

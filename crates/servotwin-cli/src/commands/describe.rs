@@ -1,6 +1,6 @@
 //! `servotwin describe`: what a system consists of and how it behaves at rest.
 
-use super::SystemOption;
+use super::{SystemOption, note};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -38,6 +38,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         schematic::of(&system).draw().save(path)?;
     }
     let rest = rest::of(&system)?;
+    if !rest.is_found {
+        let why = if rest.limit_cycle { ", a limit cycle was measured" } else { "" };
+        let text = format!(
+            "no rest was found{why}: the states and eigenvalues are those where the search for it ended"
+        );
+        note(global, &text);
+    }
     Ok(if global.json { json(&rest::describe(&system, &rest)) } else { people(&system, &rest) })
 }
 

@@ -166,6 +166,9 @@ fn setting(out: &mut String, merit: &Merit, words: &Vocabulary) {
         "{setting}: {flights} flights with a fault, {failed} not finished ({failed_to_learn} of those to \
          learn from)"
     );
+    if let Some(line) = merit.without_steady_state() {
+        let _ = writeln!(out, "  {line}");
+    }
     for class in &merit.classes {
         let _ = writeln!(out, "  {}", line(class, words));
     }

@@ -9,7 +9,7 @@ use servotwin::files;
 use servotwin::template::{Like, Template};
 use std::path::PathBuf;
 
-/// Write a system and a study of your own to begin with: a servo actuator, or an axis of a press, that runs as it is.
+/// Write a system and a study of your own to begin with: a servo actuator, two of them on one load, or an axis of a press.
 #[derive(clap::Args)]
 pub struct Options {
     /// The name of the system: small letters, digits and '_'.

@@ -18,6 +18,7 @@ use servotwin::simulate::{
 };
 use servotwin::system::System;
 use servotwin::table;
+use servotwin::validity::Limit;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};
@@ -146,9 +147,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let results = results.map_err(|error| options.failure(error))?;
     bar.finish_and_clear();
     let wall_s = begin.elapsed().as_secs_f64();
-    if !results.runs.iter().all(RunResult::starts_at_steady_state) {
-        note(global, "no rest was found at the inputs of time zero: the run begins on the move");
-    }
+    warn(global, &results);
     if let Some(path) = &options.out {
         table::write(path, &results.table()?)?;
     }
@@ -169,6 +168,27 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => plan.people(&results),
     })
+}
+
+/// Notes what a reader of the numbers must know.
+fn warn(global: Global, results: &SimulationResults) {
+    if !results.runs.iter().all(RunResult::starts_at_steady_state) {
+        let is_measured = results.runs.iter().any(RunResult::has_limit_cycle);
+        let why = if is_measured { ", a limit cycle was measured" } else { "" };
+        let text = format!(
+            "no rest was found at the inputs of time zero{why}: the run begins on the move"
+        );
+        note(global, &text);
+    }
+    for (place, run) in results.runs.iter().enumerate() {
+        let which = match results.runs.len() {
+            1 => String::new(),
+            _ => format!("run {}: ", place + 1),
+        };
+        for finding in &run.outside_validity {
+            note(global, &format!("{which}{finding}"));
+        }
+    }
 }
 
 /// The SI value of an option within `(0, largest]`.
@@ -488,6 +508,15 @@ fn add_run(to: &mut Value, recorded: &[Recorded], result: &RunResult) {
     to["evaluations"] = json!(statistics.evaluations);
     to["jacobians"] = json!(statistics.jacobians);
     to["starts_at_rest"] = json!(result.starts_at_steady_state());
+    to["limit_cycle_measured"] = json!(result.has_limit_cycle());
+    let outside = result.outside_validity.iter().map(|finding| {
+        json!({
+            "name": finding.name, "first_s": finding.first_s,
+            "duration_s": finding.duration_s, "extreme_pa": finding.extreme_pa,
+            "limit": match finding.limit { Limit::Vapor => "vapor", Limit::High => "high" },
+        })
+    });
+    to["outside_validity"] = outside.collect();
 }
 
 /// A recorded quantity in four numbers.

@@ -113,7 +113,10 @@ fn every_command_of_the_book_works() {
     assert!(run > 25, "{run} commands");
 }
 
-/// What the book shows of a shipped file stands there.
+/// The template that a page shows beside a shipped system.
+const DUAL: &str = include_str!("../../../servotwin/src/template/dual_system.toml");
+
+/// What the book shows of a shipped file or of a template stands there.
 #[test]
 fn what_the_book_shows_of_shipped_files_is_in_them() {
     for (name, file) in [("own-system.md", "systems"), ("own-study.md", "studies")] {
@@ -123,7 +126,7 @@ fn what_the_book_shows_of_shipped_files_is_in_them() {
         for (kind, text) in blocks(&page(name)) {
             if kind == "toml" {
                 assert!(
-                    shipped.contains(text.trim_end()),
+                    shipped.contains(text.trim_end()) || DUAL.contains(text.trim_end()),
                     "{name} shows what {path} lacks:\n{text}"
                 );
                 shown += 1;
@@ -163,13 +166,21 @@ pub(super) fn links(page: &str) -> Vec<&str> {
     places.filter_map(|rest| rest.split(')').next()).filter(|link| !link.contains("://")).collect()
 }
 
+/// A link from the page of the shipped files to one of them. It is for readers on a code host; the book shows the file.
+fn is_shipped(page: &str, link: &str) -> bool {
+    let is_of = |folder: &str| link.starts_with(&format!("../{folder}/"));
+    page == SHIPPED
+        && ["systems", "studies"].iter().any(|f| is_of(f))
+        && Path::new(DOCS).join(link).is_file()
+}
+
 #[test]
 fn links_of_the_book_lead_into_the_book() {
     for name in pages() {
         let text = page(&name);
         for link in links(&text) {
             let whole = if link.starts_with('#') { format!("{name}{link}") } else { link.into() };
-            assert!(is_in_the_book(&whole), "{name}: {link}");
+            assert!(is_in_the_book(&whole) || is_shipped(&name, link), "{name}: {link}");
         }
     }
     assert!(is_in_the_book("own-study.md") && is_in_the_book("images/report.png"));
@@ -180,7 +191,7 @@ fn links_of_the_book_lead_into_the_book() {
 /// Every shipped file is shown, and every file that is shown is there: mdBook only notes what it does not find.
 #[test]
 fn the_book_shows_the_shipped_files() {
-    let shown = page("shipped-files.md");
+    let shown = page(SHIPPED);
     for folder in ["systems", "studies"] {
         for file in std::fs::read_dir(format!("{DOCS}/../{folder}")).unwrap() {
             let name = file.unwrap().file_name();
@@ -193,6 +204,101 @@ fn the_book_shows_the_shipped_files() {
             assert!(Path::new(DOCS).join(rest.trim_end_matches("}}")).is_file(), "{line}");
         }
     }
+}
+
+/// The page of the shipped files.
+const SHIPPED: &str = "shipped-files.md";
+
+/// Its sections: what a file is called there, its folder and its name.
+const FILES: [(&str, &str, &str); 9] = [
+    ("System", "systems", "aileron_dual"),
+    ("System", "systems", "aileron_relief"),
+    ("System", "systems", "spring_actuator"),
+    ("System", "systems", "valve_and_cylinder"),
+    ("System", "systems", "press_axis"),
+    ("Study", "studies", "paper"),
+    ("Study", "studies", "spring_actuator"),
+    ("Study", "studies", "press_axis"),
+    ("Study", "studies", "liu_engine"),
+];
+
+/// So many entries of a part are listed.
+const LISTED: usize = 12;
+
+/// What the entries of a section are called.
+#[derive(Clone, Copy, PartialEq)]
+enum Entries {
+    /// By the second part of the tables' names.
+    Tables,
+    /// By the keys.
+    Keys,
+    /// By the first value in each table of an array.
+    FirstValues,
+}
+
+/// What is in a file of TOML, section by section.
+fn contents(file: &str) -> Vec<(String, Vec<String>)> {
+    let mut parts: Vec<(String, Vec<String>)> = vec![];
+    let (mut current, mut entries, mut is_first) = (0, Entries::Tables, true);
+    for line in file.lines() {
+        let line = line.split(" #").next().unwrap_or("").trim_end();
+        if let Some(head) = line.strip_prefix('[') {
+            let name = head.trim_matches(['[', ']']);
+            let (part, rest) = name.split_once('.').unwrap_or((name, ""));
+            entries = match (head.starts_with('['), rest.is_empty()) {
+                (true, _) => Entries::FirstValues,
+                (false, true) => Entries::Keys,
+                (false, false) => Entries::Tables,
+            };
+            is_first = true;
+            let known = parts.iter().position(|(known, _)| known == part);
+            current = known.unwrap_or(parts.len());
+            if known.is_none() {
+                parts.push((part.to_owned(), vec![]));
+            }
+            let table = rest.split('.').next().unwrap_or("").to_owned();
+            if !table.is_empty() && !parts[current].1.contains(&table) {
+                parts[current].1.push(table);
+            }
+        } else if let Some((key, value)) = line.split_once(" = ")
+            && let Some((_, list)) = parts.get_mut(current)
+        {
+            let is_indented = key.starts_with([' ', '{']);
+            match entries {
+                Entries::Keys if !is_indented => list.push(key.into()),
+                Entries::FirstValues if is_first => list.push(value.trim_matches('"').into()),
+                _ => {}
+            }
+            is_first = false;
+        }
+    }
+    parts
+}
+
+/// A section of the page of the shipped files.
+fn shipped_section((word, folder, name): (&str, &str, &str)) -> String {
+    let file = std::fs::read_to_string(format!("{DOCS}/../{folder}/{name}.toml")).unwrap();
+    let title = file.lines().find_map(|line| line.strip_prefix("title = "));
+    let title = title.map_or(String::new(), |title| format!(": {}", title.trim_matches('"')));
+    let head: Vec<&str> = file.lines().take_while(|line| line.starts_with('#')).collect();
+    let head = head.iter().map(|line| line.trim_start_matches('#').trim_start());
+    let head = head.collect::<Vec<_>>().join("\n");
+    let rows = contents(&file).into_iter().map(|(part, entries)| {
+        let named = entries.iter().take(LISTED).map(|entry| format!("`{entry}`"));
+        let named = named.collect::<Vec<_>>().join(", ");
+        let more = match entries.len().saturating_sub(LISTED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        format!("| `{part}` | {named}{more} |\n")
+    });
+    format!(
+        "## {word} {name}\n\n[`{folder}/{name}.toml`](../{folder}/{name}.toml){title}\n\n```text\n{head}\n```\n\n\
+         | part | contents |\n|---|---|\n{}\n\
+         <details>\n<summary>The whole file in the book; on a code host follow the link above</summary>\n\n\
+         ```toml\n{{{{#include ../{folder}/{name}.toml}}}}\n```\n\n</details>\n\n",
+        rows.collect::<String>()
+    )
 }
 
 /// A page with the text between its marks replaced.
@@ -209,6 +315,7 @@ fn tables_of_the_book_are_what_is_declared() {
         ("components.md", catalogue::book()),
         ("study-format.md", format::markdown(study::keys())),
         ("signals.md", format!("```text\n{}```", signal::help())),
+        (SHIPPED, FILES.map(shipped_section).concat()),
     ];
     for (name, generated) in pages {
         let found = page(name);

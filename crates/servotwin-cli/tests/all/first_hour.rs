@@ -42,7 +42,8 @@ fn a_template_says_what_it_is_and_what_else_there_is() {
     let init = |name: &str| {
         stdout(&servotwin(&["init", name, "--folder", &folder.0.display().to_string()]))
     };
-    let servo = "both are of a servo actuator against a spring; --like press_axis writes the axis of a press instead";
+    let servo = "both are of a servo actuator against a spring; --like aileron_dual writes two servo actuators on one load \
+                 instead; --like press_axis writes the axis of a press instead";
     assert!(init("presse").contains(servo));
     assert!(init("my_press").contains("both are of the axis of a press; --like servo_actuator"));
 }
@@ -455,23 +456,34 @@ fn safety_does_not_hang_on_a_name() {
 
 #[test]
 fn a_run_that_does_not_begin_at_rest_says_so() {
-    // The loop swings for ever where its sensor answers late.
-    let late = "actuator_1.sensor_ram.lag=1";
-    let run = |fault: &[&str]| {
-        let first = ["simulate", "--command", "5deg", "--duration", "50ms", "--json"];
-        servotwin(&[&first, fault].concat())
+    // A loop that is sampled too slowly for its gain swings for ever.
+    let folder = Folder::new("on-the-move");
+    let place = folder.0.display().to_string();
+    json(&["init", "sampled", "--folder", &place, "--json"]);
+    let path = folder.file("sampled.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let sampled = "kind = \"sampled_position_controller\"\nperiod_s = 0.05";
+    let text = text.replace("kind = \"position_controller\"", sampled);
+    std::fs::write(&path, text).unwrap();
+    let first = ["simulate", &path, "--command", "3deg", "--duration", "50ms", "--json"];
+    let sampled = |gain: &str| {
+        servotwin(&[&first[..], &["--set", &format!("controller.gain_per_m={gain}")]].concat())
     };
     let told = |output: &std::process::Output| stderr(output).contains("no rest was found");
     let at_rest = |output: &std::process::Output| -> serde_json::Value {
         let run: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         run["starts_at_rest"].clone()
     };
-    let (healthy, faulty) = (run(&[]), run(&["--fault", late]));
-    assert!(!told(&healthy) && told(&faulty), "{}", stderr(&faulty));
-    assert_eq!((at_rest(&healthy), at_rest(&faulty)), (true.into(), false.into()));
-    // A valve that rings has a rest, and it is found.
-    let ringing = run(&["--fault", "actuator_1.servo_valve.damping_loss=0.7"]);
-    assert!(!told(&ringing), "{}", stderr(&ringing));
+    let (usual, swinging) = (sampled("250"), sampled("4000"));
+    assert!(!told(&usual) && told(&swinging), "{}", stderr(&swinging));
+    assert!(stderr(&swinging).contains("a limit cycle was measured"), "{}", stderr(&swinging));
+    assert_eq!((at_rest(&usual), at_rest(&swinging)), (true.into(), false.into()));
+    // A loop whose sensor answers late and a valve that rings have a rest, and it is found.
+    for fault in ["actuator_1.sensor_ram.lag=1", "actuator_1.servo_valve.damping_loss=0.7"] {
+        let first = ["simulate", "--command", "5deg", "--duration", "50ms", "--json"];
+        let run = servotwin(&[&first[..], &["--fault", fault]].concat());
+        assert!(!told(&run) && at_rest(&run) == true, "{}", stderr(&run));
+    }
 }
 
 #[test]
@@ -594,6 +606,33 @@ fn a_press_begins_as_a_press() {
     assert!((ram["end"].as_f64().unwrap() - 0.05).abs() < 2e-3, "{ram}");
 }
 
+#[test]
+fn two_actuators_begin_as_an_assembly() {
+    let folder = Folder::new("init-dual");
+    let place = folder.0.display().to_string();
+    let made = json(&["init", "twins", "--like", "aileron_dual", "--folder", &place, "--json"]);
+    let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
+    let checked = json(&["check", study, "--json"]);
+    assert_eq!((&checked["system"], &checked["name"]), (&"twins".into(), &"twins".into()));
+    let text = std::fs::read_to_string(system).unwrap();
+    assert_eq!(text.matches("kind = \"servo_valve\"").count(), 1, "each part is written once");
+    let ends = |more: &[&str]| {
+        let fixed =
+            ["simulate", system, "--command", "step:size=5deg", "--duration", "2s", "-q", "--json"];
+        let run = json(&[&fixed[..], more].concat());
+        let recorded = run["recorded"].as_array().unwrap().clone();
+        ["x_p_1_m", "x_p_2_m"].map(|name| {
+            let found = recorded.iter().find(|one| one["name"] == name).unwrap();
+            found["end"].as_f64().unwrap()
+        })
+    };
+    let [first, second] = ends(&[]);
+    assert!((first - 4.357e-3).abs() < 1e-5 && (first - second).abs() < 1e-9, "{first} {second}");
+    // One that is shut off is dragged along.
+    let [dragged, alone] = ends(&["--input", "actuator_1.mode=0"]);
+    assert!(alone > 4.3e-3 && dragged > 4.0e-3, "{dragged} {alone}");
+}
+
 /// What sensors show is what they declare: noise, the steps of their converters, and the same for the same seed.
 #[test]
 fn sensors_show_their_noise() {
@@ -638,4 +677,27 @@ fn sensors_show_their_noise() {
     // A sensor's noise does not depend on what else is recorded.
     let alone = run(&["--noise", "1", "--record", "x_p"]);
     assert_eq!(values(&alone, "x_p_m"), values(&noisy, "x_p_m"));
+}
+
+/// A run that leaves the range of validity ends with a note, not with a number below zero.
+#[test]
+fn a_cavity_is_noted_with_place_time_and_duration() {
+    let folder = Folder::new("cavity");
+    let slam = include_str!("../../../servotwin/tests/cavitation/slam.toml");
+    std::fs::write(folder.file("slam.toml"), slam).unwrap();
+    let system = folder.file("slam.toml");
+    let opening = "opening=ramp:rate=100,to=1,at=0.05s + ramp:rate=-2000,to=-1,at=0.15s";
+    let hard = ["--set", "valve_in.area_m2=2e-5", "--set", "valve_out.area_m2=2e-5"];
+    let run = ["simulate", &system, "--input", opening, "--duration", "0.2s", "--rate", "20kHz"];
+    let told = stderr(&servotwin(&[&run[..], &hard].concat()));
+    assert!(told.contains("cylinder.b.pressure_pa is at vapor pressure for 0.0"), "{told}");
+    let hard = json(&[&run[..], &hard, &["-q", "--json", "--record", "cylinder"]].concat());
+    let outside = hard["outside_validity"].as_array().unwrap();
+    let names: Vec<&str> = outside.iter().map(|one| one["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["cylinder.a.pressure_pa", "cylinder.b.pressure_pa"]);
+    assert!((outside[1]["first_s"].as_f64().unwrap() - 0.158).abs() < 1e-3, "{outside:?}");
+    let least = hard["recorded"].as_array().unwrap().iter().filter(|one| one["unit"] == "Pa");
+    assert!(least.clone().count() == 4 && least.clone().all(|one| one["min"] == 20.0), "{hard}");
+    let gentle = json(&[&run[..], &["-q", "--json"]].concat());
+    assert_eq!(gentle["outside_validity"].as_array().unwrap().len(), 0, "{gentle}");
 }

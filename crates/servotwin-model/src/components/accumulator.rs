@@ -10,14 +10,15 @@
 //! the precharge the bladder rests on its seat and only the fluid in the
 //! connection, `V_f`, is compressed: `σ`, the cubic step of
 //! [`crate::math::smooth_step`], closes the gas off between 1.0 and 0.95 times
-//! `p_0`. With `E` the modulus of [`crate::fluid`] the pressure stays positive
-//! when the accumulator is emptied.
+//! `p_0`. With `E` the modulus of [`crate::fluid`] an empty accumulator parts from its fluid: the pressure stays at
+//! the vapor pressure until the cavity is filled again.
 //!
 //! Source: the polytropic change of an ideal gas, and continuity; the seat is the toolkit's own choice.
 
+use super::volume::fluid_pressure;
 use crate::component::Component;
 use crate::equation::{Equation, Given};
-use crate::fluid::{BULK_CONSTANTS, LOWEST_PRESSURE_PA, compressibility_per_pa};
+use crate::fluid::{BULK_CONSTANTS, VAPOR_PRESSURE_PA, compressibility_per_pa};
 use crate::math::{power, smooth_step};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Unit, declare::*};
@@ -63,11 +64,12 @@ impl Component for Accumulator {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let pressure = wiring.state("pressure_pa");
+        let state = wiring.state("pressure_pa");
+        let pressure = fluid_pressure(wiring, "pressure_pa");
         wiring.set("port", pressure);
         let flow = wiring.flow("port").variable();
         let rate = Output::add(wiring.derivative("pressure_pa"));
-        wiring.equation::<GasPressure, 2, 1, 11>(0, [pressure, flow], [rate]);
+        wiring.equation::<GasPressure, 2, 1, 11>(0, [state, flow], [rate]);
     }
 }
 
@@ -89,7 +91,7 @@ impl Equation<2, 1, { 5 + BULK_CONSTANTS }> for GasPressure {
 
     #[inline(always)]
     fn evaluate<S: Scalar>(c: &[S::Base; 5 + BULK_CONSTANTS], [p, flow]: [S; 2]) -> [S; 1] {
-        let gas = power(p.max(S::constant(LOWEST_PRESSURE_PA)), c[1]) * c[0];
+        let gas = power(p.max(S::constant(VAPOR_PRESSURE_PA)), c[1]) * c[0];
         let open = smooth_step((p - c[2]) * c[3]);
         [flow / (open * gas + compressibility_per_pa(&c[5..], p) * c[4])]
     }

@@ -1,7 +1,7 @@
 //! Promises that every component keeps, checked over [`ALL`].
 //!
-//! Each component is wired alone, once with every port connected and once with
-//! the optional ones open. From the wiring it is known what each input of a
+//! Each component is wired alone, once with every port connected, once with
+//! the optional ones open, and once with only the last of these open. From the wiring it is known what each input of a
 //! block is (a pressure, a position, …), hence in which range to try it.
 
 use super::{ALL, BlockKind, Component, Visitor, description};
@@ -65,6 +65,15 @@ where
     })
 }
 
+/// Which of the ports that may be left open are.
+#[derive(Clone, Copy)]
+enum Open {
+    None,
+    /// The last signal for which no parameter stands in.
+    Last,
+    All,
+}
+
 /// A component wired without neighbours.
 struct Alone {
     spec: &'static Spec,
@@ -75,7 +84,7 @@ struct Alone {
 }
 
 impl Alone {
-    fn new(component: &'static dyn Component, with_optional: bool) -> Self {
+    fn new(component: &'static dyn Component, open: Open) -> Self {
         let spec = component.spec();
         let parameters = parameters(spec);
         let mut collected = Collected::default();
@@ -85,15 +94,23 @@ impl Alone {
             (variable, Sum(rate.0))
         };
         let states: Vec<_> = (0..spec.states.len()).map(state).collect();
-        let node = |port: &crate::spec::Port| {
-            let connected = with_optional || !port.optional || port.kind.sets();
+        let may_be_open = |port: &crate::spec::Port| port.optional && !port.kind.sets();
+        let last = spec.ports.iter().rposition(|port| {
+            may_be_open(port) && matches!(port.kind, PortKind::SignalIn { default: None, .. })
+        });
+        let node = |(place, port): (usize, &crate::spec::Port)| {
+            let connected = !match open {
+                Open::None => false,
+                Open::Last => last == Some(place),
+                Open::All => may_be_open(port),
+            };
             connected.then(|| Node {
                 first: collected.variable(Role::Unset),
                 second: collected.variable(Role::Unset),
                 sum: Sum(collected.variable(Role::Sum).0),
             })
         };
-        let nodes: Vec<_> = spec.ports.iter().map(node).collect();
+        let nodes: Vec<_> = spec.ports.iter().enumerate().map(node).collect();
         component.connect(&mut Wiring {
             collected: &mut collected,
             component: 0,
@@ -198,12 +215,13 @@ fn usual(unit: Unit) -> Option<(f64, f64)> {
     }
 }
 
-/// Every component, wired in both ways.
+/// Every component, wired in every way.
 fn all() -> impl Iterator<Item = Alone> {
-    ALL.iter().flat_map(|&c| [true, false].map(|optional| Alone::new(c, optional)))
+    let ways = [Open::None, Open::Last, Open::All];
+    ALL.iter().flat_map(move |&component| ways.map(|open| Alone::new(component, open)))
 }
 
-/// Every block of every component, wired in both ways.
+/// Every block of every component, wired in every way.
 fn for_each_block(mut f: impl FnMut(&Alone, &Block)) {
     for alone in all() {
         for block in &alone.collected.blocks {

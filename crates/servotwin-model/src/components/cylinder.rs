@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! V_A  = max(V_A0 + A_A x, V_A0/100),   V_B = max(V_B0 − A_B x, V_B0/100)    (Y1)
-//! p_A' = E(p_A)/V_A (q_A − A_A v),      p_B' = E(p_B)/V_B (q_B + A_B v)      (Y2)
+//! s_A' = E(s_A)/V_A [q_A − (1 − φ_A) A_A v],   p_A = max(s_A, p_v)           (Y2)
+//! s_B' = E(s_B)/V_B [q_B + (1 − φ_B) A_B v],   p_B = max(s_B, p_v)
 //! q_li = C_li (p_A − p_B)                                   a → b          (Y3)
 //! x'   = v,   m v' = A_A (p_A − p_0) − A_B (p_B − p_0) + F − F_f − F_stop    (Y4)
 //! F_f  = B v + F_c [1 + (κ − 1) e^{−(v/v_st)²}] tanh(v/v_t)                  (Y5)
@@ -17,7 +18,8 @@
 //! peak above `F_c` is left. The stop's
 //! damping fades in over the first thousandth of the stroke (`d`), and the stop
 //! never pulls. The lower limit of (Y1) is out of reach of the end stops (see
-//! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %.
+//! `check`). The volumetric form (Y2) errs by at most p/E, 1.4 %. `φ` is the cavity's share of a chamber, zero above the
+//! vapor pressure `p_v` (equations (F4)–(F6) of [`crate::fluid`]).
 //!
 //! Source: continuity and the balance of forces, Merritt 1967 and Jelali & Kroll 2003; friction of Stribeck
 //! as in Olsson 1998; the stop is the toolkit's own choice.
@@ -26,9 +28,10 @@ use super::contact::{
     END_STOP_CONSTANTS, STRIBECK_CONSTANTS, Stribeck, end_stop, end_stop_constants, stribeck,
     stribeck_constants,
 };
+use super::volume::fluid_pressure;
 use crate::component::Component;
 use crate::equation::{Equation, Given};
-use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, pressure_rate_pa_s};
+use crate::fluid::{BULK_CONSTANTS, NORMAL_PRESSURE_PA, liquid_share, pressure_rate_pa_s};
 use crate::scalar::Scalar;
 use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
@@ -152,8 +155,8 @@ impl Component for Cylinder {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let p_a = wiring.state("pressure_a_pa");
-        let p_b = wiring.state("pressure_b_pa");
+        let p_a = fluid_pressure(wiring, "pressure_a_pa");
+        let p_b = fluid_pressure(wiring, "pressure_b_pa");
         let position = wiring.state("position_m");
         let velocity = wiring.state("velocity_m_s");
         wiring.set("a", p_a);
@@ -161,12 +164,13 @@ impl Component for Cylinder {
         wiring.set_motion("rod", position, velocity);
         wiring.set("position", position);
         wiring.set("velocity", velocity);
-        for (which, (port, p, rate)) in
-            [("a", p_a, "pressure_a_pa"), ("b", p_b, "pressure_b_pa")].into_iter().enumerate()
+        for (which, (port, state)) in
+            [("a", "pressure_a_pa"), ("b", "pressure_b_pa")].into_iter().enumerate()
         {
-            let inputs = [p, wiring.flow(port).variable(), position, velocity];
-            let rate = Output::add(wiring.derivative(rate));
-            wiring.equation::<ChamberPressure, 4, 1, 9>(which, inputs, [rate]);
+            let flow = wiring.flow(port).variable();
+            let inputs = [wiring.state(state), flow, position, velocity];
+            let rate = Output::add(wiring.derivative(state));
+            wiring.equation::<ChamberPressure, 4, 1, 10>(which, inputs, [rate]);
         }
         let leakage = Output::transfer(wiring.flow("a"), wiring.flow("b"));
         wiring.equation::<SealLeakage, 2, 1, 1>(0, [p_a, p_b], [leakage]);
@@ -196,22 +200,24 @@ impl Component for Cylinder {
     }
 }
 
-/// Equations (Y1) and (Y2): (p, flow into the chamber, x, v) → p'. `which` is
+/// Equations (Y1) and (Y2): (s, flow into the chamber, x, v) → s'. `which` is
 /// the chamber: 0 A, 1 B.
 pub struct ChamberPressure;
 
-impl Equation<4, 1, { 3 + BULK_CONSTANTS }> for ChamberPressure {
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3 + BULK_CONSTANTS] {
+impl Equation<4, 1, { 4 + BULK_CONSTANTS }> for ChamberPressure {
+    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4 + BULK_CONSTANTS] {
+        let cavity = given.fluid.bulk.cavity_compliance_per_pa();
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
         let volume = given[VOLUME_A + given.which];
         let area = given[AREA_A + given.which] * S::constant([1.0, -1.0][given.which]);
-        [area, volume, volume * S::constant(SMALLEST), a, b, c, d, e, f]
+        [area, volume, volume * S::constant(SMALLEST), cavity, a, b, c, d, e, f]
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(c: &[S::Base; 3 + BULK_CONSTANTS], [p, flow, x, v]: [S; 4]) -> [S; 1] {
+    fn evaluate<S: Scalar>(c: &[S::Base; 4 + BULK_CONSTANTS], [s, flow, x, v]: [S; 4]) -> [S; 1] {
         let volume = (x * c[0] + c[1]).max(S::from_base(c[2]));
-        [pressure_rate_pa_s(&c[3..], p, flow - v * c[0], volume)]
+        let swept = v * c[0] * liquid_share(c[3], s);
+        [pressure_rate_pa_s(&c[4..], s, flow - swept, volume)]
     }
 }
 
@@ -292,7 +298,7 @@ mod tests {
     fn the_oil_is_a_spring_of_the_expected_stiffness() {
         // dF/dx = A dp/dt / v summed over both chambers: 2 E A²/V = 2.14e8 N/m.
         let chamber = |which| {
-            let c = constants::<ChamberPressure, 4, 1, 9>(&Cylinder, &[], which);
+            let c = constants::<ChamberPressure, 4, 1, 10>(&Cylinder, &[], which);
             2.2723e-3 * ChamberPressure::evaluate(&c, [106.35e5, 0.0, 0.0, 1.0])[0]
         };
         let stiffness = chamber(1) - chamber(0);
@@ -339,7 +345,7 @@ mod tests {
 
     #[test]
     fn a_chamber_keeps_a_volume() {
-        let c = constants::<ChamberPressure, 4, 1, 9>(&Cylinder, &[], 0);
+        let c = constants::<ChamberPressure, 4, 1, 10>(&Cylinder, &[], 0);
         let [rate] = ChamberPressure::evaluate(&c, [1e7, 1e-6, -1.0, 0.0]);
         assert!(rate.is_finite() && rate > 0.0);
     }

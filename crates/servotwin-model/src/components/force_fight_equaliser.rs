@@ -1,12 +1,20 @@
-//! Balances the forces of two actuators on one surface.
+//! Balances the forces of two, three or four actuators on one surface.
 //!
 //! ```text
-//! dz/dt = (m_1 m_2 [(p_A1 − p_B1) − (p_A2 − p_B2)] − z)/τ                    (Q1)
+//! of two:           d_i = p_Ai − p_Bi
+//! dz/dt = [m_1 m_2 (d_1 − d_2) − z]/τ                                        (Q1)
 //! x_corr = clamp(K z/2, −x_max, x_max),   −x_corr to 1, +x_corr to 2         (Q2)
+//!
+//! of three or four, each against the mean of the others that are active:
+//! dz_i/dt = [m_i Σ_j m_j (d_i − d_j)/max(Σ_j m_j, 1) − z_i]/τ,   j ≠ i        (Q3)
+//! x_corr,i = −clamp(K z_i/2, −x_max, x_max)                                  (Q4)
 //! ```
 //!
-//! `m_1`, `m_2` are the modes (1 active): with one actuator passive the
-//! correction fades.
+//! `m_i` are the modes (1 active): the correction of a passive actuator fades, and the others no longer follow its
+//! pressures. Of two actuators (Q3) and (Q4) are (Q1) and (Q2).
+//!
+//! The number of actuators is in the kind: `force_fight_equaliser` has two, `force_fight_equaliser_3` three,
+//! `force_fight_equaliser_4` four.
 //!
 //! Source: the toolkit's own choice, as simple as takes a lasting force fight out; that filtered differential
 //! pressures are compared is usual.
@@ -16,7 +24,7 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::wiring::{Output, Variable, Wiring};
 
 /// See the module.
 pub struct ForceFightEqualiser;
@@ -79,6 +87,140 @@ impl Component for ForceFightEqualiser {
     }
 }
 
+/// Declares the equaliser of more than two actuators.
+macro_rules! equaliser {
+    (
+        $component:ident, $kind:literal, $words:literal, $block:ident, $actuators:literal, $inputs:literal,
+        [$($n:literal),*]
+    ) => {
+        /// See the module.
+        pub struct $component;
+
+        impl Component for $component {
+            fn spec(&self) -> &'static Spec {
+                static SPEC: Spec = Spec {
+                    kind: $kind,
+                    summary: concat!("balances the forces of ", $words, " actuators on one surface"),
+                    parameters: &[
+                        parameter("gain_m_pa", Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
+                        parameter("time_constant_s", Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
+                        parameter("limit_m", Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
+                        $(parameter(
+                            concat!("mode_", $n),
+                            Unit::None,
+                            1.0,
+                            (0.0, 1.0),
+                            concat!("actuator ", $n, ": 1 active"),
+                        ),)*
+                    ],
+                    faults: &[gain_low("gain_m_pa"), gain_high("gain_m_pa")],
+                    ports: &[
+                        $(
+                            input(
+                                concat!("pressure_a_", $n),
+                                Unit::Pascal,
+                                concat!("measured p_A of actuator ", $n),
+                            ),
+                            input(
+                                concat!("pressure_b_", $n),
+                                Unit::Pascal,
+                                concat!("measured p_B of actuator ", $n),
+                            ),
+                        )*
+                        $(input_or(
+                            concat!("mode_", $n),
+                            Unit::None,
+                            concat!("mode_", $n),
+                            concat!("actuator ", $n, ": 1 active, 0 passive"),
+                        ),)*
+                        $(output(
+                            concat!("correction_", $n),
+                            Unit::Metre,
+                            concat!("to the controller of actuator ", $n),
+                        ),)*
+                    ],
+                    states: &[$(state(
+                        concat!("difference_", $n, "_pa"),
+                        Unit::Pascal,
+                        2e7,
+                        Start::Value(0.0),
+                        concat!("filtered difference of actuator ", $n, " and the others, z_", $n),
+                    ),)*],
+                    reference: false,
+                };
+                &SPEC
+            }
+
+            fn connect(&self, wiring: &mut Wiring) {
+                let differences = [$(difference(
+                    wiring,
+                    [concat!("pressure_a_", $n), concat!("pressure_b_", $n)],
+                )),*];
+                let modes = [$(wiring.signal(concat!("mode_", $n))),*];
+                let names = [$((concat!("difference_", $n, "_pa"), concat!("correction_", $n))),*];
+                for (own, (z, correction)) in names.into_iter().enumerate() {
+                    let state = wiring.state(z);
+                    // Its own come first, then those of the others, and last z.
+                    let turned = |k: usize| (own + k) % $actuators;
+                    let inputs = core::array::from_fn(|k| match k {
+                        k if k < $actuators => differences[turned(k)],
+                        k if k < 2 * $actuators => modes[turned(k - $actuators)],
+                        _ => state,
+                    });
+                    let rate = Output::add(wiring.derivative(z));
+                    wiring.equation::<$block, $inputs, 1, 1>(own, inputs, [rate]);
+                    let to = wiring.internal();
+                    let output = [Output::subtract(to)];
+                    wiring.equation::<FightCorrection, 1, 1, 2>(own, [state], output);
+                    wiring.set(correction, to.variable());
+                }
+            }
+        }
+
+        /// Equation (Q3): (differences, modes, z), those of the actuator itself first → rate of its z.
+        pub struct $block;
+
+        impl Equation<$inputs, 1, 1> for $block {
+            fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
+                [S::constant(1.0) / given[TIME]]
+            }
+
+            #[inline(always)]
+            fn evaluate<S: Scalar>(c: &[S::Base; 1], inputs: [S; $inputs]) -> [S; 1] {
+                let (differences, others) = inputs.split_at($actuators);
+                let (modes, z) = others.split_at($actuators);
+                let mut fight = S::constant(0.0);
+                let mut active = S::constant(0.0);
+                for other in 1..$actuators {
+                    fight = fight + modes[other] * (differences[0] - differences[other]);
+                    active = active + modes[other];
+                }
+                let against_mean = modes[0] * fight / active.max(S::constant(1.0));
+                [(against_mean - z[0]) * c[0]]
+            }
+        }
+    };
+}
+
+equaliser!(ForceFightEqualiser3, "force_fight_equaliser_3", "three", FightOfThree, 3, 7, [1, 2, 3]);
+equaliser!(
+    ForceFightEqualiser4,
+    "force_fight_equaliser_4",
+    "four",
+    FightOfFour,
+    4,
+    9,
+    [1, 2, 3, 4]
+);
+
+/// d of an actuator by its two ports.
+fn difference(wiring: &mut Wiring, ports: [&str; 2]) -> Variable {
+    let difference = wiring.internal();
+    let pressures = ports.map(|port| wiring.signal(port));
+    wiring.equation::<PressureDifference, 2, 1, 0>(0, pressures, [Output::add(difference)]);
+    difference.variable()
+}
+
 /// (p_A, p_B) → p_A − p_B.
 pub struct PressureDifference;
 
@@ -119,5 +261,27 @@ impl Equation<1, 1, 2> for FightCorrection {
     fn evaluate<S: Scalar>(c: &[S::Base; 2], [z]: [S; 1]) -> [S; 1] {
         let limit = S::from_base(c[1]);
         [(z * c[0]).clamp(-limit, limit)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contract::constants;
+    use super::*;
+
+    fn rate_pa_s(differences: [f64; 3], modes: [f64; 3]) -> f64 {
+        let c = constants::<FightOfThree, 7, 1, 1>(&ForceFightEqualiser3, &[], 0);
+        let ([a, b, d], [k, l, m]) = (differences, modes);
+        FightOfThree::evaluate(&c, [a, b, d, k, l, m, 0.0])[0] * 0.3
+    }
+
+    #[test]
+    fn an_actuator_is_compared_with_the_mean_of_the_others_that_are_active() {
+        let near = |value: f64, expected: f64| assert!((value - expected).abs() < 1e-6, "{value}");
+        near(rate_pa_s([6e5, 1e5, 3e5], [1.0; 3]), 4e5);
+        near(rate_pa_s([6e5, 1e5, 3e5], [1.0, 1.0, 0.0]), 5e5);
+        near(rate_pa_s([6e5, 1e5, 3e5], [0.0, 1.0, 1.0]), 0.0);
+        near(rate_pa_s([6e5, 1e5, 3e5], [1.0, 0.0, 0.0]), 0.0);
+        near(rate_pa_s([2e5, 2e5, 2e5], [1.0; 3]), 0.0);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! q' = (p_a − p_b − Δp_f)/L_h,   L_h = ρ l/A                               (L1)
-//! p' = E(p)/(A l) (q + Σq_b)                                              (L2)
+//! s' = E(s)/(A l) (q + Σq_b),   p_b = max(s, p_v)                          (L2)
 //! Δp_f = R q [1 + σ(φ − 1)],     R = 128 ρ ν l/(π d⁴)                       (L3)
 //! φ  = 0.3164 Re^{3/4}/64,  Re = |q| d/(A ν),  σ = step((Re − 2300)/1700)    (L4)
 //! ```
@@ -11,11 +11,13 @@
 //! first mode is `1/(2π √(L_h C_h))`, valid well below it. Friction is
 //! Hagen–Poiseuille's up to Re = 2300 and Blasius's for smooth pipes from 4000 to
 //! 1e5, joined by the cubic step of [`crate::math::smooth_step`]; both are
-//! textbook laws for steady flow.
+//! textbook laws for steady flow. Below the vapor pressure `p_v` the state `s` is the size of the cavity at `b`
+//! (equations (F4)–(F6) of [`crate::fluid`]): the column parts there, and returns when the cavity is filled.
 //!
 //! Source: Hagen and Poiseuille for laminar, Blasius 1913 for turbulent flow; one lumped section of inertia,
 //! resistance and capacitance.
 
+use super::volume::fluid_pressure;
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
@@ -64,7 +66,8 @@ impl Component for LongLine {
 
     fn connect(&self, wiring: &mut Wiring) {
         let flow = wiring.state("flow_m3_s");
-        let pressure = wiring.state("pressure_pa");
+        let state = wiring.state("pressure_pa");
+        let pressure = fluid_pressure(wiring, "pressure_pa");
         wiring.set("b", pressure);
         let inputs = [wiring.pressure("a"), pressure, flow];
         let outputs = [
@@ -74,7 +77,7 @@ impl Component for LongLine {
         wiring.equation::<LineFlow, 3, 2, 3>(0, inputs, outputs);
         let into = wiring.flow("b").variable();
         let rate = Output::add(wiring.derivative("pressure_pa"));
-        wiring.equation::<LinePressure, 2, 1, 7>(0, [pressure, into], [rate]);
+        wiring.equation::<LinePressure, 2, 1, 7>(0, [state, into], [rate]);
     }
 }
 
@@ -110,7 +113,7 @@ impl Equation<3, 2, 3> for LineFlow {
     }
 }
 
-/// Equation (L2): (p, flow into the line's fluid) → p'.
+/// Equation (L2): (s, flow into the line's fluid) → s'.
 pub struct LinePressure;
 
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {

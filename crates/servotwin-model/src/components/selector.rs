@@ -1,32 +1,41 @@
-//! One of two displacements, as a controller is told.
+//! One of several displacements, or their vote, as a controller is told.
 //!
 //! ```text
-//! y = x_1 + s (x_2 − x_1)                                                 (SE1)
+//! y = x_1 + s (v − x_1)                                                   (SE1)
+//! v = x_2                                            of two                (SE2)
+//! v = max(min(x_1, x_2), min(max(x_1, x_2), x_3))    of three              (SE3)
+//! v = (l + h)/2                                      of four               (SE4)
+//!     l = max(min(x_1, x_2), min(x_3, x_4))
+//!     h = min(max(x_1, x_2), max(x_3, x_4))
 //! ```
 //!
-//! s is 0 for the first, 1 for the second: a position loop that no longer trusts its own sensor reads
-//! another one.
+//! s is 0 for the first, 1 for the vote `v`: a position loop that no longer trusts its own sensor reads
+//! another one. Of two displacements the vote is the second. Of three it is the median, the mid-value voter of a
+//! triplex channel. Of four it is the mean of the two in the middle. Three and four outvote one that is wrong by
+//! any amount, the first among them.
 //!
 //! Source: an ideal element, by definition.
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 use crate::spec::{Spec, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::wiring::{Output, Variable, Wiring};
 
 /// See the module.
 pub struct Selector;
 
 static SPEC: Spec = Spec {
     kind: "selector",
-    summary: "one of two displacements, as a controller is told",
-    parameters: &[parameter("select", Unit::None, 0.0, (0.0, 1.0), "0 the first, 1 the second, s")],
+    summary: "one of two to four displacements, or their vote, as a controller is told",
+    parameters: &[parameter("select", Unit::None, 0.0, (0.0, 1.0), "0 the first, 1 the vote, s")],
     faults: &[],
     ports: &[
         input("first", Unit::Metre, "x_1"),
         input("second", Unit::Metre, "x_2"),
-        input_or("select", Unit::None, "select", "0 the first, 1 the second"),
+        optional(input("third", Unit::Metre, "x_3; open: the vote is of two")),
+        optional(input("fourth", Unit::Metre, "x_4; open: the vote is of three")),
+        input_or("select", Unit::None, "select", "0 the first, 1 the vote"),
         output("output", Unit::Metre, "the selected one, y"),
     ],
     states: &[],
@@ -39,14 +48,37 @@ impl Component for Selector {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let inputs = ["first", "second", "select"].map(|port| wiring.signal(port));
+        let [first, second, select] = ["first", "second", "select"].map(|p| wiring.signal(p));
+        let vote = vote(wiring, first, second);
         let output = wiring.internal();
+        let inputs = [first, vote, select];
         wiring.equation::<Selection, 3, 1, 0>(0, inputs, [Output::add(output)]);
         wiring.set("output", output.variable());
     }
 }
 
-/// Equation (SE1): (first, second, select) → output.
+/// v of as many displacements as are connected. It does not matter which of the optional ports is left open.
+fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
+    let others =
+        ["third", "fourth"].map(|port| wiring.connected(port).then(|| wiring.signal(port)));
+    let vote = match others {
+        [None, None] => return second,
+        _ => wiring.internal(),
+    };
+    let output = [Output::add(vote)];
+    match others {
+        [Some(third), Some(fourth)] => {
+            wiring.equation::<MiddleOfFour, 4, 1, 0>(0, [first, second, third, fourth], output);
+        }
+        [third, fourth] => {
+            let third = third.or(fourth).expect("one is connected");
+            wiring.equation::<MiddleOfThree, 3, 1, 0>(0, [first, second, third], output);
+        }
+    }
+    vote.variable()
+}
+
+/// Equation (SE1): (first, vote, select) → output.
 pub struct Selection;
 
 impl Equation<3, 1, 0> for Selection {
@@ -55,7 +87,71 @@ impl Equation<3, 1, 0> for Selection {
     }
 
     #[inline(always)]
-    fn evaluate<S: Scalar>(_: &[S::Base; 0], [first, second, select]: [S; 3]) -> [S; 1] {
-        [first + select * (second - first)]
+    fn evaluate<S: Scalar>(_: &[S::Base; 0], [first, vote, select]: [S; 3]) -> [S; 1] {
+        [first + select * (vote - first)]
+    }
+}
+
+/// Equation (SE3): three displacements → their median.
+pub struct MiddleOfThree;
+
+impl Equation<3, 1, 0> for MiddleOfThree {
+    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
+        []
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(_: &[S::Base; 0], [a, b, c]: [S; 3]) -> [S; 1] {
+        [a.min(b).max(a.max(b).min(c))]
+    }
+}
+
+/// Equation (SE4): four displacements → the mean of the two in the middle.
+pub struct MiddleOfFour;
+
+impl Equation<4, 1, 0> for MiddleOfFour {
+    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
+        []
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(_: &[S::Base; 0], [a, b, c, d]: [S; 4]) -> [S; 1] {
+        let low = a.min(b).max(c.min(d));
+        let high = a.max(b).min(c.max(d));
+        [(low + high) * lit::<S>(0.5)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mid_value_outvotes_one_that_is_wrong_whichever_it_is() {
+        for wrong in [-1e3, 1e3] {
+            for place in 0..3 {
+                let mut values = [1.0, 2.0, 2.0];
+                values[place] = wrong;
+                let [middle] = MiddleOfThree::evaluate(&[], values);
+                assert!((1.0..=2.0).contains(&middle), "{values:?}: {middle}");
+            }
+            for place in 0..4 {
+                let mut values = [1.0, 2.0, 2.0, 1.0];
+                values[place] = wrong;
+                let [middle] = MiddleOfFour::evaluate(&[], values);
+                assert!((1.0..=2.0).contains(&middle), "{values:?}: {middle}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_order_does_not_matter() {
+        let orders = [[3.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0, 3.0, 1.0], [3.0, 2.0, 1.0]];
+        for order in orders {
+            assert_eq!(MiddleOfThree::evaluate(&[], order), [2.0]);
+            let [a, b, c] = order;
+            assert_eq!(MiddleOfFour::evaluate(&[], [a, 10.0, b, c]), [2.5]);
+            assert_eq!(MiddleOfFour::evaluate(&[], [b, a, c, -10.0]), [1.5]);
+        }
     }
 }

@@ -1,9 +1,12 @@
 //! A rigid volume: a manifold, a gallery, a hose end.
 //!
 //! ```text
-//! dp/dt = E(p)/V · Σq                                                     (V1)
+//! ds/dt = E(s)/V · Σq                                                     (V1)
+//! p = max(s, p_v)                                                         (V2)
 //! ```
 //!
+//! `s` is the pressure of a full volume, and below the vapor pressure `p_v` the size of its cavity
+//! (equations (F4)–(F6) of [`crate::fluid`]).
 //! The volumetric form conserves volume, not mass: the error is at most p/E,
 //! 1.4 % of the transferred volume between 200 and 6 bar.
 //!
@@ -11,10 +14,10 @@
 
 use crate::component::Component;
 use crate::equation::{Equation, Given};
-use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
+use crate::fluid::{self, BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::scalar::Scalar;
 use crate::spec::{Spec, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::wiring::{Output, Variable, Wiring};
 
 /// See the module.
 pub struct Volume;
@@ -40,15 +43,40 @@ impl Component for Volume {
     }
 
     fn connect(&self, wiring: &mut Wiring) {
-        let pressure = wiring.state("pressure_pa");
+        let state = wiring.state("pressure_pa");
+        let pressure = fluid_pressure(wiring, "pressure_pa");
         wiring.set("port", pressure);
         let flow = wiring.flow("port").variable();
         let rate = wiring.derivative("pressure_pa");
-        wiring.equation::<VolumePressure, 2, 1, 7>(0, [pressure, flow], [Output::add(rate)]);
+        wiring.equation::<VolumePressure, 2, 1, 7>(0, [state, flow], [Output::add(rate)]);
     }
 }
 
-/// Equation (V1): (pressure, flow into the volume) → pressure rate.
+/// The pressure that the state of a fluid stands for, equation (V2): for ports, for other equations and for
+/// whoever records the state.
+pub(super) fn fluid_pressure(wiring: &mut Wiring, state: &str) -> Variable {
+    let pressure = wiring.internal();
+    let inputs = [wiring.state(state)];
+    wiring.opening_equation::<FluidPressure, 1, 1, 0>(inputs, [Output::add(pressure)]);
+    wiring.show_state(state, pressure.variable());
+    pressure.variable()
+}
+
+/// Equation (V2): (state) → pressure.
+pub struct FluidPressure;
+
+impl Equation<1, 1, 0> for FluidPressure {
+    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
+        []
+    }
+
+    #[inline(always)]
+    fn evaluate<S: Scalar>(_: &[S::Base; 0], [state]: [S; 1]) -> [S; 1] {
+        [fluid::pressure_pa(state)]
+    }
+}
+
+/// Equation (V1): (state, flow into the volume) → its rate.
 pub struct VolumePressure;
 
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for VolumePressure {

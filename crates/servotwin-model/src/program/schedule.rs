@@ -217,7 +217,9 @@ fn in_order(blocks: Vec<Block>, collected: &Collected) -> Result<Vec<Block>, Vec
             let needed = blocks[index].inputs.iter().filter_map(|v| writers.get(&v.0)).flatten();
             let levels: Option<Vec<usize>> = needed.map(|&w| level[w]).collect();
             if let Some(levels) = levels {
-                level[index] = Some(levels.iter().map(|l| l + 1).max().unwrap_or(0));
+                let after = levels.iter().map(|l| l + 1).max().unwrap_or(0);
+                // Level zero belongs to the blocks that open.
+                level[index] = Some(if blocks[index].is_opening { 0 } else { after.max(1) });
                 found += 1;
             }
         }
@@ -271,7 +273,9 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
             let instance = &network.components[component];
             let declared = &instance.component.spec().states[state];
             let name = format!("{}.{}", instance.id, declared.name);
-            push(name, declared.unit, Variable(variable as u32));
+            let variable = Variable(variable as u32);
+            let shown = collected.shown.iter().find(|shown| shown.0 == variable);
+            push(name, declared.unit, shown.map_or(variable, |shown| shown.1));
         }
     }
     for &(port, node) in &collected.nodes {

@@ -8,9 +8,10 @@
 
 use super::batch::{Batch, MOST_LANES};
 use super::course::{Course, Phase};
+use super::follow::{Following, Progress};
 use super::kernels::Kernels;
 use super::tableau::Tableau;
-use super::{Cause, Control, Failure, SMALLEST_STEP_S, Settings};
+use super::{Cause, Failure, SMALLEST_STEP_S, Settings};
 use crate::math;
 use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
@@ -193,7 +194,7 @@ impl<'p, V: Lanes> Bank<'p, V> {
             self.batch.tick(clock, mask);
             for course in self.courses.iter_mut().filter(|course| course.is_due(clock, period)) {
                 course.statistics.evaluations += 1;
-                if course.phase == Phase::Running {
+                if course.phase != Phase::Settling {
                     course.next_tick[clock] += 1;
                 }
             }
@@ -203,17 +204,50 @@ impl<'p, V: Lanes> Bank<'p, V> {
     /// Lanes whose search for rest is over, as of the evaluation that began the step.
     #[inline(always)]
     fn end_settling(&mut self) {
-        for (index, course) in self.courses.iter_mut().enumerate() {
-            if course.phase == Phase::Settling {
-                let rate = self.batch.largest_rate_per_s(index);
-                let is_at_rest = rate < AT_REST_PER_S;
-                let is_over = course.statistics.settling >= MOST_SETTLING_STEPS
-                    || course.time_s > LONGEST_SETTLING_S;
-                if is_at_rest || is_over {
-                    course.phase = Phase::Settled;
-                    course.statistics.unsettled += u64::from(!is_at_rest);
-                }
+        for index in 0..V::WIDTH {
+            if self.courses[index].seeks_rest() {
+                self.look_for_rest(index);
             }
+        }
+    }
+
+    fn look_for_rest(&mut self, index: usize) {
+        let is_at_rest = self.batch.largest_rate_per_s(index) < AT_REST_PER_S;
+        let course = &mut self.courses[index];
+        if is_at_rest {
+            course.end_following();
+        } else if course.phase == Phase::Following {
+            self.follow(index);
+        } else if course.statistics.settling >= MOST_SETTLING_STEPS
+            || course.time_s > LONGEST_SETTLING_S
+        {
+            let following = Following::new(self.states(index), self.held(index).collect());
+            self.courses[index].begin_following(following);
+        }
+    }
+
+    /// Observes a system that moves on its own; gives it up where it finds no rest.
+    fn follow(&mut self, index: usize) {
+        let Self { batch, courses, .. } = self;
+        let course = &mut courses[index];
+        let time_s = course.time_s;
+        let following = course.following.as_mut().expect("a lane in this phase has one");
+        let progress = following.observe(time_s, batch.motion_over_scale(index));
+        if progress == Progress::Moving {
+            return;
+        }
+        course.statistics.limit_cycles += u64::from(progress == Progress::LimitCycle);
+        self.begin_on_the_move(index);
+    }
+
+    /// Ends the way to rest without it: the run begins where the search ended.
+    fn begin_on_the_move(&mut self, index: usize) {
+        let course = &mut self.courses[index];
+        course.statistics.unsettled += 1;
+        if let Some(following) = course.end_following() {
+            let (states, held) = following.search_end;
+            self.set_states(index, &states);
+            self.set_held(index, &held);
         }
     }
 
@@ -305,11 +339,13 @@ impl<'p, V: Lanes> Bank<'p, V> {
 
     #[inline(always)]
     fn give_up_if_stuck(&mut self, index: usize, error: f64) {
-        let fixed = matches!(self.settings.control, Control::Fixed { .. });
         let course = &mut self.courses[index];
+        let fixed = course.fixed_step_s(&self.settings).is_some();
         let stuck = course.rejections > 0
             && (fixed || course.rejections > MOST_REJECTIONS || course.wanted_s < SMALLEST_STEP_S);
-        if stuck {
+        if stuck && course.phase == Phase::Following {
+            self.begin_on_the_move(index);
+        } else if stuck {
             // A fixed step is never too large for an error control.
             let is_too_small = error.is_finite() && !fixed;
             let cause = if is_too_small { Cause::StepTooSmall } else { Cause::NotFinite };

@@ -384,6 +384,13 @@ impl<'p, V: Lanes> Batch<'p, V> {
         worst
     }
 
+    /// The states of a lane over their scales, and how fast they move, 1/s, as of the last evaluation.
+    pub fn motion_over_scale(&self, lane: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let derivatives = &self.variables[self.program.derivatives()];
+        let both = self.y.iter().zip(derivatives).zip(&self.reciprocal_scales);
+        both.map(move |((y, rate), scale)| (y.lane(lane) * scale, rate.lane(lane) * scale))
+    }
+
     /// The largest rate of change of any state over its scale in a lane, 1/s,
     /// as of the last evaluation.
     pub fn largest_rate_per_s(&self, lane: usize) -> f64 {

@@ -1,7 +1,9 @@
 //! The way of one variant through time: where it stands, how long its next step is.
 
+use super::follow::{self, Following};
 use super::{Control, Failure, SAME_TIME_S, Settings, Statistics};
 use crate::signal::{Cubic, Piecewise};
+use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -24,6 +26,8 @@ pub(super) enum Phase {
     Idle,
     /// On the way to the steady state, with the inputs of time zero.
     Settling,
+    /// The search has failed: the system itself moves, with the inputs of time zero.
+    Following,
     /// At rest; runs from the next evaluation on, which has the inputs' slopes.
     Settled,
     /// On its way.
@@ -97,6 +101,8 @@ pub(super) struct Course {
     pub statistics: Statistics,
     /// Why it could not go on.
     pub failure: Option<Failure>,
+    /// What is known of the system in [`Phase::Following`].
+    pub following: Option<Box<Following>>,
 }
 
 impl Course {
@@ -117,6 +123,7 @@ impl Course {
             effort: 0.0,
             statistics: Statistics::default(),
             failure: None,
+            following: None,
         }
     }
 
@@ -132,6 +139,30 @@ impl Course {
         self.wanted_s = FIRST_STEP_S;
         self.rejections = 0;
         self.effort = 0.0;
+    }
+
+    /// From a search that failed onto the way that the system itself takes.
+    pub fn begin_following(&mut self, following: Following) {
+        self.phase = Phase::Following;
+        self.following = Some(Box::new(following));
+        self.next_tick.fill(0);
+        self.time_s = 0.0;
+        self.wanted_s = FIRST_STEP_S;
+        self.step_s = FIRST_STEP_S;
+        self.end_s = FIRST_STEP_S;
+        self.rejections = 0;
+    }
+
+    /// Off that way, at rest or not.
+    pub fn end_following(&mut self) -> Option<Box<Following>> {
+        self.phase = Phase::Settled;
+        self.next_tick.fill(0);
+        self.following.take()
+    }
+
+    /// Whether the lane is on its way to rest.
+    pub fn seeks_rest(&self) -> bool {
+        matches!(self.phase, Phase::Settling | Phase::Following)
     }
 
     pub fn sample_time_s(&self) -> f64 {
@@ -160,27 +191,32 @@ impl Course {
         match self.phase {
             Phase::Idle | Phase::Settled => false,
             Phase::Settling => true,
-            Phase::Running => self.next_tick[clock] as f64 * period_s <= self.time_s + SAME_TIME_S,
+            Phase::Running | Phase::Following => {
+                self.next_tick[clock] as f64 * period_s <= self.time_s + SAME_TIME_S
+            }
         }
     }
 
     /// The next time that a step must not pass.
     #[inline(always)]
     fn next_event_s(&self, settings: &Settings, periods_s: &[f64]) -> f64 {
-        let mut event = self.halt_s;
+        let is_running = self.phase == Phase::Running;
+        let mut event = if is_running { self.halt_s } else { f64::INFINITY };
         let mut consider = |time: f64| {
             if time > self.time_s + SAME_TIME_S && time < event {
                 event = time;
             }
         };
-        if settings.land_on_samples {
+        if is_running && settings.land_on_samples {
             consider(self.sample_time_s());
             consider((self.next_sample + 1) as f64 * self.sample_period_s);
         }
         for (tick, period) in self.next_tick.iter().zip(periods_s) {
             consider(*tick as f64 * period);
         }
-        consider(self.next_break_s);
+        if is_running {
+            consider(self.next_break_s);
+        }
         event
     }
 
@@ -200,23 +236,30 @@ impl Course {
                 self.end_s = self.time_s + self.step_s;
                 return;
             }
-            Phase::Running => {}
+            Phase::Running | Phase::Following => {}
         }
-        let wanted = match settings.control {
-            Control::Fixed { step_s } => step_s,
-            Control::Adaptive { .. } => self.wanted_s,
-        };
+        let fixed_s = self.fixed_step_s(settings);
+        let wanted = fixed_s.unwrap_or(self.wanted_s);
         let event = self.next_event_s(settings, periods_s);
         let left = event - self.time_s;
         if wanted >= left * 0.999 {
             self.step_s = left;
             self.end_s = event;
-        } else if wanted * 2.0 > left && !matches!(settings.control, Control::Fixed { .. }) {
+        } else if wanted * 2.0 > left && fixed_s.is_none() {
             self.step_s = left * 0.5;
             self.end_s = self.time_s + self.step_s;
         } else {
             self.step_s = wanted;
             self.end_s = self.time_s + wanted;
+        }
+    }
+
+    /// The step, s, where no error control chooses it. The way to rest is always under error control.
+    #[inline(always)]
+    pub fn fixed_step_s(&self, settings: &Settings) -> Option<f64> {
+        match settings.control {
+            Control::Fixed { step_s } if !self.seeks_rest() => Some(step_s),
+            _ => None,
         }
     }
 
@@ -226,7 +269,7 @@ impl Course {
         self.effort *= (1.0 - self.step_s / MEMORY_S).max(0.0);
         self.time_s = self.end_s;
         self.rejections = 0;
-        if self.phase == Phase::Settling {
+        if self.seeks_rest() {
             self.statistics.settling += 1;
         }
     }
@@ -237,6 +280,7 @@ impl Course {
     pub fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
         match (self.phase, settings.control) {
             (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, LONGEST_SETTLING_STEP_S)),
+            (Phase::Following, _) => Some((follow::TOLERANCE, LONGEST_SETTLING_STEP_S)),
             (_, Control::Adaptive { tolerance, max_step_s, busy_per_s }) => {
                 Some((tolerance * self.relaxed(busy_per_s), max_step_s))
             }

@@ -10,6 +10,7 @@
 //! - [`tableau`]: the methods' coefficients
 //! - [`Batch`]: the variables of a few lanes, and one step of them
 //! - `course`: the time and the step of one variant; `bank`: a batch in which each lane has its own
+//! - `follow`: what is done where the search for rest fails
 //! - [`Twin`]: one variant that is stepped from sample to sample by its user
 //! - [`run`]: many variants, which lanes take from a feed
 
@@ -17,6 +18,7 @@ mod bank;
 mod batch;
 mod course;
 mod ensemble;
+mod follow;
 mod kernels;
 pub mod tableau;
 mod trim;
@@ -25,7 +27,7 @@ mod twin;
 pub use batch::Batch;
 pub use ensemble::{Case, Change, Feed, run};
 pub use kernels::{Functions, Kernels};
-pub use trim::settle;
+pub use trim::{settle, settle_counted};
 pub use twin::{Between, Knot, Snapshot, Twin};
 
 use core::fmt;
@@ -151,6 +153,8 @@ pub struct Statistics {
     pub jacobians: u64,
     /// Searches for rest that ended without it: the run began on the move.
     pub unsettled: u64,
+    /// Those of them in which the system was measured to swing for ever.
+    pub limit_cycles: u64,
 }
 
 impl core::ops::AddAssign for Statistics {
@@ -161,6 +165,7 @@ impl core::ops::AddAssign for Statistics {
         self.evaluations += other.evaluations;
         self.jacobians += other.jacobians;
         self.unsettled += other.unsettled;
+        self.limit_cycles += other.limit_cycles;
     }
 }
 

@@ -13,6 +13,15 @@ use alloc::vec::Vec;
 /// # Errors
 /// Where the search met numbers that are not finite.
 pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
+    settle_counted(program, case).map(|(states, _)| states)
+}
+
+/// As [`settle`], with the work that it took: whether there was a rest ([`Statistics::unsettled`]) and, if not, whether a
+/// limit cycle was measured.
+///
+/// # Errors
+/// Where the search met numbers that are not finite.
+pub fn settle_counted(program: &Program, case: Case) -> Result<(Vec<f64>, Statistics), Failure> {
     struct Catch<'a> {
         case: Option<Case<'a>>,
         states: Vec<f64>,
@@ -34,5 +43,5 @@ pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
     let mut catch =
         Catch { case: Some(case), states: Vec::new(), outcome: Ok(Statistics::default()) };
     run(program, None, Settings::campaign(), &record, Level::best(), &mut catch);
-    catch.outcome.map(|_| catch.states)
+    catch.outcome.map(|statistics| (catch.states, statistics))
 }

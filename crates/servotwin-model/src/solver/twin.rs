@@ -143,9 +143,9 @@ impl<'p> Twin<'p> {
         for (external, knot) in self.inputs.iter().enumerate() {
             self.bank.set_input(LANE, external, knot.value);
         }
-        while self.course().phase == Phase::Settling {
+        while self.course().seeks_rest() {
             self.bank.begin();
-            if self.course().phase == Phase::Settling {
+            if self.course().seeks_rest() {
                 self.attempt()?;
             }
         }

@@ -13,13 +13,19 @@
 //! with the one k, the same for all sensors, with which at most [`ALARMS`] of the healthy training records
 //! leave any band. So what is promised is the rate of false alarms of all sensors together, and nothing
 //! is assumed of how they hang together. It holds for flights like those of training.
+//!
+//! Two rules keep a few strange records from widening every band. Records that began without a steady state do not
+//! teach. And no band is wider than [`MAX_OVER_LARGEST`] times the largest residual of the records that do.
 
-use super::data_set::DataSet;
+use super::data_set::{DataSet, Row};
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 
 /// The share of healthy training records that may leave a band.
 pub const ALARMS: f64 = 0.015;
+
+/// How many times as wide as the largest residual that taught it a band may be.
+pub const MAX_OVER_LARGEST: f64 = 2.0;
 
 /// The band of a sensor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,7 +50,8 @@ struct Spread {
 /// Learns the bands; `pools[i]` is the same for sensors that are alike. `None` without healthy
 /// specimens to learn from.
 pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
-    let rows = data.rows_where(Role::Training, |row| row.is_healthy && row.moved == 0);
+    let teaches = |row: &Row| row.is_healthy && row.moved == 0 && !row.began_on_the_move;
+    let rows = data.rows_where(Role::Training, teaches);
     if rows.len() < 2 || data.sensors.is_empty() || pools.len() < data.sensors.len() {
         return None;
     }
@@ -85,7 +92,12 @@ pub fn half_widths(largest: &[&[f64]], pools: &[usize]) -> Option<Vec<f64>> {
     let mut worst: Vec<f64> = largest.iter().map(worst).collect();
     worst.sort_by(|a, b| b.total_cmp(a));
     let k = worst[(ALARMS * worst.len() as f64) as usize];
-    Some(spreads.iter().map(|spread| (spread.mean + k * spread.deviation).exp()).collect())
+    let half_width = |sensor: usize| {
+        let Spread { mean, deviation } = spreads[sensor];
+        let largest = of_pool(sensor).into_iter().fold(f64::NEG_INFINITY, f64::max).exp();
+        (mean + k * deviation).exp().min(MAX_OVER_LARGEST * largest)
+    };
+    Some(sensors.clone().map(half_width).collect())
 }
 
 /// Nothing is smaller than the error of a simulation.

@@ -78,6 +78,8 @@ pub struct Row {
     pub is_healthy: bool,
     /// Whether it shows the signals of another row with the actuators moved round.
     pub reflected: bool,
+    /// Whether its simulation began without a steady state. Such a row teaches no band.
+    pub began_on_the_move: bool,
     /// The largest size that each residual had, in parts of scale, in the order of
     /// [`DataSet::sensors`]; empty where the data set does not say.
     pub largest: Vec<f64>,
@@ -221,6 +223,8 @@ impl DataSet {
         let grades = numbers(origins, "grade").unwrap_or_else(|_| own_intensity.clone());
         let (intensities, intensity) = coded_numbers(&grades);
         let reflected = flags(origins, "reflected").unwrap_or_else(|_| vec![false; origins.len()]);
+        let moving = flags(origins, "began_on_the_move");
+        let moving = moving.unwrap_or_else(|_| vec![false; origins.len()]);
         let detectable = flags(origins, "detectable")?;
         let largest = sensors.iter().map(|s| numbers(origins, &largest_column(s)));
         let largest: Vec<Vec<f64>> = largest.collect::<Result<_, _>>()?;
@@ -237,6 +241,7 @@ impl DataSet {
             factor: 1.0,
             is_healthy: kinds[place] == HEALTHY,
             reflected: reflected[place],
+            began_on_the_move: moving[place],
             largest: largest.iter().map(|column| column[place]).collect(),
             // What the data set says, until other bands are given.
             excess: if detectable[place] { f64::INFINITY } else { 0.0 },
@@ -625,6 +630,7 @@ mod tests {
             factor,
             is_healthy: false,
             reflected: false,
+            began_on_the_move: false,
             largest: vec![],
             excess,
         }

@@ -43,6 +43,8 @@ pub struct Flown<'s> {
     pub which: Vec<usize>,
     /// For each environment the sensors and inputs of its twin, sample after sample.
     twins: Vec<Vec<f64>>,
+    /// The environments whose twins began without a steady state.
+    moving_twins: BTreeSet<usize>,
     sensors: usize,
     imperfections: Imperfections,
     /// For each environment the one that flies there; empty but in the setting fitted.
@@ -138,6 +140,7 @@ impl<'s> Flown<'s> {
             plan,
             which,
             twins: vec![],
+            moving_twins: BTreeSet::new(),
             sensors,
             imperfections: Imperfections::of(&study.system, &study.measured[..sensors]),
             calibrated: vec![],
@@ -145,7 +148,7 @@ impl<'s> Flown<'s> {
         if setting.plants() == Plants::Pool {
             flown.calibrated = flown.calibrate(workers)?;
         }
-        flown.twins = flown.simulate_twins()?;
+        (flown.twins, flown.moving_twins) = flown.simulate_twins()?;
         Ok(flown)
     }
 
@@ -173,7 +176,8 @@ impl<'s> Flown<'s> {
         Ok(pairs.map(|(parameters, twin)| Actuator { parameters, twin }).collect())
     }
 
-    fn simulate_twins(&self) -> Result<Vec<Vec<f64>>, CampaignError> {
+    /// The samples of the twins by environment, and those that began without a steady state.
+    fn simulate_twins(&self) -> Result<(Vec<Vec<f64>>, BTreeSet<usize>), CampaignError> {
         let externals = self.study.system.program.externals();
         let inputs = externals.map(|slot| slot as Slot);
         let record = self.ensemble.record.iter().copied().chain(inputs).collect();
@@ -182,7 +186,7 @@ impl<'s> Flown<'s> {
         let mut twins = vec![vec![]; self.environments.len()];
         let flown: BTreeSet<usize> = self.which.iter().map(|&k| self.plan[k].environment).collect();
         let flown: Vec<usize> = flown.into_iter().collect();
-        let mut error = None;
+        let (mut error, mut moving) = (None, BTreeSet::new());
         let variant = |job: usize| {
             let place = flown[job];
             let environment = &self.environments[place];
@@ -199,7 +203,10 @@ impl<'s> Flown<'s> {
             variant,
             |_| Rows::default(),
             |job, rows, outcome| match outcome {
-                Ok(_) => twins[flown[job]] = rows.0,
+                Ok(work) => {
+                    twins[flown[job]] = rows.0;
+                    moving.extend((work.unsettled > 0).then_some(flown[job]));
+                }
                 Err(failure) => error = Some((flown[job], failure)),
             },
         );
@@ -208,8 +215,13 @@ impl<'s> Flown<'s> {
                 case: self.environments[place].name.clone(),
                 reason: format!("{} at {:.4} s", failure.cause, failure.time_s),
             }),
-            None => Ok(twins),
+            None => Ok((twins, moving)),
         }
+    }
+
+    /// Whether a flight, or the twin of its environment, began without a steady state.
+    pub fn is_on_the_move(&self, flight: &Flight, work: &Statistics) -> bool {
+        work.unsettled > 0 || self.moving_twins.contains(&flight.environment)
     }
 
     fn longest_s(&self, environment: usize) -> Option<f64> {

@@ -42,7 +42,8 @@ pub fn add(
         flown.fly(
             &flown.which,
             |flight| Seeking { flight: Some(*flight), ..seeking.clone() },
-            |_, seeking, outcome| match outcome {
+            |flight, seeking, outcome| match outcome {
+                Ok(work) if flown.is_on_the_move(flight, &work) => lessons.leave_out(flight),
                 Ok(_) => seeking.found.into_iter().for_each(|lesson| lessons.push(lesson)),
                 Err(_) => lessons.failed += 1,
             },

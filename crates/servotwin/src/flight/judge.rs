@@ -5,6 +5,7 @@
 //! against latency.
 
 use super::flown::{Flown, Observer};
+use super::lessons::MovingFlight;
 use super::plan::{self, Flight, Onset, Purpose};
 use crate::evaluation::score::{Rate, Trial};
 use crate::study::{FaultCase, Flights, Study};
@@ -97,6 +98,30 @@ pub struct TradePoint {
     pub wrong_shutdowns: u64,
 }
 
+/// So many flights without a steady state are named in a line; the results file names all of them.
+const MAX_NAMED: usize = 10;
+
+impl Merit {
+    /// Names the flights to learn from that began without a steady state; `None` where all began at rest.
+    pub fn without_steady_state(&self) -> Option<String> {
+        let moving = &self.on_the_move_to_learn;
+        let name = |one: &MovingFlight| format!("{} (environment {})", one.flight, one.environment);
+        let named: Vec<String> = moving.iter().take(MAX_NAMED).map(name).collect();
+        let more = match moving.len().saturating_sub(MAX_NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        (!moving.is_empty()).then(|| {
+            format!(
+                "{}: {} flights to learn from began without a steady state and teach nothing: {}{more}",
+                self.setting,
+                moving.len(),
+                named.join(", ")
+            )
+        })
+    }
+}
+
 /// The figures of merit in one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Merit {
@@ -109,6 +134,9 @@ pub struct Merit {
     /// The same of the flights to learn from.
     #[serde(default)]
     pub failed_to_learn: u64,
+    /// Flights to learn from that began without a steady state, which teach nothing.
+    #[serde(default)]
+    pub on_the_move_to_learn: Vec<MovingFlight>,
     /// How soon 95 % of the visible, strong shutdown faults are to be isolated, s since the onset.
     pub limit_s: f64,
     /// How many of them are.
@@ -476,6 +504,7 @@ impl Judged<'_> {
             flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
             failed,
             failed_to_learn: 0,
+            on_the_move_to_learn: vec![],
             limit_s,
             in_time: self.share(off, &|fate| fate.isolated_s.is_some_and(soon)),
             visible_in_time: self.share(off, &|fate| fate.seen_s.is_some_and(soon)),

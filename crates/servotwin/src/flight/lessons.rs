@@ -70,6 +70,27 @@ pub struct Lessons {
     list: Vec<Lesson>,
     /// Flights that could not be finished, which teach nothing.
     pub failed: usize,
+    /// Flights that began without a steady state, which teach nothing either: their environments and specimens.
+    #[serde(default)]
+    pub on_the_move: Vec<MovingFlight>,
+}
+
+/// Flights that were flown to learn from and teach nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    /// How many could not be finished.
+    pub failed: u64,
+    /// Those that began without a steady state.
+    pub on_the_move: Vec<MovingFlight>,
+}
+
+/// A flight that began without a steady state, of the plant or of its twin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct MovingFlight {
+    /// Its number.
+    pub flight: usize,
+    /// The environment in which it was flown.
+    pub environment: usize,
 }
 
 impl Lessons {
@@ -77,6 +98,19 @@ impl Lessons {
     pub fn add(&mut self, other: Lessons) {
         self.list.extend(other.list);
         self.failed += other.failed;
+        self.on_the_move.extend(other.on_the_move);
+    }
+
+    /// What teaches nothing.
+    pub fn left_out(&self) -> LeftOut {
+        let mut on_the_move = self.on_the_move.clone();
+        on_the_move.sort_unstable();
+        LeftOut { failed: self.failed as u64, on_the_move }
+    }
+
+    pub(super) fn leave_out(&mut self, flight: &Flight) {
+        let moving = MovingFlight { flight: flight.number, environment: flight.environment };
+        self.on_the_move.push(moving);
     }
 
     pub(super) fn push(&mut self, lesson: Lesson) {
@@ -167,6 +201,7 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
             Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), beyond }
         },
         |flight, cutter, outcome| match outcome {
+            Ok(work) if flown.is_on_the_move(flight, &work) => lessons.leave_out(flight),
             Ok(_) => {
                 let windows = cutter.cuts.iter().zip(&cutter.windows);
                 lessons.list.extend(windows.map(|(&cut, window)| Lesson::new(cut, flight, window)));

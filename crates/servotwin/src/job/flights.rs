@@ -8,7 +8,7 @@ use crate::flight::flown::Flown;
 use crate::flight::foreign::{self, ForeignMerit};
 use crate::flight::further;
 use crate::flight::judge::{self, Merit, MissingMerit, Watched};
-use crate::flight::lessons::{self, Lessons};
+use crate::flight::lessons::{self, LeftOut, Lessons};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
 use crate::study::campaign::CampaignError;
@@ -92,8 +92,7 @@ pub fn settings(study: &Study) -> Vec<Setting> {
     SETTINGS.into_iter().filter(possible).collect()
 }
 
-/// Learns in flights and writes the diagnoser of a setting; also how many of these flights could not be
-/// simulated to the end, which teach nothing.
+/// Learns in flights and writes the diagnoser of a setting. Also returns the flights that teach nothing.
 ///
 /// # Errors
 /// A twin cannot be simulated; what training says; the file cannot be written.
@@ -103,7 +102,7 @@ pub fn learn(
     flights: &Flights,
     setting: Setting,
     crew: &Crew,
-) -> Result<(Diagnoser, u64), JobError> {
+) -> Result<(Diagnoser, LeftOut), JobError> {
     let usual = |environment: usize| environment < flights.learn.environments;
     let flown = Flown::where_it_is(study, flights, Purpose::Learn, setting, usual, crew.workers)?;
     let lessons = lessons::cut(study, flights, &flown);
@@ -123,13 +122,13 @@ pub fn learn_from(
     setting: Setting,
     mut lessons: Lessons,
     crew: &Crew,
-) -> Result<(Diagnoser, u64), JobError> {
+) -> Result<(Diagnoser, LeftOut), JobError> {
     further::add(study, flights, setting, &mut lessons, &pools(study), crew.workers)?;
-    let failed = lessons.failed as u64;
+    let left_out = lessons.left_out();
     let tables = lessons::tables(study, flights, setting, lessons, crew.workers)?;
     let diagnoser = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
-    Ok((diagnoser, failed))
+    Ok((diagnoser, left_out))
 }
 
 /// What a diagnoser is worth in a setting, from what is remembered of all flights to be judged in.
@@ -137,12 +136,13 @@ pub fn merit(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    (diagnoser, failed_to_learn): (&Diagnoser, u64),
+    (diagnoser, left_out): (&Diagnoser, LeftOut),
     watched: Watched,
 ) -> Merit {
     let asked = (setting.name(), limit_s(flights, setting));
     let merit = judge::merit(study, flights, asked, diagnoser, watched);
-    Merit { failed_to_learn, ..merit }
+    let LeftOut { failed, on_the_move } = left_out;
+    Merit { failed_to_learn: failed, on_the_move_to_learn: on_the_move, ..merit }
 }
 
 /// Learns and judges in flights of some of [`settings`], and writes what was measured.
@@ -162,7 +162,7 @@ pub fn fly_all(
     for (place, &setting) in settings.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
-        let (diagnoser, failed_to_learn) = learn(folder, study, flights, setting, crew)?;
+        let (diagnoser, left_out) = learn(folder, study, flights, setting, crew)?;
         let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.workers)?;
         let told = |done: usize, of: usize| {
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
@@ -171,7 +171,7 @@ pub fn fly_all(
         let watched = judge::watch(&flown, &diagnoser, &told);
         crew.check()?;
         let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
-        let merit = merit(study, flights, setting, (&diagnoser, failed_to_learn), watched);
+        let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
         let said = foreign::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
         crew.check()?;

@@ -10,7 +10,9 @@ use crate::table::{Table, TableError};
 use servotwin_model::solver::{self, Control};
 use std::path::{Path, PathBuf};
 
-pub use crate::manifest::{DataSetEntry, FORMAT, FailedVariant, FileHash, KindEffort, Manifest};
+pub use crate::manifest::{
+    DataSetEntry, FORMAT, FailedVariant, FileHash, KindEffort, Manifest, MovingVariant,
+};
 
 /// The manifest of what is in a folder now. What the one that lies there knows of a file is kept: a stage vouches only for
 /// what was written since ([`manifest::forget`]), and not for what was damaged before it began.
@@ -135,6 +137,7 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
         healthy: 0,
         undetectable: 0,
         efforts: vec![],
+        on_the_move: vec![],
         failed: vec![],
     };
     // Part by part: there may be millions of rows.
@@ -145,7 +148,7 @@ fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, Tabl
 }
 
 /// The columns of a data set that a manifest looks at.
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 12] = [
     "variant",
     "intensity",
     "fault",
@@ -156,6 +159,7 @@ const COLUMNS: [&str; 11] = [
     "reflected",
     "steps_per_s",
     "began_on_the_move",
+    "limit_cycle",
     "rings",
 ];
 
@@ -166,6 +170,7 @@ impl DataSetEntry {
         let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
         let (kinds, steps) = (table.text("kind")?, table.f64("steps_per_s")?);
         let (moving, rings) = (table.bool("began_on_the_move")?, table.bool("rings")?);
+        let cycles = table.bool("limit_cycle")?;
         self.variants += table.row_count();
         self.reflected += table.bool("reflected")?.iter().filter(|&&is_image| is_image).count();
         for row in 0..table.row_count() {
@@ -173,7 +178,17 @@ impl DataSetEntry {
             self.healthy += usize::from(is_healthy);
             self.undetectable += usize::from(!is_healthy && ran && !detectable[row]);
             if ran {
-                self.effort(&kinds[row]).add(steps[row], rings[row], moving[row]);
+                let cycles = moving[row] && cycles[row];
+                self.effort(&kinds[row]).add(steps[row], rings[row], [moving[row], cycles]);
+                if moving[row] {
+                    self.on_the_move.push(MovingVariant {
+                        variant: variants[row],
+                        fault: faults[row].clone(),
+                        intensity: intensities[row],
+                        case: cases[row].clone(),
+                        limit_cycle: cycles,
+                    });
+                }
             } else {
                 self.failed.push(FailedVariant {
                     variant: variants[row],
@@ -207,14 +222,16 @@ impl KindEffort {
             most_steps_per_s: 0.0,
             rings: 0,
             began_on_the_move: 0,
+            limit_cycles: 0,
         }
     }
 
-    fn add(&mut self, steps_per_s: f64, rings: bool, began_on_the_move: bool) {
+    fn add(&mut self, steps_per_s: f64, rings: bool, [moves, cycles]: [bool; 2]) {
         self.variants += 1;
         self.mean_steps_per_s += (steps_per_s - self.mean_steps_per_s) / self.variants as f64;
         self.most_steps_per_s = self.most_steps_per_s.max(steps_per_s);
         self.rings += usize::from(rings);
-        self.began_on_the_move += usize::from(began_on_the_move);
+        self.began_on_the_move += usize::from(moves);
+        self.limit_cycles += usize::from(cycles);
     }
 }

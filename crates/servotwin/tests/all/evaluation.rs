@@ -438,3 +438,39 @@ fn bands_are_learned_from_healthy_training_specimens_alone() {
     let banded = data.with_bands(&[0.1, 0.1]);
     assert!(banded.rows[judged[0]].is_detected() && !banded.rows[healthy[3]].is_detected());
 }
+
+#[test]
+fn a_run_without_a_steady_start_teaches_no_band() {
+    let mut data = with_training(0.1);
+    let mut random = Random::new(8);
+    let healthy = data.rows_where(Role::Training, |row| row.is_healthy);
+    for &row in &healthy {
+        let mut size = || 0.01 + 0.005 * random.unit();
+        data.rows[row].largest = vec![size(), size()];
+    }
+    let learned = bands::learn(&data, &[0, 1]).unwrap();
+    // Two records as those of a crane that falls for a second before its valve holds it.
+    for &row in &healthy[..2] {
+        data.rows[row].largest = vec![0.6, 0.5];
+    }
+    let widened = bands::learn(&data, &[0, 1]).unwrap();
+    assert!(widened[0].half_width > 0.5, "{widened:?}");
+    for &row in &healthy[..2] {
+        data.rows[row].began_on_the_move = true;
+    }
+    for (band, before) in bands::learn(&data, &[0, 1]).unwrap().iter().zip(&learned) {
+        assert_eq!(band.records, before.records - 2);
+        assert!((band.half_width / before.half_width - 1.0).abs() < 0.1, "{band:?} {before:?}");
+    }
+}
+
+#[test]
+fn no_band_is_wider_than_twice_the_largest_residual_that_taught_it() {
+    // The second sensor has one outlier, so that the common number of deviations is large; the first is scattered.
+    let mut rows: Vec<Vec<f64>> = (0..20).map(|k| vec![[0.001, 0.03][k % 2], 0.01]).collect();
+    rows[7][1] = 0.5;
+    let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
+    let widths = bands::half_widths(&rows, &[0, 1]).unwrap();
+    assert!((widths[0] - bands::MAX_OVER_LARGEST * 0.03).abs() < 1e-12, "{widths:?}");
+    assert!((0.49..=1.0).contains(&widths[1]), "{widths:?}");
+}

@@ -1,7 +1,9 @@
 //! The one integration test binary of this crate: one module per room.
 
 mod aileron;
+mod cavitation;
 mod compiled;
+mod crane;
 mod effort;
 mod errors;
 mod evaluating;
@@ -27,4 +29,5 @@ mod study_mistakes;
 mod system;
 mod table;
 mod table_model;
+mod triplex;
 mod val_peers;

@@ -31,6 +31,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::field::{Covariate, Field, Sample, Source};
+use servotwin_model::solver::Statistics;
 use std::borrow::Cow;
 use std::fmt;
 
@@ -297,7 +298,9 @@ impl Flying<'_> {
             trace: Trace::default(),
         };
         flown.fly(&which, observer, |flight, tracing, outcome| {
-            if outcome.is_ok() {
+            // What began without a steady state is judged, but teaches nothing.
+            let teaches = |work: &Statistics| !flown.is_on_the_move(flight, work);
+            if outcome.is_ok_and(|work| purpose != Purpose::Learn || teaches(&work)) {
                 done(flight, tracing.trace);
             }
         });

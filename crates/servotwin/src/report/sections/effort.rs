@@ -1,6 +1,6 @@
-//! How simulations went: which rang, which began on the move, and the solver's steps by fault.
+//! How simulations went: which rang, which began without a steady state, and the solver's steps by fault.
 
-use crate::job::manifest::{DataSetEntry, KindEffort};
+use crate::job::manifest::{DataSetEntry, KindEffort, MovingVariant};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{number, spoken};
 use crate::report::{Material, Section};
@@ -27,7 +27,13 @@ impl Section for Effort {
         let strange: Vec<&DataSetEntry> = sets.iter().filter(strange).collect();
         for set in &strange {
             let efforts = set.efforts.iter().filter(|effort| is_strange(effort));
-            page.table(&grid(efforts), &format!("{}: {STRANGE}", called(set)));
+            page.table(&grid(efforts), &format!("{}: {}", called(set), caption(set)));
+        }
+        for set in sets.iter().filter(|set| !set.on_the_move.is_empty()) {
+            let shown = set.on_the_move.len().min(MAX_NAMED);
+            let of_all = format!("{shown} of {}", set.on_the_move.len());
+            let text = format!("Without a steady state: {} ({of_all} variants)", called(set));
+            page.folded(&text, |page| page.table(&named(&set.on_the_move[..shown]), NAMED));
         }
         if strange.is_empty() && !sets.is_empty() {
             page.text(
@@ -42,9 +48,60 @@ impl Section for Effort {
     }
 }
 
-const STRANGE: &str = "variants that ring take more than five times the steps of their twin, because a part of them \
-                       oscillates fast (a limit cycle): what their sensors show is true on average and in size, not \
-                       sample by sample. Where no rest was found the run began on the move: the loop swings for ever.";
+/// So many variants without a steady state are named.
+const MAX_NAMED: usize = 50;
+
+const RINGS: &str = "Variants that ring take more than five times the steps of their twin, because a part of them \
+                     oscillates fast (a limit cycle): what their sensors show is true on average and in size, not \
+                     sample by sample.";
+
+const NAMED: &str = "Variants that began on the move, because no steady state was found for them or for their twin. \
+                     They teach no band.";
+
+/// What the table of a data set shows, and no more.
+fn caption(set: &DataSetEntry) -> String {
+    let sum = |count: fn(&KindEffort) -> usize| set.efforts.iter().map(count).sum::<usize>();
+    let moving = sum(|effort| effort.began_on_the_move);
+    let cycles = sum(|effort| effort.limit_cycles);
+    let mut parts = vec![];
+    if sum(|effort| effort.rings) > 0 {
+        parts.push(RINGS.to_owned());
+    }
+    if moving > 0 {
+        parts.push(format!(
+            "For {moving} variants no steady state was found, and the run began on the move. {}",
+            match cycles {
+                0 => "No limit cycle was measured among them.".into(),
+                _ if cycles == moving =>
+                    "The loop swings for ever: a limit cycle was measured.".into(),
+                _ => format!(
+                    "In {cycles} of them the loop swings for ever: a limit cycle was measured."
+                ),
+            }
+        ));
+    }
+    parts.join(" ")
+}
+
+fn named(variants: &[MovingVariant]) -> Grid {
+    let mut grid = Grid::new([
+        ("variant", Side::Right),
+        ("fault", Side::Left),
+        ("intensity", Side::Right),
+        ("case", Side::Left),
+        ("limit cycle", Side::Left),
+    ]);
+    for one in variants {
+        grid.push(vec![
+            one.variant.to_string(),
+            spoken(&one.fault),
+            number(one.intensity),
+            one.case.clone(),
+            if one.limit_cycle { "measured" } else { "not measured" }.into(),
+        ]);
+    }
+    grid
+}
 
 const STEPS: &str = "The solver takes the steps that its error control asks for: many where a part oscillates fast or \
                      cavitates. Variants that could not be simulated to the end are left out.";
@@ -65,6 +122,7 @@ fn grid<'e>(efforts: impl Iterator<Item = &'e KindEffort>) -> Grid {
         ("at most", Side::Right),
         ("ring", Side::Right),
         ("began on the move", Side::Right),
+        ("limit cycle", Side::Right),
     ]);
     for effort in efforts {
         grid.push(vec![
@@ -74,6 +132,7 @@ fn grid<'e>(efforts: impl Iterator<Item = &'e KindEffort>) -> Grid {
             number(effort.most_steps_per_s),
             effort.rings.to_string(),
             effort.began_on_the_move.to_string(),
+            effort.limit_cycles.to_string(),
         ]);
     }
     grid

@@ -333,6 +333,8 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
             results.merits.iter().map(|merit| merit.failed_to_learn).sum::<u64>()
         ),
     };
+    let without = results.merits.iter().filter_map(Merit::without_steady_state);
+    let size = without.fold(size, |text, line| format!("{text} {line}."));
     match is_full {
         true => format!("{size} These are the full sizes of the study."),
         false if has_full => format!(

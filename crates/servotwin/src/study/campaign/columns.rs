@@ -7,7 +7,7 @@ use servotwin_diagnosis::features::{Sensor, Sensors, values};
 use servotwin_diagnosis::residual::Window;
 
 /// What a row without a fault is called wherever a fault would stand.
-const HEALTHY: &str = "healthy";
+pub(super) const HEALTHY: &str = "healthy";
 
 /// The fault of a row, a place in [`Study::faults`], and its intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]

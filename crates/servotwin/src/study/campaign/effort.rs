@@ -14,6 +14,7 @@ const RINGING: f64 = 5.0;
 const STEPS: &str = "steps_per_s";
 const TWIN_STEPS: &str = "twin_steps_per_s";
 const MOVING: &str = "began_on_the_move";
+const LIMIT_CYCLE: &str = "limit_cycle";
 
 /// What the simulation of a variant took, and that of the twin with which it is compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,8 +23,10 @@ pub struct Effort {
     pub steps_per_s: f64,
     /// The twin's.
     pub twin_steps_per_s: f64,
-    /// Whether no rest was found at the inputs of time zero.
+    /// Whether no rest was found at the inputs of time zero, for the variant or for its twin.
     pub began_on_the_move: bool,
+    /// Whether the variant was measured to swing for ever there.
+    pub limit_cycle: bool,
 }
 
 /// Steps for each simulated second of a run, without those of the search for rest.
@@ -37,7 +40,8 @@ impl Effort {
         Effort {
             steps_per_s: work.map_or(0.0, |work| steps_per_s(work, duration_s)),
             twin_steps_per_s: twin.steps_per_s,
-            began_on_the_move: work.is_some_and(|work| work.unsettled > 0),
+            began_on_the_move: work.is_some_and(|work| work.unsettled > 0 || twin.is_moving),
+            limit_cycle: work.is_some_and(|work| work.limit_cycles > 0),
         }
     }
 
@@ -58,11 +62,12 @@ impl Effort {
     /// What [`Effort::to_columns`] has written.
     pub(super) fn from_table(table: &Table) -> Result<Vec<Self>, TableError> {
         let (steps, twins) = (table.f64(STEPS)?, table.f64(TWIN_STEPS)?);
-        let moving = table.bool(MOVING)?;
+        let (moving, cycles) = (table.bool(MOVING)?, table.bool(LIMIT_CYCLE)?);
         let of = |row: usize| Effort {
             steps_per_s: steps[row],
             twin_steps_per_s: twins[row],
             began_on_the_move: moving[row],
+            limit_cycle: cycles[row],
         };
         Ok((0..table.row_count()).map(of).collect())
     }
@@ -72,9 +77,11 @@ impl Effort {
 fn told(efforts: &[Effort]) -> Vec<Column> {
     let steps = efforts.iter().map(|effort| effort.steps_per_s).collect();
     let moving = efforts.iter().map(|effort| effort.began_on_the_move).collect();
+    let cycles = efforts.iter().map(|effort| effort.limit_cycle).collect();
     vec![
         Column::new(STEPS, "1/s", Values::Float(steps)),
         Column::new(MOVING, "", Values::Flag(moving)),
+        Column::new(LIMIT_CYCLE, "", Values::Flag(cycles)),
     ]
 }
 

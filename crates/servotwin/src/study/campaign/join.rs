@@ -1,15 +1,13 @@
 //! Shards joined to data sets, one after the other: memory holds the rows of one group of the file.
 
+use super::columns::HEALTHY;
 use super::data_set::Maker;
 use super::shard::{Row, Shards};
-use super::{Campaign, CampaignError, Outcome, Plants, Prepared, Setting, calibration_file};
+use super::{Campaign, CampaignError, OnTheMove, Outcome, Plants, Prepared, calibration_file};
 use crate::table::parquet::ParquetWriter;
 
 /// Shards whose rows stand in one group of a data set: a group is held in memory until it is written.
 const GROUP_SHARDS: usize = 80;
-
-/// A variant that could not be finished: its setting, its number, and why.
-type Failed = (Setting, usize, String);
 
 impl Campaign<'_> {
     /// Joins the shards of a campaign that has ended to its data sets.
@@ -96,9 +94,10 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         [outcome.images, outcome.alike] = prepared.images.counts();
         outcome.failed.clear();
+        outcome.on_the_move.clear();
         let shards = self.shards(prepared);
         for (place, shards) in shards.iter().enumerate() {
-            outcome.failed.extend(self.write_data_set(prepared, place, shards)?);
+            self.write_data_set(prepared, place, shards, outcome)?;
         }
         Ok(())
     }
@@ -108,11 +107,11 @@ impl Campaign<'_> {
         prepared: &Prepared,
         place: usize,
         shards: &Shards,
-    ) -> Result<Vec<Failed>, CampaignError> {
+        outcome: &mut Outcome,
+    ) -> Result<(), CampaignError> {
         let (study, cases, setting) = (self.study, self.cases(), self.settings[place]);
         let maker = Maker { study, cases, plan: &prepared.plan, images: &prepared.images, setting };
         let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
-        let mut failed = vec![];
         let mut writer: Option<ParquetWriter> = None;
         for shard in 0..shards.count().max(1) {
             if self.is_cancelled() {
@@ -121,7 +120,13 @@ impl Campaign<'_> {
             let variants = shards.variants_of(shard);
             let rows = if variants.is_empty() { vec![] } else { shards.rows(study, shard)? };
             let numbered = variants.clone().zip(&rows).filter(|(_, row)| !row.failure.is_empty());
-            failed.extend(numbered.map(|(index, row)| (setting, index, row.failure.clone())));
+            let failed = numbered.map(|(index, row)| (setting, index, row.failure.clone()));
+            outcome.failed.extend(failed);
+            let numbered = variants.clone().zip(&rows);
+            let moving = numbered.filter(|(_, row)| row.effort.began_on_the_move);
+            let moving =
+                moving.map(|(variant, row)| self.on_the_move(prepared, place, variant, row));
+            outcome.on_the_move.extend(moving);
             let part = maker.table(variants, &rows);
             let writer = match &mut writer {
                 Some(writer) => writer,
@@ -142,6 +147,24 @@ impl Campaign<'_> {
         if let Some(writer) = writer {
             writer.finish()?;
         }
-        Ok(failed)
+        Ok(())
+    }
+
+    fn on_the_move(
+        &self,
+        prepared: &Prepared,
+        place: usize,
+        variant: usize,
+        row: &Row,
+    ) -> OnTheMove {
+        let planned = prepared.plan[variant];
+        let fault = planned.fault.map(|fault| self.study.faults[fault].id.clone());
+        OnTheMove {
+            setting: self.settings[place],
+            variant,
+            fault: fault.unwrap_or_else(|| HEALTHY.into()),
+            case: self.cases()[planned.case].name.clone(),
+            limit_cycle: row.effort.limit_cycle,
+        }
     }
 }

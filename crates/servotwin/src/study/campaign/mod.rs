@@ -109,8 +109,33 @@ pub struct Outcome {
     pub statistics: Statistics,
     /// Variants that could not be finished, with the reason.
     pub failed: Vec<(Setting, usize, String)>,
+    /// Variants that began without a steady state, in every setting.
+    pub on_the_move: Vec<OnTheMove>,
     /// Whether it was stopped before the end.
     pub cancelled: bool,
+}
+
+/// A variant that began without a steady state: none was found for it or for its twin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OnTheMove {
+    /// The setting.
+    pub setting: Setting,
+    /// Its number.
+    pub variant: usize,
+    /// Its fault; `healthy` without one.
+    pub fault: String,
+    /// The operating case.
+    pub case: String,
+    /// Whether it was measured to swing for ever.
+    pub limit_cycle: bool,
+}
+
+impl std::fmt::Display for OnTheMove {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let OnTheMove { setting, variant, fault, case, limit_cycle } = self;
+        let why = if *limit_cycle { "limit cycle measured" } else { "no steady state found" };
+        write!(out, "{} variant {variant} ({fault}, {case}): {why}", setting.name())
+    }
 }
 
 /// Why a campaign stopped.
@@ -489,7 +514,9 @@ impl Campaign<'_> {
             |twin, rows, result| match result {
                 Ok(work) => {
                     let steps_per_s = effort::steps_per_s(&work, ensemble.duration_s);
-                    twins.insert(wanted[twin], Twin { samples: rows.0, steps_per_s });
+                    let is_moving = work.unsettled > 0;
+                    let twin_run = Twin { samples: rows.0, steps_per_s, is_moving };
+                    twins.insert(wanted[twin], twin_run);
                 }
                 Err(error) => failure = Some((wanted[twin].0, self.describe(&error))),
             },

@@ -13,6 +13,8 @@ pub(super) struct Twin {
     pub samples: Vec<f64>,
     /// The solver's steps for each simulated second.
     pub steps_per_s: f64,
+    /// Whether it began on the move.
+    pub is_moving: bool,
 }
 
 /// Makes the sinks of variants.

@@ -1,0 +1,152 @@
+//! Whether the pressures of a run stay where the laws of the fluids hold.
+
+use crate::system::System;
+use servotwin_model::fluid::VAPOR_PRESSURE_PA;
+use servotwin_model::program::Slot;
+use servotwin_model::spec::Unit;
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// Density and viscosity are laws of temperature alone, and the bulk modulus grows in a straight line: no data sheet
+/// behind them goes beyond this pressure, Pa.
+pub const MAX_PRESSURE_PA: f64 = 1e8;
+
+/// Which end of the range of validity a pressure has left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limit {
+    /// Vapor pressure: the place holds a cavity, or a boundary gives less than any fluid can have.
+    Vapor,
+    /// [`MAX_PRESSURE_PA`].
+    High,
+}
+
+/// A pressure that left the range of validity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PressureFinding {
+    /// The pressure, by the name of what a run records.
+    pub name: String,
+    /// The end of the range.
+    pub limit: Limit,
+    /// When it was first outside, s.
+    pub first_s: f64,
+    /// How long it was outside in all, s.
+    pub duration_s: f64,
+    /// The farthest that it went, Pa.
+    pub extreme_pa: f64,
+}
+
+impl fmt::Display for PressureFinding {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let PressureFinding { name, limit, first_s, duration_s, extreme_pa } = self;
+        let bar = extreme_pa * 1e-5;
+        match limit {
+            Limit::Vapor => write!(
+                out,
+                "{name} is at vapor pressure for {duration_s:.4} s, first at {first_s:.4} s: a cavity, whose size is \
+                 followed, but not its place and its waves"
+            ),
+            Limit::High => write!(
+                out,
+                "{name} is above {:.0} bar for {duration_s:.4} s, first at {first_s:.4} s, and reaches {bar:.0} bar: \
+                 the laws of the fluids do not hold there",
+                MAX_PRESSURE_PA * 1e-5
+            ),
+        }
+    }
+}
+
+/// A pressure while it is watched.
+#[derive(Clone, Debug)]
+struct Watched {
+    name: String,
+    slot: Slot,
+    /// By limit: first sample outside, samples outside, farthest value.
+    outside: [Option<(usize, usize, f64)>; 2],
+}
+
+/// Watches every pressure of a system while it runs, sample by sample.
+#[derive(Clone, Debug)]
+pub struct PressureMonitor {
+    period_s: f64,
+    watched: Vec<Watched>,
+}
+
+impl PressureMonitor {
+    /// For samples that are so far apart, s.
+    pub fn new(system: &System, period_s: f64) -> Self {
+        let mut seen = BTreeSet::new();
+        let observables = system.program.observables().iter();
+        let absolute =
+            observables.filter(|o| o.unit == Unit::Pascal && o.name.ends_with(".pressure_pa"));
+        let own = absolute.filter(|o| seen.insert(o.slot));
+        let watch = |o: &servotwin_model::program::Observable| Watched {
+            name: o.name.clone(),
+            slot: o.slot,
+            outside: [None; 2],
+        };
+        Self { period_s, watched: own.map(watch).collect() }
+    }
+
+    /// What is to be recorded for it.
+    pub fn slots(&self) -> impl Iterator<Item = Slot> + '_ {
+        self.watched.iter().map(|watched| watched.slot)
+    }
+
+    /// Takes the values of [`PressureMonitor::slots`] at a sample.
+    pub fn sample(&mut self, index: usize, values: &[f64]) {
+        for (watched, &value) in self.watched.iter_mut().zip(values) {
+            let is_outside = [value <= VAPOR_PRESSURE_PA, value > MAX_PRESSURE_PA];
+            for (outside, is_outside) in watched.outside.iter_mut().zip(is_outside) {
+                if is_outside {
+                    let (_, count, farthest) = outside.get_or_insert((index, 0, value));
+                    *count += 1;
+                    let is_farther =
+                        if value > MAX_PRESSURE_PA { value > *farthest } else { value < *farthest };
+                    *farthest = if is_farther { value } else { *farthest };
+                }
+            }
+        }
+    }
+
+    /// The pressures that left the range of validity.
+    pub fn findings(&self) -> Vec<PressureFinding> {
+        let of = |watched: &Watched| {
+            let name = watched.name.clone();
+            let limits = [Limit::Vapor, Limit::High].into_iter().zip(watched.outside);
+            let outside = limits.filter_map(|(limit, outside)| Some((limit, outside?)));
+            let finding = |(limit, (first, count, extreme_pa)): (Limit, (usize, usize, f64))| {
+                PressureFinding {
+                    name: name.clone(),
+                    limit,
+                    first_s: first as f64 * self.period_s,
+                    duration_s: count as f64 * self.period_s,
+                    extreme_pa,
+                }
+            };
+            outside.map(finding).collect::<Vec<_>>()
+        };
+        self.watched.iter().flat_map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pressure_outside_of_its_range_is_named_with_time_and_size() {
+        let mut monitor = PressureMonitor::new(&System::default(), 0.01);
+        let count = monitor.watched.len();
+        assert!(count > 4, "{count}");
+        for (index, first) in [1e7, 20.0, 1.5e8, 2e8, 20.0, 1e7].into_iter().enumerate() {
+            let mut values = vec![1e7; count];
+            values[0] = first;
+            monitor.sample(index, &values);
+        }
+        let findings = monitor.findings();
+        let numbers: Vec<_> =
+            findings.iter().map(|f| (f.limit, f.first_s, f.duration_s, f.extreme_pa)).collect();
+        assert_eq!(numbers, [(Limit::Vapor, 0.01, 0.02, 20.0), (Limit::High, 0.02, 0.02, 2e8)]);
+        assert!(findings[1].to_string().contains("reaches 2000 bar"), "{}", findings[1]);
+    }
+}
