@@ -1,6 +1,8 @@
 //! `servotwin history`: the flights of one tail number, and how wear goes on.
 
 use super::fit::{chosen_faults, read_study, tell};
+use super::log_folder::LogFolder;
+use super::note;
 use super::progress::Stages;
 use super::read_log;
 use super::watch::read_diagnoser;
@@ -10,8 +12,8 @@ use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin::files::FileError;
 use servotwin::fit::history::{Drift, Flight, History, Log, Track};
+use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{FitError, Knowledge, Problem, Record, RecordError};
 use servotwin::flight::told::{Told, told};
@@ -27,7 +29,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// first flight to the last, with a trend and the time to a threshold.
 ///
 /// The logs of a folder are taken in the order of their names; each is a record as `servotwin fit` takes it. A log
-/// that is none is told and left out. Where a threshold is reached, or will be within the flights of --within with
+/// that is none is told and left out, and so is what is no regular file. Where an intensity falls, a repair is
+/// reported, and the trend begins anew. Where a threshold is reached, or will be within the flights of --within with
 /// 95 %, that is an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
@@ -76,7 +79,7 @@ impl Options {
     /// The files that it reads and writes.
     pub fn paths(&self) -> Paths {
         Paths::default()
-            .read("the log", logs(&self.folder).unwrap_or_default())
+            .read("the log", LogFolder::read(&self.folder).unwrap_or_default().paths)
             .read("SYSTEM", &self.system)
             .read_study(self.study.as_ref())
             .read("--map", &self.map)
@@ -95,7 +98,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-    let paths = logs(&options.folder)?;
+    let folder = LogFolder::read(&options.folder)?;
+    if let Some(skipped) = folder.sentence() {
+        note(global, &skipped);
+    }
+    let LogFolder { paths, skipped } = folder;
     stop::heed();
     let stages = Stages::new(global);
     let mut all: Vec<Log> = Vec::new();
@@ -139,7 +146,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let alarms: Vec<String> =
         history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
     let output = match global {
-        Global { json: true, .. } => json(&as_json(&history, &problem, &told, options, &alarms)),
+        Global { json: true, .. } => json(&as_json(&history, &problem, &told, options, &alarms, &skipped)),
         Global { quiet: true, .. } => String::new(),
         _ => people(&history, &problem, &told, options),
     };
@@ -178,6 +185,8 @@ fn record(
         Err(Failure::Table(TableError::Content { problem, .. })) => {
             Ok(Err(RecordError::Column(problem.to_string())))
         }
+        // One file that cannot be read does not end the history of the others.
+        Err(Failure::Table(error)) => Ok(Err(RecordError::Column(error.to_string()))),
         Err(Failure::Map(lacking)) => {
             let first = lacking.to_string().lines().next().map(str::to_owned);
             Ok(Err(RecordError::Column(first.unwrap_or_default())))
@@ -186,30 +195,14 @@ fn record(
     }
 }
 
-/// The logs of a folder by their names.
-fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let none = |reason: &str| Failure::NoLogs { folder: folder.into(), reason: reason.into() };
-    if !folder.is_dir() {
-        return Err(none("no such folder"));
-    }
-    let wrong = |cause| FileError::from_io(folder, cause);
-    let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(wrong)? {
-        let path = entry.map_err(wrong)?.path();
-        if table::is_readable(&path) {
-            paths.push(path);
-        }
-    }
-    paths.sort();
-    match paths.is_empty() {
-        true => Err(none("the folder has no logs (.csv, .parquet or .jsonl)")),
-        false => Ok(paths),
-    }
-}
-
 /// What a track says of its threshold, where that is an alarm.
 fn alarm(track: &Track, options: &Options) -> Option<String> {
-    let trend = track.trend.as_ref()?;
+    let Some(trend) = &track.trend else {
+        // Too few flights for a trend are enough to see that it is reached.
+        let last = track.points.last()?;
+        let is_reached = last.level - 1.96 * last.error >= options.threshold;
+        return is_reached.then(|| format!("{} has reached {}", track.name, options.threshold));
+    };
     let reached = trend.reaches(options.threshold);
     let earliest = reached.earliest.filter(|flights| *flights <= f64::from(options.within))?;
     // An interval that is merely wide is no alarm: the wear must be seen to go on.
@@ -243,24 +236,31 @@ fn verdict(flight: &Flight, problem: &Problem) -> String {
     }
 }
 
+/// When a trend reaches a threshold, as a clause.
 fn when(trend: &Trend, threshold: f64) -> String {
     let reached = trend.reaches(threshold);
-    let flights = |value: Option<f64>| value.map_or("never".into(), |v| number(v.round(), 4));
-    match (reached.expected, reached.earliest) {
-        (Some(0.0), _) => format!("has reached {threshold}"),
-        (None, None) => format!("does not reach {threshold}"),
-        _ => format!(
-            "reaches {threshold} in {} flights (95 %: {} … {})",
-            flights(reached.expected),
-            flights(reached.earliest),
-            flights(reached.latest)
-        ),
+    let flights = |value: f64| number(value.round(), 4);
+    match (reached.expected, reached.earliest, reached.latest) {
+        (Some(0.0), ..) => format!("has reached {threshold}"),
+        (None, None, _) => "no trend: the threshold is not reached".into(),
+        (None, Some(earliest), _) => {
+            format!("no trend: {threshold} is not reached before {} flights (95 %)", flights(earliest))
+        }
+        (Some(expected), earliest, latest) => {
+            let earliest = flights(earliest.unwrap_or(0.0));
+            let interval = match latest {
+                Some(latest) => format!("{earliest} … {}", flights(latest)),
+                None => format!("{earliest} or more"),
+            };
+            format!("reaches {threshold} in {} flights (95 %: {interval})", flights(expected))
+        }
     }
 }
 
 fn sentence(track: &Track, threshold: f64) -> String {
     let Some(trend) = &track.trend else {
-        return format!("{}: too few flights for a trend", track.name);
+        let since = if track.last_repair().is_some() { " since the repair" } else { "" };
+        return format!("{}: too few flights{since} for a trend", track.name);
     };
     let last = trend.last();
     format!(
@@ -272,6 +272,21 @@ fn sentence(track: &Track, threshold: f64) -> String {
         number(last.rate, 2),
         when(trend, threshold)
     )
+}
+
+/// A fall of an intensity, as a sentence.
+fn repaired(repair: &Repair, track: &Track, history: &History) -> String {
+    let place = repair.at as usize;
+    let log = history.flights.get(place).map_or("", |flight| &flight.name);
+    let (name, fall) = (&track.name, number(repair.fall, 2));
+    match repair.is_confirmed {
+        true => format!(
+            "{name}: repaired before flight {place} ({log}): the intensity falls by {fall}, and a new trend begins"
+        ),
+        false => format!(
+            "{name}: flight {place} ({log}) is lower by {fall}: a repair or a bad flight; the next flight decides, and the trend leaves this one out"
+        ),
+    }
 }
 
 fn drifts(drift: &Drift, problem: &Problem) -> String {
@@ -309,6 +324,9 @@ fn people(
     }
     let mut text = grid.text() + "\n";
     for track in &history.tracks {
+        for repair in &track.repairs {
+            text += &format!("{}\n", repaired(repair, track, history));
+        }
         text += &format!("{}\n", sentence(track, options.threshold));
     }
     for drift in &history.drifts {
@@ -332,6 +350,7 @@ fn as_json(
     told: &[Option<Told>],
     options: &Options,
     alarms: &[String],
+    skipped: &[(String, &'static str)],
 ) -> serde_json::Value {
     let diagnosis = |told: &Told| {
         let Told { finding, at_s, outside } = told;
@@ -357,6 +376,14 @@ fn as_json(
             "interval_95": [reached.earliest, reached.latest],
         })
     };
+    let repair = |repair: &Repair| {
+        json!({
+            "flight": repair.at,
+            "log": history.flights.get(repair.at as usize).map(|flight| &flight.name),
+            "fall": repair.fall,
+            "is_confirmed": repair.is_confirmed,
+        })
+    };
     let tracks = history.tracks.iter().map(|track| {
         json!({
             "fault": track.name,
@@ -364,6 +391,7 @@ fn as_json(
             "flights": track.points.iter().map(|p| p.at).collect::<Vec<_>>(),
             "intensities": track.points.iter().map(|p| p.level).collect::<Vec<_>>(),
             "errors": track.points.iter().map(|p| p.error).collect::<Vec<_>>(),
+            "repairs": track.repairs.iter().map(repair).collect::<Vec<_>>(),
             "trend": track.trend.as_ref().map(trend),
         })
     });
@@ -381,6 +409,7 @@ fn as_json(
         "drifts": drifts.collect::<Vec<_>>(),
         "threshold": options.threshold,
         "alarms": alarms,
+        "skipped": skipped.iter().map(|(name, why)| json!({ "name": name, "reason": why })).collect::<Vec<_>>(),
     })
 }
 

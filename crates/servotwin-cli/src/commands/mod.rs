@@ -16,6 +16,7 @@ pub mod flights;
 pub mod fly;
 pub mod history;
 pub mod init;
+mod log_folder;
 pub mod man;
 pub mod merge;
 pub mod predict;

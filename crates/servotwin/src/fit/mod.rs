@@ -11,7 +11,7 @@
 //! - [`fleet`]: many specimens with one calibration flight, for campaigns
 //! - [`intensity`]: how strong a fault is, and which of several it is
 //! - [`design`]: which flight shows the unknowns best
-//! - [`history`], [`trend`]: the flights of one tail number, and how wear goes on
+//! - [`history`], [`trend`], [`repair`]: the flights of one tail number, how wear goes on, and where it was repaired
 //!
 //! A fit is a finding or an update, never both: what a fault changed must not vanish in parameters.
 
@@ -24,6 +24,7 @@ pub mod knowledge;
 pub mod linear;
 mod plausible;
 pub mod record;
+pub mod repair;
 mod response;
 mod solve;
 pub mod suspects;
