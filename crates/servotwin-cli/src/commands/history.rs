@@ -551,3 +551,17 @@ fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
     }
     panel.with(Series::new("threshold", vec![0.0, end], vec![threshold, threshold]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::when;
+    use servotwin::fit::trend::{Point, Trend};
+
+    #[test]
+    fn a_wear_that_does_not_grow_is_no_trend() {
+        let flight = |n: u32| Point { at: n.into(), level: 0.4 - 0.01 * f64::from(n), error: 1e-4 };
+        let falling: Vec<Point> = (0..10).map(flight).collect();
+        let sentence = when(&Trend::of(&falling).unwrap(), 0.5);
+        assert_eq!(sentence, "no trend: the threshold is not reached");
+    }
+}

@@ -14,6 +14,7 @@ pub mod features;
 pub mod fit;
 pub mod flights;
 pub mod fly;
+mod fly_truth;
 pub mod history;
 pub mod init;
 mod log_folder;
