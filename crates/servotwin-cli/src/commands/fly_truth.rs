@@ -24,7 +24,8 @@ impl Truth {
     /// The truth of a fault that begins.
     pub fn of(study: &Study, fault: FaultAt, onset_s: f64) -> Self {
         let instance = &study.system.network().components[fault.component];
-        let name = format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name);
+        let name =
+            format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name);
         let same = |at: FaultAt| (at.component, at.fault) == (fault.component, fault.fault);
         let known = study.faults.iter().find(|case| same(case.at));
         let begins = |unit: &&String| unit.is_empty() || name.starts_with(&format!("{unit}."));
@@ -70,7 +71,10 @@ pub fn detected(record: &Record, since_s: f64) -> Option<f64> {
         )
     };
     let later = record.changes.iter().filter(|change| change.time_s >= since_s);
-    later.map(|change| (change.time_s, change.finding)).find(|(_, f)| says_fault(*f)).map(|(t, _)| t)
+    later
+        .map(|change| (change.time_s, change.finding))
+        .find(|(_, f)| says_fault(*f))
+        .map(|(t, _)| t)
 }
 
 /// A fault beside the first action that was raised for it.
@@ -107,7 +111,11 @@ impl<'t> Judged<'t> {
         let Truth { name, onset_s, actuator, expected } = self.truth;
         let mut text = format!("truth: {} from {onset_s} s on", spoken(name));
         if let Some((action, component)) = expected {
-            let of = if actuator.is_empty() { String::new() } else { format!(" of {}", spoken(actuator)) };
+            let of = if actuator.is_empty() {
+                String::new()
+            } else {
+                format!(" of {}", spoken(actuator))
+            };
             text += &format!("; right is: {}{of}, {}", spoken(action), spoken(component));
         }
         text.push('\n');
@@ -183,7 +191,9 @@ impl<'t> Verdict<'t> {
             (true, 0) => text += "truth: no fault; right: no action was raised\n",
             (_, 0) => {}
             (_, 1) => text += "false alarm: an action was raised before any fault began\n",
-            (_, n) => text += &format!("{n} false alarms: actions were raised before any fault began\n"),
+            (_, n) => {
+                text += &format!("{n} false alarms: actions were raised before any fault began\n")
+            }
         }
         text
     }

@@ -146,7 +146,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let alarms: Vec<String> =
         history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
     let output = match global {
-        Global { json: true, .. } => json(&as_json(&history, &problem, &told, options, &alarms, &skipped)),
+        Global { json: true, .. } => {
+            json(&as_json(&history, &problem, &told, options, &alarms, &skipped))
+        }
         Global { quiet: true, .. } => String::new(),
         _ => people(&history, &problem, &told, options),
     };
@@ -244,7 +246,10 @@ fn when(trend: &Trend, threshold: f64) -> String {
         (Some(0.0), ..) => format!("has reached {threshold}"),
         (None, None, _) => "no trend: the threshold is not reached".into(),
         (None, Some(earliest), _) => {
-            format!("no trend: {threshold} is not reached before {} flights (95 %)", flights(earliest))
+            format!(
+                "no trend: {threshold} is not reached before {} flights (95 %)",
+                flights(earliest)
+            )
         }
         (Some(expected), earliest, latest) => {
             let earliest = flights(earliest.unwrap_or(0.0));

@@ -59,7 +59,9 @@ impl LogFolder {
         match each.len() {
             0 => None,
             1 => Some(format!("skipped 1 entry that is no regular file: {}", each[0])),
-            n => Some(format!("skipped {n} entries that are no regular files: {}", each.join(", "))),
+            n => {
+                Some(format!("skipped {n} entries that are no regular files: {}", each.join(", ")))
+            }
         }
     }
 }

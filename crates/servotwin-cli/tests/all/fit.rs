@@ -363,7 +363,8 @@ fn a_repair_begins_a_new_trend_and_is_reported_with_its_flight() {
     let logs = leaking(&folder, &[0.1, 0.2, 0.3, 0.4, 0.0, 0.03, 0.06, 0.09]);
     let history = ["history", &logs, "--study", STUDY, "--faults", "leakage_a.leakage"];
     let text = stdout(&servotwin(&[&history[..], &["--within", "1"]].concat()));
-    let said = "leakage_a.leakage: repaired before flight 4 (flight_5.csv): the intensity falls by 0.4";
+    let said =
+        "leakage_a.leakage: repaired before flight 4 (flight_5.csv): the intensity falls by 0.4";
     assert!(text.contains(said), "{text}");
     let found = json(&[&history[..], &["--within", "1", "--json"]].concat());
     let track = &found["tracks"][0];

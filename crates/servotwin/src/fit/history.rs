@@ -60,7 +60,8 @@ impl Track {
         let confirmed = repairs.iter().rev().find(|one| one.is_confirmed);
         let start = confirmed.map_or(0, |one| one.place);
         // A fall that only the last flight shows may be a bad fit: the wear before it is the safe side.
-        let end = repairs.last().filter(|one| !one.is_confirmed).map_or(points.len(), |one| one.place);
+        let end =
+            repairs.last().filter(|one| !one.is_confirmed).map_or(points.len(), |one| one.place);
         let trend = Trend::of(&points[start..end]);
         Track { name, probability, points, repairs, trend }
     }

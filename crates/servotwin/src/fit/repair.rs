@@ -178,7 +178,8 @@ mod tests {
             |n| 0.3 * (1.0 - (-n / 10.0).exp()),
         ];
         for shape in shapes {
-            let found = (0..200).filter(|&seed| !repairs(&series(100, seed, 0.01, shape)).is_empty());
+            let found =
+                (0..200).filter(|&seed| !repairs(&series(100, seed, 0.01, shape)).is_empty());
             assert_eq!(found.count(), 0);
         }
     }

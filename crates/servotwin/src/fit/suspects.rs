@@ -206,7 +206,8 @@ impl Problem<'_> {
         let (Some(moments), Some(&(_, (least, _)))) = (moments, faults.constant.first()) else {
             return Ok(None);
         };
-        let worth: Vec<_> = faults.begun.iter().filter(|(_, guess)| guess.is_worth(least)).collect();
+        let worth: Vec<_> =
+            faults.begun.iter().filter(|(_, guess)| guess.is_worth(least)).collect();
         if worth.is_empty() {
             return Ok(None);
         }

@@ -16,8 +16,13 @@ pub enum FitVerdict {
     Fault(Box<Diagnosed>),
     /// The clock or the times of the sensors are wrong.
     Times(Suspect),
-    /// Nothing explains them; the fault that comes nearest, where there is one.
-    Unexplained(Option<Box<Diagnosed>>),
+    /// Nothing explains them.
+    Unexplained {
+        /// The fault that comes nearest, where there is one.
+        nearest: Option<Box<Diagnosed>>,
+        /// A reading that shifts, as a clause; empty where none does.
+        shift: String,
+    },
 }
 
 impl FitVerdict {
@@ -27,7 +32,7 @@ impl FitVerdict {
             FitVerdict::Healthy => "healthy",
             FitVerdict::Fault(_) => "fault",
             FitVerdict::Times(_) => "times",
-            FitVerdict::Unexplained(_) => "unexplained",
+            FitVerdict::Unexplained { .. } => "unexplained",
         }
     }
 
@@ -35,7 +40,7 @@ impl FitVerdict {
     pub fn fault(&self) -> Option<&Diagnosed> {
         match self {
             FitVerdict::Fault(one) => Some(one),
-            FitVerdict::Unexplained(nearest) => nearest.as_deref(),
+            FitVerdict::Unexplained { nearest, .. } => nearest.as_deref(),
             FitVerdict::Healthy | FitVerdict::Times(_) => None,
         }
     }
@@ -48,11 +53,14 @@ impl FitVerdict {
             }
             FitVerdict::Fault(one) => format!("fault: {}", in_words(one)),
             FitVerdict::Times(suspect) => format!("wrong times: {}", suspect.sentence()),
-            FitVerdict::Unexplained(None) => {
+            FitVerdict::Unexplained { shift, .. } if !shift.is_empty() => {
+                format!("cannot be explained by a fault: {shift}, and nothing else follows it")
+            }
+            FitVerdict::Unexplained { nearest: None, .. } => {
                 "cannot be explained: neither tolerances nor a fault of the study explain the record"
                     .into()
             }
-            FitVerdict::Unexplained(Some(one)) => format!(
+            FitVerdict::Unexplained { nearest: Some(one), .. } => format!(
                 "cannot be explained: the nearest fault, {}, leaves more than half of it",
                 in_words(one)
             ),
@@ -82,14 +90,15 @@ impl Problem<'_> {
         if fitted.is_update() {
             return Ok(FitVerdict::Healthy);
         }
+        let unexplained = |nearest| FitVerdict::Unexplained { nearest, shift: self.shift(fitted) };
         let Some(Finding::Looks(suspect)) = fitted.findings.first() else {
-            return Ok(FitVerdict::Unexplained(None));
+            return Ok(unexplained(None));
         };
         if [CLOCK, DELAY].contains(&suspect.name.as_str()) {
             return Ok(FitVerdict::Times(suspect.clone()));
         }
         let Some(fault) = self.system.program.find_fault(&suspect.name) else {
-            return Ok(FitVerdict::Unexplained(None));
+            return Ok(unexplained(None));
         };
         let estimate = if suspect.onset.is_some() { intensity_and_onset } else { intensity };
         let one = Box::new(estimate(self, &[fault])?.remove(0));
@@ -98,8 +107,19 @@ impl Problem<'_> {
         let left = beyond_noise(one.fitted.cost);
         Ok(match left <= (1.0 - EXPLAINS) * beyond_noise(fitted.cost) || is_noise(&one) {
             true => FitVerdict::Fault(one),
-            false => FitVerdict::Unexplained(Some(one)),
+            false => unexplained(Some(one)),
         })
+    }
+}
+
+impl Problem<'_> {
+    /// The shift of the sensor whose mean is the largest, as a clause.
+    fn shift(&self, fitted: &Fitted) -> String {
+        let means = fitted.findings.iter().filter_map(|finding| match finding {
+            Finding::Mean(left) => Some(left.shift_in_words(self)),
+            _ => None,
+        });
+        means.collect()
     }
 }
 
