@@ -20,7 +20,7 @@
 //! ```
 
 use crate::document::{Quantities, Quantity};
-use crate::ensemble::{Later, Ensemble, Sink, Variant, processors};
+use crate::ensemble::{Ensemble, Later, Sink, Variant, processors};
 use crate::figure::time_series::TimeSeries;
 use crate::nearest::UnknownName;
 use crate::recording::{self, Recorded, with_suffix};
