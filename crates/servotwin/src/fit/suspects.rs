@@ -216,7 +216,7 @@ impl Problem<'_> {
             constant = constant.min(self.with_fault(fault).constant()?.0.cost);
         }
         let mut best: Option<((usize, usize), Begun)> = None;
-        for &&(fault, guess) in worth.iter().take(FITTED) {
+        for &&(fault, guess) in &worth {
             let own = self.with_fault(fault).begins(guess, moments.reach_s())?;
             if best.as_ref().is_none_or(|(_, best)| own.minimum.cost < best.minimum.cost) {
                 best = Some((fault, own));

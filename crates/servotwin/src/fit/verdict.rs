@@ -1,8 +1,9 @@
 //! What a fit comes to, in one sentence: healthy, a fault, times that are wrong, or nothing that explains the record.
 
+use super::finding::MEAN_LIMIT;
 use super::intensity::{Diagnosed, intensity, intensity_and_onset};
 use super::suspects::{CLOCK, DELAY};
-use super::{Finding, FitError, Fitted, Problem, Suspect};
+use super::{Finding, FitError, Fitted, Problem, SensorFit, Suspect};
 
 /// A fault explains a record where it takes away at least this part of what the tolerances leave beyond noise.
 const EXPLAINS: f64 = 0.5;
@@ -113,13 +114,22 @@ impl Problem<'_> {
 }
 
 impl Problem<'_> {
-    /// The shift of the sensor whose mean is the largest, as a clause.
+    /// The shift of the sensor whose mean is the largest, as a clause; empty where other sensors leave more than noise, so
+    /// that something moved with it.
     fn shift(&self, fitted: &Fitted) -> String {
-        let means = fitted.findings.iter().filter_map(|finding| match finding {
-            Finding::Mean(left) => Some(left.shift_in_words(self)),
+        let mean = fitted.findings.iter().find_map(|finding| match finding {
+            Finding::Mean(left) => Some(left),
             _ => None,
         });
-        means.collect()
+        let Some(mean) = mean else { return String::new() };
+        let others = fitted.left.iter().filter(|left| left.sensor != mean.sensor);
+        let is_noise = |left: &SensorFit| {
+            left.mean_square <= left.limit && left.largest_mean.abs() <= MEAN_LIMIT
+        };
+        match others.into_iter().all(is_noise) {
+            true => mean.shift_in_words(self),
+            false => String::new(),
+        }
     }
 }
 
