@@ -11,7 +11,8 @@
 //!
 //! (FO2)  √(2 (F_c − F)/s) > 5
 //!
-//! F_c of the best fit with a fault from the first sample on, s the mean square of the residuals where it is above 1.
+//! F_c of the best fit with a fault from the first sample on, s the mean square of the residuals where it is above 1, and
+//! s < 2: a fault that leaves more is not the one.
 //! The interval of t is that of the moments with F(t) ≤ F + ½ χ²₁(95 %) s, all else at its best beside each.
 
 use super::intensity::{HALF_CHI_SQUARE_95, at, mean_square};
@@ -23,6 +24,9 @@ use super::{FitError, Problem};
 
 /// The most moments at which a fault may begin in a first guess.
 const MOST_MOMENTS: f64 = 100.0;
+/// An onset is believed only of a fit that leaves less than this mean square: of two faults that are both wrong the
+/// likelier one says nothing of a time.
+const MOST_LEFT: f64 = 2.0;
 /// Time between two of them, s, at least ...
 const LEAST_BETWEEN_S: f64 = 0.5;
 /// ... and what a record has behind the last one, s.
@@ -76,9 +80,10 @@ impl Begun {
     /// (FO2), where it is an onset.
     pub fn onset(&self, constant: f64) -> Option<Onset> {
         let gain = (constant - self.minimum.cost).max(0.0);
-        let score = (2.0 * gain / mean_square(&self.minimum)).sqrt();
+        let left = mean_square(&self.minimum);
+        let score = (2.0 * gain / left).sqrt();
         let Begun { at_s, interval_s, .. } = *self;
-        (score > SCORE_LIMIT).then_some(Onset { at_s, interval_s, score })
+        (score > SCORE_LIMIT && left < MOST_LEFT).then_some(Onset { at_s, interval_s, score })
     }
 }
 
