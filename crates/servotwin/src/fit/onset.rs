@@ -182,7 +182,7 @@ impl<'l> Moments<'l> {
 /// A problem whose last unknown is the intensity of a fault.
 impl Problem<'_> {
     /// The same problem with a fault that begins at a moment.
-    fn from_moment(&self, at_s: f64) -> Problem<'_> {
+    fn with_onset(&self, at_s: f64) -> Problem<'_> {
         Problem {
             unknowns: self.unknowns.clone(),
             records: self.records.clone(),
@@ -196,7 +196,7 @@ impl Problem<'_> {
     pub(super) fn begins(&self, guess: Guess, reach_s: f64) -> Result<Begun, FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
         let mut at_s = guess.at_s;
-        let mut minimum = self.from_moment(at_s).minimum(&at(&nominal, guess.intensity))?;
+        let mut minimum = self.with_onset(at_s).minimum(&at(&nominal, guess.intensity))?;
         let mut reach_s = reach_s;
         for _ in 0..ROUNDS {
             let step_s = reach_s / f64::from(TO_EACH_SIDE);
@@ -205,14 +205,14 @@ impl Problem<'_> {
             let best = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1));
             let Some(&(best_s, _)) = best.filter(|(_, cost)| cost.is_finite()) else { break };
             if best_s != at_s {
-                let again = self.from_moment(best_s).minimum(&minimum.z)?;
+                let again = self.with_onset(best_s).minimum(&minimum.z)?;
                 if again.cost < minimum.cost {
                     (minimum, at_s) = (again, best_s);
                 }
             }
             reach_s = 2.0 * step_s;
         }
-        let own = self.from_moment(at_s);
+        let own = self.with_onset(at_s);
         let (minimum, alike) = own.least_of_all(&minimum.z)?;
         let interval_s = self.moments_alike(&minimum, at_s)?;
         Ok(Begun { at_s, interval_s, minimum, alike })
