@@ -61,6 +61,6 @@ fn a_reading_that_shifts_in_the_log_alone_is_named_with_its_sensor_and_its_time(
     let verdict = problem.verdict(&fitted).unwrap();
     assert_eq!(verdict.name(), "unexplained");
     let sentence = verdict.sentence();
-    assert!(sentence.contains("x_p shifts by 0.3 mm at 6.00 s"), "{sentence}");
+    assert!(sentence.contains("x_p shifts by 0.300 mm at 6.00 s"), "{sentence}");
     assert!(!fitted.is_update());
 }
