@@ -20,7 +20,7 @@
 //! ```
 
 use crate::document::{Quantities, Quantity};
-use crate::ensemble::{Ensemble, Sink, Variant, processors};
+use crate::ensemble::{Ensemble, Later, Sink, Variant, processors};
 use crate::figure::time_series::TimeSeries;
 use crate::nearest::UnknownName;
 use crate::recording::{self, Recorded, with_suffix};
@@ -201,6 +201,8 @@ pub struct Simulation<'s> {
     level: Level,
     threads: usize,
     noise_seed: Option<u64>,
+    /// The faults that begin within the run, with the time, s.
+    onsets: Vec<(String, f64)>,
 }
 
 impl<'s> Simulation<'s> {
@@ -216,6 +218,7 @@ impl<'s> Simulation<'s> {
             level: Level::best(),
             threads: processors(),
             noise_seed: None,
+            onsets: vec![],
         }
     }
 
@@ -231,6 +234,13 @@ impl<'s> Simulation<'s> {
     pub fn fault(mut self, id: &str, intensity: f64) -> Self {
         self.variant.faults.push((id.to_owned(), intensity));
         self
+    }
+
+    /// Injects a fault that begins at a time within the run, s.
+    #[must_use]
+    pub fn fault_from(mut self, id: &str, intensity: f64, at_s: f64) -> Self {
+        self.onsets.push((id.to_owned(), at_s));
+        self.fault(id, intensity)
     }
 
     /// Gives a parameter another value, SI.
@@ -477,13 +487,18 @@ impl Resolver<'_, '_> {
         let system = self.simulation.system;
         let mut run = PreparedRun {
             faults: vec![],
+            onsets_s: vec![],
             parameters: vec![],
             curves: system.default_inputs().into_iter().map(Arc::new).collect(),
             driven: vec![],
         };
         for part in parts {
             for (id, intensity) in &part.faults {
+                let onset = self.simulation.onsets.iter().find(|(known, _)| known == id);
+                let at_s = onset.map_or(0.0, |(_, at_s)| *at_s);
+                within(id, at_s, (0.0, self.simulation.duration_s), Unit::Second)?;
                 run.add_fault(system, id, *intensity)?;
+                run.onsets_s.push(at_s);
             }
             for (id, value) in &part.parameters {
                 run.add_parameter(system, id, *value)?;
@@ -553,6 +568,8 @@ fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
 pub struct PreparedRun {
     /// The faults.
     pub faults: Vec<FaultAt>,
+    /// When each of them begins, s; at zero the run starts with it.
+    pub onsets_s: Vec<f64>,
     /// Parameters that differ from the system's: (component, parameter, SI value).
     pub parameters: Vec<(usize, usize, f64)>,
     /// One curve per input of the system.
@@ -602,8 +619,17 @@ impl PreparedRun {
     }
 
     fn variant(&self) -> Variant<'_> {
+        let with_onset = || self.faults.iter().copied().zip(self.onsets_s.iter().copied());
+        let begun_by = |time_s: f64| -> Vec<FaultAt> {
+            with_onset().filter(|(_, at_s)| *at_s <= time_s).map(|(fault, _)| fault).collect()
+        };
+        let mut times_s: Vec<f64> = self.onsets_s.iter().copied().filter(|t| *t > 0.0).collect();
+        times_s.sort_by(f64::total_cmp);
+        times_s.dedup();
+        let later = |time_s: f64| Later { time_s, faults: begun_by(time_s), ..Later::default() };
         Variant {
-            faults: self.faults.clone(),
+            faults: begun_by(0.0),
+            later: times_s.into_iter().map(later).collect(),
             overrides: self.parameters.clone(),
             inputs: self.curves.iter().map(Arc::as_ref).collect(),
             ..Variant::default()

@@ -94,16 +94,22 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 fn as_json(merit: &BandMerit) -> serde_json::Value {
     let of = |place: usize| {
+        let measured = healthy_rate(merit, place);
         json!({
             "healthy_left": merit.left[place],
             "faults_left": merit.detected[place],
+            "measured": measured.share,
+            "interval_95": [measured.low, measured.high],
+            "is_target_met": measured.share.map(|share| share <= merit.field.share),
         })
     };
+    let (mean, most) = band::share_of_calibration(merit.field.share, merit.field.calibrated_on);
     let covariates = merit.field.covariates.iter();
     let covariates = covariates
         .map(|c| json!({ "name": c.name, "edges": c.edges, "range": [c.range.0, c.range.1] }));
     json!({
         "share": merit.field.share,
+        "share_of_this_calibration": { "mean": mean, "below_with_95": most },
         "calibration_flights": merit.field.calibrated_on,
         "healthy": merit.healthy,
         "healthy_outside": merit.outside,
@@ -117,18 +123,53 @@ fn as_json(merit: &BandMerit) -> serde_json::Value {
     })
 }
 
+/// The share of the held-out healthy flights that leave a band.
+fn healthy_rate(merit: &BandMerit, place: usize) -> Rate {
+    Rate::new(merit.left[place] as u64, merit.healthy as u64)
+}
+
+/// The target beside what held-out flights show, as a line.
+fn against_target(name: &str, merit: &BandMerit, place: usize) -> String {
+    let target = merit.field.share;
+    let rate = healthy_rate(merit, place);
+    let percent = |share: f64| number(100.0 * share, 3);
+    let Some(share) = rate.share else {
+        return format!("{name}: target {} %, not measured: no held-out flight\n", percent(target));
+    };
+    let verdict = match (share <= target, rate.low <= target) {
+        (true, _) => "met",
+        (false, true) => "missed, by no more than chance explains",
+        (false, false) => "missed",
+    };
+    format!(
+        "{name}: target {} %, measured {} % ({} … {} %): {verdict}\n",
+        percent(target),
+        percent(share),
+        percent(rate.low),
+        percent(rate.high)
+    )
+}
+
 fn people(merit: &BandMerit, study: &Study, duration_s: f64) -> String {
     let percent = |count: usize, of: usize| {
         let rate = Rate::new(count as u64, of as u64);
         let share = 100.0 * count as f64 / of.max(1) as f64;
         format!("{share:.2} % ({:.1} … {:.1})", 100.0 * rate.low, 100.0 * rate.high)
     };
+    let (_, most) = band::share_of_calibration(merit.field.share, merit.field.calibrated_on);
     let mut text = format!(
-        "At most {} % of healthy flights of {duration_s} s leave the band: calibrated with {} flights, each of its own \
-         environment and specimen.\n\n",
-        100.0 * merit.field.share,
-        merit.field.calibrated_on
+        "Target: on the mean over calibrations at most {} % of healthy flights of {duration_s} s leave the band.\n\
+         This one is calibrated with {} flights, each of its own environment and specimen: up to {} % may leave it (95 % \
+         of such calibrations).\n\
+         Measured in {} other healthy flights:\n",
+        number(100.0 * merit.field.share, 3),
+        merit.field.calibrated_on,
+        number(100.0 * most, 3),
+        merit.healthy,
     );
+    text += &against_target("  field", merit, 0);
+    text += &against_target("  the same everywhere", merit, 1);
+    text += "\n";
     let mut grid = Grid::new(&[
         ("", Side::Left),
         ("field", Side::Right),

@@ -9,9 +9,9 @@ use crate::{Global, stop};
 use serde_json::{Value, json};
 use servotwin::built_in;
 use servotwin::files;
-use servotwin::fit::intensity::{Diagnosed, intensity};
+use servotwin::fit::intensity::{Diagnosed, intensity_and_onset};
 use servotwin::fit::unknown::Moved;
-use servotwin::fit::{FitError, Fitted, LeftOut, Problem, Record, Unknown};
+use servotwin::fit::{FitError, FitVerdict, Fitted, LeftOut, Onset, Problem, Record, Unknown};
 use servotwin::log::map::Map;
 use servotwin::log::source::cut::Span;
 use servotwin::nearest::UnknownName;
@@ -26,8 +26,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 ///
 /// A record is a log with a column of times, one for each sensor and one for each input that is not at its default, as
 /// `servotwin simulate --out` writes it; any file that `servotwin watch` reads is one. A minute in which the actuator moves
-/// much is good. What no tolerance explains is a finding: then nothing is written, and
-/// the exit code is 1.
+/// much is good. The first line is the verdict: healthy, a fault with its intensity and the time when it began, or a record
+/// that cannot be explained. What no tolerance explains is a finding: then nothing is written, and the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
     /// The record (.csv, .parquet, .mcap, .jsonl).
@@ -128,11 +128,12 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         });
     }
     let fitted = problem.solve()?;
+    let verdict = problem.verdict(&fitted)?;
     stages.end();
     let text = match global {
-        Global { json: true, .. } => json(&as_json(&fitted, &problem)),
+        Global { json: true, .. } => json(&as_json(&fitted, &verdict, &problem)),
         Global { quiet: true, .. } => String::new(),
-        _ => people(&fitted, &problem),
+        _ => format!("{}\n\n{}", first_line(&verdict, options), people(&fitted, &problem)),
     };
     if !fitted.is_update() {
         let sentences = fitted.findings.iter().map(|finding| finding.sentence(&problem)).collect();
@@ -143,6 +144,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         files::write_atomically(path, |out| out.write_all(system.as_bytes()))?;
     }
     Ok(text)
+}
+
+/// The verdict, and what becomes of the parameters.
+fn first_line(verdict: &FitVerdict, options: &Options) -> String {
+    let written = match (verdict, &options.out) {
+        (FitVerdict::Healthy, Some(path)) => format!("; parameters updated in {}", path.display()),
+        (_, Some(_)) => "; no update, nothing is written".into(),
+        (_, None) => String::new(),
+    };
+    verdict.sentence() + &written
 }
 
 /// A study, with a system of its own where one is named.
@@ -266,7 +277,7 @@ pub fn chosen_faults(names: &[String], problem: &Problem) -> Result<Vec<(usize, 
 }
 
 fn intensities(options: &Options, problem: &Problem) -> Result<Vec<Diagnosed>, Failure> {
-    Ok(intensity(problem, &chosen_faults(&options.faults, problem)?)?)
+    Ok(intensity_and_onset(problem, &chosen_faults(&options.faults, problem)?)?)
 }
 
 fn diagnosed(one: &Diagnosed) -> Value {
@@ -276,7 +287,13 @@ fn diagnosed(one: &Diagnosed) -> Value {
         "interval_95": [one.interval.0, one.interval.1],
         "log_likelihood": one.log_likelihood,
         "probability": one.probability,
+        "onset": one.onset.map(onset),
     })
+}
+
+fn onset(onset: Onset) -> Value {
+    let (low, high) = onset.interval_s;
+    json!({ "at_s": onset.at_s, "interval_95_s": [low, high], "score": onset.score })
 }
 
 fn intensity_text(found: &[Diagnosed]) -> String {
@@ -284,6 +301,7 @@ fn intensity_text(found: &[Diagnosed]) -> String {
         ("fault", Side::Left),
         ("intensity", Side::Right),
         ("95 %", Side::Left),
+        ("from", Side::Left),
         ("probability", Side::Right),
     ];
     let mut grid = Grid::new(&heads);
@@ -292,13 +310,17 @@ fn intensity_text(found: &[Diagnosed]) -> String {
             one.name.clone(),
             number(one.intensity, 3),
             format!("{} … {}", number(one.interval.0, 3), number(one.interval.1, 3)),
+            one.onset.map_or("first sample".into(), |onset| {
+                let (low, high) = onset.interval_s;
+                format!("{:.2} s ({low:.2} … {high:.2})", onset.at_s)
+            }),
             format!("{:.1} %", 100.0 * one.probability),
         ]);
     }
     grid.text()
 }
 
-fn as_json(fitted: &Fitted, problem: &Problem) -> Value {
+fn as_json(fitted: &Fitted, verdict: &FitVerdict, problem: &Problem) -> Value {
     let parameters = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
         let per_sigma = unknown.per_sigma(unknown.nominal());
         json!({
@@ -329,12 +351,15 @@ fn as_json(fitted: &Fitted, problem: &Problem) -> Value {
         directions.map(|d| json!({ "information": d.information, "weights": d.weights }));
     let suspects = fitted.suspects.iter().take(5);
     let suspects =
-        suspects.map(|s| json!({ "name": s.name, "score": s.score, "intensity": s.intensity }));
+        suspects.map(|s| json!({ "name": s.name, "score": s.score, "intensity": s.intensity, "onset": s.onset.map(onset) }));
     json!({
         "system": problem.system.name,
         "records": problem.records.iter().map(|r| &r.name).collect::<Vec<_>>(),
         "left_out": problem.records.iter().flat_map(|r| &r.left_out).map(left_out).collect::<Vec<_>>(),
         "is_update": fitted.is_update(),
+        "verdict": verdict.name(),
+        "sentence": verdict.sentence(),
+        "fault": verdict.fault().map(diagnosed),
         "findings": fitted.findings.iter().map(|f| f.sentence(problem)).collect::<Vec<_>>(),
         "parameters": parameters.collect::<Vec<_>>(),
         "correlations": correlations,

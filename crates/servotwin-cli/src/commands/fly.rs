@@ -2,13 +2,14 @@
 //! computer that reacts.
 
 use super::evaluate::workers;
+use super::fly_truth::{Truth, Verdict, detected};
 use super::simulate::fault;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::job::flights::{self, Crew};
@@ -27,7 +28,8 @@ use std::sync::Arc;
 /// Fly with a fault that begins, with the diagnosis and without, and show what it is good for.
 ///
 /// Needs no option: without them the stroke sensor of the first unit gets a bias, or the study's first fault
-/// begins. Writes `flight.svg`, and the records `flight-reacting.csv` and
+/// begins. The flight knows the truth, so the output states whether actuator, action and component were right. Writes
+/// `flight.svg`, in which onset, detection and reaction are marked, and the records `flight-reacting.csv` and
 /// `flight-alone.csv`, into the folder `flight` of the output folder. A diagnoser that is not there is
 /// learned first, which takes half a minute.
 #[derive(clap::Args)]
@@ -140,7 +142,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let scenario = Scenario { study: &study, inputs, faults, duration_s, specimen, reacts };
         closed_loop::fly(&scenario, &diagnoser, &kept.slots).map_err(Failure::Runtime)
     };
+    let truths: Vec<Truth> =
+        begins.iter().map(|one| Truth::of(&study, one.fault, one.onset_s)).collect();
     let flown = Flown {
+        truths: &truths,
         study: &study,
         diagnoser: &diagnoser,
         kept: &kept,
@@ -216,6 +221,7 @@ impl Kept {
 }
 
 struct Flown<'f> {
+    truths: &'f [Truth],
     study: &'f Study,
     diagnoser: &'f Diagnoser,
     kept: &'f Kept,
@@ -338,7 +344,18 @@ impl Flown<'_> {
         let did = self.with.actions.first();
         let did = did.map(|action| format!(", reaction at {:.2} s", action.time_s));
         let title = format!("{title}{}", did.unwrap_or_default());
-        TimeSeries { panels, ..TimeSeries::new(title, "time / s") }
+        TimeSeries { panels, marks: self.marks(), ..TimeSeries::new(title, "time / s") }
+    }
+
+    /// The moments of a flight: every onset, the first detection after one, and every reaction.
+    fn marks(&self) -> Vec<Mark> {
+        let mark = |at: f64, what: &str| Mark { at, name: format!("{what} {at:.2} s") };
+        let mut marks: Vec<Mark> =
+            self.truths.iter().map(|truth| mark(truth.onset_s, "onset")).collect();
+        let since_s = self.truths.first().map_or(0.0, |truth| truth.onset_s);
+        marks.extend(detected(&self.with, since_s).map(|at| mark(at, "detection")));
+        marks.extend(self.with.actions.iter().map(|action| mark(action.time_s, "reaction")));
+        marks
     }
 
     /// The largest residual of all sensors, in percent of scale.
@@ -391,6 +408,8 @@ impl Flown<'_> {
         if self.with.actions.is_empty() {
             let _ = writeln!(out, "nothing had to be done");
         }
+        let verdict = Verdict::of(self.truths, &self.with, self.diagnoser);
+        out += &verdict.text();
         let unit = self.unit().shown();
         let names = [
             format!("rms tracking error / {unit}"),
@@ -409,7 +428,8 @@ impl Flown<'_> {
                 );
             }
         }
-        out
+        let fight = |record| self.numbers(record, onset_s)[2];
+        out + &verdict.on_force_fight(fight(&self.with), fight(&self.without))
     }
 
     fn json(&self, onset_s: f64) -> serde_json::Value {
@@ -452,6 +472,7 @@ impl Flown<'_> {
         json!({
             "changes": changes,
             "actions": actions,
+            "truth": Verdict::of(self.truths, &self.with, self.diagnoser).json(),
             "with_diagnosis": numbers(&self.with),
             "without": numbers(&self.without),
         })

@@ -1,6 +1,8 @@
 //! `servotwin history`: the flights of one tail number, and how wear goes on.
 
 use super::fit::{chosen_faults, read_study, tell};
+use super::log_folder::LogFolder;
+use super::note;
 use super::progress::Stages;
 use super::watch::read_diagnoser;
 use super::{SpanOptions, read_log};
@@ -10,14 +12,12 @@ use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin::files::FileError;
 use servotwin::fit::history::{Drift, Flight, History, Log, Track};
+use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{FitError, Knowledge, Problem, Record, RecordError};
 use servotwin::flight::told::{Told, told};
-use servotwin::log::intake;
 use servotwin::log::map::Map;
-use servotwin::log::source::SourceError;
 use servotwin::log::source::cut::Span;
 use servotwin::log::{Phase, State, WatchError};
 use servotwin::study::Study;
@@ -30,7 +30,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// first flight to the last, with a trend and the time to a threshold.
 ///
 /// The logs of a folder are taken in the order of their names; each is a record as `servotwin fit` takes it. A log
-/// that is none is told and left out. Where a threshold is reached, or will be within the flights of --within with
+/// that is none is told and left out, and so is what is no regular file. Where an intensity falls, a repair is
+/// reported, and the trend begins anew. Where a threshold is reached, or will be within the flights of --within with
 /// 95 %, that is an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub struct Options {
@@ -81,7 +82,7 @@ impl Options {
     /// The files that it reads and writes.
     pub fn paths(&self) -> Paths {
         Paths::default()
-            .read("the log", logs(&self.folder).unwrap_or_default())
+            .read("the log", LogFolder::read(&self.folder).unwrap_or_default().paths)
             .read("SYSTEM", &self.system)
             .read_study(self.study.as_ref())
             .read("--map", &self.map)
@@ -100,7 +101,12 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-    let (paths, span) = (logs(&options.folder)?, options.span.read()?);
+    let folder = LogFolder::read(&options.folder)?;
+    if let Some(skipped) = folder.sentence() {
+        note(global, &skipped);
+    }
+    let LogFolder { paths, skipped } = folder;
+    let span = options.span.read()?;
     stop::heed();
     let stages = Stages::new(global);
     let mut all: Vec<Log> = Vec::new();
@@ -144,7 +150,9 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let alarms: Vec<String> =
         history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
     let output = match global {
-        Global { json: true, .. } => json(&as_json(&history, &problem, &told, options, &alarms)),
+        Global { json: true, .. } => {
+            json(&as_json(&history, &problem, &told, options, &alarms, &skipped))
+        }
         Global { quiet: true, .. } => String::new(),
         _ => people(&history, &problem, &told, options),
     };
@@ -189,11 +197,9 @@ fn record(
         Ok(table) => Ok(Record::from_table(name, &table, &study.system)),
         Err(Failure::Fit(FitError::Record { error, .. })) => Ok(Err(error)),
         Err(Failure::Table(TableError::Content { problem, .. })) => other(problem.to_string()),
-        Err(Failure::Watch(WatchError::Source(error)))
-            if !matches!(error, SourceError::File(_)) =>
-        {
-            other(error.to_string())
-        }
+        // One file that cannot be read does not end the history of the others.
+        Err(Failure::Watch(WatchError::Source(error))) => other(error.to_string()),
+        Err(Failure::Table(error)) => Ok(Err(RecordError::Column(error.to_string()))),
         Err(Failure::Map(lacking)) => {
             other(lacking.to_string().lines().next().unwrap_or_default().to_owned())
         }
@@ -201,30 +207,14 @@ fn record(
     }
 }
 
-/// The logs of a folder by their names.
-fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let none = |reason: &str| Failure::NoLogs { folder: folder.into(), reason: reason.into() };
-    if !folder.is_dir() {
-        return Err(none("no such folder"));
-    }
-    let wrong = |cause| FileError::from_io(folder, cause);
-    let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(wrong)? {
-        let path = entry.map_err(wrong)?.path();
-        if intake::is_log(&path) {
-            paths.push(path);
-        }
-    }
-    paths.sort();
-    match paths.is_empty() {
-        true => Err(none("the folder has no logs (.csv, .parquet, .mcap or .jsonl)")),
-        false => Ok(paths),
-    }
-}
-
 /// What a track says of its threshold, where that is an alarm.
 fn alarm(track: &Track, options: &Options) -> Option<String> {
-    let trend = track.trend.as_ref()?;
+    let Some(trend) = &track.trend else {
+        // Too few flights for a trend are enough to see that it is reached.
+        let last = track.points.last()?;
+        let is_reached = last.level - 1.96 * last.error >= options.threshold;
+        return is_reached.then(|| format!("{} has reached {}", track.name, options.threshold));
+    };
     let reached = trend.reaches(options.threshold);
     let earliest = reached.earliest.filter(|flights| *flights <= f64::from(options.within))?;
     // An interval that is merely wide is no alarm: the wear must be seen to go on.
@@ -258,24 +248,34 @@ fn verdict(flight: &Flight, problem: &Problem) -> String {
     }
 }
 
+/// When a trend reaches a threshold, as a clause.
 fn when(trend: &Trend, threshold: f64) -> String {
     let reached = trend.reaches(threshold);
-    let flights = |value: Option<f64>| value.map_or("never".into(), |v| number(v.round(), 4));
-    match (reached.expected, reached.earliest) {
-        (Some(0.0), _) => format!("has reached {threshold}"),
-        (None, None) => format!("does not reach {threshold}"),
-        _ => format!(
-            "reaches {threshold} in {} flights (95 %: {} … {})",
-            flights(reached.expected),
-            flights(reached.earliest),
-            flights(reached.latest)
-        ),
+    let flights = |value: f64| number(value.round(), 4);
+    match (reached.expected, reached.earliest, reached.latest) {
+        (Some(0.0), ..) => format!("has reached {threshold}"),
+        (None, None, _) => "no trend: the threshold is not reached".into(),
+        (None, Some(earliest), _) => {
+            format!(
+                "no trend: {threshold} is not reached before {} flights (95 %)",
+                flights(earliest)
+            )
+        }
+        (Some(expected), earliest, latest) => {
+            let earliest = flights(earliest.unwrap_or(0.0));
+            let interval = match latest {
+                Some(latest) => format!("{earliest} … {}", flights(latest)),
+                None => format!("{earliest} or more"),
+            };
+            format!("reaches {threshold} in {} flights (95 %: {interval})", flights(expected))
+        }
     }
 }
 
 fn sentence(track: &Track, threshold: f64) -> String {
     let Some(trend) = &track.trend else {
-        return format!("{}: too few flights for a trend", track.name);
+        let since = if track.last_repair().is_some() { " since the repair" } else { "" };
+        return format!("{}: too few flights{since} for a trend", track.name);
     };
     let last = trend.last();
     format!(
@@ -287,6 +287,21 @@ fn sentence(track: &Track, threshold: f64) -> String {
         number(last.rate, 2),
         when(trend, threshold)
     )
+}
+
+/// A fall of an intensity, as a sentence.
+fn repaired(repair: &Repair, track: &Track, history: &History) -> String {
+    let place = repair.at as usize;
+    let log = history.flights.get(place).map_or("", |flight| &flight.name);
+    let (name, fall) = (&track.name, number(repair.fall, 2));
+    match repair.is_confirmed {
+        true => format!(
+            "{name}: repaired before flight {place} ({log}): the intensity falls by {fall}, and a new trend begins"
+        ),
+        false => format!(
+            "{name}: flight {place} ({log}) is lower by {fall}: a repair or a bad flight; the next flight decides, and the trend leaves this one out"
+        ),
+    }
 }
 
 fn drifts(drift: &Drift, problem: &Problem) -> String {
@@ -324,6 +339,9 @@ fn people(
     }
     let mut text = grid.text() + "\n";
     for track in &history.tracks {
+        for repair in &track.repairs {
+            text += &format!("{}\n", repaired(repair, track, history));
+        }
         text += &format!("{}\n", sentence(track, options.threshold));
     }
     for drift in &history.drifts {
@@ -347,6 +365,7 @@ fn as_json(
     told: &[Option<Told>],
     options: &Options,
     alarms: &[String],
+    skipped: &[(String, &'static str)],
 ) -> serde_json::Value {
     let diagnosis = |told: &Told| {
         let Told { finding, at_s, outside } = told;
@@ -372,6 +391,14 @@ fn as_json(
             "interval_95": [reached.earliest, reached.latest],
         })
     };
+    let repair = |repair: &Repair| {
+        json!({
+            "flight": repair.at,
+            "log": history.flights.get(repair.at as usize).map(|flight| &flight.name),
+            "fall": repair.fall,
+            "is_confirmed": repair.is_confirmed,
+        })
+    };
     let tracks = history.tracks.iter().map(|track| {
         json!({
             "fault": track.name,
@@ -379,6 +406,7 @@ fn as_json(
             "flights": track.points.iter().map(|p| p.at).collect::<Vec<_>>(),
             "intensities": track.points.iter().map(|p| p.level).collect::<Vec<_>>(),
             "errors": track.points.iter().map(|p| p.error).collect::<Vec<_>>(),
+            "repairs": track.repairs.iter().map(repair).collect::<Vec<_>>(),
             "trend": track.trend.as_ref().map(trend),
         })
     });
@@ -396,6 +424,7 @@ fn as_json(
         "drifts": drifts.collect::<Vec<_>>(),
         "threshold": options.threshold,
         "alarms": alarms,
+        "skipped": skipped.iter().map(|(name, why)| json!({ "name": name, "reason": why })).collect::<Vec<_>>(),
     })
 }
 
@@ -536,4 +565,18 @@ fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
         panel = panel.with(Series::new("trend", times, mean.clone()));
     }
     panel.with(Series::new("threshold", vec![0.0, end], vec![threshold, threshold]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::when;
+    use servotwin::fit::trend::{Point, Trend};
+
+    #[test]
+    fn a_wear_that_does_not_grow_is_no_trend() {
+        let flight = |n: u32| Point { at: n.into(), level: 0.4 - 0.01 * f64::from(n), error: 1e-4 };
+        let falling: Vec<Point> = (0..10).map(flight).collect();
+        let sentence = when(&Trend::of(&falling).unwrap(), 0.5);
+        assert_eq!(sentence, "no trend: the threshold is not reached");
+    }
 }

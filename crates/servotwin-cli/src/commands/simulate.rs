@@ -43,8 +43,9 @@ pub struct Options {
     /// The signal of any input; may be given for several.
     #[arg(long = "input", value_name = "ID=SIGNAL")]
     inputs: Vec<String>,
-    /// A fault with its intensity from 0 (healthy) to 1; may be given for several.
-    #[arg(long = "fault", value_name = "ID=INTENSITY")]
+    /// A fault with its intensity from 0 (healthy) to 1, e.g. leakage_a.leakage=0.3; with @TIME, e.g. =0.3@12s, it begins
+    /// at that time; may be given for several.
+    #[arg(long = "fault", value_name = "ID=INTENSITY[@TIME]")]
     faults: Vec<String>,
     /// Another value for a parameter, such as servo_valve.null_bias=2% (a number without a unit is
     /// SI); may be given for several.
@@ -241,6 +242,18 @@ fn intensity(text: &str) -> Result<(String, f64), Failure> {
     Ok((id.to_owned(), intensity))
 }
 
+/// `name=intensity` of `name=intensity@time`, and the time, s.
+fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
+    let Some((fault, at)) = text.rsplit_once('@') else { return Ok((text, None)) };
+    let at_s = Quantity::in_unit(at, Unit::Second)
+        .map_err(|error| Failure::Number { option: "--fault", error })?;
+    if !(0.0..duration_s).contains(&at_s) {
+        let range = format!("a fault begins within the run, from 0 to {duration_s} s").into();
+        return Err(Failure::OutOfRange { option: "--fault", given: at.into(), range });
+    }
+    Ok((fault, Some(at_s)))
+}
+
 /// A fault from `name=intensity`.
 pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     let (id, intensity) = intensity(text)?;
@@ -366,8 +379,12 @@ impl<'s> Plan<'s> {
             simulation = simulation.noise(seed);
         }
         for text in &options.faults {
+            let (text, at_s) = onset(text, duration_s)?;
             let (id, intensity) = intensity(text)?;
-            simulation = simulation.fault(&id, intensity);
+            simulation = match at_s {
+                Some(at_s) => simulation.fault_from(&id, intensity, at_s),
+                None => simulation.fault(&id, intensity),
+            };
         }
         for text in &options.parameters {
             let (id, value) = parameter(system, text)?;
@@ -401,9 +418,10 @@ impl<'s> Plan<'s> {
             let input = &self.system.network().inputs[place];
             json!({ "id": input.id, "signal": signal, "unit": input.unit.symbol(), "rms": rms })
         });
-        let faults = self.prepared.base.faults.iter();
-        let faults =
-            faults.map(|fault| json!({ "id": self.fault_id(fault), "intensity": fault.intensity }));
+        let faults = self.prepared.base.faults.iter().zip(&self.prepared.base.onsets_s);
+        let faults = faults.map(|(fault, at_s)| {
+            json!({ "id": self.fault_id(fault), "intensity": fault.intensity, "from_s": at_s })
+        });
         let set = self.prepared.base.parameters.iter().map(|&(component, parameter, value)| {
             let (id, unit) = self.parameter(component, parameter);
             json!({ "id": id, "unit": unit.symbol(), "value": value })
@@ -451,8 +469,10 @@ impl<'s> Plan<'s> {
             let (id, unit) = self.parameter(component, parameter);
             text += &format!("{id} = {}\n", shown(value, unit));
         }
-        for fault in &self.prepared.base.faults {
-            text += &format!("fault {} at {}\n", self.fault_id(fault), fault.intensity);
+        let base = &self.prepared.base;
+        for (fault, at_s) in base.faults.iter().zip(&base.onsets_s) {
+            let from = if *at_s > 0.0 { format!(" from {at_s} s on") } else { String::new() };
+            text += &format!("fault {} at {}{from}\n", self.fault_id(fault), fault.intensity);
         }
         if let Some(sweep) = &results.sweep {
             text += &format!("for each value of {}:\n", sweep.id);

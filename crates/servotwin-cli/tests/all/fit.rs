@@ -356,3 +356,110 @@ fn a_history_needs_logs_and_a_design_keeps_limits() {
     // Limits are of a design, and a fit needs a log.
     assert_eq!(servotwin(&["fit", "--study", STUDY]).status.code(), Some(2));
 }
+
+#[test]
+fn a_repair_begins_a_new_trend_and_is_reported_with_its_flight() {
+    let folder = Folder::new("history-repair");
+    let logs = leaking(&folder, &[0.1, 0.2, 0.3, 0.4, 0.0, 0.03, 0.06, 0.09]);
+    let history = ["history", &logs, "--study", STUDY, "--faults", "leakage_a.leakage"];
+    let text = stdout(&servotwin(&[&history[..], &["--within", "1"]].concat()));
+    let said =
+        "leakage_a.leakage: repaired before flight 4 (flight_5.csv): the intensity falls by 0.4";
+    assert!(text.contains(said), "{text}");
+    let found = json(&[&history[..], &["--within", "1", "--json"]].concat());
+    let track = &found["tracks"][0];
+    assert_eq!(track["repairs"][0]["log"], "flight_5.csv");
+    assert_eq!(track["repairs"][0]["is_confirmed"], true);
+    // 0.5 is (0.5 − 0.09)/0.03 flights away.
+    let end = |place: usize| track["trend"]["interval_95"][place].as_f64();
+    let truth = 0.41 / 0.03;
+    assert!(end(0).unwrap() <= truth && end(1).is_none_or(|latest| truth <= latest), "{track}");
+    let expected = track["trend"]["flights_to_threshold"].as_f64().unwrap();
+    assert!((expected - truth).abs() < 1.0, "{expected}");
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_regular_file_is_skipped_and_named_and_the_other_logs_are_judged() {
+    let folder = Folder::new("history-pipe");
+    let logs = leaking(&folder, &[0.0, 0.0]);
+    let made = std::process::Command::new("mkfifo").arg(format!("{logs}/a_pipe.csv")).status();
+    assert!(made.unwrap().success());
+    std::os::unix::fs::symlink("/nowhere/log.csv", format!("{logs}/broken.csv")).unwrap();
+    let good = format!("{logs}/flight_1.csv");
+    std::os::unix::fs::symlink(good, format!("{logs}/linked.csv")).unwrap();
+    let output = servotwin(&["history", &logs, "--study", STUDY]);
+    assert_eq!(output.status.code(), Some(0));
+    let note = "note: skipped 2 entries that are no regular files: a_pipe.csv (named pipe), broken.csv (broken link)";
+    assert!(stderr(&output).contains(note), "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(text.contains("flight_2.csv") && text.contains("linked.csv"), "{text}");
+    assert!(!text.contains("pipe"), "{text}");
+}
+
+/// What `fit` writes to standard output of a record of the spring actuator with a fault.
+fn fitted(folder: &Folder, fault: &[&str], duration: &str, more: &[&str]) -> String {
+    let out = folder.file("record.csv");
+    let command = ["simulate", SPRING, "--command", "noise:rms=4deg,bandwidth=1Hz,seed=5"];
+    let rest = ["--noise", "3", "--duration", duration, "--out", &out, "-q"];
+    let output = servotwin(&[&command[..], &rest, fault].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    stdout(&servotwin(&[&["fit", &out, "--study", STUDY][..], more].concat()))
+}
+
+#[test]
+fn the_verdict_comes_first_on_standard_output() {
+    let folder = Folder::new("fit-verdict");
+    let healthy = fitted(&folder, &[], "12s", &[]);
+    assert!(healthy.starts_with("healthy: "), "{healthy}");
+    let written = folder.file("fitted.toml");
+    let updated = fitted(&folder, &[], "12s", &["--out", &written]);
+    assert!(updated.lines().next().unwrap().contains("parameters updated in "), "{updated}");
+    let leak = fitted(&folder, &["--fault", "leakage_a.leakage=0.3"], "12s", &[]);
+    let first = leak.lines().next().unwrap();
+    assert!(first.starts_with("fault: leakage_a.leakage at intensity 0.3"), "{first}");
+    assert!(first.ends_with("from the first sample on"), "{first}");
+}
+
+#[test]
+fn a_fault_that_begins_within_a_record_is_reported_with_its_time() {
+    let folder = Folder::new("fit-onset");
+    let leak = ["--fault", "leakage_a.leakage=0.3@12s"];
+    let text = fitted(&folder, &leak, "40s", &[]);
+    let first = text.lines().next().unwrap();
+    assert!(first.starts_with("fault: leakage_a.leakage at intensity 0.3"), "{first}");
+    assert!(first.contains("from 12.0") || first.contains("from 11.9"), "{first}");
+    let named = fitted(&folder, &leak, "40s", &["--faults", "leakage_a.leakage", "--json"]);
+    let named: serde_json::Value = serde_json::from_str(&named).unwrap();
+    assert!((named[0]["intensity"].as_f64().unwrap() - 0.3).abs() < 0.01, "{named}");
+    assert!((named[0]["onset"]["at_s"].as_f64().unwrap() - 12.0).abs() < 0.1, "{named}");
+}
+
+#[test]
+fn a_stroke_sensor_that_is_zeroed_within_a_record_is_named_with_the_time() {
+    let folder = Folder::new("fit-zeroed");
+    let zeroed = ["--fault", "sensor_ram.bias_positive=0.05@6s"];
+    let text = fitted(&folder, &zeroed, "12s", &[]);
+    let first = text.lines().next().unwrap();
+    assert!(first.starts_with("fault: sensor_ram.bias_positive"), "{first}");
+    assert!(first.contains("from 6.0") || first.contains("from 5.9"), "{first}");
+}
+
+#[test]
+fn a_fault_begins_within_its_run_or_is_refused() {
+    let run = |fault: &str| {
+        servotwin(&["simulate", SPRING, "--duration", "2s", "--fault", fault, "--json"])
+    };
+    let output = run("leakage_a.leakage=0.3@1s");
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["faults"][0]["from_s"], 1.0);
+    for (fault, message) in [
+        ("leakage_a.leakage=0.3@2s", "a fault begins within the run, from 0 to 2 s"),
+        ("leakage_a.leakage=0.3@-1s", "a fault begins within the run"),
+        ("leakage_a.leakage=0.3@soon", "--fault"),
+    ] {
+        let output = run(fault);
+        assert_eq!(output.status.code(), Some(2), "{fault}");
+        assert!(stderr(&output).contains(message), "{}", stderr(&output));
+    }
+}

@@ -49,6 +49,7 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let fly = servotwin(&["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"]);
     assert!(fly.status.success(), "{}", stderr(&fly));
     assert!(stdout(&fly).contains("nothing had to be done"), "{}", stdout(&fly));
+    assert!(stdout(&fly).contains("truth: no fault; right: no action was raised"));
     let fault = "actuator_1.servo_valve.bias_positive=0.7";
     let command = "noise:rms=3deg,bandwidth=0.6Hz,seed=77";
     let fly = ["fly", &study, "--out", &out, "--fault", fault, "--command", command];
@@ -56,9 +57,20 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
     assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");
+    let truth = &flown["truth"]["faults"][0];
+    assert_eq!((&truth["unit"], &truth["command"]), (&"actuator_1".into(), &"shut_down".into()));
+    assert_eq!((&truth["is_unit_right"], &truth["is_command_right"]), (&true.into(), &true.into()));
+    let [detected, acted] = ["detected_s", "action_s"].map(|key| truth[key].as_f64().unwrap());
+    assert!(2.0 < detected && detected <= acted, "{truth}");
+    assert_eq!(flown["truth"]["false_alarms"], 0);
     let drawn = read("flight/flight.svg");
     let head = "actuator 1: servo valve: bias positive, intensity 0.7, at 2 s, reaction at ";
     assert!(drawn.contains(head), "the title says what happens");
+    for mark in ["onset 2.00 s", "detection ", "reaction "] {
+        assert!(drawn.contains(&format!(">{mark}")), "{mark}");
+    }
+    let text = stdout(&servotwin(&[&fly[..], &["--at", "2s", "--duration", "5s"]].concat()));
+    assert!(text.contains("actuator right, action right (shut down), component "), "{text}");
     assert!(read("flight/flight-alone.csv").starts_with("time_s"));
 
     let two = ["--fault", "actuator_2.sensor_pressure_a.bias_positive=0.5", "--fault", fault];
@@ -210,6 +222,7 @@ fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let text = |threads: &str| stdout(&servotwin(&[&band[..], &["--threads", threads]].concat()));
     assert_eq!(text("1"), text("3"));
     assert!(text("1").contains("of 20 healthy flights leave it"), "{}", text("1"));
+    assert!(text("1").contains("field: target 10 %, measured "), "{}", text("1"));
 }
 
 /// The study with tolerances and a calibration flight, and sizes that a band needs.

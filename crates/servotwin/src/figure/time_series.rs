@@ -9,7 +9,7 @@ use super::font;
 use super::frame::{Frame, TICKS_BELOW, TITLE_BELOW, labels_width};
 use super::legend::{self, Entry, Swatch};
 use super::style::{Look, look_or_nth};
-use super::svg::{Area, Canvas, Type};
+use super::svg::{Anchor, Area, Canvas, Type};
 
 /// A figure of panels above each other.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,10 +20,21 @@ pub struct TimeSeries<'a> {
     pub x_label: String,
     /// The panels from the top.
     pub panels: Vec<Panel<'a>>,
+    /// Moments that are marked in all panels.
+    pub marks: Vec<Mark>,
     /// The figure's width.
     pub width: f64,
     /// The height of each panel's plotting area.
     pub panel_height: f64,
+}
+
+/// A moment: a vertical line through all panels, with its name in the first one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mark {
+    /// The time, in the unit of the horizontal axis.
+    pub at: f64,
+    /// What happens then.
+    pub name: String,
 }
 
 /// One panel.
@@ -143,6 +154,7 @@ impl<'a> Panel<'a> {
 
 const TITLE_SIZE: f64 = 13.0;
 const PANEL_TITLE_SIZE: f64 = 11.0;
+const MARK_SIZE: f64 = 9.5;
 const MARGIN: f64 = 10.0;
 
 impl<'a> TimeSeries<'a> {
@@ -152,6 +164,7 @@ impl<'a> TimeSeries<'a> {
             title: title.into(),
             x_label: x_label.into(),
             panels: Vec::new(),
+            marks: Vec::new(),
             width: 760.0,
             panel_height: 110.0,
         }
@@ -182,6 +195,7 @@ impl<'a> TimeSeries<'a> {
             let area = Area { x: left, y, width, height: self.panel_height };
             let frame = Frame { area, x: x_axis.clone(), y: y_axis };
             draw_panel(&mut canvas, panel, &frame);
+            self.draw_marks(&mut canvas, &frame, place == 0);
             frame.draw_y_labels(&mut canvas, &panel.y_label, MARGIN + 9.0);
             if place == last {
                 frame.draw_x_labels(&mut canvas, &self.x_label);
@@ -189,6 +203,23 @@ impl<'a> TimeSeries<'a> {
             y += self.panel_height + if place == last { TITLE_BELOW } else { TICKS_BELOW - 8.0 };
         }
         canvas.finish(self.width, y + MARGIN / 2.0, &self.title)
+    }
+
+    /// The lines of all marks, and their names one below the other, so that close moments do not overlap.
+    fn draw_marks(&self, canvas: &mut Canvas, frame: &Frame, is_named: bool) {
+        let area = frame.area;
+        for (place, mark) in self.marks.iter().enumerate() {
+            let Some(x) = frame.x_at(mark.at) else { continue };
+            let style = " stroke=\"#888888\" stroke-width=\"1\" stroke-dasharray=\"3 3\"";
+            canvas.line((x, area.y), (x, area.bottom()), style);
+            if !is_named {
+                continue;
+            }
+            let is_right = x + font::width(&mark.name, MARK_SIZE, false) + 8.0 < area.right();
+            let (side, anchor) = if is_right { (4.0, Anchor::Start) } else { (-4.0, Anchor::End) };
+            let y = area.y + (MARK_SIZE + 2.0) * (place as f64 + 1.0);
+            canvas.text((x + side, y), &mark.name, Type::new(MARK_SIZE).anchor(anchor).rim());
+        }
     }
 
     fn x_axis(&self) -> Axis {

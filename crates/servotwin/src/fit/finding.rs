@@ -11,6 +11,7 @@ use super::record::Record;
 use super::solve::Minimum;
 use super::suspects::{SCORE_LIMIT, Suspect};
 use super::{FitError, Fitted, Problem};
+use crate::report::words::number;
 
 /// Largest sliding mean, in its standard deviations, that chance is believed to make in a record.
 pub const MEAN_LIMIT: f64 = 6.0;
@@ -18,6 +19,10 @@ pub const MEAN_LIMIT: f64 = 6.0;
 const EXCESS_LIMIT: f64 = 6.0;
 /// A mean square below this is never a finding: declared noise is not known better.
 const LEAST_SQUARE: f64 = 1.1;
+/// A shift of a reading is seen from so many standard deviations on, ...
+const SHIFT_LIMIT: f64 = 6.0;
+/// ... where it explains this part of what scatters beyond noise.
+const SHIFT_EXPLAINS: f64 = 0.8;
 /// Length of the sliding mean, s.
 const MEAN_S: f64 = 1.0;
 
@@ -36,6 +41,17 @@ pub struct SensorFit {
     pub largest_mean: f64,
     /// When, s.
     pub at_s: f64,
+    /// The shift of the reading that explains most of what is left.
+    pub shift: Option<Shift>,
+}
+
+/// A reading that is off by a constant from a moment on: a sensor that was zeroed anew, or slipped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shift {
+    /// The moment, s.
+    pub at_s: f64,
+    /// By how much the mean is larger from then on, SI.
+    pub by: f64,
 }
 
 /// What no tolerance explains.
@@ -56,6 +72,17 @@ pub enum Finding {
     Looks(Suspect),
     /// The steps did not end.
     NotConverged,
+}
+
+impl SensorFit {
+    /// The shift of the reading, as a clause; empty where there is none.
+    pub(super) fn shift_in_words(&self, problem: &Problem) -> String {
+        let Some(Shift { at_s, by }) = self.shift else { return String::new() };
+        let sensor = &problem.system.sensors[self.sensor];
+        let by = number(sensor.unit.difference_to_shown(by));
+        let unit = sensor.unit.shown();
+        format!("the reading of {} shifts by {by} {unit} at {at_s:.2} s", sensor.label)
+    }
 }
 
 impl Finding {
@@ -79,6 +106,7 @@ impl Finding {
                 left.mean_square,
                 left.limit
             ),
+            Finding::Mean(left) if left.shift.is_some() => left.shift_in_words(problem),
             Finding::Mean(left) => format!(
                 "the residual of {} has a mean of {:.1} standard deviations around {:.1} s, limit {MEAN_LIMIT}",
                 label(left),
@@ -151,9 +179,15 @@ impl Problem<'_> {
         residuals: &[f64],
     ) -> Vec<SensorFit> {
         let (width, first) = (record.sensors.len(), self.first_sample(record));
+        let deviations = self.deviations(record);
         let of = |(column, &sensor): (usize, &usize)| {
             let values: Vec<f64> = residuals.iter().skip(column).step_by(width).copied().collect();
-            of_sensor(place, sensor, record, first, &values)
+            let mut left = of_sensor(place, sensor, record, first, &values);
+            left.shift = shift(&values, left.mean_square).map(|(at, by)| Shift {
+                at_s: (first + at) as f64 * record.period_s,
+                by: by * deviations[column],
+            });
+            left
         };
         record.sensors.iter().enumerate().map(of).collect()
     }
@@ -188,5 +222,26 @@ fn of_sensor(
     let (at, largest_mean) = largest.unwrap_or((0, 0.0));
     let sample = first + at * (window / 10).max(1) + window / 2;
     let at_s = sample as f64 * record.period_s;
-    SensorFit { record: place, sensor, mean_square, limit, largest_mean, at_s }
+    SensorFit { record: place, sensor, mean_square, limit, largest_mean, at_s, shift: None }
+}
+
+/// From which value on the mean is another one, and by how much, where that explains most of what is beyond noise.
+fn shift(values: &[f64], mean_square: f64) -> Option<(usize, f64)> {
+    let count = values.len() as f64;
+    let sum: f64 = values.iter().sum();
+    let (mut before, mut best) = (0.0, (0, 0.0, 0.0));
+    for (place, value) in values.iter().enumerate().take(values.len().saturating_sub(1)) {
+        before += value;
+        let n = place as f64 + 1.0;
+        let by = (sum - before) / (count - n) - before / n;
+        let taken = n * (count - n) / count * by * by;
+        if taken > best.2 {
+            best = (place + 1, by, taken);
+        }
+    }
+    let (place, by, taken) = best;
+    let whole = sum * sum / count;
+    let beyond_noise = (mean_square - 1.0) * count - whole;
+    let is_clear = taken > SHIFT_LIMIT * SHIFT_LIMIT && taken > SHIFT_EXPLAINS * beyond_noise;
+    is_clear.then_some((place, by))
 }

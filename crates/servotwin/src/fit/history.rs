@@ -4,9 +4,11 @@
 //! Every flight is first fitted with tolerances only. Where that leaves findings, the likeliest three suspects of the
 //! latest such flights are compared by their likelihood ([`super::intensity`]); what remains is tracked: its intensity
 //! is estimated beside the tolerances in every flight, also in those in which nobody would have noticed it. A
-//! trend ([`super::trend`]) says when a threshold is reached.
+//! trend ([`super::trend`]) says when a threshold is reached. A repair ([`super::repair`]) ends one wear and begins
+//! another: the trend is that of the flights since the last one.
 
 use super::intensity::intensity;
+use super::repair::{Repair, repairs};
 use super::suspects::SCORE_LIMIT;
 use super::trend::{Point, Trend};
 use super::{FitError, Fitted, Knowledge, Problem, Record, RecordError};
@@ -45,8 +47,34 @@ pub struct Track {
     pub probability: f64,
     /// Its intensity in each flight that can be used, flights counted from zero.
     pub points: Vec<Point>,
-    /// How it goes on; `None` for too few flights.
+    /// The repairs among them, in the order of time.
+    pub repairs: Vec<Repair>,
+    /// How it goes on since the last confirmed repair; `None` for too few flights.
     pub trend: Option<Trend>,
+}
+
+impl Track {
+    /// A track with its repairs and the trend since the last one.
+    fn new(name: String, probability: f64, points: Vec<Point>) -> Self {
+        let repairs = repairs(&points);
+        let confirmed = repairs.iter().rev().find(|one| one.is_confirmed);
+        let start = confirmed.map_or(0, |one| one.place);
+        // A fall that only the last flight shows may be a bad fit: the wear before it is the safe side.
+        let end =
+            repairs.last().filter(|one| !one.is_confirmed).map_or(points.len(), |one| one.place);
+        let trend = Trend::of(&points[start..end]);
+        Track { name, probability, points, repairs, trend }
+    }
+
+    /// The last repair that a second flight confirms.
+    pub fn last_repair(&self) -> Option<&Repair> {
+        self.repairs.iter().rev().find(|one| one.is_confirmed)
+    }
+
+    /// The fall that only the last flight shows.
+    pub fn unconfirmed(&self) -> Option<&Repair> {
+        self.repairs.last().filter(|one| !one.is_confirmed)
+    }
 }
 
 /// A parameter that changes inside of its tolerance, in standard deviations of that.
@@ -98,7 +126,10 @@ impl Problem<'_> {
         for (fault, probability) in chosen {
             tracks.push(self.track(&logs, &flights, fault, probability)?);
         }
-        let drifts = (0..self.unknowns.len()).filter_map(|unknown| drift(&flights, unknown));
+        // Parts that were replaced have tolerances of their own.
+        let since = tracks.iter().filter_map(|track: &Track| Some(track.last_repair()?.at));
+        let since = since.fold(0.0, f64::max);
+        let drifts = (0..self.unknowns.len()).filter_map(|unknown| drift(&flights, unknown, since));
         Ok(History { tracks, drifts: drifts.collect(), flights })
     }
 
@@ -159,8 +190,7 @@ impl Problem<'_> {
             let (level, error) = (found[0].intensity, found[0].error);
             points.push(Point { at: number as f64, level, error });
         }
-        let trend = Trend::of(&points);
-        Ok(Track { name: self.fault_name(fault), probability, points, trend })
+        Ok(Track::new(self.fault_name(fault), probability, points))
     }
 }
 
@@ -172,9 +202,10 @@ fn unless_stopped<T>(result: Result<T, FitError>) -> Result<Result<T, FitError>,
     }
 }
 
-/// Whether a parameter drifts over the flights in which it was updated.
-fn drift(flights: &[Flight], unknown: usize) -> Option<Drift> {
-    let updates = flights.iter().enumerate().filter(|(_, flight)| flight.is_healthy());
+/// Whether a parameter drifts over the flights from one on in which it was updated.
+fn drift(flights: &[Flight], unknown: usize, since: f64) -> Option<Drift> {
+    let later = flights.iter().enumerate().filter(|(number, _)| *number as f64 >= since);
+    let updates = later.filter(|(_, flight)| flight.is_healthy());
     let point = |(number, flight): (usize, &Flight)| {
         let fitted = flight.fitted.as_ref().ok()?;
         let is_seen = fitted.known.each[unknown] == Knowledge::Known;

@@ -13,6 +13,7 @@
 //! error, and wider where (FN2) says so: where a sensor is at the end of its range, every larger gain shows the same.
 
 use super::linear::dot;
+use super::onset::Onset;
 use super::solve::Minimum;
 use super::unknown::Unknown;
 use super::{FitError, Fitted, Problem};
@@ -20,7 +21,7 @@ use super::{FitError, Fitted, Problem};
 /// 95 % of a normal distribution lie within so many deviations.
 const NORMAL_95: f64 = 1.96;
 /// Half of what χ² with one degree of freedom stays below with 95 %.
-const HALF_CHI_SQUARE_95: f64 = 1.92;
+pub(super) const HALF_CHI_SQUARE_95: f64 = 1.92;
 /// No intensity is better known than this: the solver's error.
 const LEAST_ERROR: f64 = 1e-4;
 /// Evenly spaced intensities, the last one 1, at which (FN2) is asked.
@@ -50,11 +51,13 @@ pub struct Diagnosed {
     pub log_likelihood: f64,
     /// Its share among the candidates.
     pub probability: f64,
+    /// When it began, where that was within the record.
+    pub onset: Option<Onset>,
     /// The whole fit, the fault's intensity last.
     pub fitted: Fitted,
 }
 
-/// Estimates the intensity of every candidate, the likeliest first.
+/// Estimates the intensity of every candidate that is there from the first sample on, the likeliest first.
 ///
 /// # Errors
 /// As [`Problem::solve`]; a candidate with which the twin cannot be simulated.
@@ -63,36 +66,60 @@ pub fn intensity(
     candidates: &[(usize, usize)],
 ) -> Result<Vec<Diagnosed>, FitError> {
     let each = candidates.iter().map(|&fault| of_candidate(problem, fault));
-    let mut all = each.collect::<Result<Vec<_>, _>>()?;
+    Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
+}
+
+/// The same, and when each of them began, where that was within the record ([`super::onset`]): its intensity is then that
+/// from this moment on.
+///
+/// # Errors
+/// As [`intensity`].
+pub fn intensity_and_onset(
+    problem: &Problem,
+    candidates: &[(usize, usize)],
+) -> Result<Vec<Diagnosed>, FitError> {
+    let constant = candidates.iter().map(|&fault| of_candidate(problem, fault));
+    let mut all = constant.collect::<Result<Vec<_>, _>>()?;
+    for (one, guess) in all.iter_mut().zip(problem.onset_guesses(candidates)?) {
+        let Some((guess, reach_s)) = guess.filter(|(g, _)| g.is_worth(one.fitted.cost)) else {
+            continue;
+        };
+        let own = problem.with_fault(one.fault);
+        let begun = own.begins(guess, reach_s)?;
+        if let Some(onset) = begun.onset(one.fitted.cost) {
+            *one = diagnosed(&own, one.fault, begun.minimum, &begun.alike, Some(onset))?;
+        }
+    }
+    Ok(compared(all))
+}
+
+/// With the share of each, the likeliest first.
+fn compared(mut all: Vec<Diagnosed>) -> Vec<Diagnosed> {
     let most = all.iter().map(|one| one.log_likelihood).fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = all.iter().map(|one| (one.log_likelihood - most).exp()).sum();
     for one in &mut all {
         one.probability = (one.log_likelihood - most).exp() / sum;
     }
     all.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
-    Ok(all)
+    all
 }
 
 fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, FitError> {
-    let unknown = Unknown::fault(problem.system, fault.0, fault.1);
-    let name = unknown.name.clone();
-    let unknowns: Vec<Unknown> = problem.unknowns.iter().cloned().chain([unknown]).collect();
-    let priors: Vec<f64> = unknowns.iter().map(|unknown| unknown.prior).collect();
-    let own =
-        Problem { unknowns, records: problem.records.clone(), suspects: Vec::new(), ..*problem };
-    let last = priors.len() - 1;
-    let nominal = vec![0.0; priors.len()];
-    let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&nominal, x)).collect();
-    let found = own.residuals(&points)?;
-    let mut first = (f64::INFINITY, points[0].clone());
-    for (point, found) in points.into_iter().zip(found) {
-        let cost = found.map_or(f64::INFINITY, |residuals| own.cost(&point, &residuals));
-        if cost < first.0 {
-            first = (cost, point);
-        }
-    }
-    let (minimum, alike) = own.least_of_all(&first.1)?;
-    let curvature = minimum.linear.information.plus_diagonal(&priors);
+    let own = problem.with_fault(fault);
+    let (minimum, alike) = own.constant()?;
+    diagnosed(&own, fault, minimum, &alike, None)
+}
+
+/// What a fit with a fault as the last unknown says of it.
+fn diagnosed(
+    own: &Problem,
+    fault: (usize, usize),
+    minimum: Minimum,
+    alike: &[f64],
+    onset: Option<Onset>,
+) -> Result<Diagnosed, FitError> {
+    let last = own.unknowns.len() - 1;
+    let curvature = minimum.linear.information.plus_diagonal(&own.priors());
     let volume: f64 = curvature.eigen().iter().map(|(value, _)| value.max(1e-12).ln()).sum();
     let excess = mean_square(&minimum).sqrt();
     let fitted = own.judged(minimum)?;
@@ -102,20 +129,45 @@ fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, F
     let farthest = alike.iter().map(|other| (other - z).abs()).fold(0.0, f64::max);
     Ok(Diagnosed {
         fault,
-        name,
+        name: own.unknowns[last].name.clone(),
         intensity: z,
         error: error.max(farthest / NORMAL_95),
         interval: (low, high),
         log_likelihood: -fitted.cost - 0.5 * volume,
         probability: 0.0,
+        onset,
         fitted,
     })
 }
 
+impl<'s> Problem<'s> {
+    /// The problem with the intensity of a fault as its last unknown, and without suspects.
+    pub(super) fn with_fault(&self, (component, fault): (usize, usize)) -> Problem<'s> {
+        let unknown = Unknown::fault(self.system, component, fault);
+        let unknowns: Vec<Unknown> = self.unknowns.iter().cloned().chain([unknown]).collect();
+        Problem { unknowns, records: self.records.clone(), suspects: Vec::new(), ..*self }
+    }
+}
+
 /// A fit whose last unknown is the intensity of a fault.
 impl Problem<'_> {
+    /// The minimum with the fault from the first sample on; and the intensities of (FN2).
+    pub(super) fn constant(&self) -> Result<(Minimum, Vec<f64>), FitError> {
+        let nominal = vec![0.0; self.unknowns.len()];
+        let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&nominal, x)).collect();
+        let found = self.residuals(&points)?;
+        let mut first = (f64::INFINITY, points[0].clone());
+        for (point, found) in points.into_iter().zip(found) {
+            let cost = found.map_or(f64::INFINITY, |residuals| self.cost(&point, &residuals));
+            if cost < first.0 {
+                first = (cost, point);
+            }
+        }
+        self.least_of_all(&first.1)
+    }
+
     /// The minimum from a first guess, which is no hollow beside a deeper one; and the intensities of (FN2).
-    fn least_of_all(&self, start: &[f64]) -> Result<(Minimum, Vec<f64>), FitError> {
+    pub(super) fn least_of_all(&self, start: &[f64]) -> Result<(Minimum, Vec<f64>), FitError> {
         let mut minimum = self.minimum(start)?;
         let mut profile = self.profile(&minimum)?;
         for _ in 0..MOST_ANEW {
@@ -160,13 +212,13 @@ impl Problem<'_> {
 
 /// The mean square of what a fit has left, in parts of the noise, and at least 1: what the fault does not explain
 /// makes its intensity less sure.
-fn mean_square(minimum: &Minimum) -> f64 {
+pub(super) fn mean_square(minimum: &Minimum) -> f64 {
     let residuals = &minimum.residuals;
     (dot(residuals, residuals) / residuals.len().max(1) as f64).max(1.0)
 }
 
 /// A point with another intensity.
-fn at(z: &[f64], intensity: f64) -> Vec<f64> {
+pub(super) fn at(z: &[f64], intensity: f64) -> Vec<f64> {
     let others = &z[..z.len() - 1];
     others.iter().copied().chain([intensity]).collect()
 }

@@ -8,10 +8,12 @@
 //! - [`knowledge`]: covariance, trade-offs, what is not seen, as sentences
 //! - [`finding`]: what is left: a deviation outside of tolerances is a finding, never an update
 //! - [`suspects`]: what it looks like
+//! - [`verdict`]: all of that in one sentence
 //! - [`fleet`]: many specimens with one calibration flight, for campaigns
 //! - [`intensity`]: how strong a fault is, and which of several it is
+//! - [`onset`]: when it began, where that was within the record
 //! - [`design`]: which flight shows the unknowns best
-//! - [`history`], [`trend`]: the flights of one tail number, and how wear goes on
+//! - [`history`], [`trend`], [`repair`]: the flights of one tail number, how wear goes on, and where it was repaired
 //!
 //! A fit is a finding or an update, never both: what a fault changed must not vanish in parameters.
 
@@ -22,8 +24,10 @@ pub mod history;
 pub mod intensity;
 pub mod knowledge;
 pub mod linear;
+pub mod onset;
 mod plausible;
 pub mod record;
+pub mod repair;
 mod response;
 mod solve;
 pub mod suspects;
@@ -31,14 +35,17 @@ pub mod suspects;
 mod tests;
 pub mod trend;
 pub mod unknown;
+pub mod verdict;
 mod write;
 
 pub use finding::{Finding, SensorFit};
 pub use knowledge::{Knowledge, Known};
+pub use onset::Onset;
 pub(crate) use record::named;
 pub use record::{LeftOut, Record, RecordError};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
+pub use verdict::FitVerdict;
 
 use crate::ensemble::processors;
 use crate::study::{Imperfection, Study};
@@ -62,6 +69,8 @@ pub struct Problem<'s> {
     pub records: Vec<Record>,
     /// Faults that a finding is compared with: (component, fault).
     pub suspects: Vec<(usize, usize)>,
+    /// When the faults among the unknowns begin, s from the first sample on; `None` for before it.
+    pub onset_s: Option<f64>,
     /// How runs are made.
     pub solver: Settings,
     /// Number of threads.
@@ -182,6 +191,7 @@ impl<'s> Problem<'s> {
             unknowns: Vec::new(),
             records,
             suspects: Vec::new(),
+            onset_s: None,
             solver: Settings::campaign(),
             threads: processors(),
             cancel: None,

@@ -12,7 +12,7 @@ use super::linear::{Symmetric, dot};
 use super::record::Record;
 use super::unknown::Unknown;
 use super::{FitError, Problem};
-use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::ensemble::{Ensemble, Later, Sink, Variant};
 use servotwin_model::program::Slot;
 use servotwin_model::signal::Piecewise;
 use std::sync::atomic::Ordering;
@@ -99,9 +99,23 @@ impl<'s> Problem<'s> {
 
     /// A variant with given unknowns.
     pub(crate) fn variant<'v>(&self, z: &[f64], inputs: &'v [Piecewise]) -> Variant<'v> {
+        self.variant_from(z, inputs, self.onset_s)
+    }
+
+    /// A variant with given unknowns, whose faults begin at a moment, s.
+    pub(super) fn variant_from<'v>(
+        &self,
+        z: &[f64],
+        inputs: &'v [Piecewise],
+        onset_s: Option<f64>,
+    ) -> Variant<'v> {
         let mut variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
         for (unknown, &z) in self.unknowns.iter().zip(z) {
             unknown.apply(z, &mut variant.overrides, &mut variant.faults);
+        }
+        if let Some(time_s) = onset_s {
+            let faults = std::mem::take(&mut variant.faults);
+            variant.later.push(Later { time_s, faults, ..Later::default() });
         }
         variant
     }

@@ -16,6 +16,7 @@
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
 use super::linear::{Symmetric, dot};
+use super::onset::{Begun, Guess, Moments, Onset};
 use super::record::{Record, RecordError};
 use super::response::{Difference, Linear, append, residual};
 use super::solve::Minimum;
@@ -39,6 +40,8 @@ const COARSE: [f64; 4] = [0.03, 0.12, 0.35, 0.8];
 const FINE: [f64; 12] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
 /// How many these are.
 const LIKELIEST: usize = 5;
+/// How many of them are fitted where one may have begun within the record.
+const FITTED: usize = 3;
 /// By how many samples sensors may come late.
 const DELAYS: [f64; 6] = [-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
 /// By which shares a clock may be fast.
@@ -64,6 +67,8 @@ pub struct Suspect {
     pub score: f64,
     /// The intensity that it would have; of a clock the share by which it is fast, of a delay seconds.
     pub intensity: f64,
+    /// When it began, where that was within the record.
+    pub onset: Option<Onset>,
 }
 
 impl Suspect {
@@ -71,9 +76,9 @@ impl Suspect {
     /// suspected.
     pub(super) fn of(name: String, with: f64, square: f64, rest: f64) -> Self {
         if rest <= 1e-6 * square || square == 0.0 {
-            return Suspect { name, score: 0.0, intensity: 0.0 };
+            return Suspect { name, score: 0.0, intensity: 0.0, onset: None };
         }
-        Suspect { name, score: with / rest.sqrt(), intensity: with / rest }
+        Suspect { name, score: with / rest.sqrt(), intensity: with / rest, onset: None }
     }
 
     /// Whether chance does not explain it.
@@ -97,7 +102,12 @@ impl Suspect {
                 let way = if is_more { "late" } else { "early" };
                 format!("the sensors seem to come {size:.4} s too {way} for the inputs")
             }
-            _ => format!("it looks like {name} of intensity {intensity:.2} or so"),
+            _ => match self.onset {
+                None => format!("it looks like {name} of intensity {intensity:.2} or so"),
+                Some(Onset { at_s, interval_s: (low, high), .. }) => format!(
+                    "it looks like {name} of intensity {intensity:.2} from {at_s:.2} s on (95 %: {low:.2} … {high:.2} s)"
+                ),
+            },
         }
     }
 }
@@ -160,36 +170,126 @@ impl Problem<'_> {
         Ok(all)
     }
 
-    /// What explains the records best, by (FF2).
+    /// What explains the records best, by (FF2); a fault that begins within the record before all others.
     pub(super) fn likeliest(&self) -> Result<Vec<Suspect>, FitError> {
         let nominal = vec![0.0; self.unknowns.len()];
         let linear = self.linear(&nominal, Difference::Forward)?;
         let healthy = self.explained(&linear, &linear.residuals)?;
         let suspect = |name: String, (cost, intensity): (f64, f64)| {
             let score = (2.0 * (healthy - cost).max(0.0)).sqrt();
-            Suspect { name, score, intensity }
+            Suspect { name, score, intensity, onset: None }
         };
-        let faults = self.likeliest_faults(&linear)?.into_iter();
+        let moments = Moments::new(self, &linear);
+        let faults = self.likeliest_faults(&linear, moments.as_ref())?;
+        let begun = self.begun(&faults, moments.as_ref(), healthy)?;
+        let faults = faults.constant.into_iter();
         let mut all: Vec<Suspect> =
             faults.map(|(at, least)| suspect(self.fault_name(at), least)).collect();
         all.push(suspect(DELAY.into(), self.retimed(&linear, &DELAYS, delayed)?));
         all.push(suspect(CLOCK.into(), self.retimed(&linear, &CLOCKS, on_fast_clock)?));
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
+        if let Some(begun) = begun {
+            all.retain(|other| other.name != begun.name);
+            all.insert(0, begun);
+        }
         Ok(all)
     }
 
-    /// The faults with the least (FF2), that and the intensity with it.
-    fn likeliest_faults(&self, linear: &Linear) -> Result<Vec<Likely>, FitError> {
-        let every: Vec<usize> = (0..self.suspects.len()).collect();
-        let coarse = self.costs(linear, &every, &COARSE)?;
-        let mut order = every;
-        order.sort_by(|&a, &b| coarse[a].0.total_cmp(&coarse[b].0));
-        order.truncate(LIKELIEST);
-        let fine = self.costs(linear, &order, &FINE)?;
-        let least = |(&k, fine): (&usize, (f64, f64))| {
-            (self.suspects[k], if fine.0 < coarse[k].0 { fine } else { coarse[k] })
+    /// The fault that began within the record, where it explains that better than any that is there from the first
+    /// sample on.
+    fn begun(
+        &self,
+        faults: &LikelyFaults,
+        moments: Option<&Moments>,
+        healthy: f64,
+    ) -> Result<Option<Suspect>, FitError> {
+        let (Some(moments), Some(&(_, (least, _)))) = (moments, faults.constant.first()) else {
+            return Ok(None);
         };
-        Ok(order.iter().zip(fine).map(least).collect())
+        let worth: Vec<_> =
+            faults.begun.iter().filter(|(_, guess)| guess.is_worth(least)).collect();
+        if worth.is_empty() {
+            return Ok(None);
+        }
+        let mut constant = f64::INFINITY;
+        for &(fault, _) in faults.constant.iter().take(FITTED) {
+            constant = constant.min(self.with_fault(fault).constant()?.0.cost);
+        }
+        let mut best: Option<((usize, usize), Begun)> = None;
+        for &&(fault, guess) in &worth {
+            let own = self.with_fault(fault).begins(guess, moments.reach_s())?;
+            if best.as_ref().is_none_or(|(_, best)| own.minimum.cost < best.minimum.cost) {
+                best = Some((fault, own));
+            }
+        }
+        let suspect = |(fault, begun): ((usize, usize), Begun)| {
+            let onset = begun.onset(constant)?;
+            let intensity = *begun.minimum.z.last().expect("the fault is an unknown");
+            let score = (2.0 * (healthy - begun.minimum.cost).max(0.0)).sqrt();
+            let name = self.fault_name(fault);
+            Some(Suspect { name, score, intensity, onset: Some(onset) })
+        };
+        Ok(best.and_then(suspect))
+    }
+
+    /// For each of some faults a first guess of when it began, and how far off that may be, s; none where there is no
+    /// single record.
+    pub(super) fn onset_guesses(
+        &self,
+        faults: &[(usize, usize)],
+    ) -> Result<Vec<Option<(Guess, f64)>>, FitError> {
+        let own = Problem {
+            unknowns: self.unknowns.clone(),
+            records: self.records.clone(),
+            suspects: faults.to_vec(),
+            ..*self
+        };
+        let linear = own.linear(&vec![0.0; own.unknowns.len()], Difference::Forward)?;
+        let Some(moments) = Moments::new(&own, &linear) else {
+            return Ok(vec![None; faults.len()]);
+        };
+        let every: Vec<usize> = (0..faults.len()).collect();
+        let costs = own.costs(&linear, Some(&moments), &every, &FINE)?;
+        Ok(costs.iter().map(|one| Some((one.begun?, moments.reach_s()))).collect())
+    }
+
+    /// The faults with the least (FF2), that and the intensity with it; and those with the least (FO1).
+    fn likeliest_faults(
+        &self,
+        linear: &Linear,
+        moments: Option<&Moments>,
+    ) -> Result<LikelyFaults, FitError> {
+        let every: Vec<usize> = (0..self.suspects.len()).collect();
+        let coarse = self.costs(linear, moments, &every, &COARSE)?;
+        let first = |of: &dyn Fn(&Costs) -> f64| {
+            let mut order = every.clone();
+            order.sort_by(|&a, &b| of(&coarse[a]).total_cmp(&of(&coarse[b])));
+            order.truncate(LIKELIEST);
+            order
+        };
+        let begun = |costs: &Costs| costs.begun.map_or(f64::INFINITY, |guess| guess.cost);
+        let constant = first(&|costs| costs.constant.0);
+        let of_begun = if moments.is_some() { first(&begun) } else { Vec::new() };
+        let further = of_begun.iter().filter(|k| !constant.contains(k));
+        let fine_of: Vec<usize> = constant.iter().chain(further).copied().collect();
+        let fine = self.costs(linear, moments, &fine_of, &FINE)?;
+        let fine = |k: usize| {
+            let place = fine_of.iter().position(|&other| other == k).expect("it was simulated");
+            &fine[place]
+        };
+        let least = |&k: &usize| {
+            let (fine, coarse) = (fine(k).constant, coarse[k].constant);
+            (self.suspects[k], if fine.0 < coarse.0 { fine } else { coarse })
+        };
+        let guess = |&k: &usize| {
+            let both = [fine(k).begun, coarse[k].begun].into_iter().flatten();
+            Some((self.suspects[k], both.min_by(|a, b| a.cost.total_cmp(&b.cost))?))
+        };
+        let mut begun: Vec<_> = of_begun.iter().filter_map(guess).collect();
+        begun.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        let mut constant: Vec<Likely> = constant.iter().map(least).collect();
+        constant.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        Ok(LikelyFaults { constant, begun })
     }
 
     /// Whether a record whose times seem to be wrong shows a fault as likely: a valve that gives less follows late, too.
@@ -208,19 +308,20 @@ impl Problem<'_> {
         let (records, unknowns) = (vec![record.clone()], self.unknowns.clone());
         let own = Problem { records, unknowns, suspects: self.suspects.clone(), ..*self };
         let linear = own.linear(&vec![0.0; own.unknowns.len()], Difference::Forward)?;
-        let faults = own.likeliest_faults(&linear)?;
+        let faults = own.likeliest_faults(&linear, None)?.constant;
         let fault = faults.iter().map(|(_, least)| least.0).fold(f64::INFINITY, f64::min);
         let (times, _) = own.retimed(&linear, &AROUND.map(|share| share * size), change)?;
         Ok(fault < CLEARLY * times)
     }
 
-    /// The least (FF2) of each of some suspects, and at which intensity.
+    /// The least (FF2) and (FO1) of each of some suspects, and at which intensity.
     fn costs(
         &self,
         linear: &Linear,
+        moments: Option<&Moments>,
         which: &[usize],
         intensities: &[f64],
-    ) -> Result<Vec<(f64, f64)>, FitError> {
+    ) -> Result<Vec<Costs>, FitError> {
         let mut all = Vec::new();
         for suspects in which.chunks(AT_ONCE) {
             let count = suspects.len() * intensities.len();
@@ -235,11 +336,32 @@ impl Problem<'_> {
                 };
                 append(&mut residuals, self.run(record, count, variant)?);
             }
-            let costs = residuals.iter().map(|own| self.cost_of(linear, own));
-            let costs = costs.collect::<Result<Vec<_>, _>>()?;
-            all.extend(costs.chunks(intensities.len()).map(|costs| least(costs, intensities)));
+            for residuals in residuals.chunks(intensities.len()) {
+                all.push(self.costs_of(linear, moments, residuals, intensities)?);
+            }
         }
         Ok(all)
+    }
+
+    /// The least (FF2) and (FO1) of one suspect.
+    fn costs_of(
+        &self,
+        linear: &Linear,
+        moments: Option<&Moments>,
+        residuals: &[Result<Vec<f64>, FitError>],
+        intensities: &[f64],
+    ) -> Result<Costs, FitError> {
+        let costs = residuals.iter().map(|own| self.cost_of(linear, own));
+        let constant = least(&costs.collect::<Result<Vec<_>, _>>()?, intensities);
+        let mut begun: Option<Guess> = None;
+        for (residuals, &intensity) in residuals.iter().zip(intensities) {
+            let (Some(moments), Ok(residuals)) = (moments, residuals) else { continue };
+            let guess = moments.least(self, residuals, intensity)?;
+            if begun.is_none_or(|best| guess.cost < best.cost) {
+                begun = Some(guess);
+            }
+        }
+        Ok(Costs { constant, begun })
     }
 
     /// The least (FF2) of records whose times are changed by one of some sizes.
@@ -334,6 +456,20 @@ fn least(costs: &[f64], intensities: &[f64]) -> (f64, f64) {
 
 /// A fault, its least (FF2), and at which intensity.
 type Likely = ((usize, usize), (f64, f64));
+
+/// Of one suspect the least (FF2) with its intensity, and the least (FO1).
+struct Costs {
+    constant: (f64, f64),
+    begun: Option<Guess>,
+}
+
+/// The likeliest faults, the likeliest first.
+struct LikelyFaults {
+    /// Those that are there from the first sample on.
+    constant: Vec<Likely>,
+    /// Those that begin within the record.
+    begun: Vec<((usize, usize), Guess)>,
+}
 
 /// A record with other times.
 struct Retimed {

@@ -1,6 +1,7 @@
 //! Specimens with known parameters, and what a fit makes of their records.
 
 mod measure;
+mod onset;
 
 use super::record::smooth;
 use super::*;
@@ -23,8 +24,19 @@ fn record(study: &Study, specimen: Option<usize>, faults: Vec<FaultAt>, duration
 fn flown(
     study: &Study,
     command: &str,
-    (specimen, flight): (Option<usize>, usize),
+    who: (Option<usize>, usize),
     faults: Vec<FaultAt>,
+    duration_s: f64,
+) -> Record {
+    flown_as(study, command, who, Variant { faults, ..Variant::default() }, duration_s)
+}
+
+/// The same for a variant with faults, which may begin later.
+fn flown_as(
+    study: &Study,
+    command: &str,
+    (specimen, flight): (Option<usize>, usize),
+    variant: Variant,
     duration_s: f64,
 ) -> Record {
     let system = &study.system;
@@ -45,8 +57,7 @@ fn flown(
     };
     let realism = study.realism.as_ref().unwrap();
     let overrides = specimen.map(|n| realism.specimen(study, Lot::Training, n)).unwrap_or_default();
-    let variant =
-        Variant { overrides, faults, inputs: inputs.iter().collect(), ..Variant::default() };
+    let variant = Variant { overrides, inputs: inputs.iter().collect(), ..variant };
     let (columns, _) = ensemble.run_one(&variant).unwrap();
     let mut noise: Random = realism.noise(Lot::Training, flight);
     let row = |row: usize| columns.iter().map(move |column| column[row]);

@@ -58,6 +58,40 @@ fn size_in(field: &Field, sensor: usize, bins: &[usize]) -> f64 {
     factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
 }
 
+/// The share of healthy flights that leaves a band with this target and so many calibration flights: its mean over
+/// calibrations, and what 95 % of calibrations stay below. q is the k-th of n scores, so that the share has the
+/// distribution Beta(n + 1 − k, k), whatever distribution the scores have.
+pub fn share_of_calibration(target: f64, flights: usize) -> (f64, f64) {
+    let place = (place_of(target, flights)).min(flights);
+    let above = flights + 1 - place;
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        // Beta(a, b) is below x where of a + b − 1 draws with x at least a succeed.
+        match at_least(above, flights, middle) < 0.95 {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    (above as f64 / (flights as f64 + 1.0), high)
+}
+
+/// k: which of the scores is q, counted from one.
+fn place_of(target: f64, flights: usize) -> usize {
+    ((flights as f64 + 1.0) * (1.0 - target) - 1e-9).ceil() as usize
+}
+
+/// The probability that of so many draws with a probability at least `least` succeed.
+fn at_least(least: usize, draws: usize, probability: f64) -> f64 {
+    let (mut sum, mut logarithm) = (0.0, draws as f64 * (1.0 - probability).ln());
+    let odds = (probability / (1.0 - probability)).ln();
+    for k in 0..least {
+        sum += logarithm.exp();
+        logarithm += ((draws - k) as f64 / (k as f64 + 1.0)).ln() + odds;
+    }
+    1.0 - sum
+}
+
 /// A band for some sensors: s from the first traces, q from the others. Without covariates it is the same everywhere.
 ///
 /// # Errors
@@ -70,7 +104,7 @@ pub fn learn(
     share: f64,
 ) -> Result<Field, BandError> {
     let flights = calibration.len();
-    let place = ((flights as f64 + 1.0) * (1.0 - share) - 1e-9).ceil() as usize;
+    let place = place_of(share, flights);
     if place > flights || place == 0 {
         let needed = (1.0 / share - 1e-9).ceil() as usize - 1;
         return Err(BandError::TooFew { flights, needed });
@@ -184,6 +218,22 @@ mod tests {
         let share = left as f64 / 4000.0;
         assert!((0.04..=0.16).contains(&share), "{share}");
         assert!(seen > seen_fixed + 200, "{seen} {seen_fixed}");
+    }
+
+    #[test]
+    fn the_share_of_a_calibration_is_the_one_that_draws_have() {
+        let (mean, most) = share_of_calibration(0.05, 24);
+        // q is the largest of 24 scores: 1 − U^(1/24).
+        assert!((mean - 1.0 / 25.0).abs() < 1e-12);
+        assert!((most - (1.0 - 0.05_f64.powf(1.0 / 24.0))).abs() < 1e-9, "{most}");
+        let (mut random, mut above) = (Random::new(3), 0);
+        let (_, most) = share_of_calibration(0.1, 59);
+        for _ in 0..2000 {
+            let mut scores: Vec<f64> = (0..59).map(|_| random.unit()).collect();
+            scores.sort_by(f64::total_cmp);
+            above += usize::from(1.0 - scores[place_of(0.1, 59) - 1] > most);
+        }
+        assert!((70..=130).contains(&above), "{above} of 2000");
     }
 
     #[test]

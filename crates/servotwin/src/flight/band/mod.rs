@@ -18,7 +18,7 @@
 mod learn;
 mod picture;
 
-pub use learn::{Trace, learn};
+pub use learn::{Trace, learn, share_of_calibration};
 
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};

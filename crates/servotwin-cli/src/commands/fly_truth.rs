@@ -1,0 +1,222 @@
+//! What the diagnosis said of a flight beside the truth: detected when, and whether actuator, action and component
+//! were right.
+
+use serde_json::{Value, json};
+use servotwin::flight::closed_loop::{Action, Record};
+use servotwin::report::words::spoken;
+use servotwin::study::Study;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Finding};
+use servotwin_model::program::FaultAt;
+
+/// A fault that was flown, with what the study expects of a diagnosis.
+pub struct Truth {
+    /// The fault's full name.
+    pub name: String,
+    /// When it begins, s.
+    pub onset_s: f64,
+    /// The actuator; empty where a study has one without a name.
+    pub actuator: String,
+    /// The action and the component; `None` for a fault that the study does not list.
+    pub expected: Option<(String, String)>,
+}
+
+impl Truth {
+    /// The truth of a fault that begins.
+    pub fn of(study: &Study, fault: FaultAt, onset_s: f64) -> Self {
+        let instance = &study.system.network().components[fault.component];
+        let name =
+            format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name);
+        let same = |at: FaultAt| (at.component, at.fault) == (fault.component, fault.fault);
+        let known = study.faults.iter().find(|case| same(case.at));
+        let begins = |unit: &&String| unit.is_empty() || name.starts_with(&format!("{unit}."));
+        let actuator = match known {
+            Some(case) => study.units.get(case.unit).cloned(),
+            None => study.units.iter().find(begins).cloned(),
+        };
+        let expected = known.map(|case| {
+            let class = &study.classes[case.class];
+            (class.command.clone(), class.detail.clone())
+        });
+        Truth { name, onset_s, actuator: actuator.unwrap_or_default(), expected }
+    }
+}
+
+/// What was raised, in names.
+struct Said {
+    time_s: f64,
+    actuator: String,
+    action: String,
+    component: Option<String>,
+}
+
+impl Said {
+    fn of(action: &Action, diagnoser: &Diagnoser) -> Self {
+        let names = diagnoser.names();
+        let raised = &action.raised;
+        Said {
+            time_s: action.time_s,
+            actuator: names.actuators[raised.unit as usize].clone(),
+            action: names.commands[raised.command as usize].clone(),
+            component: raised.detail.map(|detail| names.details[detail as usize].clone()),
+        }
+    }
+}
+
+/// The first time, from a moment on, at which the diagnosis said that something is wrong, s.
+pub fn detected(record: &Record, since_s: f64) -> Option<f64> {
+    let says_fault = |finding: Finding| {
+        !matches!(
+            finding,
+            Finding::Unjudged | Finding::Healthy | Finding::EnvironmentInvalid { .. }
+        )
+    };
+    let later = record.changes.iter().filter(|change| change.time_s >= since_s);
+    later
+        .map(|change| (change.time_s, change.finding))
+        .find(|(_, f)| says_fault(*f))
+        .map(|(t, _)| t)
+}
+
+/// A fault beside the first action that was raised for it.
+pub struct Judged<'t> {
+    truth: &'t Truth,
+    detected_s: Option<f64>,
+    said: Option<Said>,
+}
+
+impl<'t> Judged<'t> {
+    /// Of one fault: the first action from its onset on for its actuator, or for any where there is none.
+    fn of(truth: &'t Truth, record: &Record, diagnoser: &Diagnoser) -> Self {
+        let later = || {
+            let later = record.actions.iter().filter(|action| action.time_s >= truth.onset_s);
+            later.map(|action| Said::of(action, diagnoser))
+        };
+        let said = later().find(|said| said.actuator == truth.actuator).or_else(|| later().next());
+        Judged { truth, detected_s: detected(record, truth.onset_s), said }
+    }
+
+    /// Whether actuator, action and component were right; `None` where nothing was said, or nothing is expected.
+    fn right(&self) -> [Option<bool>; 3] {
+        let Some(said) = &self.said else { return [None; 3] };
+        let expected = self.truth.expected.as_ref();
+        let component = said.component.as_ref().zip(expected);
+        [
+            Some(said.actuator == self.truth.actuator),
+            expected.map(|(action, _)| *action == said.action),
+            component.map(|(said, (_, component))| said == component),
+        ]
+    }
+
+    fn sentence(&self) -> String {
+        let Truth { name, onset_s, actuator, expected } = self.truth;
+        let mut text = format!("truth: {} from {onset_s} s on", spoken(name));
+        if let Some((action, component)) = expected {
+            let of = if actuator.is_empty() {
+                String::new()
+            } else {
+                format!(" of {}", spoken(actuator))
+            };
+            text += &format!("; right is: {}{of}, {}", spoken(action), spoken(component));
+        }
+        text.push('\n');
+        text += &match self.detected_s {
+            Some(time_s) => format!("detected {:.2} s after the onset; ", time_s - onset_s),
+            None => "never detected; ".into(),
+        };
+        let Some(said) = &self.said else { return text + "missed: no action was raised\n" };
+        let words = |is_right: Option<bool>| match is_right {
+            Some(true) => "right",
+            Some(false) => "wrong",
+            None => "not known",
+        };
+        let [unit, action, component] = self.right();
+        text += &format!("first action {:.2} s after the onset: ", said.time_s - onset_s);
+        if !actuator.is_empty() {
+            text += &format!("actuator {}, ", words(unit));
+        }
+        let named = match (&said.component, component) {
+            (Some(said), Some(false)) => format!("component wrong ({})", spoken(said)),
+            (Some(_), is_right) => format!("component {}", words(is_right)),
+            (None, _) => "component not named".into(),
+        };
+        text + &format!("action {} ({}), {named}\n", words(action), spoken(&said.action))
+    }
+
+    fn json(&self) -> Value {
+        let Truth { name, onset_s, actuator, expected } = self.truth;
+        let [unit, action, component] = self.right();
+        json!({
+            "fault": name,
+            "onset_s": onset_s,
+            "unit": (!actuator.is_empty()).then_some(actuator),
+            "command": expected.as_ref().map(|one| &one.0),
+            "detail": expected.as_ref().map(|one| &one.1),
+            "detected_s": self.detected_s,
+            "action_s": self.said.as_ref().map(|said| said.time_s),
+            "is_unit_right": unit,
+            "is_command_right": action,
+            "is_detail_right": component,
+        })
+    }
+}
+
+/// All faults of a flight beside what was said.
+pub struct Verdict<'t> {
+    judged: Vec<Judged<'t>>,
+    /// Actions before any fault began.
+    false_alarms: usize,
+    /// Actuators that were switched off while others were not.
+    dragged: Vec<String>,
+}
+
+impl<'t> Verdict<'t> {
+    /// Judges what was said of a flight with these faults.
+    pub fn of(truths: &'t [Truth], record: &Record, diagnoser: &Diagnoser) -> Self {
+        let first_s = truths.iter().map(|truth| truth.onset_s).fold(f64::INFINITY, f64::min);
+        let before = record.actions.iter().filter(|action| action.time_s < first_s);
+        let names = diagnoser.names();
+        let off = record.actions.iter().filter(|action| action.reaction.switches_off);
+        let dragged = off.map(|action| names.actuators[action.raised.unit as usize].clone());
+        Verdict {
+            judged: truths.iter().map(|truth| Judged::of(truth, record, diagnoser)).collect(),
+            false_alarms: before.count(),
+            dragged: if names.actuators.len() > 1 { dragged.collect() } else { vec![] },
+        }
+    }
+
+    /// The verdict as lines.
+    pub fn text(&self) -> String {
+        let mut text: String = self.judged.iter().map(Judged::sentence).collect();
+        match (self.judged.is_empty(), self.false_alarms) {
+            (true, 0) => text += "truth: no fault; right: no action was raised\n",
+            (_, 0) => {}
+            (_, 1) => text += "false alarm: an action was raised before any fault began\n",
+            (_, n) => {
+                text += &format!("{n} false alarms: actions were raised before any fault began\n")
+            }
+        }
+        text
+    }
+
+    /// Why a reaction raises the force fight, where it does.
+    pub fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> String {
+        let is_raised = with.zip(without).is_some_and(|(with, without)| with > without);
+        let [first, ..] = &self.dragged[..] else { return String::new() };
+        if !is_raised {
+            return String::new();
+        }
+        format!(
+            "The force fight rises because {} is passive after its shutdown: its bypass lets it move, and the other \
+             actuator drags it along.\nThe forces in the rods are then the drag, not two controllers that disagree.\n",
+            spoken(first)
+        )
+    }
+
+    /// The same for programs.
+    pub fn json(&self) -> Value {
+        json!({
+            "faults": self.judged.iter().map(Judged::json).collect::<Vec<_>>(),
+            "false_alarms": self.false_alarms,
+        })
+    }
+}

@@ -1,0 +1,87 @@
+//! The logs of a folder: its regular files that are tables by their extension.
+
+use crate::failure::Failure;
+use servotwin::files::FileError;
+use servotwin::log::intake;
+use std::fs::FileType;
+use std::path::{Path, PathBuf};
+
+/// The logs of a folder by their names, and what has the name of one and is no regular file.
+#[derive(Default)]
+pub struct LogFolder {
+    /// The logs.
+    pub paths: Vec<PathBuf>,
+    /// The others: the name, and what stands there instead.
+    pub skipped: Vec<(String, &'static str)>,
+}
+
+impl LogFolder {
+    /// Looks at the entries of a folder; links are followed.
+    ///
+    /// # Errors
+    /// The folder cannot be listed, or has no log.
+    pub fn read(folder: &Path) -> Result<Self, Failure> {
+        let none = |reason: String| Failure::NoLogs { folder: folder.into(), reason };
+        if !folder.is_dir() {
+            return Err(none("no such folder".into()));
+        }
+        let wrong = |cause| FileError::from_io(folder, cause);
+        let mut found = LogFolder::default();
+        for entry in std::fs::read_dir(folder).map_err(wrong)? {
+            let path = entry.map_err(wrong)?.path();
+            if intake::is_log(&path) {
+                found.take(path);
+            }
+        }
+        found.paths.sort();
+        found.skipped.sort();
+        match (found.paths.is_empty(), found.sentence()) {
+            (false, _) => Ok(found),
+            (true, None) => {
+                Err(none("the folder has no logs (.csv, .parquet, .mcap or .jsonl)".into()))
+            }
+            (true, Some(skipped)) => Err(none(format!("the folder has no logs: {skipped}"))),
+        }
+    }
+
+    fn take(&mut self, path: PathBuf) {
+        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        match std::fs::metadata(&path) {
+            Ok(known) if known.is_file() => self.paths.push(path),
+            Ok(known) => self.skipped.push((name, words(known.file_type()))),
+            Err(_) if path.is_symlink() => self.skipped.push((name, "broken link")),
+            Err(_) => self.skipped.push((name, "cannot be read")),
+        }
+    }
+
+    /// What is skipped, with its count, as a sentence.
+    pub fn sentence(&self) -> Option<String> {
+        let each: Vec<String> =
+            self.skipped.iter().map(|(name, why)| format!("{name} ({why})")).collect();
+        match each.len() {
+            0 => None,
+            1 => Some(format!("skipped 1 entry that is no regular file: {}", each[0])),
+            n => {
+                Some(format!("skipped {n} entries that are no regular files: {}", each.join(", ")))
+            }
+        }
+    }
+}
+
+/// What an entry is that is no regular file.
+fn words(kind: FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return "named pipe";
+        }
+        if kind.is_socket() {
+            return "socket";
+        }
+        if kind.is_block_device() || kind.is_char_device() {
+            return "device";
+        }
+    }
+    if kind.is_dir() { "folder" } else { "no regular file" }
+}

@@ -1,0 +1,258 @@
+//! Faults that begin within a record: when, and how strong they are from then on.
+//!
+//! A record that was healthy until t shows until then what the healthy twin shows, and from then on what the twin with
+//! the fault shows, apart from the transient between them. So the runs that suspects need anyway give a first guess for
+//! every moment:
+//!
+//! (FO1)  r_t = r of the healthy twin before t, r of the fault of intensity x from t on;  F(t, x) by (FF2)
+//!
+//! From the best t and x a fit with a fault that begins at t in the simulation gives F of (FS1). The moment is then
+//! moved, in steps that become smaller, and fitted again. The fault has begun within the record where
+//!
+//! (FO2)  √(2 (F_c − F)/s) > 5
+//!
+//! F_c of the best fit with a fault from the first sample on, s the mean square of the residuals where it is above 1, and
+//! s < 2: a fault that leaves more is not the one.
+//! The interval of t is that of the moments with F(t) ≤ F + ½ χ²₁(95 %) s, all else at its best beside each.
+
+use super::intensity::{HALF_CHI_SQUARE_95, at, mean_square};
+use super::linear::{Symmetric, dot};
+use super::response::Linear;
+use super::solve::Minimum;
+use super::suspects::SCORE_LIMIT;
+use super::{FitError, Problem};
+
+/// The most moments at which a fault may begin in a first guess.
+const MOST_MOMENTS: f64 = 100.0;
+/// An onset is believed only of a fit that leaves less than this mean square: of two faults that are both wrong the
+/// likelier one says nothing of a time.
+const MOST_LEFT: f64 = 2.0;
+/// Time between two of them, s, at least ...
+const LEAST_BETWEEN_S: f64 = 0.5;
+/// ... and what a record has behind the last one, s.
+const BEHIND_S: f64 = 1.0;
+/// Moments to each side by which a guess is moved, in parts of how far it is moved at most.
+const TO_EACH_SIDE: i32 = 8;
+/// Times that it is moved, each time less far.
+const ROUNDS: usize = 3;
+/// How far beside the best moment others are tried for the interval, in samples.
+const BESIDE: [f64; 8] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+
+/// When a fault began in a record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Onset {
+    /// The moment, s from the first sample on.
+    pub at_s: f64,
+    /// The interval that holds it with 95 %, s.
+    pub interval_s: (f64, f64),
+    /// (FO2) beside the best fit with a fault from the first sample on.
+    pub score: f64,
+}
+
+/// A first guess of a fault that begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Guess {
+    /// F by (FO1).
+    pub cost: f64,
+    /// The intensity.
+    pub intensity: f64,
+    /// The moment, s.
+    pub at_s: f64,
+}
+
+impl Guess {
+    /// Whether it is worth a fit beside a cost without an onset.
+    pub fn is_worth(&self, constant: f64) -> bool {
+        constant - self.cost > 0.5 * SCORE_LIMIT * SCORE_LIMIT
+    }
+}
+
+/// A fit with a fault that begins.
+pub(super) struct Begun {
+    pub at_s: f64,
+    pub interval_s: (f64, f64),
+    pub minimum: Minimum,
+    /// Intensities that explain the record as well.
+    pub alike: Vec<f64>,
+}
+
+impl Begun {
+    /// (FO2), where it is an onset.
+    pub fn onset(&self, constant: f64) -> Option<Onset> {
+        let gain = (constant - self.minimum.cost).max(0.0);
+        let left = mean_square(&self.minimum);
+        let score = (2.0 * gain / left).sqrt();
+        let Begun { at_s, interval_s, .. } = *self;
+        (score > SCORE_LIMIT && left < MOST_LEFT).then_some(Onset { at_s, interval_s, score })
+    }
+}
+
+/// What the healthy twin leaves before each moment.
+pub(super) struct Moments<'l> {
+    linear: &'l Linear,
+    curvature: Symmetric,
+    /// The moments, s.
+    times_s: Vec<f64>,
+    /// The places of their first residuals.
+    places: Vec<usize>,
+    healthy: Sums,
+}
+
+/// Sums over the residuals before each moment, and over all.
+struct Sums {
+    squares: Vec<f64>,
+    pulls: Vec<Vec<f64>>,
+}
+
+impl Sums {
+    fn new(linear: &Linear, places: &[usize], residuals: &[f64]) -> Self {
+        let (mut squares, mut pulls) = (Vec::new(), Vec::new());
+        let (mut square, mut pull) = (0.0, vec![0.0; linear.columns.len()]);
+        let mut begin = 0;
+        for end in places.iter().copied().chain([residuals.len()]) {
+            let own = &residuals[begin..end];
+            square += dot(own, own);
+            for (sum, column) in pull.iter_mut().zip(&linear.columns) {
+                *sum += dot(&column[begin..end], own);
+            }
+            squares.push(square);
+            pulls.push(pull.clone());
+            begin = end;
+        }
+        Self { squares, pulls }
+    }
+}
+
+impl<'l> Moments<'l> {
+    /// The moments of a problem's record; `None` where there are several records, or no room for a moment.
+    pub fn new(problem: &Problem, linear: &'l Linear) -> Option<Self> {
+        let [record] = &problem.records[..] else { return None };
+        let first = problem.first_sample(record);
+        let first_s = first as f64 * record.period_s;
+        let room_s = record.duration_s() - BEHIND_S - first_s;
+        let between_s = (room_s / MOST_MOMENTS).max(LEAST_BETWEEN_S);
+        let count = (room_s / between_s) as usize;
+        let times_s: Vec<f64> =
+            (1..=count).map(|k| first_s + k as f64 * between_s).filter(|_| room_s > 0.0).collect();
+        let place = |time_s: &f64| {
+            let sample = (time_s / record.period_s).ceil() as usize;
+            (sample - first) * record.sensors.len()
+        };
+        let places: Vec<usize> = times_s.iter().map(place).collect();
+        let healthy = Sums::new(linear, &places, &linear.residuals);
+        let curvature = linear.information.plus_diagonal(&problem.priors());
+        (!places.is_empty()).then_some(Self { linear, curvature, times_s, places, healthy })
+    }
+
+    /// Time between two moments, s.
+    fn between_s(&self) -> f64 {
+        self.times_s.windows(2).next().map_or(LEAST_BETWEEN_S, |pair| pair[1] - pair[0])
+    }
+
+    /// The best moment by (FO1) for the residuals of a fault from the first sample on.
+    pub fn least(
+        &self,
+        problem: &Problem,
+        residuals: &[f64],
+        intensity: f64,
+    ) -> Result<Guess, FitError> {
+        let faulty = Sums::new(self.linear, &self.places, residuals);
+        let last = self.places.len();
+        let mut best = Guess { cost: f64::INFINITY, intensity, at_s: self.times_s[0] };
+        for (k, &at_s) in self.times_s.iter().enumerate() {
+            let square = self.healthy.squares[k] + faulty.squares[last] - faulty.squares[k];
+            let pulls = self.healthy.pulls[k].iter().zip(&faulty.pulls[last]);
+            let pulls = pulls.zip(&faulty.pulls[k]);
+            let pull: Vec<f64> = pulls.map(|((before, all), own)| before + all - own).collect();
+            let (_, gain) = problem.step(&self.curvature, &self.linear.z, &pull)?;
+            let cost = 0.5 * square - gain;
+            if cost < best.cost {
+                best = Guess { cost, intensity, at_s };
+            }
+        }
+        Ok(best)
+    }
+
+    /// How far from a guess its moment may be, s.
+    pub fn reach_s(&self) -> f64 {
+        2.0 * self.between_s()
+    }
+}
+
+/// A problem whose last unknown is the intensity of a fault.
+impl Problem<'_> {
+    /// The same problem with a fault that begins at a moment.
+    fn with_onset(&self, at_s: f64) -> Problem<'_> {
+        Problem {
+            unknowns: self.unknowns.clone(),
+            records: self.records.clone(),
+            suspects: Vec::new(),
+            onset_s: Some(at_s),
+            ..*self
+        }
+    }
+
+    /// Fits a fault and the moment when it begins, from a guess that may be so far off.
+    pub(super) fn begins(&self, guess: Guess, reach_s: f64) -> Result<Begun, FitError> {
+        let nominal = vec![0.0; self.unknowns.len()];
+        let mut at_s = guess.at_s;
+        let mut minimum = self.with_onset(at_s).minimum(&at(&nominal, guess.intensity))?;
+        let mut reach_s = reach_s;
+        for _ in 0..ROUNDS {
+            let step_s = reach_s / f64::from(TO_EACH_SIDE);
+            let others = (-TO_EACH_SIDE..=TO_EACH_SIDE).map(|k| at_s + f64::from(k) * step_s);
+            let costs = self.moved(&minimum, &others.collect::<Vec<_>>())?;
+            let best = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some(&(best_s, _)) = best.filter(|(_, cost)| cost.is_finite()) else { break };
+            if best_s != at_s {
+                let again = self.with_onset(best_s).minimum(&minimum.z)?;
+                if again.cost < minimum.cost {
+                    (minimum, at_s) = (again, best_s);
+                }
+            }
+            reach_s = 2.0 * step_s;
+        }
+        let own = self.with_onset(at_s);
+        let (minimum, alike) = own.least_of_all(&minimum.z)?;
+        let interval_s = self.moments_alike(&minimum, at_s)?;
+        Ok(Begun { at_s, interval_s, minimum, alike })
+    }
+
+    /// The earliest and the latest moment that explain the record as well.
+    fn moments_alike(&self, minimum: &Minimum, at_s: f64) -> Result<(f64, f64), FitError> {
+        let period_s = self.records[0].period_s;
+        let beside = BESIDE.iter().flat_map(|samples| [-samples, *samples]);
+        let others: Vec<f64> = beside.map(|samples| at_s + samples * period_s).collect();
+        let highest = minimum.cost + HALF_CHI_SQUARE_95 * mean_square(minimum);
+        let costs = self.moved(minimum, &others)?;
+        let alike = costs.iter().filter(|(_, cost)| *cost <= highest).map(|(other, _)| *other);
+        // A moment is never better known than to half a sample.
+        let ends = (at_s - 0.5 * period_s, at_s + 0.5 * period_s);
+        let ends = alike.fold(ends, |(low, high), other| (low.min(other), high.max(other)));
+        let last_s = self.records[0].duration_s();
+        Ok((ends.0.max(0.0), ends.1.min(last_s)))
+    }
+
+    /// Some moments, each with the least F beside it as J at the minimum says; those outside of the record are left out.
+    fn moved(&self, minimum: &Minimum, moments_s: &[f64]) -> Result<Vec<(f64, f64)>, FitError> {
+        let record = &self.records[0];
+        let inside = 0.0..record.duration_s();
+        let moments: Vec<f64> =
+            moments_s.iter().copied().filter(|at_s| inside.contains(at_s)).collect();
+        let variant =
+            |job: usize| self.variant_from(&minimum.z, &record.inputs, Some(moments[job]));
+        let runs = self.run(record, moments.len(), variant)?;
+        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
+        let mut all = Vec::new();
+        for (&at_s, residuals) in moments.iter().zip(runs) {
+            let Ok(residuals) = residuals else {
+                all.push((at_s, f64::INFINITY));
+                continue;
+            };
+            let pull = minimum.linear.pull(&residuals);
+            let (_, gain) = self.step(&curvature, &minimum.z, &pull)?;
+            all.push((at_s, self.cost(&minimum.z, &residuals) - gain));
+        }
+        Ok(all)
+    }
+}

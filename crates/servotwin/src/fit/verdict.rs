@@ -1,0 +1,140 @@
+//! What a fit comes to, in one sentence: healthy, a fault, times that are wrong, or nothing that explains the record.
+
+use super::finding::MEAN_LIMIT;
+use super::intensity::{Diagnosed, intensity, intensity_and_onset};
+use super::suspects::{CLOCK, DELAY};
+use super::{Finding, FitError, Fitted, Problem, SensorFit, Suspect};
+
+/// A fault explains a record where it takes away at least this part of what the tolerances leave beyond noise.
+const EXPLAINS: f64 = 0.5;
+
+/// What a fit comes to.
+#[derive(Clone, Debug)]
+pub enum FitVerdict {
+    /// Parameters inside of their tolerances explain the records.
+    Healthy,
+    /// A fault explains them.
+    Fault(Box<Diagnosed>),
+    /// The clock or the times of the sensors are wrong.
+    Times(Suspect),
+    /// Nothing explains them.
+    Unexplained {
+        /// The fault that comes nearest, where there is one.
+        nearest: Option<Box<Diagnosed>>,
+        /// A reading that shifts, as a clause; empty where none does.
+        shift: String,
+    },
+}
+
+impl FitVerdict {
+    /// Its name for programs: `healthy`, `fault`, `times` or `unexplained`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            FitVerdict::Healthy => "healthy",
+            FitVerdict::Fault(_) => "fault",
+            FitVerdict::Times(_) => "times",
+            FitVerdict::Unexplained { .. } => "unexplained",
+        }
+    }
+
+    /// The fault that explains the records, or comes nearest.
+    pub fn fault(&self) -> Option<&Diagnosed> {
+        match self {
+            FitVerdict::Fault(one) => Some(one),
+            FitVerdict::Unexplained { nearest, .. } => nearest.as_deref(),
+            FitVerdict::Healthy | FitVerdict::Times(_) => None,
+        }
+    }
+
+    /// The verdict as a sentence.
+    pub fn sentence(&self) -> String {
+        match self {
+            FitVerdict::Healthy => {
+                "healthy: parameters inside of their tolerances explain the record".into()
+            }
+            FitVerdict::Fault(one) => format!("fault: {}", in_words(one)),
+            FitVerdict::Times(suspect) => format!("wrong times: {}", suspect.sentence()),
+            FitVerdict::Unexplained { shift, .. } if !shift.is_empty() => {
+                format!("cannot be explained by a fault: {shift}, and nothing else follows it")
+            }
+            FitVerdict::Unexplained { nearest: None, .. } => {
+                "cannot be explained: neither tolerances nor a fault of the study explain the record"
+                    .into()
+            }
+            FitVerdict::Unexplained { nearest: Some(one), .. } => format!(
+                "cannot be explained: the nearest fault, {}, leaves more than half of it",
+                in_words(one)
+            ),
+        }
+    }
+}
+
+/// A fault with its intensity and its onset.
+fn in_words(one: &Diagnosed) -> String {
+    let Diagnosed { name, intensity, interval: (low, high), .. } = one;
+    let from = match one.onset {
+        None => "from the first sample on".into(),
+        Some(onset) => {
+            let (earliest, latest) = onset.interval_s;
+            format!("from {:.2} s on (95 %: {earliest:.2} … {latest:.2} s)", onset.at_s)
+        }
+    };
+    format!("{name} at intensity {intensity:.3} (95 %: {low:.3} … {high:.3}) {from}")
+}
+
+impl Problem<'_> {
+    /// What a fit of this problem comes to. A fault is fitted for it, beside the tolerances.
+    ///
+    /// # Errors
+    /// As [`Problem::solve`].
+    pub fn verdict(&self, fitted: &Fitted) -> Result<FitVerdict, FitError> {
+        if fitted.is_update() {
+            return Ok(FitVerdict::Healthy);
+        }
+        let unexplained = |nearest| FitVerdict::Unexplained { nearest, shift: self.shift(fitted) };
+        let Some(Finding::Looks(suspect)) = fitted.findings.first() else {
+            return Ok(unexplained(None));
+        };
+        if [CLOCK, DELAY].contains(&suspect.name.as_str()) {
+            return Ok(FitVerdict::Times(suspect.clone()));
+        }
+        let Some(fault) = self.system.program.find_fault(&suspect.name) else {
+            return Ok(unexplained(None));
+        };
+        let estimate = if suspect.onset.is_some() { intensity_and_onset } else { intensity };
+        let one = Box::new(estimate(self, &[fault])?.remove(0));
+        let residuals: usize = self.records.iter().map(|record| record.measured.len()).sum();
+        let beyond_noise = |cost: f64| (cost - 0.5 * residuals as f64).max(0.0);
+        let left = beyond_noise(one.fitted.cost);
+        Ok(match left <= (1.0 - EXPLAINS) * beyond_noise(fitted.cost) || is_noise(&one) {
+            true => FitVerdict::Fault(one),
+            false => unexplained(Some(one)),
+        })
+    }
+}
+
+impl Problem<'_> {
+    /// The shift of the sensor whose mean is the largest, as a clause; empty where other sensors leave more than noise, so
+    /// that something moved with it.
+    fn shift(&self, fitted: &Fitted) -> String {
+        let mean = fitted.findings.iter().find_map(|finding| match finding {
+            Finding::Mean(left) => Some(left),
+            _ => None,
+        });
+        let Some(mean) = mean else { return String::new() };
+        let others = fitted.left.iter().filter(|left| left.sensor != mean.sensor);
+        let is_noise = |left: &SensorFit| {
+            left.mean_square <= left.limit && left.largest_mean.abs() <= MEAN_LIMIT
+        };
+        match others.into_iter().all(is_noise) {
+            true => mean.shift_in_words(self),
+            false => String::new(),
+        }
+    }
+}
+
+/// Whether a fault leaves nothing but noise.
+fn is_noise(one: &Diagnosed) -> bool {
+    let is_left = |finding: &Finding| matches!(finding, Finding::Scatter(_) | Finding::Mean(_));
+    !one.fitted.findings.iter().any(is_left)
+}
