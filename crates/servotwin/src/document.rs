@@ -459,10 +459,12 @@ impl<'p> Place<'p> {
                     Some((key, value)) => (Some(key.span()), value),
                     None => break,
                 },
-                Step::Element(at) => match list.and_then(|list: &toml::de::DeArray| list.get(*at)) {
-                    Some(value) => (None, value),
-                    None => break,
-                },
+                Step::Element(at) => {
+                    match list.and_then(|list: &toml::de::DeArray| list.get(*at)) {
+                        Some(value) => (None, value),
+                        None => break,
+                    }
+                }
             };
             table = value.get_ref().as_table();
             list = value.get_ref().as_array();

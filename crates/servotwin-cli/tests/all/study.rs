@@ -210,8 +210,9 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     let folder = Folder::new("refused");
     let out = folder.file("out");
     let none = write_study(&folder, "");
-    fails(&["study", &none, "--out", &out], 1, "the study has no faults");
-    fails(&["campaign", &none, "--out", &out], 1, "the study has no faults");
+    fails(&["study", &none, "--out", &out], 3, "the study has no faults");
+    fails(&["campaign", &none, "--out", &out], 3, "the study has no faults");
+    fails(&["check", &none], 3, "the study has no faults");
     assert!(!Path::new(&out).exists());
     let study = write_study(&folder, CLASSES);
     // A file where a folder is needed, and a folder that nobody can write to.

@@ -22,7 +22,7 @@ use super::hold::{self, Among, Hold};
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::manifest;
-use crate::study::campaign::{CampaignError, calibration_file};
+use crate::study::campaign::calibration_file;
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 
@@ -159,11 +159,9 @@ impl Folder {
     /// allows it.
     ///
     /// # Errors
-    /// The study has no faults; [`JobError::Busy`]; [`JobError::OtherResults`]; the folder or a file cannot be written.
+    /// [`Study::complete`]; [`JobError::Busy`]; [`JobError::OtherResults`]; the folder or a file cannot be written.
     pub fn keep_study(&self, study: &Study, replace: bool) -> Result<Kept, JobError> {
-        if study.faults.is_empty() {
-            return Err(CampaignError::NoVariants.into());
-        }
+        study.complete()?;
         let hold = self.hold(Among::Nobody)?;
         let mut dropped = vec![];
         if !self.is_made_of(study)? {
@@ -202,9 +200,7 @@ impl Folder {
     /// # Errors
     /// The folder holds another study; [`JobError::Busy`]; a file cannot be written.
     pub fn join_study(&self, study: &Study) -> Result<Hold, JobError> {
-        if study.faults.is_empty() {
-            return Err(CampaignError::NoVariants.into());
-        }
+        study.complete()?;
         let hold = self.hold(Among::Parts)?;
         if self.holds(study) {
             return Ok(hold);

@@ -15,8 +15,8 @@
 //! would learn to know it.
 
 use super::reader::{Noted, Reader};
-use crate::document::Place;
 use super::{Realism, Role};
+use crate::document::Place;
 use crate::signal::Signal;
 use serde::Deserialize;
 use servotwin_model::signal::Piecewise;

@@ -176,7 +176,9 @@ fn setting(reader: &Reader, at: &Place, name: &str) -> Result<Setting, Noted> {
 fn needs_healthy(reader: &Reader) -> Result<(), Noted> {
     match reader.text.training.as_ref().is_some_and(|training| training.has_healthy()) {
         true => Ok(()),
-        false => Err(reader.empty(&Place::of(&["evaluation", "learned_bands"]), "training.healthy")),
+        false => {
+            Err(reader.empty(&Place::of(&["evaluation", "learned_bands"]), "training.healthy"))
+        }
     }
 }
 

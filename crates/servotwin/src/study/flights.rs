@@ -184,6 +184,15 @@ impl Text {
         self.unit_parameters.keys()
     }
 
+    /// The places of sizes with which no fault would be flown to learn from.
+    pub(super) fn without_faults_to_learn(&self) -> Vec<Place<'static>> {
+        let own = (Place::of(&["flights", "learn", "repeats"]), self.learn);
+        let full =
+            self.full.map(|of| (Place::of(&["flights", "full", "learn", "repeats"]), of.learn));
+        let all = [Some(own), full].into_iter().flatten();
+        all.filter(|(_, size)| size.repeats == 0).map(|(at, _)| at).collect()
+    }
+
     /// The same section with its full sizes.
     pub(super) fn full(&self) -> Option<Text> {
         let Full { learn, judge } = self.full?;

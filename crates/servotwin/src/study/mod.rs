@@ -7,6 +7,7 @@
 
 mod calibration;
 pub mod campaign;
+mod complete;
 pub mod evaluating;
 pub mod faults;
 pub mod flights;
@@ -638,6 +639,8 @@ impl Reader<'_> {
         for (position, sensor) in list.iter().enumerate() {
             let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
             if let Ok(sensor) = self.sensor(position, text) {
+                let at = Place::of(&["sensors", &list[position].id]).name();
+                self.named_apart(&at, &sensor, &seen);
                 measured.push(position);
                 seen.push(sensor);
             }
@@ -647,9 +650,8 @@ impl Reader<'_> {
             let at = Place::of(&["extra_sensor", "id"]);
             let unknown = || self.unknown(&at, "sensor in the system", &extra.id, ids());
             let position = position.ok_or_else(unknown)?;
-            measured.push(position);
             let (name, noise) = (list[position].label.clone(), self.noise(position));
-            seen.push(Sensor {
+            let sensor = Sensor {
                 name,
                 quantity: Quantity::Surface,
                 unit: None,
@@ -657,10 +659,21 @@ impl Reader<'_> {
                 is_noisy: true,
                 follows: vec![],
                 stands_in: false,
-            });
+            };
+            self.named_apart(&at, &sensor, &seen);
+            measured.push(position);
+            seen.push(sensor);
         }
         self.add_laws(&measured, &mut seen);
         Ok((measured, Sensors(seen)))
+    }
+
+    /// Notes a sensor whose label another one has: features are named by it.
+    fn named_apart(&self, at: &Place, sensor: &Sensor, others: &[Sensor]) {
+        if others.iter().any(|other| other.name == sensor.name) {
+            let mistake = Mistake::Repeated { what: "sensor", name: sensor.name.clone() };
+            self.note(&self.span(at), mistake);
+        }
     }
 
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
@@ -668,11 +681,17 @@ impl Reader<'_> {
         let at = Place::of(&["sensors", id]);
         let words = || Quantity::ALL.iter().map(|(_, word)| *word);
         let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
-        let (quantity, _) =
-            found.ok_or_else(|| self.unknown(&at.key("quantity"), "quantity", &text.quantity, words()))?;
+        let (quantity, _) = found.ok_or_else(|| {
+            self.unknown(&at.key("quantity"), "quantity", &text.quantity, words())
+        })?;
         let known = text.unit <= self.text.units.len();
         let units = self.text.units.len();
-        self.range(&at.key("unit"), text.unit as f64, known, format!("0 … {units}, as there are units"))?;
+        self.range(
+            &at.key("unit"),
+            text.unit as f64,
+            known,
+            format!("0 … {units}, as there are units"),
+        )?;
         // A surface is moved by all units, whatever the file says.
         let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
         let (name, noise) = (label.clone(), self.noise(position));
@@ -694,8 +713,7 @@ impl Reader<'_> {
             let Some(text) = self.text.sensors.get(id) else { continue };
             let at = Place::of(&["sensors", id, "follows"]);
             let (count, few) = (text.follows.len(), text.follows.len() <= MOST_FOLLOWED);
-            let _ =
-                self.range(&at, count as f64, few, format!("at most {MOST_FOLLOWED} others"));
+            let _ = self.range(&at, count as f64, few, format!("at most {MOST_FOLLOWED} others"));
             let follow = |(id, &weight): (&String, &f64)| {
                 self.follow(&at, measured, place, (id, weight)).ok()
             };
@@ -715,7 +733,9 @@ impl Reader<'_> {
         let others = || (0..measured.len()).filter(|&other| other != place);
         let known = || others().map(|other| sensor(other).id.as_str());
         let other = others().find(|&other| sensor(other).id == followed);
-        let other = other.ok_or_else(|| self.unknown(&at.key(followed).name(), OTHER_SENSOR, followed, known()))?;
+        let other = other.ok_or_else(|| {
+            self.unknown(&at.key(followed).name(), OTHER_SENSOR, followed, known())
+        })?;
         Ok((other, weight * (sensor(other).scale / sensor(place).scale)))
     }
 
@@ -731,7 +751,13 @@ impl Reader<'_> {
         let mut commands = vec![];
         for (name, signal) in &self.text.command.signals {
             let (signal, duration_s) = (Ok(signal.clone()), self.text.duration_s);
-            let built = self.signal(&Place::of(&["command", "signals", name]).name(), name, signal, command, duration_s);
+            let built = self.signal(
+                &Place::of(&["command", "signals", name]).name(),
+                name,
+                signal,
+                command,
+                duration_s,
+            );
             commands.extend(built.map(|built| (name, built)));
         }
         let (loads, mut cases) = (loads?, Vec::new());
@@ -742,9 +768,13 @@ impl Reader<'_> {
                 if let Some((input, value)) = load {
                     inputs[*input] = value.clone();
                 }
-                let name = name.clone();
                 let case = format!("{name}{load_name}");
-                cases.push(OperatingCase { name: case, command: name, inputs });
+                if cases.iter().any(|other: &OperatingCase| other.name == case) {
+                    let at = Place::of(&["command", "signals", name]).name();
+                    let mistake = Mistake::Repeated { what: "case", name: case.clone() };
+                    self.note(&self.span(&at), mistake);
+                }
+                cases.push(OperatingCase { name: case, command: name.clone(), inputs });
             }
         }
         Ok(cases)

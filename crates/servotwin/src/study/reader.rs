@@ -111,8 +111,7 @@ impl<'a> Reader<'a> {
         if ok {
             return Ok(());
         }
-        let mistake =
-            Mistake::OutOfRange { field: at.to_string(), value, allowed: allowed.into() };
+        let mistake = Mistake::OutOfRange { field: at.to_string(), value, allowed: allowed.into() };
         Err(self.note(&self.span(at), mistake))
     }
 

@@ -88,7 +88,7 @@ pub struct Section {
     pub example: &'static str,
 }
 
-const REALISTIC: Section = Section {
+pub(super) const REALISTIC: Section = Section {
     name: "realistic",
     example: "realistic = { seed = 1, healthy = 20, tolerances = [{ parameters = [\"…\"], sigma = 0.03 }] }",
 };

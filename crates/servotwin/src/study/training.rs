@@ -19,8 +19,8 @@
 //! is the intensity of every fault, around each of the study's intensities: what changes abruptly
 //! between two of them is then seen.
 
-use super::OperatingCase;
 use super::reader::{Noted, Reader};
+use super::{Mistake, OperatingCase};
 use crate::document::Mistake::NotInOrder;
 use crate::document::Place;
 use crate::signal::{Signal, SignalError};
@@ -90,7 +90,9 @@ impl Training {
         let spread = text.intensity_spread;
         let signals = text.commands();
         if signals.is_empty() {
-            return Err(reader.empty(&Place::of(&["training"]), "training.draws and training.signals"));
+            return Err(
+                reader.empty(&Place::of(&["training"]), "training.draws and training.signals")
+            );
         }
         let command = reader.command_input()?;
         let duration_s = reader.text.duration_s;
@@ -109,11 +111,11 @@ impl Training {
                 inputs[input] = reader.constant(&Place::of(&["training", "load"]), input, value)?;
             }
             let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
-            cases.push(OperatingCase {
-                name: format!("{name}{percent}"),
-                command: name.clone(),
-                inputs,
-            });
+            if cases.iter().any(|other: &OperatingCase| other.command == name) {
+                let mistake = Mistake::Repeated { what: "training command", name: name.clone() };
+                reader.note(&reader.span(&at), mistake);
+            }
+            cases.push(OperatingCase { name: format!("{name}{percent}"), command: name, inputs });
         }
         let intensity_spread = spread;
         Ok(Training { cases, duration_s: d, healthy: text.healthy, intensity_spread })
