@@ -9,6 +9,7 @@
 //! | 1 | the run failed, or a result could not be written |
 //! | 2 | wrong use: an option, a signal, a name that the system does not have |
 //! | 3 | a system file (or another input file) is missing or has mistakes |
+//! | 4 | parts of a campaign are missing: run them, then merge again |
 //! | 130 | stopped by Ctrl-C or another request to end; no file was left half-written |
 
 mod commands;
@@ -50,7 +51,7 @@ pub(crate) struct Global {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
-    3 an input file is missing or has mistakes, 130 stopped by Ctrl-C or another request to end.";
+    3 an input file is missing or has mistakes, 4 parts of a campaign are missing, 130 stopped by Ctrl-C or another request to end.";
 
 #[derive(Subcommand)]
 enum Command {
