@@ -136,7 +136,14 @@ impl Command {
 fn main() -> ExitCode {
     stop::listen();
     let cli = Cli::parse();
-    let allowed = cli.command.paths().check();
+    if !cli.global.quiet {
+        servotwin::compiled::report_problems(|problem| {
+            let _ = writeln!(io::stderr(), "warning: {problem}");
+        });
+    }
+    let paths = cli.command.paths();
+    paths.remove_leftovers();
+    let allowed = paths.check();
     let outcome = allowed.and_then(|()| cli.command.run(cli.global)).and_then(|text| print(&text));
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
