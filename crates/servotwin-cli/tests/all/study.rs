@@ -172,7 +172,8 @@ fn report_is_sound(html: &str) {
 fn explains(out: &str) {
     let output = run(&["explain", "3", "--out", out]);
     let text = stdout(&output);
-    assert!(text.starts_with("variant 3: actuator_1.leakage_a.leakage, intensity 1,"), "{text}");
+    let begin = "scenario realistic: variant 3: actuator_1.leakage_a.leakage, intensity 1,";
+    assert!(text.starts_with(begin), "{text}");
     assert!(text.contains("which actuator?") && text.contains("what is broken?"), "{text}");
     let output = run(&["explain", "65", "--out", out, "--subject", "realistic", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
