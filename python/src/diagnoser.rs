@@ -110,14 +110,16 @@ impl Diagnoser {
         Ok(Self::fresh(diagnoser)?)
     }
 
-    /// Takes one sample: inputs of the system, measured values (NaN: missing), those of the twin.
+    /// Takes one sample: inputs of the system, measured values (NaN: missing), those of the twin. Other lengths are a
+    /// ValueError.
     fn push(
         &mut self,
         inputs: Vec<f64>,
         measured: Vec<f64>,
         expected: Vec<f64>,
     ) -> PyResult<Outcome> {
-        self.session.push(&inputs, &measured, &expected);
+        let pushed = self.session.try_push(&inputs, &measured, &expected).map(drop);
+        pushed.map_err(Failure::from)?;
         Ok(self.outcome())
     }
 
@@ -148,7 +150,8 @@ impl Diagnoser {
                 if watch.cancel.load(Ordering::Relaxed) {
                     break;
                 }
-                self.session.push(&row(&inputs, at), &row(&measured, at), &row(&expected, at));
+                let (inputs, measured) = (row(&inputs, at), row(&measured, at));
+                self.session.try_push(&inputs, &measured, &row(&expected, at))?;
                 let said = self.outcome();
                 times.push(self.session.time_s(said.sample));
                 findings.push(said.finding);

@@ -22,6 +22,8 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    // From any thread, with or without the interpreter's lock.
+    servotwin::compiled::report_problems(|problem| eprintln!("warning: {problem}"));
     module.add_class::<system::System>()?;
     module.add_class::<table::Table>()?;
     module.add_class::<twin::Twin>()?;

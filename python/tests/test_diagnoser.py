@@ -70,9 +70,16 @@ def test_a_sensor_that_goes_silent_is_named(learned):
 def test_whatever_comes_is_no_crash(learned):
     diagnoser = servotwin.Diagnoser(learned)
     width = len(diagnoser.sensors)
-    for measured in ([], [float("nan")] * width, [float("inf")] * width, [1e300] * (width + 1)):
-        outcome = diagnoser.push([0.0] * len(diagnoser.inputs), measured, [0.0] * width)
-    assert outcome.sample == 3
+    inputs = [0.0] * len(diagnoser.inputs)
+    for measured in ([float("nan")] * width, [float("inf")] * width, [1e300] * width):
+        outcome = diagnoser.push(inputs, measured, [0.0] * width)
+    assert outcome.sample == 2
+    # Other lengths are refused with both numbers, and no sample is counted.
+    with pytest.raises(ValueError, match=f"measured values: expected {width}, found 0"):
+        diagnoser.push(inputs, [], [0.0] * width)
+    with pytest.raises(ValueError, match=f"inputs: expected {len(inputs)}, found"):
+        diagnoser.push([*inputs, 0.0], [0.0] * width, [0.0] * width)
+    assert diagnoser.push(inputs, [0.0] * width, [0.0] * width).sample == 3
     with pytest.raises(servotwin.InputError):
         diagnoser.switched_off("actuator_7")
     with pytest.raises(servotwin.MissingFileError):

@@ -1,5 +1,6 @@
 //! Why a command ends without its result, and the exit code for it.
 
+use crate::commands::merge::Incomplete;
 use crate::paths::Named;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::TableModelError;
@@ -231,6 +232,8 @@ pub enum Failure {
         /// What reaches it, as sentences.
         alarms: Vec<String>,
     },
+    /// A merge lacks parts of a campaign.
+    PartsMissing(Box<Incomplete>),
     /// Standard output cannot be written.
     Print(io::Error),
 }
@@ -309,6 +312,7 @@ impl Failure {
             | Failure::NoUpdate { .. }
             | Failure::Alarm { .. }
             | Failure::Print(_) => 1,
+            Failure::PartsMissing(_) => 4,
             Failure::Stopped | Failure::StoppedOnTheWay => 130,
         }
     }
@@ -434,6 +438,7 @@ impl fmt::Display for Failure {
             Failure::Table(error) => write!(out, "error: {error}"),
             Failure::Figure(error) => write!(out, "error: {error}"),
             Failure::Evaluation(error) => write!(out, "error: {error}"),
+            Failure::Job(JobError::Study(error)) => write!(out, "{error}"),
             Failure::Job(error) => write!(out, "error: {error}"),
             Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
             Failure::NotAs { path, rule, error } => {
@@ -467,6 +472,7 @@ impl fmt::Display for Failure {
             Failure::File(error) => write!(out, "error: {error}"),
             Failure::NoUpdate { findings, .. } => write_findings(out, findings),
             Failure::Alarm { alarms, .. } => write!(out, "alarm: {}", alarms.join("; ")),
+            Failure::PartsMissing(missing) => write!(out, "error: {missing}"),
             Failure::Print(error) => write!(out, "error: standard output: {error}"),
         }
     }

@@ -9,6 +9,7 @@
 //! | 1 | the run failed, or a result could not be written |
 //! | 2 | wrong use: an option, a signal, a name that the system does not have |
 //! | 3 | a system file (or another input file) is missing or has mistakes |
+//! | 4 | parts of a campaign are missing: run them, then merge again |
 //! | 130 | stopped by Ctrl-C or another request to end; no file was left half-written |
 
 mod commands;
@@ -51,7 +52,7 @@ pub(crate) struct Global {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 wrong use, \
-    3 an input file is missing or has mistakes, 130 stopped by Ctrl-C or another request to end.";
+    3 an input file is missing or has mistakes, 4 parts of a campaign are missing, 130 stopped by Ctrl-C or another request to end.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -136,7 +137,14 @@ impl Command {
 fn main() -> ExitCode {
     stop::listen();
     let cli = Cli::parse();
-    let allowed = cli.command.paths().check();
+    if !cli.global.quiet {
+        servotwin::compiled::report_problems(|problem| {
+            let _ = writeln!(out::stderr(), "warning: {problem}");
+        });
+    }
+    let paths = cli.command.paths();
+    paths.remove_leftovers();
+    let allowed = paths.check();
     let outcome = allowed.and_then(|()| cli.command.run(cli.global)).and_then(|text| print(&text));
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -6,8 +6,10 @@
 
 use crate::failure::Failure;
 use servotwin::figure::FigureError;
+use servotwin::leftovers::remove_abandoned_files;
 use servotwin::study::Study;
 use servotwin::table;
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -98,6 +100,18 @@ impl Paths {
         let named = paths.into_iter().map(|path| Named { option, path: path.as_ref().into() });
         self.writes.extend(named.map(|named| (named, format)));
         self
+    }
+
+    /// Removes temporary files that killed commands have left beside the outputs.
+    pub fn remove_leftovers(&self) {
+        let beside = self.writes.iter().filter_map(|(written, _)| {
+            // Behind a link, the file pointed at is replaced.
+            let target = fs::canonicalize(&written.path).unwrap_or_else(|_| written.path.clone());
+            let folder = target.parent()?.to_path_buf();
+            Some(if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder })
+        });
+        let folders: BTreeSet<PathBuf> = beside.collect();
+        folders.iter().for_each(|folder| remove_abandoned_files(folder));
     }
 
     /// Whether all of them may be read and written together.

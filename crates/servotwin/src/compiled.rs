@@ -5,8 +5,11 @@
 //! walks its lists, which takes half as long again. The bits are the same, or else what was compiled is not used: it runs
 //! beside the lists once.
 //!
-//! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none.
+//! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none. Arguments may
+//! follow, and its path may have spaces. If nothing can be compiled, [`Compiled::problem`] returns the reason, and
+//! [`report_problems`] passes it on once.
 
+use crate::leftovers::{own_prefix, remove_abandoned_folders};
 use libloading::Library;
 use servotwin_model::kernel_source;
 use servotwin_model::lanes::{self, Level};
@@ -16,14 +19,18 @@ use servotwin_model::solver::{
     Case, Failure, Feed, Functions, Kernels, Method, Settings, Statistics, run,
 };
 use std::env;
+use std::error::Error;
+use std::fmt;
 use std::fs;
+use std::io;
 use std::iter;
 use std::path::{Path, PathBuf};
-use std::process::{self, Child, Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 /// Simulated time, s, from which on compiling costs less than it saves.
 const WORTH_S: u64 = 60_000;
@@ -40,6 +47,8 @@ pub struct Compiled {
     asked_s: AtomicU64,
     /// Whether nobody waits for compilers any more.
     given_up: AtomicBool,
+    /// Why nothing could be compiled.
+    problem: OnceLock<CompileProblem>,
 }
 
 struct Loaded {
@@ -118,16 +127,137 @@ impl Compiled {
     ) -> Option<&Kernels> {
         let given_up = &self.given_up;
         let patience = Patience { until: Instant::now() + LONGEST, given_up, cancel };
-        let load = || Loaded::new(program, level, &compiler()?, &patience);
+        let load = || match Loaded::new(program, level, &compiler()?, &patience) {
+            Ok(loaded) => Some(loaded),
+            Err(problem) => {
+                self.note(problem?);
+                None
+            }
+        };
         let loaded = self.of(level).get_or_init(load);
         loaded.as_ref().map(|loaded| &loaded.kernels)
     }
+
+    /// Why nothing could be compiled, once it was tried. Steps then take half as long again.
+    pub fn problem(&self) -> Option<&CompileProblem> {
+        self.problem.get()
+    }
+
+    fn note(&self, problem: CompileProblem) {
+        let problem = self.problem.get_or_init(|| problem);
+        if let Some(report) = REPORT.get()
+            && !REPORTED.swap(true, Ordering::Relaxed)
+        {
+            report(problem);
+        }
+    }
+}
+
+static REPORT: OnceLock<fn(&CompileProblem)> = OnceLock::new();
+static REPORTED: AtomicBool = AtomicBool::new(false);
+
+/// Passes the first problem of this process to a function, from the thread that meets it. Only the first call counts.
+pub fn report_problems(report: fn(&CompileProblem)) {
+    let _ = REPORT.set(report);
 }
 
 /// The compiler, if one is wanted: a program and its first arguments.
 fn compiler() -> Option<String> {
-    let named = env::var("SERVOTWIN_CC").or_else(|_| env::var("CC"));
-    Some(named.unwrap_or_else(|_| "cc".into())).filter(|named| !named.trim().is_empty())
+    // An empty CC is no wish for slow steps, an empty SERVOTWIN_CC is one.
+    let general = || env::var("CC").ok().filter(|named| !named.trim().is_empty());
+    let named = env::var("SERVOTWIN_CC").ok().or_else(general);
+    Some(named.unwrap_or_else(|| "cc".into())).filter(|named| !named.trim().is_empty())
+}
+
+/// The program and its first arguments. The longest beginning that is a file is the program, so that its path may have
+/// spaces; else the first word.
+fn program_and_arguments(compiler: &str) -> (&str, Vec<&str>) {
+    let compiler = compiler.trim();
+    let ends = compiler.char_indices().rev().filter(|(_, c)| c.is_whitespace()).map(|(at, _)| at);
+    let is_program = |&end: &usize| Path::new(&compiler[..end]).is_file();
+    let first_word = compiler.find(char::is_whitespace).unwrap_or(compiler.len());
+    let end = iter::once(compiler.len()).chain(ends).find(is_program).unwrap_or(first_word);
+    (&compiler[..end], compiler[end..].split_whitespace().collect())
+}
+
+/// Why steps are not compiled.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CompileProblem {
+    /// No files can be written where temporary files belong.
+    Folder {
+        /// The folder for temporary files.
+        folder: PathBuf,
+        /// What the operating system reports.
+        cause: String,
+    },
+    /// The compiler cannot be started.
+    Start {
+        /// The compiler.
+        program: String,
+        /// What the operating system reports.
+        cause: String,
+    },
+    /// The compiler ends with an error.
+    Failed {
+        /// The compiler.
+        program: String,
+        /// The first error it prints, or its exit status.
+        cause: String,
+    },
+    /// The compiler does not end.
+    Hangs {
+        /// The compiler.
+        program: String,
+    },
+    /// What was compiled cannot be loaded.
+    Load {
+        /// The folder for temporary files.
+        folder: PathBuf,
+        /// What the operating system reports.
+        cause: String,
+    },
+    /// What was compiled gives other numbers.
+    OtherNumbers {
+        /// The compiler.
+        program: String,
+    },
+}
+
+impl fmt::Display for CompileProblem {
+    /// One line with cause and remedy.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const OTHER: &str = "set SERVOTWIN_CC to a C compiler";
+        const FOLDER: &str =
+            "set TMPDIR to a folder on a file system that is writable and not mounted noexec";
+        write!(out, "the solver runs uncompiled, which takes half as long again: ")?;
+        let remedy = match self {
+            Self::Folder { folder, cause } => {
+                write!(out, "no temporary file can be written in {}: {cause}", folder.display())?;
+                FOLDER
+            }
+            Self::Start { program, cause } => {
+                write!(out, "the C compiler '{program}' does not start: {cause}")?;
+                OTHER
+            }
+            Self::Failed { program, cause } => {
+                write!(out, "the C compiler '{program}' fails: {cause}")?;
+                OTHER
+            }
+            Self::Hangs { program } => {
+                write!(out, "the C compiler '{program}' takes over {} s", LONGEST.as_secs())?;
+                OTHER
+            }
+            Self::Load { folder, cause } => {
+                write!(out, "compiled code in {} cannot be loaded: {cause}", folder.display())?;
+                FOLDER
+            }
+            Self::OtherNumbers { program } => {
+                write!(out, "code of the C compiler '{program}' gives other numbers")?;
+                OTHER
+            }
+        };
+        write!(out, "; {remedy}, or set SERVOTWIN_CC to an empty text to accept this")
+    }
 }
 
 /// Flags that some compilers do not know: without them loads stand long before what they are for, and go to memory
@@ -135,15 +265,25 @@ fn compiler() -> Option<String> {
 const SCHEDULING: &[&str] = &["-fschedule-insns", "-fsched-pressure"];
 
 impl Loaded {
-    fn new(program: &Program, level: Level, compiler: &str, patience: &Patience) -> Option<Self> {
+    /// `Err(None)` where nobody waits for it any more, or nothing can be written of the program.
+    fn new(
+        program: &Program,
+        level: Level,
+        compiler: &str,
+        patience: &Patience,
+    ) -> Result<Self, Option<CompileProblem>> {
         let method = Settings::campaign().method;
         let folder = Folder::new()?;
-        let source = folder.0.join("step.c");
-        fs::write(&source, kernel_source::write(program, method)?).ok()?;
+        let source = folder.source();
+        let text = kernel_source::write(program, method).ok_or(None)?;
+        fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
-        let libraries = [SCHEDULING, &[]]
-            .iter()
-            .find_map(|flags| libraries(compiler, flags, &levels, (&source, &folder), patience))?;
+        let with = |flags| libraries(compiler, flags, &levels, (&source, &folder), patience);
+        let libraries = with(SCHEDULING).or_else(|problem| match problem {
+            // Only flags can make another compiler of it.
+            Some(CompileProblem::Failed { .. }) => with(&[]),
+            other => Err(other),
+        })?;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
             // SAFETY: the text's functions, compiled for lanes of this level, which is available; the library stays
             // loaded as long as they are there.
@@ -154,12 +294,13 @@ impl Loaded {
                 })
             }
         });
-        let functions = functions.collect::<Option<Vec<Functions>>>()?;
+        let other = || CompileProblem::OtherNumbers { program: named(compiler) };
+        let functions = functions.collect::<Option<Vec<Functions>>>().ok_or_else(other)?;
         // SAFETY: made of this program and method.
         let kernels = unsafe { Kernels::new(program, method, functions) };
         let is_good =
             first_moments(program, level, Some(&kernels)) == first_moments(program, level, None);
-        is_good.then_some(Self { kernels, _libraries: libraries })
+        if is_good { Ok(Self { kernels, _libraries: libraries }) } else { Err(Some(other())) }
     }
 }
 
@@ -170,19 +311,55 @@ fn libraries(
     levels: &[Level],
     (source, folder): (&Path, &Folder),
     patience: &Patience,
-) -> Option<Vec<Library>> {
+) -> Result<Vec<Library>, Option<CompileProblem>> {
     if patience.is_over() {
-        return None;
+        return Err(patience.problem(compiler));
     }
     let start = |level: &Level| compile(compiler, flags, *level, source, folder);
-    let started: Vec<Option<Child>> = levels.iter().map(start).collect();
+    let started: Vec<io::Result<Child>> = levels.iter().map(start).collect();
     // All of them, so that none goes on when one has failed.
-    let ended: Vec<Option<()>> =
-        started.into_iter().map(|compiling| ended(compiling, patience)).collect();
-    ended.into_iter().collect::<Option<Vec<()>>>()?;
-    // SAFETY: a library of straight lines, which does nothing when it is loaded.
-    let load = |level: &Level| unsafe { Library::new(folder.library(*level)) }.ok();
+    let ended: Vec<Result<(), Option<CompileProblem>>> = (started.into_iter().zip(levels))
+        .map(|(started, level)| match started {
+            Ok(child) => ended(child, compiler, &folder.messages(*level), patience),
+            Err(cause) => {
+                let (program, cause) = (named(compiler), cause.to_string());
+                Err(Some(CompileProblem::Start { program, cause }))
+            }
+        })
+        .collect();
+    ended.into_iter().collect::<Result<Vec<()>, _>>()?;
+    let load = |level: &Level| {
+        // SAFETY: a library of straight lines, which does nothing when it is loaded.
+        let library = unsafe { Library::new(folder.library(*level)) };
+        library.map_err(|cause| {
+            let (folder, cause) = (env::temp_dir(), loader_message(&cause));
+            Some(CompileProblem::Load { folder, cause })
+        })
+    };
     levels.iter().map(load).collect()
+}
+
+/// The compiler as messages call it: a path with spaces that is wrong shows whole.
+fn named(compiler: &str) -> String {
+    compiler.trim().to_owned()
+}
+
+/// What a loader reports.
+fn loader_message(error: &libloading::Error) -> String {
+    without_path(&error.source().map_or_else(|| error.to_string(), ToString::to_string))
+}
+
+/// The same without the file that is gone by then.
+fn without_path(cause: &str) -> String {
+    let cause = cause.rsplit_once(".so: ").map_or(cause, |(_, behind)| behind);
+    cause.replace('\n', " ")
+}
+
+fn folder_problem(cause: &io::Error) -> CompileProblem {
+    // The path of a random name is of no use to anybody.
+    let cause = cause.to_string();
+    let cause = cause.split(" at path ").next().unwrap_or_default().to_owned();
+    CompileProblem::Folder { folder: env::temp_dir(), cause }
 }
 
 /// Has every second root found by iteration.
@@ -204,7 +381,7 @@ fn compile(
     level: Level,
     source: &Path,
     folder: &Folder,
-) -> Option<Child> {
+) -> io::Result<Child> {
     let wide: &[&str] = match level.register_width() {
         8 => &["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"],
         4 => &["-mavx2"],
@@ -213,8 +390,9 @@ fn compile(
         _ => &[],
     };
     let iterating = Some(ITERATING).filter(|_| level.register_width() == 8 && roots_wait());
-    let mut words = compiler.split_whitespace();
-    let mut command = Command::new(words.next()?);
+    let (program, words) = program_and_arguments(compiler);
+    let mut command = Command::new(program);
+    let messages = fs::File::create(folder.messages(level))?;
     // Ctrl-C is for us, who go on with the lists or end as we should.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -232,9 +410,8 @@ fn compile(
         .arg(source)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::null())
+        .stderr(messages)
         .spawn()
-        .ok()
 }
 
 /// How long compilers may take.
@@ -249,14 +426,29 @@ impl Patience<'_> {
         let is_set = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
         is_set(self.given_up) || self.cancel.is_some_and(is_set) || Instant::now() >= self.until
     }
+
+    /// A compiler that takes too long; nothing where nobody waits for it any more.
+    fn problem(&self, compiler: &str) -> Option<CompileProblem> {
+        let is_late = Instant::now() >= self.until;
+        is_late.then(|| CompileProblem::Hangs { program: named(compiler) })
+    }
 }
 
-/// Waits for the end; `None` where it was no good one, or did not come in time.
-fn ended(compiling: Option<Child>, patience: &Patience) -> Option<()> {
-    let mut compiling = compiling?;
+/// Waits for a good end.
+fn ended(
+    mut compiling: Child,
+    compiler: &str,
+    messages: &Path,
+    patience: &Patience,
+) -> Result<(), Option<CompileProblem>> {
+    let failed = |cause: String| CompileProblem::Failed { program: named(compiler), cause };
     while !patience.is_over() {
-        match compiling.try_wait().ok()? {
-            Some(status) => return status.success().then_some(()),
+        match compiling.try_wait().map_err(|cause| failed(cause.to_string()))? {
+            Some(status) if status.success() => return Ok(()),
+            Some(status) => {
+                let told = first_error(messages).unwrap_or_else(|| status.to_string());
+                return Err(Some(failed(told)));
+            }
             None => thread::sleep(Duration::from_millis(5)),
         }
     }
@@ -264,8 +456,18 @@ fn ended(compiling: Option<Child>, patience: &Patience) -> Option<()> {
     let group = format!("-{}", compiling.id());
     let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
     let _ = compiling.kill();
-    compiling.wait().ok()?;
-    None
+    let _ = compiling.wait();
+    Err(patience.problem(compiler))
+}
+
+/// The first line of a compiler's messages with an error, or the first line at all.
+fn first_error(messages: &Path) -> Option<String> {
+    const LONGEST_LINE: usize = 200;
+    let text = String::from_utf8_lossy(&fs::read(messages).ok()?).into_owned();
+    let lines = || text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let line = lines().find(|line| line.contains("error")).or_else(|| lines().next())?;
+    let line: String = line.chars().filter(|c| !c.is_control()).take(LONGEST_LINE).collect();
+    Some(line)
 }
 
 /// The bits of what a full set of lanes does at first, at the inputs that are declared.
@@ -326,28 +528,27 @@ impl<'a> Feed<'a> for Moments<'a> {
 }
 
 /// A folder for this user alone, removed when it is no longer needed: what is loaded stays in memory.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new() -> Option<Self> {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |now| now.as_nanos());
-        let name = |number: u128| format!("servotwin-{}-{}", process::id(), now + number);
-        let mut folders = (0..100).map(|number| env::temp_dir().join(name(number)));
-        let mut builder = fs::DirBuilder::new();
-        #[cfg(unix)]
-        std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
-        folders.find(|folder| builder.create(folder).is_ok()).map(Self)
+    fn new() -> Result<Self, CompileProblem> {
+        // A process that was killed could not remove its own.
+        remove_abandoned_folders(&env::temp_dir());
+        let made = tempfile::Builder::new().prefix(&own_prefix()).tempdir();
+        made.map(Self).map_err(|cause| folder_problem(&cause))
+    }
+
+    fn source(&self) -> PathBuf {
+        self.0.path().join("step.c")
     }
 
     fn library(&self, level: Level) -> PathBuf {
-        self.0.join(format!("{}.so", level.name()))
+        self.0.path().join(format!("{}.so", level.name()))
     }
-}
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // What is left in a folder for temporary files does no harm.
-        let _ = fs::remove_dir_all(&self.0);
+    /// What the compiler prints.
+    fn messages(&self, level: Level) -> PathBuf {
+        self.0.path().join(format!("{}.txt", level.name()))
     }
 }
 
@@ -363,11 +564,31 @@ mod tests {
             let given_up = AtomicBool::new(false);
             let patience =
                 Patience { until: Instant::now() + LONGEST, given_up: &given_up, cancel: None };
-            assert!(
-                Loaded::new(&program, Level::Portable, broken, &patience).is_none(),
-                "{broken}"
-            );
+            let problem = Loaded::new(&program, Level::Portable, broken, &patience).err().flatten();
+            let told = problem.map(|problem| problem.to_string()).unwrap_or_default();
+            assert!(told.contains("set SERVOTWIN_CC") && told.lines().count() == 1, "{told}");
         }
+    }
+
+    #[test]
+    fn a_compiler_may_have_spaces_in_its_path_and_arguments_behind_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let program = folder.path().join("my own cc");
+        fs::write(&program, "").unwrap();
+        let program = program.to_str().unwrap();
+        for (compiler, arguments) in [("", vec![]), (" -m64  -g", vec!["-m64", "-g"])] {
+            let compiler = format!("{program}{compiler}");
+            assert_eq!(program_and_arguments(&compiler), (program, arguments));
+        }
+        assert_eq!(program_and_arguments("ccache cc "), ("ccache", vec!["cc"]));
+    }
+
+    #[test]
+    fn a_folder_from_which_nothing_is_loaded_is_named_with_the_remedy() {
+        let cause = without_path("/tmp/x/avx2.so: failed to map segment from shared object");
+        let told = CompileProblem::Load { folder: "/tmp".into(), cause }.to_string();
+        assert!(told.contains("code in /tmp cannot be loaded: failed to map segment"), "{told}");
+        assert!(told.contains("set TMPDIR"), "{told}");
     }
 
     #[test]
@@ -380,7 +601,8 @@ mod tests {
                 Patience { until: Instant::now() + until, given_up: &given_up, cancel: None };
             // Flags that follow are arguments that it does not look at.
             let hanging = "sh -c cat</dev/zero>/dev/null";
-            assert!(Loaded::new(&program, Level::Portable, hanging, &patience).is_none());
+            let problem = Loaded::new(&program, Level::Portable, hanging, &patience).err();
+            assert_eq!(problem.map(|told| told.is_some()), Some(!is_given_up));
         }
     }
 
@@ -390,7 +612,7 @@ mod tests {
              PUT(iterated, 0, iterated_root(AT(x, 0))); PUT(known, 0, root(AT(x, 0))); }";
         let prelude = include_str!("../../servotwin-model/src/kernel_source.h");
         let folder = Folder::new().unwrap();
-        let source = folder.0.join("roots.c");
+        let source = folder.source();
         fs::write(&source, format!("{prelude}\n{FUNCTIONS}\n")).unwrap();
         let given_up = AtomicBool::new(false);
         let patience =

@@ -13,11 +13,12 @@
 //!    = nearest: 'orifice'
 //! ```
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeInteger, DeTable, DeValue};
 
 /// A range of bytes in the text.
 pub type Span = Range<usize>;
@@ -393,6 +394,137 @@ pub fn entries<'a>(table: &'a DeTable<'a>) -> Vec<Entry<'a>> {
     entries
 }
 
+/// The path of keys and list positions by which a reader reached a value.
+///
+/// A reader builds it as it descends, and [`Place::find`] follows it through the parsed file. No text is
+/// searched, so a place is right even if the same text stands elsewhere in the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Place<'p> {
+    steps: Vec<Step<'p>>,
+    /// Whether the last key is meant rather than its value.
+    marks_key: bool,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Step<'p> {
+    Key(Cow<'p, str>),
+    Element(usize),
+}
+
+impl<'p> Place<'p> {
+    /// A value below the file's root, by its keys.
+    pub fn of(keys: &[&'p str]) -> Self {
+        let steps = keys.iter().map(|&key| Step::Key(key.into())).collect();
+        Self { steps, marks_key: false }
+    }
+
+    /// The value under a key of the table at this place.
+    pub fn key(&self, key: impl Into<Cow<'p, str>>) -> Self {
+        self.then(Step::Key(key.into()))
+    }
+
+    /// An element of the list at this place, counted from 0.
+    pub fn element(&self, position: usize) -> Self {
+        self.then(Step::Element(position))
+    }
+
+    /// The last key itself instead of its value.
+    pub fn name(&self) -> Self {
+        Self { marks_key: true, ..self.clone() }
+    }
+
+    fn then(&self, step: Step<'p>) -> Self {
+        let mut steps = self.steps.clone();
+        steps.push(step);
+        Self { steps, marks_key: false }
+    }
+
+    /// The key at the file's root with which the path begins, or an empty text.
+    pub fn section(&self) -> &str {
+        match self.steps.first() {
+            Some(Step::Key(key)) => key,
+            _ => "",
+        }
+    }
+
+    /// The range of bytes at the end of the path, as the parser reported it. A table that has a key is marked
+    /// at the key. Where the path leaves the file, the range is that of the last step inside the file.
+    pub fn find(&self, root: &DeTable) -> Span {
+        let mut found = 0..0;
+        let mut table = Some(root);
+        let mut list = None;
+        for (position, step) in self.steps.iter().enumerate() {
+            let (key, value) = match step {
+                Step::Key(key) => match table.and_then(|table| table.get_key_value(key.as_ref())) {
+                    Some((key, value)) => (Some(key.span()), value),
+                    None => break,
+                },
+                Step::Element(at) => {
+                    match list.and_then(|list: &toml::de::DeArray| list.get(*at)) {
+                        Some(value) => (None, value),
+                        None => break,
+                    }
+                }
+            };
+            table = value.get_ref().as_table();
+            list = value.get_ref().as_array();
+            let is_last = position + 1 == self.steps.len();
+            let at_key = table.is_some() || (is_last && self.marks_key);
+            found = key.filter(|_| at_key).unwrap_or_else(|| value.span());
+        }
+        found
+    }
+}
+
+impl fmt::Display for Place<'_> {
+    /// The keys with dots between them; positions in lists are left out.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let keys = self.steps.iter().filter_map(|step| match step {
+            Step::Key(key) => Some(key.as_ref()),
+            Step::Element(_) => None,
+        });
+        write!(out, "{}", keys.collect::<Vec<_>>().join("."))
+    }
+}
+
+/// A whole number of any size as the nearest `f64`; infinite beyond its range.
+fn rounded_integer(integer: &DeInteger) -> f64 {
+    let digits = integer.as_str();
+    if let Ok(value) = i64::from_str_radix(digits, integer.radix()) {
+        return value as f64;
+    }
+    let radix = integer.radix();
+    let add = |sum: f64, digit: u32| sum * f64::from(radix) + f64::from(digit);
+    let by_digit = || digits.chars().filter_map(|c| c.to_digit(radix)).fold(0.0, add);
+    digits.parse().unwrap_or_else(|_| by_digit())
+}
+
+/// The plain value of a parsed one. A whole number beyond 64 bits becomes a number with a fraction, so that
+/// one such number does not make the rest of the file unreadable.
+pub fn plain_value(value: &DeValue) -> toml::Value {
+    use toml::Value;
+    match value {
+        DeValue::String(text) => Value::String(text.to_string()),
+        DeValue::Integer(integer) => {
+            let whole = i64::from_str_radix(integer.as_str(), integer.radix());
+            whole.map_or_else(|_| Value::Float(rounded_integer(integer)), Value::Integer)
+        }
+        DeValue::Float(number) => Value::Float(number.as_str().parse().unwrap_or(f64::NAN)),
+        DeValue::Boolean(flag) => Value::Boolean(*flag),
+        DeValue::Datetime(moment) => Value::Datetime(*moment),
+        DeValue::Array(list) => {
+            Value::Array(list.iter().map(|one| plain_value(one.get_ref())).collect())
+        }
+        DeValue::Table(table) => Value::Table(plain_table(table)),
+    }
+}
+
+/// The same for a table.
+pub fn plain_table(table: &DeTable) -> toml::Table {
+    let all = table.iter();
+    all.map(|(key, value)| (key.get_ref().to_string(), plain_value(value.get_ref()))).collect()
+}
+
 /// What a value is, in words.
 pub fn type_name(value: &DeValue<'_>) -> &'static str {
     match value {
@@ -440,10 +572,7 @@ impl<'a> Entry<'a> {
     pub fn number(&self) -> Result<f64, Mistake> {
         let value = match self.value.get_ref() {
             DeValue::Float(value) => value.as_str().parse().ok(),
-            DeValue::Integer(value) => {
-                let whole = i64::from_str_radix(value.as_str(), value.radix()).ok();
-                whole.map(|value| value as f64)
-            }
+            DeValue::Integer(value) => Some(rounded_integer(value)),
             _ => return Err(self.wrong_type("a number")),
         };
         let finite = value.filter(|value: &f64| value.is_finite());

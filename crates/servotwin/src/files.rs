@@ -8,6 +8,7 @@
 //! A target that exists and is no regular file (`/dev/stdout`, a pipe) cannot be renamed over
 //! without harm, so it is written directly.
 
+use crate::leftovers::{is_being_written, own_prefix};
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -342,8 +343,8 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     })
 }
 
-/// Removes what writers that were killed have left in a folder; one that does not exist is no
-/// error. Not while another program writes into the same folder.
+/// Removes what writers that were killed have left in a folder which this program holds; one that does not
+/// exist is no error. What a process of this machine is still writing stays.
 pub fn remove_leftovers(folder: impl AsRef<Path>) -> Result<(), FileError> {
     let folder = folder.as_ref();
     let wrong = |cause| FileError::from_io(folder, cause);
@@ -353,7 +354,8 @@ pub fn remove_leftovers(folder: impl AsRef<Path>) -> Result<(), FileError> {
     for entry in fs::read_dir(folder).map_err(wrong)? {
         let entry = entry.map_err(wrong)?;
         let name = entry.file_name().to_string_lossy().into_owned();
-        if name.starts_with(".servotwin-") && name.ends_with(".tmp") {
+        let is_ours = name.starts_with(".servotwin-") && name.ends_with(".tmp");
+        if is_ours && !is_being_written(&name) {
             fs::remove_file(entry.path()).map_err(wrong)?;
         }
     }
@@ -371,6 +373,6 @@ fn folder_of(path: &Path) -> &Path {
 fn temporary_name(target: &Path) -> PathBuf {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
     let count = COUNTER.fetch_add(1, Ordering::Relaxed);
-    let name = format!(".servotwin-{}-{count}.tmp", std::process::id());
+    let name = format!(".{}{count}.tmp", own_prefix());
     folder_of(target).join(name)
 }

@@ -7,6 +7,7 @@ use crate::files::{self, FileError};
 use crate::nearest::nearest;
 use std::borrow::Cow;
 use std::path::Path;
+use toml::de::DeTable;
 
 /// What a file for the toolkit is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,10 +114,10 @@ impl Kind {
     }
 }
 
-/// The system that a study names.
-pub(crate) fn named_system(text: &str) -> Option<&str> {
-    let line = text.lines().find_map(|line| line.trim_start().strip_prefix("system"))?;
-    line.trim_start().strip_prefix('=')?.trim().trim_matches('"').split('"').next()
+/// The system that a study names at the root of its file, also where other lines are no valid TOML.
+pub(crate) fn named_system(text: &str) -> Option<String> {
+    let (root, _) = DeTable::parse_recoverable(text);
+    Some(root.get_ref().get("system")?.get_ref().as_str()?.to_owned())
 }
 
 #[cfg(test)]
@@ -131,6 +132,8 @@ mod tests {
         let traces = include_str!("../../../studies/liu_engine.toml");
         assert_eq!(Kind::of(traces), Some(Kind::Traces));
         assert_eq!(Kind::of("format = 1\n"), None);
-        assert_eq!(named_system("name = 1\nsystem = \"a.toml\"  # beside\n"), Some("a.toml"));
+        let named = |text: &str| named_system(text);
+        assert_eq!(named("name = 1\nsystem = 'a.toml'  # beside\n").as_deref(), Some("a.toml"));
+        assert_eq!(named("system_of = \"b\"\n[other]\nsystem = \"c.toml\"\n"), None);
     }
 }

@@ -84,6 +84,7 @@ pub mod flight;
 pub mod format;
 pub mod job;
 pub mod kind;
+pub mod leftovers;
 pub mod log;
 pub mod manifest;
 pub mod moment;

@@ -115,7 +115,7 @@ pub fn simulate(
     part: Option<(Part, &mut usize)>,
     global: Global,
 ) -> Result<Outcome, Failure> {
-    let bar = bar(&named(campaign), global);
+    let bar = bar(&named(&campaign.settings, campaign.role), global);
     let told = |done, all| {
         bar.update(|state| {
             state.set_len(all as u64);
@@ -146,9 +146,9 @@ pub fn bar(name: &str, global: Global) -> ProgressBar {
 }
 
 /// The settings of a campaign and what it is for, in words.
-pub fn named(campaign: &Campaign) -> String {
-    let names: Vec<&str> = campaign.settings.iter().map(|setting| setting.name()).collect();
-    let role = match campaign.role {
+pub fn named(settings: &[Setting], role: Role) -> String {
+    let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+    let role = match role {
         Role::Judged => "",
         Role::Training => ", training commands",
     };
@@ -161,7 +161,7 @@ pub fn describe(campaign: &Campaign, outcome: &Outcome, seconds: f64) -> String 
     let mut text = format!(
         "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
         campaign.study.name,
-        named(campaign),
+        named(&campaign.settings, campaign.role),
         outcome.variants,
         campaign.duration_s(),
         outcome.failed.len()

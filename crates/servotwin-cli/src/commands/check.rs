@@ -15,7 +15,8 @@ use std::path::PathBuf;
 
 /// Check a system or a study file and show its mistakes at their places.
 ///
-/// Of a study also what is no mistake, but hardly meant: a fault that changes nothing.
+/// Everything that 'study' refuses in a file is a mistake here, too. A study also gets warnings about
+/// valid entries that are hardly meant, such as a fault that changes nothing.
 ///
 /// What a file is shows in its content: a study names its system. The first 20 mistakes are shown,
 /// with --json all of them. A built-in name may stand for a system and a study: both are checked, and
@@ -36,6 +37,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         }
         Kind::Study => {
             let study = Study::read(&options.file).map_err(|error| told(error, global))?;
+            study.complete().map_err(|error| told(error, global))?;
             warn(global, &study.warnings_in_words());
             Ok(of_study(options, &study))
         }

@@ -31,9 +31,9 @@ pub struct Options {
     /// The output folder of a campaign for which `servotwin train` has run.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     out: PathBuf,
-    /// Which data set, with which sensors.
-    #[arg(long, value_parser = Subject::ALL.map(Subject::name), default_value = "ideal")]
-    subject: String,
+    /// Which data set, with which sensors [default: realistic if it is there, else the last of the report].
+    #[arg(long, value_parser = Subject::ALL.map(Subject::name))]
+    subject: Option<String>,
 }
 
 /// The text for standard output.
@@ -44,16 +44,26 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.out);
     let study = folder.read_study()?;
     let subjects = job::subjects(&folder, &study)?;
-    let subject = subjects.iter().find(|subject| subject.name() == options.subject);
-    let unknown = |what, given: &str, known: Vec<String>| {
-        Failure::from(UnknownName { what, given: given.into(), known })
+    let found = match &options.subject {
+        Some(name) => subjects.iter().find(|subject| subject.name() == name).copied(),
+        None => Subject::default_among(&subjects),
     };
-    let names = || subjects.iter().map(|subject: &Subject| subject.name().into()).collect();
-    let subject = *subject.ok_or_else(|| unknown("data set", &options.subject, names()))?;
+    let subject = found.ok_or_else(|| {
+        let known = subjects.iter().map(|subject: &Subject| subject.name().into()).collect();
+        let given = options.subject.clone().unwrap_or_default();
+        Failure::from(UnknownName { what: "data set", given, known })
+    })?;
     match explain(&folder, &study, subject, options.variant)? {
         Some(explanation) => Ok(match global.json {
-            true => json(&json!(explanation)),
-            false => people(&explanation, &Vocabulary::of(&study)),
+            true => {
+                let mut explained = json!(explanation);
+                explained["scenario"] = subject.name().into();
+                json(&explained)
+            }
+            false => {
+                let words = people(&explanation, &Vocabulary::of(&study));
+                format!("scenario {}: {words}", subject.title(&study))
+            }
         }),
         None => {
             let last = variants(&folder, subject)?.saturating_sub(1);

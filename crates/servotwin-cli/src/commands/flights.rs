@@ -153,6 +153,13 @@ fn foreign(out: &mut String, merit: &ForeignMerit, vocabulary: &Vocabulary) {
             outcome.shutdowns_healthy,
             first.unwrap_or_default(),
         );
+        if let Some(count) = outcome.shutdowns_behind_wrong_sensor {
+            let unit = vocabulary.unit();
+            let _ = writeln!(
+                out,
+                "      healthy {unit} shut down behind a wrong boundary sensor: {count} of {flights}"
+            );
+        }
         for wrong in &outcome.wrong {
             let _ = writeln!(out, "      healthy one to be shut down: {wrong}");
         }

@@ -1,16 +1,22 @@
 //! `servotwin merge`: the shards of a campaign's parts joined to data sets.
 
-use super::campaign::{campaign, chosen, describe};
+use super::campaign::{campaign, chosen, describe, named};
 use crate::failure::Failure;
 use crate::{Global, stop};
 use servotwin::job::{Folder, manifest};
-use servotwin::study::Setting;
+use servotwin::study::campaign::{Campaign, CampaignError, MissingParts, missing_parts};
+use servotwin::study::{Setting, Study};
+use std::borrow::Cow;
+use std::fmt;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Join what 'servotwin campaign --shards' has simulated to data sets.
 ///
-/// The files are those of a campaign in one go, to the byte.
+/// The files are those of a campaign in one go, to the byte. If parts are missing, the message names them
+/// with the line that runs them, and the exit code is 4. Parts of different submissions (3/100 and 2/7) may
+/// lie in one folder.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder in which all parts have worked.
@@ -18,6 +24,10 @@ pub struct Options {
     /// The setting that was named to 'servotwin campaign' [default: all but fitted].
     #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
     setting: Option<String>,
+    /// In how many parts to count what is missing [default: as many as there are bundles, which fits parts of
+    /// any submission].
+    #[arg(long, value_name = "NUMBER")]
+    parts: Option<NonZeroUsize>,
 }
 
 /// The text for standard output.
@@ -27,11 +37,17 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let mut text = String::new();
     let mut merged = vec![];
-    for (role, settings) in chosen(&study, options.setting.as_deref())? {
+    let campaigns = campaigns(options, &study, &folder)?;
+    for campaign in &campaigns {
         let begin = Instant::now();
-        let campaign = campaign(&study, role, settings, &folder, None);
-        let outcome = campaign.merge()?;
-        text += &describe(&campaign, &outcome, begin.elapsed().as_secs_f64());
+        let outcome = match campaign.merge() {
+            Err(CampaignError::Unfinished { damaged, missing }) => {
+                let error = CampaignError::Unfinished { damaged, missing };
+                return Err(incomplete(options, &study, &folder, error, global));
+            }
+            outcome => outcome?,
+        };
+        text += &describe(campaign, &outcome, begin.elapsed().as_secs_f64());
         merged.push(serde_json::json!({
             "settings": campaign.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
             "variants": outcome.variants,
@@ -44,4 +60,140 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Global { quiet: true, .. } => String::new(),
         _ => text,
     })
+}
+
+/// The campaigns of the folder, in the order in which parts count their bundles.
+fn campaigns<'s>(
+    options: &Options,
+    study: &'s Study,
+    folder: &Folder,
+) -> Result<Vec<Campaign<'s>>, CampaignError> {
+    let runs = chosen(study, options.setting.as_deref())?.into_iter();
+    Ok(runs.map(|(role, settings)| campaign(study, role, settings, folder, None)).collect())
+}
+
+/// The failure of a merge that lacks shards. With `--json` the missing parts also go to standard output.
+fn incomplete(
+    options: &Options,
+    study: &Study,
+    folder: &Folder,
+    error: CampaignError,
+    global: Global,
+) -> Failure {
+    let is_damaged = matches!(error, CampaignError::Unfinished { damaged: Some(_), .. });
+    let parts = options.parts.map(NonZeroUsize::get);
+    let found = campaigns(options, study, folder)
+        .and_then(|campaigns| missing_parts(&campaigns, parts, is_damaged));
+    let missing = match found {
+        Ok(Some(missing)) => missing,
+        Ok(None) => return error.into(),
+        Err(error) => return error.into(),
+    };
+    let names = missing.campaigns.iter();
+    let names = names.map(|rows| named(&rows.settings, rows.role)).collect();
+    let setting = options.setting.clone();
+    let report = Incomplete { folder: options.folder.clone(), setting, names, missing };
+    if global.json
+        && let Err(failure) = crate::print(&crate::render::json(&report.to_json()))
+    {
+        return failure;
+    }
+    Failure::PartsMissing(Box::new(report))
+}
+
+/// The parts that a merge lacks, with the line that runs them.
+#[derive(Debug)]
+pub struct Incomplete {
+    folder: PathBuf,
+    /// The scenario that was named to the merge.
+    setting: Option<String>,
+    /// The campaigns that lack shards, in words.
+    names: Vec<String>,
+    missing: MissingParts,
+}
+
+impl Incomplete {
+    fn to_json(&self) -> serde_json::Value {
+        let rows = self.missing.campaigns.iter().map(|rows| {
+            serde_json::json!({
+                "settings": rows.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
+                "training": rows.role == servotwin::study::Role::Training,
+                "missing": rows.missing,
+                "variants": rows.variants,
+                "parts": rows.parts,
+            })
+        });
+        serde_json::json!({
+            "of": self.missing.of,
+            "parts": self.missing.parts,
+            "campaigns": rows.collect::<Vec<_>>(),
+            "resubmit": self.resubmit(),
+        })
+    }
+
+    /// One shell line that runs what is missing.
+    fn resubmit(&self) -> String {
+        let MissingParts { of, parts, simulate_images, .. } = &self.missing;
+        let folder = quoted(&self.folder.to_string_lossy()).into_owned();
+        let mut command = format!("servotwin campaign {folder} --out {folder}");
+        if let Some(setting) = &self.setting {
+            command += &format!(" --setting {setting}");
+        }
+        if *simulate_images {
+            command += " --all";
+        }
+        match parts[..] {
+            [part] => format!("{command} --shards {part}/{of}"),
+            _ => {
+                let list: Vec<String> = parts.iter().map(usize::to_string).collect();
+                format!("for part in {}; do {command} --shards $part/{of}; done", list.join(" "))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Incomplete {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let MissingParts { of, campaigns, damaged, .. } = &self.missing;
+        write!(out, "parts of the campaign are missing")?;
+        for (name, rows) in self.names.iter().zip(campaigns) {
+            let (missing, variants, parts) = (rows.missing, rows.variants, ranges(&rows.parts));
+            let part = if rows.parts.len() == 1 { "part" } else { "parts" };
+            write!(out, "\n  {name}: {missing} of {variants} rows, {part} {parts} of {of}")?;
+        }
+        if let Some(path) = damaged {
+            write!(out, "\n  {} is damaged and counts as missing", path.display())?;
+        }
+        write!(out, "\nresubmit: {}", self.resubmit())
+    }
+}
+
+/// Ascending numbers as an array of jobs is written: `2,5-7`.
+fn ranges(numbers: &[usize]) -> String {
+    let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => run.iter().map(usize::to_string).collect(),
+    });
+    runs.collect::<Vec<_>>().join(",")
+}
+
+/// A path as a POSIX shell reads it back.
+fn quoted(path: &str) -> Cow<'_, str> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
+    match !path.is_empty() && path.chars().all(is_plain) {
+        true => path.into(),
+        false => format!("'{}'", path.replace('\'', "'\\''")).into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_written_as_arrays_and_paths_as_a_shell_reads_them() {
+        assert_eq!(ranges(&[2, 5, 6, 7, 9, 10]), "2,5-7,9-10");
+        assert_eq!(quoted("/out/a-1"), "/out/a-1");
+        assert_eq!(quoted("it's $here"), "'it'\\''s $here'");
+    }
 }

@@ -74,8 +74,8 @@ impl SystemOption {
 /// The study that a command runs, and where its results go.
 #[derive(clap::Args)]
 pub struct StudyOptions {
-    /// A study file, or the name of a built-in study (paper, spring_actuator, press_axis); without it, the paper's
-    /// study of the aileron.
+    /// A study file, the name of a built-in study (paper, spring_actuator, press_axis), or a folder with results,
+    /// for the study they are of; without it, the paper's study of the aileron.
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
     /// The folder for data sets, models, results and the report.
@@ -94,6 +94,7 @@ impl StudyOptions {
     /// Reads the study; what is hardly meant in it is told before it runs.
     fn read(&self, global: Global) -> Result<Study, Failure> {
         let study = match &self.study {
+            Some(path) if path.is_dir() => Folder::new(path).read_study()?,
             Some(path) => Study::read(path)?,
             None => Study::default(),
         };

@@ -89,7 +89,7 @@ impl Screen {
         match event {
             StudyEvent::Removed { files } => removed(self.global, &self.out, *files),
             StudyEvent::Rows { campaign, done, all } => {
-                let new = || bar(&named(campaign), self.global);
+                let new = || bar(&named(&campaign.settings, campaign.role), self.global);
                 let (done, all) = (*done as u64, *all as u64);
                 state.rows.get_or_insert_with(new).update(|bar| {
                     bar.set_len(all);

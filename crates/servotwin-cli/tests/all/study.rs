@@ -172,7 +172,8 @@ fn report_is_sound(html: &str) {
 fn explains(out: &str) {
     let output = run(&["explain", "3", "--out", out]);
     let text = stdout(&output);
-    assert!(text.starts_with("variant 3: actuator_1.leakage_a.leakage, intensity 1,"), "{text}");
+    let begin = "scenario realistic: variant 3: actuator_1.leakage_a.leakage, intensity 1,";
+    assert!(text.starts_with(begin), "{text}");
     assert!(text.contains("which actuator?") && text.contains("what is broken?"), "{text}");
     let output = run(&["explain", "65", "--out", out, "--subject", "realistic", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -210,8 +211,17 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     let folder = Folder::new("refused");
     let out = folder.file("out");
     let none = write_study(&folder, "");
-    fails(&["study", &none, "--out", &out], 1, "the study has no faults");
-    fails(&["campaign", &none, "--out", &out], 1, "the study has no faults");
+    let without_faults = |arguments: &[&str]| {
+        let output = servotwin(arguments);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}");
+        assert!(
+            stderr(&output).contains("tiny.toml:1:1: the study has no faults"),
+            "{arguments:?}"
+        );
+    };
+    without_faults(&["study", &none, "--out", &out]);
+    without_faults(&["campaign", &none, "--out", &out]);
+    without_faults(&["check", &none]);
     assert!(!Path::new(&out).exists());
     let study = write_study(&folder, CLASSES);
     // A file where a folder is needed, and a folder that nobody can write to.
@@ -429,13 +439,42 @@ fn the_report_of_a_table_compares_all_classifiers() {
 }
 
 #[test]
+fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
+    let folder = Folder::new("missing parts");
+    let study = write_study(&folder, CLASSES);
+    let (whole, parts) = (folder.file("whole"), folder.file("parts"));
+    run(&["campaign", &study, "--out", &whole]);
+    // Parts of two submissions, and a shard that is damaged.
+    run(&["campaign", &study, "--out", &parts, "--shards", "3/4"]);
+    run(&["campaign", &study, "--out", &parts, "--shards", "2/9"]);
+    let shards = Path::new(&parts).join("shards");
+    let first = std::fs::read_dir(&shards).unwrap().next().unwrap().unwrap().path();
+    let bytes = std::fs::read(&first).unwrap();
+    std::fs::write(&first, &bytes[..bytes.len() / 2]).unwrap();
+    let refused = servotwin(&["merge", &parts, "--json"]);
+    assert_eq!(refused.status.code(), Some(4), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("is damaged and counts as missing"), "{}", stderr(&refused));
+    let missing: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();
+    assert!(missing["campaigns"].as_array().unwrap().len() > 1, "{missing}");
+    let (program, line) = (env!("CARGO_BIN_EXE_servotwin"), missing["resubmit"].as_str().unwrap());
+    let line = line.replace("servotwin campaign", &format!("{program} campaign"));
+    assert!(Command::new("sh").args(["-c", &line]).output().unwrap().status.success(), "{line}");
+    run(&["merge", &parts]);
+    assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
+    // Another number of parts may be asked for.
+    std::fs::remove_file(&first).unwrap();
+    let counted = servotwin(&["merge", &parts, "--parts", "2"]);
+    assert!(stderr(&counted).contains(" of 2\n"), "{}", stderr(&counted));
+}
+
+#[test]
 fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     let folder = Folder::new("parts");
     let study = write_study(&folder, CLASSES);
     let (whole, parts) = (folder.file("whole"), folder.file("parts"));
     run(&["campaign", &study, "--out", &whole]);
     run(&["campaign", &study, "--out", &parts, "--shards", "2/2"]);
-    fails(&["merge", &parts], 1, "have not been simulated");
+    assert_eq!(servotwin(&["merge", &parts]).status.code(), Some(4));
     run(&["campaign", &study, "--out", &parts, "--shards", "1/2", "--threads", "1"]);
     run(&["merge", &parts]);
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));

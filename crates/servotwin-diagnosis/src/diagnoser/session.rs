@@ -14,7 +14,7 @@ use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
 use super::presence::{Patience, Presence};
 use super::streams::{Sample, StoredRelative, Streams};
 use super::{Diagnoser, LARGEST_COUNT, Length};
-use crate::error::Error;
+use crate::error::{Error, same_length};
 use crate::field::{self, Here};
 use crate::hierarchy::Stage;
 use crate::random::Random;
@@ -143,7 +143,8 @@ impl Session {
     }
 
     /// Takes one sample: values from outside, measured values (NaN: missing) and those of the twin,
-    /// in SI units and in the diagnoser's order. Does not allocate and never panics, whatever comes.
+    /// in SI units and in the diagnoser's order. Does not allocate and never panics, whatever comes: a sample of other
+    /// lengths gives an alarm. [`Session::try_push`] refuses it instead.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64], twin: &[f64]) -> &Outcome {
         let sample = self.memory.samples;
         self.memory.samples += 1;
@@ -160,6 +161,23 @@ impl Session {
             }
         }
         &self.memory.outcome
+    }
+
+    /// As [`Session::push`], but a sample of other lengths is refused and not counted.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] with the lengths expected and given.
+    pub fn try_push(
+        &mut self,
+        inputs: &[f64],
+        measured: &[f64],
+        twin: &[f64],
+    ) -> Result<&Outcome, Error> {
+        let sensors = self.diagnoser.sensors.len();
+        same_length("inputs", self.diagnoser.environment.inputs.len(), inputs.len())?;
+        same_length("measured values", sensors, measured.len())?;
+        same_length("values of the twin", sensors, twin.len())?;
+        Ok(self.push(inputs, measured, twin))
     }
 
     /// What was said of the last sample.

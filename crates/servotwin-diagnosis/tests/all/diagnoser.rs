@@ -539,3 +539,19 @@ fn outside_of_what_the_field_was_learned_from_outcomes_are_marked() {
     assert_eq!(session.save(), other.save());
     assert!(self::session().restore(&session.save()).is_err(), "of a diagnoser without a field");
 }
+
+#[test]
+fn a_sample_of_other_lengths_is_refused_with_both_numbers_and_not_counted() {
+    let mut session = session();
+    let sensors = session.diagnoser().sensors.len();
+    let inputs = vec![0.0; session.diagnoser().environment.inputs.len()];
+    let values = vec![0.0; sensors];
+    let refused = session.try_push(&inputs, &values[1..], &values).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        format!("measured values: expected {sensors}, found {}", sensors - 1)
+    );
+    assert!(session.try_push(&inputs, &values, &[]).is_err());
+    assert!(session.try_push(&[0.0; 99], &values, &values).is_err());
+    assert_eq!(session.try_push(&inputs, &values, &values).unwrap().sample, 0);
+}

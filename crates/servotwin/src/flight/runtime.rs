@@ -164,8 +164,15 @@ impl<'s> Runtime<'s> {
     /// range the twin keeps the value before, and the outcome says so.
     ///
     /// # Errors
-    /// [`RuntimeError::Twin`]; the next sample starts the twin anew.
+    /// [`RuntimeError::Twin`]; the next sample starts the twin anew. A sample of other lengths is refused.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64]) -> Result<&Outcome, RuntimeError> {
+        let wrong = |what, expected, found| Error::LengthMismatch { what, expected, found };
+        if inputs.len() != self.values.len() {
+            return Err(wrong("inputs", self.values.len(), inputs.len()).into());
+        }
+        if measured.len() != self.slots.len() {
+            return Err(wrong("measured values", self.slots.len(), measured.len()).into());
+        }
         self.take_compiled();
         self.believe(inputs);
         let inputs = &self.believed;

@@ -21,8 +21,9 @@
 use super::hold::{self, Among, Hold};
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
+use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
-use crate::study::campaign::{CampaignError, calibration_file};
+use crate::study::campaign::calibration_file;
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 
@@ -159,11 +160,9 @@ impl Folder {
     /// allows it.
     ///
     /// # Errors
-    /// The study has no faults; [`JobError::Busy`]; [`JobError::OtherResults`]; the folder or a file cannot be written.
+    /// [`Study::complete`]; [`JobError::Busy`]; [`JobError::OtherResults`]; the folder or a file cannot be written.
     pub fn keep_study(&self, study: &Study, replace: bool) -> Result<Kept, JobError> {
-        if study.faults.is_empty() {
-            return Err(CampaignError::NoVariants.into());
-        }
+        study.complete()?;
         let hold = self.hold(Among::Nobody)?;
         let mut dropped = vec![];
         if !self.is_made_of(study)? {
@@ -173,9 +172,7 @@ impl Folder {
                 return Err(JobError::OtherResults { folder, there, count });
             }
         }
-        for folder in [self.0.clone(), self.0.join("shards"), self.figures()] {
-            files::remove_leftovers(&folder)?;
-        }
+        self.remove_leftovers()?;
         dropped.iter().try_for_each(|file| remove(file))?;
         write_text(&self.study(), &study.text)?;
         write_text(&self.system(), &study.system.text)?;
@@ -202,10 +199,10 @@ impl Folder {
     /// # Errors
     /// The folder holds another study; [`JobError::Busy`]; a file cannot be written.
     pub fn join_study(&self, study: &Study) -> Result<Hold, JobError> {
-        if study.faults.is_empty() {
-            return Err(CampaignError::NoVariants.into());
-        }
+        study.complete()?;
         let hold = self.hold(Among::Parts)?;
+        // Parts may be writing on other machines: only what is known to be abandoned is removed.
+        self.written_folders().iter().for_each(|folder| remove_abandoned_files(folder));
         if self.holds(study) {
             return Ok(hold);
         }
@@ -245,7 +242,18 @@ impl Folder {
     pub fn open(&self) -> Result<(Study, Hold), JobError> {
         self.has_study()?;
         let hold = self.hold(Among::Nobody)?;
+        self.remove_leftovers()?;
         Ok((self.read_study()?, hold))
+    }
+
+    /// Removes what killed writers have left; the folder must be held for this program alone.
+    fn remove_leftovers(&self) -> Result<(), JobError> {
+        Ok(self.written_folders().iter().try_for_each(files::remove_leftovers)?)
+    }
+
+    /// The folders into which stages write.
+    fn written_folders(&self) -> [PathBuf; 3] {
+        [self.0.clone(), self.0.join("shards"), self.figures()]
     }
 
     /// Reads the study back, for who writes nothing.

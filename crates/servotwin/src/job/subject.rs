@@ -42,6 +42,14 @@ impl Subject {
         }
     }
 
+    /// The one that is shown where none is named: realistic if it is there, else the last in the order of reports. The
+    /// extra sensor, which the system does not have, comes after all others.
+    pub fn default_among(subjects: &[Subject]) -> Option<Subject> {
+        let place = |subject: &Subject| Subject::ALL.iter().position(|known| known == subject);
+        let own = subjects.iter().filter(|subject| !subject.extra_sensor());
+        own.max_by_key(|subject| place(subject)).or(subjects.last()).copied()
+    }
+
     /// The word in file names.
     pub fn name(self) -> &'static str {
         match self {

@@ -16,6 +16,7 @@
 
 use super::reader::{Noted, Reader};
 use super::{Realism, Role};
+use crate::document::Place;
 use crate::signal::Signal;
 use serde::Deserialize;
 use servotwin_model::signal::Piecewise;
@@ -46,16 +47,18 @@ pub struct Calibration {
 impl Calibration {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         if reader.text.realistic.as_ref().is_none_or(|realistic| realistic.has_no_tolerances()) {
-            return Err(reader.empty("fitted", "realistic.tolerances"));
+            return Err(reader.empty(&Place::of(&["fitted"]), "realistic.tolerances"));
         }
         let Text { duration_s, judge, learn, in_each_case, .. } = *text;
         let fits = in_each_case <= judge.min(learn);
         let allowed = "at most judge, and at most learn";
-        reader.range("fitted.in_each_case", in_each_case as f64, fits, allowed)?;
-        let command = reader.input("command", &reader.text.command.input)?;
+        let at = Place::of(&["fitted", "in_each_case"]);
+        reader.range(&at, in_each_case as f64, fits, allowed)?;
+        let command = reader.command_input()?;
         let mut inputs = reader.default_inputs();
         let signal = Ok(text.command.clone());
-        inputs[command] = reader.signal("fitted", "command", signal, command, duration_s)?;
+        let at = Place::of(&["fitted", "command"]);
+        inputs[command] = reader.signal(&at, "command", signal, command, duration_s)?;
         Ok(Self { inputs, duration_s, judge, learn, in_each_case })
     }
 

@@ -16,6 +16,7 @@
 
 use super::Setting;
 use super::reader::{Noted, Reader};
+use crate::document::Place;
 use serde::Deserialize;
 use servotwin_diagnosis::tree::Criterion;
 use std::collections::BTreeMap;
@@ -116,16 +117,17 @@ pub(super) fn settings() -> Vec<&'static str> {
 impl Evaluating {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let listed = |key: &str, names: &Option<Vec<String>>| {
-            let field = format!("evaluation.{key}");
-            let of =
-                |names: &Vec<String>| all(names.iter().map(|name| setting(reader, &field, name)));
+            let list = Place::of(&["evaluation", key]);
+            let one = |(n, name): (usize, &String)| setting(reader, &list.element(n), name);
+            let of = |names: &Vec<String>| all(names.iter().enumerate().map(one));
             names.as_ref().map(of).transpose()
         };
         let learned_bands = listed("learned_bands", &text.learned_bands);
         let classifiers = listed("classifiers", &text.classifiers);
         let ablation = listed("ablation", &text.ablation);
         let trees = all(text.trees.iter().map(|(name, text)| {
-            Ok((setting(reader, "evaluation.trees", name)?, text.growing(name, reader)?))
+            let at = Place::of(&["evaluation", "trees", name]);
+            Ok((setting(reader, &at.name(), name)?, text.growing(&at, reader)?))
         }));
         let learned_bands = learned_bands?;
         if learned_bands.as_ref().is_some_and(|bands| !bands.is_empty()) {
@@ -145,11 +147,10 @@ impl Evaluating {
 }
 
 impl TreesText {
-    fn growing(&self, setting: &str, reader: &Reader) -> Result<Growing, Noted> {
-        let section = format!("evaluation.trees.{setting}");
+    fn growing(&self, at: &Place, reader: &Reader) -> Result<Growing, Noted> {
         let of = |word: &String| {
             let known = CRITERIA.iter().find(|(known, _)| known == word);
-            let unknown = || reader.unknown(&section, "criterion", word, criteria());
+            let unknown = || reader.unknown(&at.key("criterion"), "criterion", word, criteria());
             known.map(|(_, criterion)| *criterion).ok_or_else(unknown)
         };
         let criterion = self.criterion.as_ref().map(of).transpose()?;
@@ -158,7 +159,7 @@ impl TreesText {
 }
 
 /// A setting of the study.
-fn setting(reader: &Reader, field: &str, name: &str) -> Result<Setting, Noted> {
+fn setting(reader: &Reader, at: &Place, name: &str) -> Result<Setting, Noted> {
     let text = reader.text;
     let is_there = |setting: &Setting| match setting {
         Setting::Ideal => true,
@@ -168,14 +169,16 @@ fn setting(reader: &Reader, field: &str, name: &str) -> Result<Setting, Noted> {
     let known: Vec<Setting> = Setting::ALL.into_iter().filter(is_there).collect();
     let found = known.iter().find(|setting| setting.name() == name).copied();
     let names = known.iter().map(|setting| setting.name());
-    found.ok_or_else(|| reader.unknown(field, "setting in this study", name, names))
+    found.ok_or_else(|| reader.unknown(at, "setting in this study", name, names))
 }
 
 /// Bands are learned from healthy specimens that fly training commands.
 fn needs_healthy(reader: &Reader) -> Result<(), Noted> {
     match reader.text.training.as_ref().is_some_and(|training| training.has_healthy()) {
         true => Ok(()),
-        false => Err(reader.empty("evaluation.learned_bands", "training.healthy")),
+        false => {
+            Err(reader.empty(&Place::of(&["evaluation", "learned_bands"]), "training.healthy"))
+        }
     }
 }
 

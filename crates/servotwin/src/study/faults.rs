@@ -3,10 +3,8 @@
 
 use super::mistake::Mistake;
 use super::reader::{Noted, Reader};
-use crate::document::Span;
+use crate::document::{Place, Span};
 use servotwin_model::program::FaultAt;
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
 
 /// A row of Table 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,36 +53,30 @@ impl Reader<'_> {
         for (place, c) in self.text.classes.iter().enumerate() {
             for (key, text) in [("detail", &c.detail), ("command", &c.command)] {
                 if text.trim().is_empty() {
-                    self.note(&self.place_in_class(place, key), Mistake::Empty { field: key });
+                    let at = Place::of(&["classes"]).element(place).key(key);
+                    self.note(&self.span(&at), Mistake::Empty { field: key });
                 }
             }
         }
         self.text.classes.iter().map(class).collect()
     }
 
-    /// Where a key of one of the classes stands.
-    fn place_in_class(&self, place: usize, key: &str) -> Span {
-        let (root, _) = DeTable::parse_recoverable(self.source);
-        of_class(root.get_ref(), place, key).map_or(0..0, Spanned::span)
-    }
-
     /// Where a class names a fault.
     pub(super) fn place_of_fault(&self, FaultCase { class, kind, .. }: &FaultCase) -> Span {
-        let (root, _) = DeTable::parse_recoverable(self.source);
-        let names =
-            of_class(root.get_ref(), *class, "faults").and_then(|list| list.get_ref().as_array());
-        let mut names = names.into_iter().flat_map(|names| names.iter());
-        let own = names.find(|name| name.get_ref().as_str() == Some(kind));
-        own.map_or(0..0, Spanned::span)
+        let of_class = &self.text.classes[*class].faults;
+        let own = of_class.iter().position(|name| name == kind);
+        self.span(&listed_fault(*class, own.unwrap_or(of_class.len())))
     }
 
     pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, Noted> {
         let mut faults = Vec::new();
         for (unit, unit_name) in self.text.units.iter().enumerate() {
             for (index, class) in classes.iter().enumerate() {
-                for kind in &class.kinds {
+                for (position, kind) in class.kinds.iter().enumerate() {
                     let id = full_name(unit_name, kind);
-                    let Ok((component, fault)) = self.find_fault(unit_name, kind) else { continue };
+                    let at = listed_fault(index, position);
+                    let found = self.find_fault(&at, unit_name, kind);
+                    let Ok((component, fault)) = found else { continue };
                     for &intensity in &self.text.intensities {
                         let at = FaultAt { component, fault, intensity };
                         let (id, kind) = (id.clone(), kind.clone());
@@ -96,12 +88,12 @@ impl Reader<'_> {
         Ok(faults)
     }
 
-    fn find_fault(&self, unit: &str, kind: &str) -> Result<(usize, usize), Noted> {
+    fn find_fault(&self, at: &Place, unit: &str, kind: &str) -> Result<(usize, usize), Noted> {
         let id = &full_name(unit, kind);
         let find = |id: &str| self.system.program.find_fault(id);
         find(id).ok_or_else(|| {
             if find(kind).is_some() {
-                return self.shared("classes", "fault", unit, kind);
+                return self.shared(at, "fault", unit, kind);
             }
             let components = &self.system.network().components;
             let all: Vec<String> = components
@@ -111,19 +103,14 @@ impl Reader<'_> {
                     faults.map(|f| format!("{}.{}", c.id, f.name)).collect::<Vec<_>>()
                 })
                 .collect();
-            self.unknown("classes", "fault in the system", id, all.iter().map(String::as_str))
+            self.unknown(at, "fault in the system", id, all.iter().map(String::as_str))
         })
     }
 }
 
-/// What one of the classes says under a key.
-fn of_class<'r, 'a>(
-    root: &'r DeTable<'a>,
-    place: usize,
-    key: &str,
-) -> Option<&'r Spanned<DeValue<'a>>> {
-    let class = root.get("classes")?.get_ref().as_array()?.get(place)?;
-    class.get_ref().as_table()?.get(key)
+/// The place of a fault in the list of its class.
+fn listed_fault(class: usize, position: usize) -> Place<'static> {
+    Place::of(&["classes"]).element(class).key("faults").element(position)
 }
 
 /// A unit without a name stands for the whole system.

@@ -23,6 +23,7 @@
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
 use super::training::{check_pattern, filled};
+use crate::document::Place;
 use crate::signal::bus::as_sent;
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
@@ -173,14 +174,23 @@ impl Text {
         self.least_on
     }
 
-    /// The patterns of all commands.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = &str> {
-        self.commands.iter().map(String::as_str)
+    /// The patterns of all commands, with their places.
+    pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
+        self.commands.iter().enumerate().map(|(n, text)| (command_at(n), text.as_str()))
     }
 
     /// The parameters of every unit that differ from environment to environment.
     pub(super) fn varied_parameters(&self) -> impl Iterator<Item = &String> {
         self.unit_parameters.keys()
+    }
+
+    /// The places of sizes with which no fault would be flown to learn from.
+    pub(super) fn without_faults_to_learn(&self) -> Vec<Place<'static>> {
+        let own = (Place::of(&["flights", "learn", "repeats"]), self.learn);
+        let full =
+            self.full.map(|of| (Place::of(&["flights", "full", "learn", "repeats"]), of.learn));
+        let all = [Some(own), full].into_iter().flatten();
+        all.filter(|(_, size)| size.repeats == 0).map(|(at, _)| at).collect()
     }
 
     /// The same section with its full sizes.
@@ -195,10 +205,9 @@ impl Text {
         let ranges = self.check_ranges(reader);
         self.check(reader)?;
         ranges?;
-        let driven = reader.input("command", &reader.text.command.input)?;
-        for pattern in self.patterns() {
-            let (section, seconds) = ("flights.commands", self.duration_s);
-            let _ = check_pattern(reader, section, pattern, driven, seconds);
+        let driven = reader.command_input()?;
+        for (at, pattern) in self.patterns() {
+            let _ = check_pattern(reader, &at, pattern, driven, self.duration_s);
         }
         let one_each = Size { environments: self.commands.len(), further: 0, ..self.learn };
         self.environments(reader, 'L', one_each).map(drop)
@@ -208,8 +217,9 @@ impl Text {
         let d = self.duration_s;
         let [from, to] = self.onset_s;
         let inside = from >= 0.0 && to < d;
+        let section = Place::of(&["flights"]);
         reader.range(
-            "flights.onset_s",
+            &section.key("onset_s"),
             from,
             inside,
             "two times inside of the flight, in order",
@@ -218,16 +228,16 @@ impl Text {
         let least_on = self.least_on.unwrap_or(0);
         let allowed = format!("0 … {units}, as there are units");
         reader.range(
-            "flights.least_on",
+            &section.key("least_on"),
             f64::from(least_on),
             least_on as usize <= units,
             allowed,
         )?;
-        for &w in &self.windows_s {
+        for (n, &w) in self.windows_s.iter().enumerate() {
             let samples = w * reader.text.sample_hz;
             let fits = samples >= 10.0 && w <= d - to;
             let allowed = "10 samples … what remains of a flight after the latest onset";
-            reader.range("flights.windows_s", w, fits, allowed)?;
+            reader.range(&section.key("windows_s").element(n), w, fits, allowed)?;
         }
         Ok(())
     }
@@ -240,18 +250,18 @@ impl Text {
             units().map(move |unit| ("unit_inputs", unit.clone(), name, range))
         });
         for (section, unit, name, range) in own.chain(of_units) {
-            let section = format!("flights.{section}");
-            let input = reader.input(&section, &full_name(&unit, name))?;
+            let at = Place::of(&["flights", section, name]);
+            let input = reader.input(&at.name(), &full_name(&unit, name))?;
             for value in range {
-                reader.constant(&format!("{section}.{name}"), input, *value)?;
+                reader.constant(&at, input, *value)?;
             }
         }
         for (name, range) in &self.unit_parameters {
             for unit in units() {
-                let section = "flights.unit_parameters";
-                let (component, place) = super::realism::find(reader, section, unit, name)?;
+                let at = Place::of(&["flights", "unit_parameters", name]);
+                let (component, place) = super::realism::find(reader, &at.name(), unit, name)?;
                 for value in range {
-                    reader.parameter(&format!("{section}.{name}"), (component, place), *value)?;
+                    reader.parameter(&at, (component, place), *value)?;
                 }
             }
         }
@@ -278,17 +288,18 @@ impl Text {
         size: Size,
     ) -> Result<Environment, Noted> {
         let name = format!("{letter}{number:03}");
-        let pattern = &self.commands[number % self.commands.len()];
+        let position = number % self.commands.len();
+        let pattern = &self.commands[position];
         // Judged environments are other draws than those learned from.
         let first = if letter == 'L' { 1 } else { 1 + MOST } + MOST / 100 * self.seed as usize;
         let command = filled(pattern, first + number / self.commands.len());
         let durations_s = [size.healthy_duration_s, size.further_duration_s];
         let longest_s = durations_s.into_iter().flatten().fold(self.duration_s, f64::max);
         let mut inputs = reader.default_inputs();
-        let driven = reader.input("command", &reader.text.command.input)?;
+        let driven = reader.command_input()?;
         // The twin knows the command as it comes over a bus, and nobody else knows more.
         let signal = command.parse();
-        let built = reader.signal("flights.commands", pattern, signal, driven, longest_s)?;
+        let built = reader.signal(&command_at(position), pattern, signal, driven, longest_s)?;
         let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);
         inputs[driven] = sent.expect("a signal is finite");
         let mut random =
@@ -296,22 +307,29 @@ impl Text {
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut draw = |[low, high]: [f64; 2]| low + (high - low) * random.unit();
         for (input, range) in &self.inputs {
-            inputs[reader.input("flights.inputs", input)?] = constant(draw(*range));
+            let at = Place::of(&["flights", "inputs", input]).name();
+            inputs[reader.input(&at, input)?] = constant(draw(*range));
         }
         for (input, range) in &self.unit_inputs {
             for unit in &reader.text.units {
-                let input = reader.input("flights.unit_inputs", &full_name(unit, input))?;
+                let at = Place::of(&["flights", "unit_inputs", input]).name();
+                let input = reader.input(&at, &full_name(unit, input))?;
                 inputs[input] = constant(draw(*range));
             }
         }
         let mut parameters = vec![];
         for (parameter, range) in &self.unit_parameters {
             for unit in &reader.text.units {
-                let section = "flights.unit_parameters";
-                let (component, place) = super::realism::find(reader, section, unit, parameter)?;
+                let at = Place::of(&["flights", "unit_parameters", parameter]).name();
+                let (component, place) = super::realism::find(reader, &at, unit, parameter)?;
                 parameters.push((component, place, draw(*range)));
             }
         }
         Ok(Environment { name, command, inputs, parameters })
     }
+}
+
+/// The place of a pattern of commands.
+fn command_at(position: usize) -> Place<'static> {
+    Place::of(&["flights", "commands"]).element(position)
 }

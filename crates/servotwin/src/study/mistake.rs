@@ -1,5 +1,6 @@
 //! Everything that can be wrong with a study file beside its form, in words.
 
+use super::realism::REALISTIC;
 use crate::document::{self, Explained, suggest};
 use std::fmt;
 
@@ -58,6 +59,10 @@ pub enum Mistake {
     },
     /// The whole system is a unit beside others.
     WholeBesideUnits,
+    /// No class has a fault.
+    NoFaults,
+    /// Flights need noise and specimens.
+    NoRealism,
 }
 
 impl From<document::Mistake> for Mistake {
@@ -82,6 +87,8 @@ impl fmt::Display for Mistake {
             Mistake::Signal { name, error } => write!(out, "signal '{name}': {error}"),
             Mistake::Empty { field } => write!(out, "'{field}' is empty"),
             Mistake::Repeated { what, name } => write!(out, "the {what} '{name}' stands twice"),
+            Mistake::NoFaults => write!(out, "the study has no faults"),
+            Mistake::NoRealism => write!(out, "flights need the section 'realistic'"),
             Mistake::WholeBesideUnits => {
                 write!(out, "the unit '' is the whole system, which has no other units")
             }
@@ -100,6 +107,8 @@ impl Explained for Mistake {
                  a second study with units = [\"\"], in which the whole system is one unit"
                     .into(),
             ),
+            Mistake::NoFaults => Some("add [[classes]] with 'faults'".into()),
+            Mistake::NoRealism => Some(REALISTIC.example.into()),
             _ => None,
         }
     }

@@ -7,6 +7,7 @@
 
 mod calibration;
 pub mod campaign;
+mod complete;
 pub mod evaluating;
 pub mod faults;
 pub mod flights;
@@ -31,7 +32,9 @@ pub use training::Training;
 pub use warning::Warning;
 
 use crate::built_in;
-use crate::document::{self, Collector, Entry, Located, Span, entries, write_mistakes};
+use crate::document::{
+    self, Collector, Entry, Located, Place, Span, entries, plain_table, write_mistakes,
+};
 use crate::files::FileError;
 use crate::format;
 use crate::kind::{Kind, named_system};
@@ -340,7 +343,7 @@ impl Study {
     pub fn system_file(path: &Path) -> Option<PathBuf> {
         let (text, _) = Kind::Study.read(path).ok()?;
         let name = named_system(&text).filter(|name| name.ends_with(".toml"))?;
-        Some(beside(name, path))
+        Some(beside(&name, path))
     }
 
     /// Reads a study file, or a built-in study by its name.
@@ -455,8 +458,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         format::check_table(&keys::STUDY, &(0..0), "the file", &all, note);
         repetitions(&all, &mut mistakes);
         // What is wrong was told and must not hide the rest.
-        let known: toml::Table = toml::from_str(text).unwrap_or_default();
-        let mut known = format::mended(&keys::STUDY, known);
+        let mut known = format::mended(&keys::STUDY, plain_table(root.get_ref()));
         known.remove("format");
         match Text::deserialize(known) {
             Ok(text) => parsed = Some(text),
@@ -591,7 +593,7 @@ impl Parts {
         let sensors = reader.sensors();
         let classes = reader.classes();
         let faults = reader.faults(&classes);
-        let command_input = reader.input("command", &text.command.input);
+        let command_input = reader.command_input();
         let cases = reader.cases();
         let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader)).transpose();
         let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
@@ -630,23 +632,26 @@ impl Reader<'_> {
         let mut seen = Vec::new();
         for id in self.text.sensors.keys() {
             if !ids().any(|known| known == id) {
-                self.unknown("sensors", "sensor in the system", id, ids());
+                let at = Place::of(&["sensors", id]).name();
+                self.unknown(&at, "sensor in the system", id, ids());
             }
         }
         for (position, sensor) in list.iter().enumerate() {
             let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
             if let Ok(sensor) = self.sensor(position, text) {
+                let at = Place::of(&["sensors", &list[position].id]).name();
+                self.named_apart(&at, &sensor, &seen);
                 measured.push(position);
                 seen.push(sensor);
             }
         }
         if let Some(extra) = &self.text.extra_sensor {
             let position = ids().position(|id| id == extra.id);
-            let unknown = || self.unknown("extra_sensor", "sensor in the system", &extra.id, ids());
+            let at = Place::of(&["extra_sensor", "id"]);
+            let unknown = || self.unknown(&at, "sensor in the system", &extra.id, ids());
             let position = position.ok_or_else(unknown)?;
-            measured.push(position);
             let (name, noise) = (list[position].label.clone(), self.noise(position));
-            seen.push(Sensor {
+            let sensor = Sensor {
                 name,
                 quantity: Quantity::Surface,
                 unit: None,
@@ -654,22 +659,39 @@ impl Reader<'_> {
                 is_noisy: true,
                 follows: vec![],
                 stands_in: false,
-            });
+            };
+            self.named_apart(&at, &sensor, &seen);
+            measured.push(position);
+            seen.push(sensor);
         }
         self.add_laws(&measured, &mut seen);
         Ok((measured, Sensors(seen)))
     }
 
+    /// Notes a sensor whose label another one has: features are named by it.
+    fn named_apart(&self, at: &Place, sensor: &Sensor, others: &[Sensor]) {
+        if others.iter().any(|other| other.name == sensor.name) {
+            let mistake = Mistake::Repeated { what: "sensor", name: sensor.name.clone() };
+            self.note(&self.span(at), mistake);
+        }
+    }
+
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
         let crate::system::Sensor { id, label, .. } = &self.system.sensors[position];
+        let at = Place::of(&["sensors", id]);
         let words = || Quantity::ALL.iter().map(|(_, word)| *word);
         let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
-        let (quantity, _) =
-            found.ok_or_else(|| self.unknown("sensors", "quantity", &text.quantity, words()))?;
+        let (quantity, _) = found.ok_or_else(|| {
+            self.unknown(&at.key("quantity"), "quantity", &text.quantity, words())
+        })?;
         let known = text.unit <= self.text.units.len();
-        let field = format!("sensors.{id}.unit");
         let units = self.text.units.len();
-        self.range(&field, text.unit as f64, known, format!("0 … {units}, as there are units"))?;
+        self.range(
+            &at.key("unit"),
+            text.unit as f64,
+            known,
+            format!("0 … {units}, as there are units"),
+        )?;
         // A surface is moved by all units, whatever the file says.
         let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
         let (name, noise) = (label.clone(), self.noise(position));
@@ -689,12 +711,11 @@ impl Reader<'_> {
         for (place, sensor) in seen.iter_mut().enumerate() {
             let id = &self.system.sensors[measured[place]].id;
             let Some(text) = self.text.sensors.get(id) else { continue };
-            let field = format!("sensors.{id}.follows");
+            let at = Place::of(&["sensors", id, "follows"]);
             let (count, few) = (text.follows.len(), text.follows.len() <= MOST_FOLLOWED);
-            let _ =
-                self.range(&field, count as f64, few, format!("at most {MOST_FOLLOWED} others"));
+            let _ = self.range(&at, count as f64, few, format!("at most {MOST_FOLLOWED} others"));
             let follow = |(id, &weight): (&String, &f64)| {
-                self.follow(&field, measured, place, (id, weight)).ok()
+                self.follow(&at, measured, place, (id, weight)).ok()
             };
             sensor.follows = text.follows.iter().filter_map(follow).collect();
         }
@@ -703,7 +724,7 @@ impl Reader<'_> {
     /// The place of a sensor that another one follows, and how far for it, in parts of scale.
     fn follow(
         &self,
-        field: &str,
+        at: &Place,
         measured: &[usize],
         place: usize,
         (followed, weight): (&str, f64),
@@ -712,7 +733,9 @@ impl Reader<'_> {
         let others = || (0..measured.len()).filter(|&other| other != place);
         let known = || others().map(|other| sensor(other).id.as_str());
         let other = others().find(|&other| sensor(other).id == followed);
-        let other = other.ok_or_else(|| self.unknown(field, OTHER_SENSOR, followed, known()))?;
+        let other = other.ok_or_else(|| {
+            self.unknown(&at.key(followed).name(), OTHER_SENSOR, followed, known())
+        })?;
         Ok((other, weight * (sensor(other).scale / sensor(place).scale)))
     }
 
@@ -724,11 +747,17 @@ impl Reader<'_> {
 
     fn cases(&self) -> Result<Vec<OperatingCase>, Noted> {
         let loads = self.loads();
-        let command = self.input("command", &self.text.command.input)?;
+        let command = self.command_input()?;
         let mut commands = vec![];
         for (name, signal) in &self.text.command.signals {
             let (signal, duration_s) = (Ok(signal.clone()), self.text.duration_s);
-            let built = self.signal("command.signals", name, signal, command, duration_s);
+            let built = self.signal(
+                &Place::of(&["command", "signals", name]).name(),
+                name,
+                signal,
+                command,
+                duration_s,
+            );
             commands.extend(built.map(|built| (name, built)));
         }
         let (loads, mut cases) = (loads?, Vec::new());
@@ -739,9 +768,13 @@ impl Reader<'_> {
                 if let Some((input, value)) = load {
                     inputs[*input] = value.clone();
                 }
-                let name = name.clone();
                 let case = format!("{name}{load_name}");
-                cases.push(OperatingCase { name: case, command: name, inputs });
+                if cases.iter().any(|other: &OperatingCase| other.name == case) {
+                    let at = Place::of(&["command", "signals", name]).name();
+                    let mistake = Mistake::Repeated { what: "case", name: case.clone() };
+                    self.note(&self.span(&at), mistake);
+                }
+                cases.push(OperatingCase { name: case, command: name.clone(), inputs });
             }
         }
         Ok(cases)
@@ -750,9 +783,9 @@ impl Reader<'_> {
     /// What the loads add to the names of cases, and what they do.
     fn loads(&self) -> Result<Vec<(String, Load)>, Noted> {
         let Some(load) = &self.text.load else { return Ok(vec![(String::new(), None)]) };
-        let input = self.input("load", &load.input)?;
+        let input = self.input(&Place::of(&["load", "input"]), &load.input)?;
         let values = sorted_by_value(&load.values).into_iter().map(|(name, value)| {
-            let value = self.constant(&format!("load.values.{name}"), input, value)?;
+            let value = self.constant(&Place::of(&["load", "values", &name]), input, value)?;
             Ok((format!("/{name}"), Some((input, value))))
         });
         Ok(self.sound(values))

@@ -11,6 +11,7 @@
 
 use super::faults::full_name;
 use super::reader::{Noted, OF_A_CLASS, Reader};
+use crate::document::Place;
 use serde::Deserialize;
 use servotwin_diagnosis::features::Quantity;
 use std::collections::BTreeMap;
@@ -56,11 +57,11 @@ impl Reactions {
         for (name, text) in texts {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
-                reader.unknown("reactions", OF_A_CLASS, name, known);
+                reader.unknown(&Place::of(&["reactions", name]).name(), OF_A_CLASS, name, known);
                 continue;
             }
             let units = 0..reader.text.units.len();
-            let section = format!("reactions.{name}");
+            let section = Place::of(&["reactions", name]);
             let of_units = units.map(|unit| text.reaction(reader, &section, unit));
             list.push((name.clone(), reader.sound(of_units)));
         }
@@ -89,30 +90,31 @@ impl Reactions {
 }
 
 impl Text {
-    fn reaction(&self, reader: &Reader, section: &str, unit: usize) -> Result<Reaction, Noted> {
+    fn reaction(&self, reader: &Reader, section: &Place, unit: usize) -> Result<Reaction, Noted> {
         let name = &reader.text.units[unit];
         let mut reaction = Reaction { switches_off: self.switches_off, ..Reaction::default() };
         for (input, value) in &self.unit_inputs {
-            let field = format!("{section}.unit_inputs");
-            let place = reader.input(&field, &full_name(name, input))?;
-            reader.constant(&format!("{field}.{input}"), place, *value)?;
+            let at = section.key("unit_inputs").key(input);
+            let place = reader.input(&at.name(), &full_name(name, input))?;
+            reader.constant(&at, place, *value)?;
             reaction.inputs.push((place, *value));
         }
         let own = self.unit_parameters.iter();
         let own = own.map(|(p, value)| (name.as_str(), "unit_parameters", p, value));
         let common = self.parameters.iter().map(|(p, value)| ("", "parameters", p, value));
         for (unit, of, parameter, &value) in own.chain(common) {
-            let section = format!("{section}.{of}");
-            let (component, place) = super::realism::find(reader, &section, unit, parameter)?;
-            reader.parameter(&format!("{section}.{parameter}"), (component, place), value)?;
+            let at = section.key(of).key(parameter);
+            let (component, place) = super::realism::find(reader, &at.name(), unit, parameter)?;
+            reader.parameter(&at, (component, place), value)?;
             reaction.parameters.push((component, place, value));
         }
         let (_, sensors) = reader.sensors()?;
-        for word in &self.takes_out {
+        for (n, word) in self.takes_out.iter().enumerate() {
+            let at = section.key("takes_out").element(n);
             let known = || Quantity::ALL.iter().map(|(_, word)| *word);
             let found = Quantity::ALL.iter().find(|(_, known)| known == word);
             let (quantity, _) =
-                found.ok_or_else(|| reader.unknown(section, "quantity", word, known()))?;
+                found.ok_or_else(|| reader.unknown(&at, "quantity", word, known()))?;
             reaction.takes_out.extend(sensors.find(*quantity, unit));
         }
         Ok(reaction)

@@ -3,14 +3,14 @@
 
 use super::mistake::Mistake;
 use super::{StudyError, Text};
-use crate::document::{self, Collector, Entry, Span, entries};
+use crate::document::{self, Collector, Place, Span};
 use crate::nearest::nearest;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
 use servotwin_model::signal::Piecewise;
 use std::cell::{OnceCell, RefCell};
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeTable;
 
 /// Something is wrong, and it was noted.
 #[derive(Debug)]
@@ -70,10 +70,10 @@ impl<'a> Reader<'a> {
         keys.iter().all(|key| !self.doubtful.contains(key))
     }
 
-    /// A name in a section that is none of those known.
+    /// A name at a place that is none of those known.
     pub fn unknown<'n>(
         &self,
-        section: &str,
+        at: &Place,
         what: &'static str,
         name: &str,
         known: impl IntoIterator<Item = &'n str>,
@@ -86,24 +86,24 @@ impl<'a> Reader<'a> {
         let few = known.len() <= LISTED;
         let known = if few { known.into_iter().map(Into::into).collect() } else { vec![] };
         let mistake = Mistake::Unknown { what, name: name.into(), nearest, known };
-        self.note(&self.place(section, name), mistake)
+        self.note(&self.span(at), mistake)
     }
 
     /// The name of something that all units share, where one of each unit is meant.
-    pub fn shared(&self, section: &str, what: &'static str, unit: &str, name: &str) -> Noted {
+    pub fn shared(&self, at: &Place, what: &'static str, unit: &str, name: &str) -> Noted {
         let mistake = Mistake::Shared { what, name: name.into(), unit: unit.into() };
-        self.note(&self.place(section, name), mistake)
+        self.note(&self.span(at), mistake)
     }
 
-    /// What is wrong with a text of a section.
-    pub fn in_text(&self, section: &str, text: &str, mistake: document::Mistake) -> Noted {
-        self.note(&self.place(section, text), mistake.into())
+    /// What is wrong with a text.
+    pub fn in_text(&self, at: &Place, mistake: document::Mistake) -> Noted {
+        self.note(&self.span(at), mistake.into())
     }
 
-    /// That a number of a field is as it must be.
+    /// That a number is as it must be.
     pub fn range(
         &self,
-        field: &str,
+        at: &Place,
         value: f64,
         ok: bool,
         allowed: impl Into<String>,
@@ -111,47 +111,52 @@ impl<'a> Reader<'a> {
         if ok {
             return Ok(());
         }
-        let mistake = Mistake::OutOfRange { field: field.into(), value, allowed: allowed.into() };
-        Err(self.note(&self.place(field, ""), mistake))
+        let mistake = Mistake::OutOfRange { field: at.to_string(), value, allowed: allowed.into() };
+        Err(self.note(&self.span(at), mistake))
     }
 
-    /// That a component's parameter may have the value of a field.
+    /// That a component's parameter may have the value at a place.
     pub fn parameter(
         &self,
-        field: &str,
+        at: &Place,
         (component, parameter): (usize, usize),
         value: f64,
     ) -> Result<(), Noted> {
         let allowed = self.system.allows(component, parameter, value);
-        self.range(field, value, allowed.is_ok(), allowed.err().unwrap_or_default())
+        self.range(at, value, allowed.is_ok(), allowed.err().unwrap_or_default())
     }
 
-    /// That something of a section is missing.
-    pub fn empty(&self, section: &str, field: &'static str) -> Noted {
-        self.note(&self.place(section, ""), Mistake::Empty { field })
+    /// That something is missing at a place.
+    pub fn empty(&self, at: &Place, field: &'static str) -> Noted {
+        self.note(&self.span(at), Mistake::Empty { field })
     }
 
-    /// The place of an input.
-    pub fn input(&self, section: &str, id: &str) -> Result<usize, Noted> {
+    /// The position of an input that is named at a place.
+    pub fn input(&self, at: &Place, id: &str) -> Result<usize, Noted> {
         let inputs = &self.system.network().inputs;
         let position = inputs.iter().position(|i| i.id == id);
         let known = inputs.iter().map(|i| i.id.as_str());
-        position.ok_or_else(|| self.unknown(section, "input of the system", id, known))
+        position.ok_or_else(|| self.unknown(at, "input of the system", id, known))
+    }
+
+    /// The position of the input that the commands drive.
+    pub fn command_input(&self) -> Result<usize, Noted> {
+        self.input(&Place::of(&["command", "input"]), &self.text.command.input)
     }
 
     /// An input's value for a whole run.
-    pub fn constant(&self, field: &str, input: usize, value: f64) -> Result<Piecewise, Noted> {
+    pub fn constant(&self, at: &Place, input: usize, value: f64) -> Result<Piecewise, Noted> {
         let (min, max) = self.system.network().input_range(input);
         let unit = self.system.network().inputs[input].unit.symbol();
         let allowed = format!("{}", crate::document::Quantities(min, max, unit));
-        self.range(field, value, (min..=max).contains(&value), allowed)?;
+        self.range(at, value, (min..=max).contains(&value), allowed)?;
         Ok(Piecewise::constant(value).expect("a finite value"))
     }
 
     /// What a signal does to an input in so many seconds.
     pub fn signal(
         &self,
-        section: &str,
+        at: &Place,
         name: &str,
         signal: Result<Signal, SignalError>,
         input: usize,
@@ -161,11 +166,11 @@ impl<'a> Reader<'a> {
         built.map_err(|error| {
             // What is wrong with a unit is so in runs of any length.
             let is_certain = matches!(error, SignalError::WrongUnit { .. });
-            if !is_certain && !self.is_sound(&["duration_s", "sample_hz", first(section)]) {
+            if !is_certain && !self.is_sound(&["duration_s", "sample_hz", at.section()]) {
                 return Noted;
             }
             let mistake = Mistake::Signal { name: name.into(), error: error.to_string() };
-            self.note(&self.place(section, name), mistake)
+            self.note(&self.span(at), mistake)
         })
     }
 
@@ -186,59 +191,9 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Where a name stands in a field: as a text first, then as a key.
-    pub fn place(&self, field: &str, name: &str) -> Span {
+    /// The range of bytes of a place in the file.
+    pub fn span(&self, at: &Place) -> Span {
         let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
-        let mut found = 0..0;
-        let mut all = entries(root.get_ref());
-        let mut rest = field;
-        let mut inside: Option<Entry> = None;
-        // Keys may have dots themselves.
-        while let Some(entry) = all.iter().find(|entry| begins(rest, entry.key)).cloned() {
-            found = entry.at.clone();
-            rest = rest[entry.key.len()..].trim_start_matches('.');
-            all = entry.table().map(entries).unwrap_or_default();
-            inside = Some(entry);
-        }
-        if name.is_empty() {
-            return match inside {
-                Some(entry) if entry.table().is_err() => entry.value_at(),
-                _ => found,
-            };
-        }
-        let within = |texts: bool| match &inside {
-            Some(entry) => search(entry, name, texts),
-            None => all.iter().find_map(|entry| search(entry, name, texts)),
-        };
-        within(true).or_else(|| within(false)).unwrap_or(found)
-    }
-}
-
-/// The key of the file that a path begins with.
-fn first(path: &str) -> &str {
-    path.split('.').next().unwrap_or(path)
-}
-
-/// Whether a path goes on with a key.
-fn begins(path: &str, key: &str) -> bool {
-    path.strip_prefix(key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-}
-
-/// Where a name stands below an entry: as a text, or as a key. A name may have its unit before it.
-fn search(entry: &Entry, name: &str, texts: bool) -> Option<Span> {
-    let is_name = |text: &str| {
-        name.strip_suffix(text).is_some_and(|unit| unit.is_empty() || unit.ends_with('.'))
-            && !text.is_empty()
-    };
-    if !texts && is_name(entry.key) {
-        return Some(entry.at.clone());
-    }
-    match entry.value.get_ref() {
-        DeValue::String(text) if texts && is_name(text) => Some(entry.value_at()),
-        DeValue::Table(table) => entries(table).iter().find_map(|e| search(e, name, texts)),
-        DeValue::Array(list) => {
-            list.iter().find_map(|value| search(&Entry::element("", value), name, texts))
-        }
-        _ => None,
+        at.find(root.get_ref())
     }
 }

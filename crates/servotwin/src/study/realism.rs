@@ -4,6 +4,7 @@
 use super::Study;
 use super::faults::full_name;
 use super::reader::{Noted, Reader};
+use crate::document::Place;
 use crate::signal::random::Random;
 use serde::Deserialize;
 
@@ -87,7 +88,7 @@ pub struct Section {
     pub example: &'static str,
 }
 
-const REALISTIC: Section = Section {
+pub(super) const REALISTIC: Section = Section {
     name: "realistic",
     example: "realistic = { seed = 1, healthy = 20, tolerances = [{ parameters = [\"…\"], sigma = 0.03 }] }",
 };
@@ -224,11 +225,12 @@ impl From<Role> for Lot {
 impl Realism {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let mut tolerances = Vec::new();
-        for tolerance in &text.tolerances {
+        for (position, tolerance) in text.tolerances.iter().enumerate() {
+            let at = Place::of(&["realistic", "tolerances"]).element(position).key("parameters");
             let sigma = tolerance.sigma;
             for unit in &reader.text.units {
-                let names = tolerance.parameters.iter();
-                let found = names.map(|name| find(reader, "realistic.tolerances", unit, name));
+                let names = tolerance.parameters.iter().enumerate();
+                let found = names.map(|(n, name)| find(reader, &at.element(n), unit, name));
                 tolerances.push(Tolerance {
                     parameters: reader.sound(found),
                     sigma,
@@ -292,19 +294,19 @@ fn mix(seed: u64, variant: usize, purpose: u64) -> u64 {
     seed ^ (variant as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (purpose << 60)
 }
 
-/// The component and the parameter of a name in a section.
+/// The component and the parameter of a name at a place.
 pub(super) fn find(
     reader: &Reader,
-    section: &str,
+    at: &Place,
     unit: &str,
     name: &str,
 ) -> Result<(usize, usize), Noted> {
     let id = full_name(unit, name);
     reader.system.parameter(&id).ok_or_else(|| {
         if reader.system.parameter(name).is_some() {
-            return reader.shared(section, "parameter", unit, name);
+            return reader.shared(at, "parameter", unit, name);
         }
         let all = reader.system.all_parameters();
-        reader.unknown(section, "parameter in the system", &id, all.iter().map(String::as_str))
+        reader.unknown(at, "parameter in the system", &id, all.iter().map(String::as_str))
     })
 }

@@ -19,9 +19,10 @@
 //! is the intensity of every fault, around each of the study's intensities: what changes abruptly
 //! between two of them is then seen.
 
-use super::OperatingCase;
 use super::reader::{Noted, Reader};
+use super::{Mistake, OperatingCase};
 use crate::document::Mistake::NotInOrder;
+use crate::document::Place;
 use crate::signal::{Signal, SignalError};
 use serde::Deserialize;
 use servotwin_model::math::{exp, ln};
@@ -48,9 +49,9 @@ impl Text {
         self.healthy > 0
     }
 
-    /// The patterns of all commands that are drawn.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = &str> {
-        self.draws.iter().map(|draws| draws.signal.as_str())
+    /// The patterns of all commands that are drawn, with their places.
+    pub(super) fn patterns(&self) -> impl Iterator<Item = (Place<'static>, &str)> {
+        self.draws.iter().enumerate().map(|(n, draws)| (pattern_at(n), draws.signal.as_str()))
     }
 }
 
@@ -84,34 +85,37 @@ impl Training {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let d = text.duration_s;
         let judged = reader.text.duration_s;
-        reader.range("training.duration_s", d, d <= judged, "at most the study's duration_s")?;
+        let at = Place::of(&["training", "duration_s"]);
+        reader.range(&at, d, d <= judged, "at most the study's duration_s")?;
         let spread = text.intensity_spread;
         let signals = text.commands();
         if signals.is_empty() {
-            return Err(reader.empty("training", "training.draws and training.signals"));
+            return Err(
+                reader.empty(&Place::of(&["training"]), "training.draws and training.signals")
+            );
         }
-        let command = reader.input("command", &reader.text.command.input)?;
+        let command = reader.command_input()?;
         let duration_s = reader.text.duration_s;
-        for pattern in text.patterns() {
-            let _ = check_pattern(reader, "training.draws", pattern, command, duration_s);
+        for (at, pattern) in text.patterns() {
+            let _ = check_pattern(reader, &at, pattern, command, duration_s);
         }
         let mut cases = vec![];
-        for (place, Command { section, name, said, signal }) in signals.into_iter().enumerate() {
+        for (place, Command { at, name, said, signal }) in signals.into_iter().enumerate() {
             let mut inputs = reader.default_inputs();
-            let Ok(built) = reader.signal(section, said, signal, command, duration_s) else {
+            let Ok(built) = reader.signal(&at, said, signal, command, duration_s) else {
                 continue;
             };
             inputs[command] = built;
             let load = text.load_of(place, reader)?;
             if let Some((input, value)) = load {
-                inputs[input] = reader.constant("training.load", input, value)?;
+                inputs[input] = reader.constant(&Place::of(&["training", "load"]), input, value)?;
             }
             let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
-            cases.push(OperatingCase {
-                name: format!("{name}{percent}"),
-                command: name.clone(),
-                inputs,
-            });
+            if cases.iter().any(|other: &OperatingCase| other.command == name) {
+                let mistake = Mistake::Repeated { what: "training command", name: name.clone() };
+                reader.note(&reader.span(&at), mistake);
+            }
+            cases.push(OperatingCase { name: format!("{name}{percent}"), command: name, inputs });
         }
         let intensity_spread = spread;
         Ok(Training { cases, duration_s: d, healthy: text.healthy, intensity_spread })
@@ -130,9 +134,9 @@ const LEAST_INTENSITY: f64 = 0.01;
 /// A command to learn from.
 struct Command<'t> {
     /// Where it stands.
-    section: &'static str,
+    at: Place<'t>,
     name: String,
-    /// By what it is found there: its pattern, or its name.
+    /// Its pattern, or its name.
     said: &'t str,
     signal: Result<Signal, SignalError>,
 }
@@ -141,16 +145,16 @@ impl Text {
     /// The commands: those drawn, then those named.
     fn commands(&self) -> Vec<Command<'_>> {
         let mut commands = vec![];
-        for DrawsText { count, signal: said } in &self.draws {
+        for (n, DrawsText { count, signal: said }) in self.draws.iter().enumerate() {
             let first = commands.len();
             for draw in 1..=*count {
-                let (section, name) = ("training.draws", format!("T{:02}", first + draw));
+                let (at, name) = (pattern_at(n), format!("T{:02}", first + draw));
                 let signal = filled(said, draw).parse();
-                commands.push(Command { section, name, said, signal });
+                commands.push(Command { at, name, said, signal });
             }
         }
         let named = self.signals.iter().map(|(name, signal)| Command {
-            section: "training.signals",
+            at: Place::of(&["training", "signals", name]).name(),
             name: name.clone(),
             said: name,
             signal: Ok(signal.clone()),
@@ -163,18 +167,23 @@ impl Text {
     fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, Noted> {
         let Some([low, high]) = self.load else { return Ok(None) };
         let Some(load) = &reader.text.load else {
-            return Err(reader.empty("training.load", "load"));
+            return Err(reader.empty(&Place::of(&["training", "load"]), "load"));
         };
         let value = rounded(low + (high - low) * halton(place as u64 + 1, BASES[0]));
-        Ok(Some((reader.input("load", &load.input)?, value)))
+        Ok(Some((reader.input(&Place::of(&["load", "input"]), &load.input)?, value)))
     }
+}
+
+/// The place of a pattern of drawn commands.
+fn pattern_at(position: usize) -> Place<'static> {
+    Place::of(&["training", "draws"]).element(position).key("signal")
 }
 
 /// That the ranges of a pattern are in order, and possible for an input at either end, the others being in their middle:
 /// a few draws may not come near an end that more of them would reach.
 pub(super) fn check_pattern(
     reader: &Reader,
-    section: &str,
+    at: &Place,
     pattern: &str,
     input: usize,
     duration_s: f64,
@@ -182,13 +191,13 @@ pub(super) fn check_pattern(
     let ranges = ranges(pattern);
     if let Some(&(low, high)) = ranges.iter().find(|(low, high)| low > high) {
         let key = format!("{{{low}..{high}}}");
-        return Err(reader.in_text(section, pattern, NotInOrder { key, low, high }));
+        return Err(reader.in_text(at, NotInOrder { key, low, high }));
     }
     let ends = (0..ranges.len()).flat_map(|range| [(range, 0.0), (range, 1.0)]);
     ends.into_iter().try_for_each(|(range, end)| {
-        let at = |place| if place == range { end } else { 0.5 };
-        let signal = filled_at(pattern, 1, at).parse();
-        reader.signal(section, pattern, signal, input, duration_s).map(drop)
+        let drawn = |place| if place == range { end } else { 0.5 };
+        let signal = filled_at(pattern, 1, drawn).parse();
+        reader.signal(at, pattern, signal, input, duration_s).map(drop)
     })
 }
 

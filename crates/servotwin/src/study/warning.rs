@@ -85,13 +85,13 @@ impl Study {
     /// Draws that would leave their input, were they flown for long enough.
     fn beyond_input(&self, reader: &Reader, found: &mut Collector<Warning>) {
         let (training, flights) = (self.parsed.training.iter(), self.parsed.flights.iter());
-        let draws = training.flat_map(|text| text.patterns()).map(|text| ("training.draws", text));
+        let draws = training.flat_map(|text| text.patterns());
         let flown = flights.flat_map(|text| text.patterns());
-        for (section, pattern) in draws.chain(flown.map(|text| ("flights.commands", text))) {
+        for (at, pattern) in draws.chain(flown) {
             let at_end = |end: f64| training::filled_at(pattern, 1, |_| end).parse().ok();
             let signals = [0.0, 1.0].into_iter().filter_map(at_end);
             for warning in signals.flat_map(|signal: Signal| self.larger_than_input(&signal)) {
-                found.note(&reader.place(section, pattern), warning);
+                found.note(&reader.span(&at), warning);
             }
         }
     }

@@ -164,6 +164,21 @@ fn faults_never_trained_on_are_counted_once_each() {
         foreign::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(2)).unwrap();
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
     assert!(merit.outcomes.len() < foreign::ALL.len() && !merit.outcomes.is_empty());
+    // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
+    for outcome in &merit.outcomes {
+        let is_told_wrong = outcome.title.contains("pressure that the twin is told is");
+        assert_eq!(outcome.shutdowns_behind_wrong_sensor.is_some(), is_told_wrong, "{outcome:?}");
+        assert!(!is_told_wrong || outcome.shutdowns_at_fault == 0, "{outcome:?}");
+    }
+    let (shut_down, of) = merit.shutdowns_behind_wrong_sensor();
+    assert!(shut_down <= of && of > 0, "{shut_down} of {of}");
+    // Results from before this was counted can be read.
+    let mut stored = serde_json::to_value(&merit).unwrap();
+    for outcome in stored["outcomes"].as_array_mut().unwrap() {
+        outcome.as_object_mut().unwrap().remove("shutdowns_behind_wrong_sensor");
+    }
+    let old: foreign::ForeignMerit = serde_json::from_value(stored).unwrap();
+    assert_eq!(old.shutdowns_behind_wrong_sensor(), (0, 0));
     for outcome in &merit.outcomes {
         let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();
         assert_eq!(said, outcome.flights, "{}", outcome.title);

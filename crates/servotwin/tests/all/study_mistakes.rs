@@ -66,3 +66,60 @@ fn damaged_studies_are_no_reason_to_panic() {
     }
     assert!(told > 5, "{told}");
 }
+
+/// A readable study of one actuator: three signals by name, and whatever a test is about.
+fn spring(intensities: &str, rest: &str) -> Result<Study, StudyError> {
+    let text = format!(
+        "format = 1\nname = \"tiny\"\ntitle = \"tiny\"\nsystem = \"spring_actuator\"\nduration_s = 4\nsample_hz = 100\n\
+         intensities = {intensities}\nunits = [\"\"]\n\
+         command = {{ input = \"command\", signals.a = \"step:size=2deg\", signals.\"a/b\" = \"step:size=3deg\" }}\n\
+         sensors.p_a = {{ quantity = \"pressure_a\", unit = 1 }}\n\
+         sensors.x_v = {{ quantity = \"spool\", unit = 1 }}\n{rest}"
+    );
+    Study::parse(&text, "tiny.toml")
+}
+
+#[test]
+fn a_study_that_a_campaign_would_refuse_is_incomplete_and_says_where() {
+    let classes =
+        "classes = [{ detail = \"leak\", command = \"stop\", faults = [\"leakage_a.leakage\"] }]\n";
+    let flights = |repeats: usize| {
+        format!(
+            "[flights]\nduration_s = 6\nonset_s = [2, 3]\nwindows_s = [0.5]\ncommands = [\"step:size=2deg\"]\n\
+             learn = {{ environments = 1, repeats = {repeats}, healthy = 1 }}\n\
+             judge = {{ environments = 1, repeats = 0, healthy = 1 }}\n"
+        )
+    };
+    let realistic = "[realistic]\nseed = 1\n";
+    let refused = |intensities: &str, rest: &str| {
+        let study = spring(intensities, rest).unwrap_or_else(|error| panic!("{error}"));
+        study.complete().map_err(|error| error.to_string()).err().unwrap_or_default()
+    };
+    assert_eq!(refused("[0.5]", classes), "");
+    assert_eq!(refused("[0.5]", &format!("{classes}{realistic}{}", flights(1))), "");
+    let empty = refused("[]", classes);
+    assert!(empty.starts_with("tiny.toml:7:15: 'intensities' is empty"), "{empty}");
+    let none = refused("[0.5]", "");
+    assert!(none.contains("the study has no faults") && none.contains("[[classes]]"), "{none}");
+    let bare = refused("[0.5]", &format!("{classes}{}", flights(1)));
+    assert!(bare.starts_with("tiny.toml:13:2: flights need the section 'realistic'"), "{bare}");
+    let untaught = refused("[0.5]", &format!("{classes}{realistic}{}", flights(0)));
+    assert!(untaught.contains("flights.learn.repeats is 0, but must be at least 1"), "{untaught}");
+}
+
+#[test]
+fn sensors_and_cases_that_results_could_not_tell_apart_are_refused() {
+    let refused =
+        |rest: &str| spring("[0.5]", rest).err().map(|e| e.to_string()).unwrap_or_default();
+    let twice = refused("[extra_sensor]\nid = \"x_v\"\ntitle = \"again\"\n");
+    assert!(twice.contains("13:6: the sensor 'x_v' stands twice"), "{twice}");
+    let load = "[load]\ninput = \"supply_pressure\"\nvalues.\"b/c\" = 2e7\nvalues.c = 1.9e7\n";
+    assert!(refused(load).contains("the case 'a/b/c' stands twice"), "{}", refused(load));
+    let drawn = "[training]\nduration_s = 2\nsignals.T01 = \"step:size=2deg\"\n\
+                 draws = [{ count = 1, signal = \"step:size=3deg\" }]\n";
+    assert!(
+        refused(drawn).contains("the training command 'T01' stands twice"),
+        "{}",
+        refused(drawn)
+    );
+}

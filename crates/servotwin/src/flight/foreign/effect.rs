@@ -115,6 +115,8 @@ pub struct Changes {
     list: Vec<Change>,
     /// Units at fault.
     pub at_fault: Vec<usize>,
+    /// Healthy units whose twin reads a boundary value (a pressure at a port) from a sensor that is wrong.
+    pub misinformed: Vec<usize>,
 }
 
 impl Changes {
@@ -132,10 +134,16 @@ impl Changes {
             for &unit in &of {
                 changes.list.extend(resolved(study, unit, effect)?);
             }
-            if who != Who::Whole {
-                changes.at_fault.extend(of);
+            if who == Who::Whole {
+                continue;
+            }
+            match effect.misinforms() {
+                Some(input) => changes.misinformed.extend(readers(study, unit, input)),
+                None => changes.at_fault.extend(of),
             }
         }
+        let Changes { at_fault, misinformed, .. } = &mut changes;
+        misinformed.retain(|unit| !at_fault.contains(unit));
         Some(changes)
     }
 
@@ -216,6 +224,26 @@ impl Changes {
 impl Effect {
     fn moves(self) -> bool {
         matches!(self, Effect::Drift(..) | Effect::Swing(..))
+    }
+
+    /// The input that only the twin reads wrong, while the plant stays as it is.
+    fn misinforms(self) -> Option<&'static str> {
+        match self {
+            Effect::ToldFrozen(input)
+            | Effect::ToldMissing(input)
+            | Effect::ToldTooLarge(input)
+            | Effect::ToldOff(input, _) => Some(input),
+            _ => None,
+        }
+    }
+}
+
+/// The units whose twin reads an input: the one that has it, or all that share it.
+fn readers(study: &Study, unit: usize, input: &str) -> Vec<usize> {
+    let own = full_name(&study.units[unit], input);
+    match study.system.network().inputs.iter().any(|known| known.id == own) {
+        true => vec![unit],
+        false => (0..study.units.len()).collect(),
     }
 }
 

@@ -82,11 +82,17 @@ pub struct ForeignOutcome {
     pub words: Words,
     /// Shutdowns of an actuator at fault.
     pub shutdowns_at_fault: u64,
-    /// Shutdowns of a healthy actuator.
+    /// Shutdowns of a healthy actuator whose boundary sensors are right.
     pub shutdowns_healthy: u64,
+    /// Flights in which a healthy actuator was shut down because a boundary sensor (a supply or return pressure that its
+    /// twin reads) was wrong. `None` if none was wrong, and of results from before this was counted: there these
+    /// stand among `shutdowns_at_fault`.
+    #[serde(default)]
+    pub shutdowns_behind_wrong_sensor: Option<u64>,
     /// From the onset to the first word, whatever it was.
     pub first_word: Option<Latency>,
-    /// The flights in which a healthy actuator was to be shut down: environment, strength, unit.
+    /// The flights in which a healthy actuator was to be shut down, its boundary sensors right or wrong: environment, unit,
+    /// strength.
     pub wrong: Vec<String>,
 }
 
@@ -104,6 +110,13 @@ impl ForeignMerit {
     pub fn shutdowns_healthy(&self) -> (u64, u64) {
         let sum = |of: fn(&ForeignOutcome) -> u64| self.outcomes.iter().map(of).sum();
         (sum(|outcome| outcome.shutdowns_healthy), sum(|outcome| outcome.flights))
+    }
+
+    /// Flights in which a healthy actuator was shut down behind a wrong boundary sensor, of how many with such a sensor.
+    pub fn shutdowns_behind_wrong_sensor(&self) -> (u64, u64) {
+        let counted = self.outcomes.iter();
+        let counted = counted.filter_map(|o| Some((o.shutdowns_behind_wrong_sensor?, o.flights)));
+        counted.fold((0, 0), |(wrong, of), (w, flights)| (wrong + w, of + flights))
     }
 }
 
@@ -185,12 +198,14 @@ struct Listening {
     touched: Touched,
     onset: u64,
     at_fault: Vec<usize>,
+    misinformed: Vec<usize>,
     is_off: Vec<bool>,
     /// Unit and command raised first.
     first: Option<(usize, u32)>,
     heard: Heard,
     first_word: Option<u64>,
     off_at_fault: bool,
+    off_misinformed: bool,
     off_healthy: bool,
 }
 
@@ -206,7 +221,7 @@ struct Heard {
 
 impl Heard {
     /// Whether it is a word at all.
-    fn listen(&mut self, outcome: &Outcome, at_fault: &[usize]) -> bool {
+    fn listen(&mut self, outcome: &Outcome, is_concerned: impl Fn(usize) -> bool) -> bool {
         let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
         self.no_data |= lacks;
         match outcome.finding {
@@ -217,7 +232,7 @@ impl Heard {
             Finding::Actuator { unit }
             | Finding::Command { unit, .. }
             | Finding::Detail { unit, .. } => {
-                let is_right = at_fault.contains(&(unit as usize));
+                let is_right = is_concerned(unit as usize);
                 self.actuator |= is_right;
                 self.other |= !is_right;
             }
@@ -232,14 +247,20 @@ impl Observer for Listening {
         let outcome = self.session.push(&self.touched.inputs, &self.touched.measured, twin);
         let is_late = index as u64 >= self.onset;
         if let Some(raised) = outcome.raised {
-            let is_guilty = is_late && self.at_fault.contains(&(raised.unit as usize));
+            let unit = raised.unit as usize;
+            let is_guilty = is_late && self.at_fault.contains(&unit);
+            let is_misinformed = is_late && self.misinformed.contains(&unit);
             let is_off = self.is_off[raised.command as usize];
-            self.off_at_fault |= is_off && is_guilty;
             // What was raised before the onset was raised of a healthy one, and may stay.
-            self.off_healthy |= is_off && !is_guilty && raised.sample == outcome.sample;
+            let is_new_off = is_off && raised.sample == outcome.sample;
+            self.off_at_fault |= is_off && is_guilty;
+            self.off_misinformed |= is_new_off && is_misinformed;
+            self.off_healthy |= is_new_off && !is_guilty && !is_misinformed;
         }
         if is_late {
-            let is_word = self.heard.listen(outcome, &self.at_fault);
+            let is_word = self.heard.listen(outcome, |unit| {
+                self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
+            });
             self.first_word = self.first_word.or(is_word.then_some(index as u64));
             let raised = outcome.raised.map(|raised| (raised.unit as usize, raised.command));
             self.first = self.first.or(raised);
@@ -248,10 +269,15 @@ impl Observer for Listening {
 }
 
 impl Listening {
+    /// Whether something is wrong with a unit or with what its twin reads.
+    fn is_concerned(&self, unit: usize) -> bool {
+        self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
+    }
+
     fn count(&self, sensible: Sensible, words: &mut Words) {
         let heard = &self.heard;
         let word = match self.first {
-            Some((unit, _)) if !self.at_fault.contains(&unit) => &mut words.wrong_actuator,
+            Some((unit, _)) if !self.is_concerned(unit) => &mut words.wrong_actuator,
             Some((_, command)) => {
                 let is_off = self.is_off[command as usize];
                 let is_sensible = match sensible {
@@ -314,11 +340,13 @@ pub fn judge(
             ),
             onset: onset(flight) as u64,
             at_fault: case(flight).changes.at_fault.clone(),
+            misinformed: case(flight).changes.misinformed.clone(),
             is_off: is_off.clone(),
             first: None,
             heard: Heard::default(),
             first_word: None,
             off_at_fault: false,
+            off_misinformed: false,
             off_healthy: false,
         },
         |flight, listening, outcome| ended.push((*flight, listening, outcome.is_ok())),
@@ -335,9 +363,12 @@ pub fn judge(
         let times = finished.iter().filter_map(|(flight, _, heard, _)| {
             Some(heard.first_word? as f64 * flown.period_s() - flight.onset_s)
         });
+        let count = |all: &[&(_, _, &Listening, _)], holds: fn(&Listening) -> bool| {
+            all.iter().filter(|one| holds(one.2)).count() as u64
+        };
         let wrong: Vec<String> = finished
             .iter()
-            .filter(|one| one.2.off_healthy)
+            .filter(|one| one.2.off_healthy || one.2.off_misinformed)
             .map(|(_, case, _, _)| {
                 let environment = &flights.judged[case.base].name;
                 let unit = &study.units[case.unit];
@@ -352,8 +383,12 @@ pub fn judge(
             flights: of,
             failed: own.len() as u64 - of,
             words,
-            shutdowns_at_fault: finished.iter().filter(|one| one.2.off_at_fault).count() as u64,
-            shutdowns_healthy: wrong.len() as u64,
+            shutdowns_at_fault: count(&finished, |heard| heard.off_at_fault),
+            shutdowns_healthy: count(&finished, |heard| heard.off_healthy),
+            shutdowns_behind_wrong_sensor: own
+                .iter()
+                .any(|one| !one.1.changes.misinformed.is_empty())
+                .then(|| count(&finished, |heard| heard.off_misinformed)),
             first_word: latency(times.map(|time_s: f64| time_s.max(0.0)), of),
             wrong,
         }

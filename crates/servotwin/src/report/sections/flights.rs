@@ -250,10 +250,21 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
             wrong(title, merit.wrong_shutdowns, merit.flights);
         }
         let foreign = results.foreign.iter().find(|other| other.setting == *setting);
-        let foreign = foreign.map(|foreign| foreign.shutdowns_healthy()).filter(|(_, of)| *of > 0);
-        if let Some((shutdowns, of)) = foreign {
-            let title =
-                format!("a healthy {unit} {}, faults never trained on", words.switched_off());
+        let off = words.switched_off();
+        let counts = foreign.map(|foreign| {
+            [
+                (
+                    foreign.shutdowns_healthy(),
+                    format!("a healthy {unit} {off}, faults never trained on"),
+                ),
+                (
+                    foreign.shutdowns_behind_wrong_sensor(),
+                    format!("a healthy {unit} {off} behind a wrong boundary sensor"),
+                ),
+            ]
+        });
+        for ((shutdowns, of), title) in counts.into_iter().flatten().filter(|((_, of), _)| *of > 0)
+        {
             wrong(title, shutdowns, of);
         }
     }
@@ -522,6 +533,16 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
             merit.wrong_shutdowns,
             merit.flights,
             at_most(merit.wrong_shutdowns, merit.flights)
+        ));
+    }
+    let foreign = results.foreign.iter().find(|other| other.setting == merit.setting);
+    if let Some((wrong, of)) = foreign.map(|foreign| foreign.shutdowns_behind_wrong_sensor())
+        && words.has_off()
+        && of > 0
+    {
+        parts.push(format!(
+            "a healthy {unit} is {} behind a wrong boundary sensor in {wrong} of {of} {run}s",
+            words.switched_off()
         ));
     }
     if merit.healthy.hours > 0.0 {

@@ -46,9 +46,10 @@ impl Section for Foreign {
                 },
                 match words.has_off() {
                     true => format!(
-                        " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).",
+                        " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).{}",
                         words.switched_off(),
-                        at_most(wrong, of)
+                        at_most(wrong, of),
+                        behind_wrong_sensor(merit, words)
                     ),
                     false => String::new(),
                 }
@@ -65,11 +66,24 @@ impl Section for Foreign {
         page.note(&format!(
             "Sensible is a command that would be right for the fault as a whole: a {off} where the \
              {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
-             and none where no {unit} is at fault. One whose measured supply or return pressure is \
-             wrong counts as at fault. “Off” counts each {off}, of what is at fault and of what is healthy. \
+             and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
+             and of what is healthy while a boundary sensor is wrong, which is a supply or return pressure that its twin reads. \
              The first word is whatever the diagnosis said first after the onset other than “healthy”: \
              the median, and below it the last.",
         ));
+    }
+}
+
+/// How often a healthy unit was switched off because a pressure that its twin reads was wrong, as a sentence.
+fn behind_wrong_sensor(merit: &ForeignMerit, words: &Vocabulary) -> String {
+    match merit.shutdowns_behind_wrong_sensor() {
+        (_, 0) => String::new(),
+        (wrong, of) => format!(
+            " Healthy {} {} behind a wrong boundary sensor: {wrong} of {of} {}s.",
+            words.unit(),
+            words.switched_off(),
+            words.run()
+        ),
     }
 }
 
@@ -80,12 +94,14 @@ fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
     let right = [
         ("off: at fault".to_owned(), Side::Right),
         ("off: healthy".to_owned(), Side::Right),
+        ("off: healthy, sensor wrong".to_owned(), Side::Right),
         ("first word".to_owned(), Side::Right),
     ];
     let mut grid = Grid::new(left.into_iter().chain(words).chain(right));
     for outcome in &merit.outcomes {
         let row = row(outcome, vocabulary);
-        if outcome.shutdowns_healthy > 0 { grid.push_strong(row) } else { grid.push(row) }
+        let behind = outcome.shutdowns_behind_wrong_sensor.unwrap_or_default();
+        if outcome.shutdowns_healthy + behind > 0 { grid.push_strong(row) } else { grid.push(row) }
     }
     grid
 }
@@ -107,6 +123,7 @@ fn row(outcome: &ForeignOutcome, words: &Vocabulary) -> Vec<String> {
     row.extend(outcome.words.named().map(|(_, number)| count(number)));
     row.push(count(outcome.shutdowns_at_fault));
     row.push(outcome.shutdowns_healthy.to_string());
+    row.push(outcome.shutdowns_behind_wrong_sensor.map_or(NONE.into(), |count| count.to_string()));
     let first = outcome.first_word.as_ref();
     row.push(first.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.longest_s)));
     row

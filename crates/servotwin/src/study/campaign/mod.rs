@@ -20,6 +20,7 @@ mod data_set;
 mod effort;
 mod images;
 mod join;
+mod missing;
 mod part;
 mod prepared;
 mod shard;
@@ -29,6 +30,7 @@ pub use calibration::{Calibrated, Calibrating, Comparison, calibration_file, cal
 pub use columns::largest_column;
 pub use data_set::{DataFeature, data_features};
 pub use effort::Effort;
+pub use missing::{MissingParts, MissingRows, missing_parts};
 pub use part::{Part, runs};
 pub use prepared::Prepared;
 pub use shard::Row;

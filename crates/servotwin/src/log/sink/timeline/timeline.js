@@ -199,10 +199,12 @@ const cursor = document.createElement("div"), select = document.createElement("d
 cursor.id = "cursor"; select.id = "select";
 box.append(cursor, select);
 
+// On paper everything is seen at once, and finer than on a screen.
+let printing = false;
 const paint = panel => {
-  const w = panel.canvas.clientWidth, ratio = window.devicePixelRatio || 1;
-  const area = panel.canvas.getBoundingClientRect();
-  if (!w || area.bottom < -200 || area.top > innerHeight + 200) { panel.stale = true; return; }
+  const w = panel.canvas.clientWidth, ratio = printing ? 3 : window.devicePixelRatio || 1;
+  const area = panel.canvas.getBoundingClientRect(), is_far = area.bottom < -200 || area.top > innerHeight + 200;
+  if (!w || (is_far && !printing)) { panel.stale = true; return; }
   panel.stale = false;
   panel.canvas.width = w * ratio; panel.canvas.height = panel.height * ratio;
   const g = panel.canvas.getContext("2d");
@@ -322,6 +324,17 @@ box.onkeydown = event => {
 };
 for (const row of document.querySelectorAll("#changes tbody tr"))
   row.onclick = () => { look(+row.dataset.at - 5, +row.dataset.at + 5); box.scrollIntoView(); };
+addEventListener("beforeprint", () => {
+  printing = true;
+  // The width of a page, so that nothing is squeezed, and dark lines on white.
+  document.documentElement.classList.add("paper");
+  panels.forEach(paint);
+});
+addEventListener("afterprint", () => {
+  printing = false;
+  document.documentElement.classList.remove("paper");
+  redraw();
+});
 addEventListener("resize", redraw);
 addEventListener("scroll", () => panels.some(p => p.stale) && redraw(), { passive: true });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);

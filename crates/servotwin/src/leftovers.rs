@@ -1,0 +1,129 @@
+//! Temporary names that tell whose they are, and the removal of what a killed process has left.
+//!
+//! A name is `servotwin-MARK-PID-…`. The mark stands for one run of one kernel and its process numbers, so a
+//! process of another host, of another container or from before a restart is never taken for a dead one. Where
+//! there is no mark (other systems than Linux), nothing is removed.
+
+use std::fs;
+use std::path::Path;
+
+/// What every temporary name begins with; a dot goes before it beside results.
+const PREFIX: &str = "servotwin-";
+
+/// The beginning of this process's temporary names.
+pub(crate) fn own_prefix() -> String {
+    format!("{PREFIX}{}-{}-", mark().unwrap_or_default(), std::process::id())
+}
+
+/// The kernel's run and the process numbers as this process sees them, in 16 hexadecimal digits.
+fn mark() -> Option<String> {
+    let boot = fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
+    let numbers = fs::read_link("/proc/self/ns/pid").ok()?;
+    let text = format!("{boot}{}", numbers.display());
+    // FNV-1a: for names, not for secrets.
+    let add = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    Some(format!("{:016x}", text.bytes().fold(0xcbf2_9ce4_8422_2325, add)))
+}
+
+/// Whether the process of a temporary name still runs; `None` if it cannot be known from here.
+fn is_running(name: &str) -> Option<bool> {
+    let own = format!("{PREFIX}{}-", mark()?);
+    let process: u32 = name.strip_prefix(own.as_str())?.split('-').next()?.parse().ok()?;
+    Some(Path::new("/proc").join(process.to_string()).exists())
+}
+
+/// Whether a name is one of this toolkit whose process has ended.
+fn is_abandoned(name: &str) -> bool {
+    is_running(name) == Some(false)
+}
+
+/// Whether a process of this machine writes a temporary file beside results.
+pub(crate) fn is_being_written(name: &str) -> bool {
+    let own = name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp"));
+    own.and_then(is_running) == Some(true)
+}
+
+/// Removes temporary files beside results whose process has ended. What cannot be removed stays.
+pub fn remove_abandoned_files(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let own = name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp"));
+        // The type is that of the entry itself: a link is not followed.
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && own.is_some_and(is_abandoned) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Removes folders in a folder for temporary files whose process has ended, if they belong to this user. What cannot be
+/// removed stays.
+pub fn remove_abandoned_folders(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let is_ours = entry.file_type().is_ok_and(|kind| kind.is_dir()) && belongs_to_us(&entry);
+        if is_ours && is_abandoned(&entry.file_name().to_string_lossy()) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+#[cfg(unix)]
+fn belongs_to_us(entry: &fs::DirEntry) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let user = fs::metadata("/proc/self").map(|own| own.uid());
+    let owner = fs::symlink_metadata(entry.path()).map(|found| found.uid());
+    matches!((user, owner), (Ok(user), Ok(owner)) if user == owner)
+}
+
+#[cfg(not(unix))]
+fn belongs_to_us(_: &fs::DirEntry) -> bool {
+    false
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    /// A process number that belonged to a process that has ended.
+    fn ended() -> u32 {
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        child.wait().unwrap();
+        child.id()
+    }
+
+    #[test]
+    fn only_what_a_dead_process_has_left_is_removed_and_no_link_is_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let outside = tempfile::tempdir().unwrap();
+        fs::write(outside.path().join("kept"), "kept").unwrap();
+        let (mark, dead) = (mark().unwrap(), ended());
+        let name = |mark: &str, process: u32| format!("servotwin-{mark}-{process}-0");
+        let names = [
+            name(&mark, dead),
+            name(&mark, std::process::id()),
+            name("0123456789abcdef", dead),
+            format!("other-{mark}-{dead}-0"),
+            format!("servotwin-{mark}-x-0"),
+        ];
+        for name in &names {
+            fs::write(folder.path().join(format!(".{name}.tmp")), "").unwrap();
+            fs::create_dir(folder.path().join(name)).unwrap();
+        }
+        let link = |name: String| {
+            std::os::unix::fs::symlink(outside.path(), folder.path().join(name)).unwrap();
+        };
+        link(format!("servotwin-{mark}-{dead}-1"));
+        link(format!(".servotwin-{mark}-{dead}-1.tmp"));
+        link(format!("{}/inside", names[0]));
+        remove_abandoned_files(folder.path());
+        remove_abandoned_folders(folder.path());
+        for (place, name) in names.iter().enumerate() {
+            let is_kept = place > 0;
+            assert_eq!(folder.path().join(name).exists(), is_kept, "{name}");
+            assert_eq!(folder.path().join(format!(".{name}.tmp")).exists(), is_kept, "{name}");
+        }
+        assert!(folder.path().join(format!("servotwin-{mark}-{dead}-1")).is_symlink());
+        assert!(folder.path().join(format!(".servotwin-{mark}-{dead}-1.tmp")).is_symlink());
+        assert!(outside.path().join("kept").exists());
+    }
+}

@@ -1,0 +1,126 @@
+//! The parts whose shards a merge lacks, named so that one line submits them again.
+
+use super::shard::Shards;
+use super::{Campaign, CampaignError, Prepared};
+use crate::study::{Role, Setting};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// What the campaigns of a folder lack before their shards can be joined.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MissingParts {
+    /// In how many parts the campaigns are counted.
+    pub of: usize,
+    /// The missing parts, from 1, ascending.
+    pub parts: Vec<usize>,
+    /// Which campaigns lack shards.
+    pub campaigns: Vec<MissingRows>,
+    /// Whether the shards that are there were made with `campaign --all`.
+    pub simulate_images: bool,
+    /// The first file that is there and damaged.
+    pub damaged: Option<PathBuf>,
+}
+
+/// What one campaign lacks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MissingRows {
+    /// Its scenarios.
+    pub settings: Vec<Setting>,
+    /// What its data sets are for.
+    pub role: Role,
+    /// Rows that no usable shard holds, in all scenarios.
+    pub missing: usize,
+    /// Rows in all scenarios.
+    pub variants: usize,
+    /// The parts that hold them, from 1, ascending.
+    pub parts: Vec<usize>,
+}
+
+/// One plan of a campaign, compared with the shards that are there.
+struct Compared {
+    bundles: usize,
+    /// Positions of the bundles of which a shard is missing.
+    incomplete: Vec<usize>,
+    missing: usize,
+    variants: usize,
+    damaged: Option<PathBuf>,
+}
+
+/// Finds the parts that campaigns of one folder lack; `None` if every shard is there. The campaigns are those of
+/// [`super::runs`], in this order, because parts count their bundles through. Without `of`, every bundle is a part of
+/// its own, which fits whatever parts were submitted before.
+///
+/// `thorough` reads every shard; otherwise a campaign passes whose shards all have their right heads.
+///
+/// # Errors
+/// [`CampaignError::NoVariants`] or [`CampaignError::NoSection`].
+pub fn missing_parts(
+    campaigns: &[Campaign],
+    of: Option<usize>,
+    thorough: bool,
+) -> Result<Option<MissingParts>, CampaignError> {
+    let mut plans: [Vec<Compared>; 2] = [vec![], vec![]];
+    for campaign in campaigns {
+        let prepared = campaign.prepared()?;
+        plans[0].push(campaign.compared(&prepared, thorough));
+        let prepared = campaign.without_images(prepared);
+        plans[1].push(campaign.compared(&prepared, thorough));
+    }
+    let is_complete = |n: usize| plans.iter().any(|plan| plan[n].missing == 0);
+    let open: Vec<usize> = (0..campaigns.len()).filter(|&n| !is_complete(n)).collect();
+    if open.is_empty() {
+        return Ok(None);
+    }
+    let lacks = |plan: &[Compared]| open.iter().map(|&n| plan[n].missing).sum::<usize>();
+    let simulate_images = lacks(&plans[1]) < lacks(&plans[0]);
+    let plan = &plans[usize::from(simulate_images)];
+    let of = of.unwrap_or_else(|| plan.iter().map(|one| one.bundles).sum()).max(1);
+    let rows = |&n: &usize| {
+        let (campaign, one) = (&campaigns[n], &plan[n]);
+        let before: usize = plan[..n].iter().map(|one| one.bundles).sum();
+        let parts: BTreeSet<usize> =
+            one.incomplete.iter().map(|bundle| (before + bundle) % of + 1).collect();
+        MissingRows {
+            settings: campaign.settings.clone(),
+            role: campaign.role,
+            missing: one.missing,
+            variants: one.variants,
+            parts: parts.into_iter().collect(),
+        }
+    };
+    let campaigns: Vec<MissingRows> = open.iter().map(rows).collect();
+    let parts: BTreeSet<usize> = campaigns.iter().flat_map(|rows| rows.parts.clone()).collect();
+    let damaged = open.iter().find_map(|&n| plan[n].damaged.clone());
+    let parts = parts.into_iter().collect();
+    Ok(Some(MissingParts { of, parts, campaigns, simulate_images, damaged }))
+}
+
+impl Campaign<'_> {
+    fn compared(&self, prepared: &Prepared, thorough: bool) -> Compared {
+        let shards = self.shards(prepared);
+        let is_passed = !thorough && shards.iter().all(Shards::seem_complete);
+        let absent = |shards: &Shards| match is_passed {
+            true => BTreeSet::new(),
+            false => shards.missing(0..shards.count()),
+        };
+        let absent: Vec<BTreeSet<usize>> = shards.iter().map(absent).collect();
+        let bundles = prepared.bundles();
+        let lacks_one = |bundle: &[usize]| {
+            bundle.iter().any(|shard| absent.iter().any(|absent| absent.contains(shard)))
+        };
+        let incomplete = bundles.iter().enumerate().filter(|(_, bundle)| lacks_one(bundle));
+        let rows = |(shards, absent): (&Shards, &BTreeSet<usize>)| -> usize {
+            absent.iter().map(|&shard| shards.variants_of(shard).len()).sum()
+        };
+        Compared {
+            bundles: bundles.len(),
+            incomplete: incomplete.map(|(position, _)| position).collect(),
+            missing: shards.iter().zip(&absent).map(rows).sum(),
+            variants: prepared.counts.iter().sum(),
+            damaged: match is_passed {
+                true => None,
+                false => shards.iter().find_map(Shards::damaged),
+            },
+        }
+    }
+}

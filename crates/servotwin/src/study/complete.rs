@@ -1,0 +1,41 @@
+//! What every stage of the main job needs of a study. A file without it is readable, and serves commands that
+//! simulate nothing, such as `watch`. `check` and the stages refuse it before anything is simulated.
+
+use super::{Mistake, Study, StudyError};
+use crate::document::{Collector, Located, Place};
+
+impl Study {
+    /// That the study has all that its campaign and its flights need.
+    ///
+    /// # Errors
+    /// [`StudyError::Mistakes`] with everything that is missing, at its place.
+    pub fn complete(&self) -> Result<(), StudyError> {
+        let mistakes = self.missing_for_a_campaign();
+        if mistakes.is_empty() {
+            return Ok(());
+        }
+        Err(StudyError::Mistakes { path: self.path.clone(), mistakes })
+    }
+
+    fn missing_for_a_campaign(&self) -> Vec<Located<Mistake>> {
+        let reader = self.reader();
+        let mut found = Collector::new();
+        let mut note = |at: Place, mistake| found.note(&reader.span(&at), mistake);
+        if self.classes.is_empty() {
+            note(Place::of(&["classes"]), Mistake::NoFaults);
+        }
+        if self.intensities.is_empty() {
+            note(Place::of(&["intensities"]), Mistake::Empty { field: "intensities" });
+        }
+        if let Some(flights) = &self.parsed.flights {
+            if self.realism.is_none() {
+                note(Place::of(&["flights"]), Mistake::NoRealism);
+            }
+            for at in flights.without_faults_to_learn() {
+                let (field, allowed) = (at.to_string(), "at least 1".to_owned());
+                note(at, Mistake::OutOfRange { field, value: 0.0, allowed });
+            }
+        }
+        found.locate(&self.text)
+    }
+}
