@@ -2,7 +2,7 @@
 
 mod outputs;
 
-use super::{SpanOptions, note, warn};
+use super::{note, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, stop};
@@ -17,9 +17,9 @@ use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::{Counts, Kind};
 use servotwin::log::map::{Guess, Map, Trust, guess};
 use servotwin::log::sink::{Scene, SinkError};
-use servotwin::log::source::cut::Cut;
+use servotwin::log::source::cut::{Cut, Span};
 use servotwin::log::source::udp::Allowed;
-use servotwin::log::source::{Address, LogColumn, Source};
+use servotwin::log::source::{Address, LogColumn, Source, SourceError};
 use servotwin::log::watchdog::WatchdogRules;
 use servotwin::log::{Checkpoints, End, Observer, State, Watch};
 use servotwin::sanitize;
@@ -59,8 +59,14 @@ pub struct Options {
     /// The map file: which column is which signal.
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
-    #[command(flatten)]
-    span: SpanOptions,
+    /// Of a file: read it from this time on, in seconds behind its first sample (12.5, 2min) or as a date
+    /// (2026-11-21T08:15:02). Of udp://: take datagrams of this sender only, IP or IP:PORT; may be given several times. any
+    /// takes all [default: the first that sends a sample, until it is silent for 2 s].
+    #[arg(long, value_name = "TIME|ADDRESS")]
+    from: Vec<String>,
+    /// Of a file: read it up to this time.
+    #[arg(long, value_name = "TIME")]
+    to: Option<String>,
     /// Write a map file for the columns of the source, and end.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
@@ -88,10 +94,6 @@ pub struct Options {
     /// Of a live source: report this often that the watch lives, and what each output lost. 0s reports nothing.
     #[arg(long, value_name = "TIME", default_value = "10s")]
     heartbeat: String,
-    /// Of udp://: take datagrams of this sender only, IP or IP:PORT; may be given several times. any takes all [default:
-    /// the first that sends a sample, until it is silent for 2 s].
-    #[arg(long, value_name = "ADDRESS")]
-    from: Vec<String>,
 }
 
 /// The time between two checkpoints, s.
@@ -138,13 +140,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Err(Ok(mistakes)) => return Err(mistakes.into()),
         Err(Err(error)) => return Err(error.into()),
     };
-    let span = options.span.read()?;
+    let span = span(options, &address)?;
     if !span.is_whole() {
-        if address.is_live() {
-            return Err(Failure::Options(
-                "--from and --to are for files: a live stream has no part",
-            ));
-        }
         source = Box::new(Cut::new(source, address.to_string(), &map, span));
     }
     let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
@@ -169,7 +166,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 /// The source, with the senders that it listens to.
 fn address(options: &Options) -> Result<Address, Failure> {
     let address = Address::parse(&options.source)?;
-    if options.from.is_empty() {
+    if options.from.is_empty() || !address.is_live() {
         return Ok(address);
     }
     let range = || "any, an IP address or IP:PORT".into();
@@ -178,6 +175,21 @@ fn address(options: &Options) -> Result<Address, Failure> {
         allowed.map_err(|given| Failure::OutOfRange { option: "--from", given, range: range() })?;
     let none = "--from names the senders of a udp:// source; this source has none";
     address.from_senders(allowed).ok_or(Failure::Options(none))
+}
+
+/// The part of a file that is read.
+fn span(options: &Options, address: &Address) -> Result<Span, Failure> {
+    match (address.is_live(), options.from.len(), &options.to) {
+        (true, _, None) => Ok(Span::default()),
+        (true, _, Some(_)) => Err(Failure::Options("--to is for files: a live stream has no part")),
+        (false, 2.., _) => {
+            Err(Failure::Options("--from of a file is one time; several are senders of a stream"))
+        }
+        (false, _, to) => {
+            let from = options.from.first().map(String::as_str);
+            Ok(Span::parse(from, to.as_deref()).map_err(SourceError::Cut)?)
+        }
+    }
 }
 
 /// When a live source counts as silent, and how often the watch says that it lives.

@@ -12,7 +12,7 @@ use servotwin::log::sink::strip::Strip;
 use servotwin::log::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin::log::sink::timeline::Timeline;
 use servotwin::log::sink::{Sample, Scene, Sink, SinkError};
-use servotwin::log::source::{Address, Read, Row, Source, SourceError};
+use servotwin::log::source::{Address, LogColumn, Read, Row, Source, SourceError};
 use servotwin::log::watchdog::{Notice, WatchEvent, WatchdogRules};
 use servotwin::log::{
     Checkpoints, End, Finding, Observation, Observer, Phase, State, Watch, WatchError,

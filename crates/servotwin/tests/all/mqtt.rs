@@ -220,7 +220,7 @@ fn columns_of_two_topics_of_one_unit_are_joined() {
     assert!(found[0].1[2].is_nan() && found[1].1[1].is_nan());
     let (port, _hold) = broker(sessions());
     let address = Address::parse(&format!("mqtt://127.0.0.1:{port}/rig/+")).unwrap();
-    let names = address.columns().unwrap().into_iter().map(|(name, _)| name);
+    let names = address.columns().unwrap().into_iter().map(|column| column.name);
     let mut names: Vec<String> = names.collect();
     // The order within an object depends on what else is compiled.
     names.sort();

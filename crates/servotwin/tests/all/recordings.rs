@@ -53,7 +53,8 @@ mod read {
     }
 
     pub(super) fn columns(name: &str) -> Vec<(String, String)> {
-        Address::File(foreign(name)).columns().unwrap()
+        let columns = Address::File(foreign(name)).columns().unwrap();
+        columns.into_iter().map(|column| (column.name, column.unit)).collect()
     }
 
     /// Files with flipped bits and without their ends are read or refused; nothing panics or takes more than it has.
