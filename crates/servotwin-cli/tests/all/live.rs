@@ -212,7 +212,7 @@ fn a_silent_stream_says_no_data_and_a_second_sender_is_not_mixed_in() {
         assert!(stderr(&output).contains(message), "{more:?}: {}", stderr(&output));
     }
     let output = servotwin(&rig.watch(&rig.log, &["--from", "any"]));
-    assert!(stderr(&output).contains("this source has none"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--from 'any' is no time"), "{}", stderr(&output));
 }
 
 #[cfg(target_os = "linux")]

@@ -302,7 +302,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let as_table = ["train", table.to_str().unwrap(), "--label", "kind"];
     for (name, command, again) in [
         ("dataset-realistic-training.parquet", &["evaluate", &out][..], "features"),
-        ("dataset-ideal.parquet", &["explain", "0", "--out", &out], "features"),
+        ("dataset-realistic.parquet", &["explain", "0", "--out", &out], "features"),
         ("dataset-ideal.parquet", &as_table, "features"),
         ("panel-ideal.json", &["evaluate", &out], "train"),
         ("hierarchy-noise.json", &["report", &out], "train"),

@@ -583,6 +583,10 @@ mod records {
         assert!(matches!(of("x_p_m", &|row, v| if row > 900 { held } else { v }), E::Stuck { .. }));
         assert!(matches!(
             of("time_s", &|row, v| if row > 900 { v + 0.5 } else { v }),
+            E::Leap { .. }
+        ));
+        assert!(matches!(
+            of("time_s", &|row, v| if row > 900 { v + 0.002 } else { v }),
             E::Uneven { .. }
         ));
         let short = Table::from_columns(
