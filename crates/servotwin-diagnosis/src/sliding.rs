@@ -175,7 +175,7 @@ fn possible(holds: bool) -> Result<(), Error> {
 
 /// Takes over stored statistics of so many samples at most.
 fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(), Error> {
-    let is_count = |number: f64| number.fract() == 0.0 && number <= most_samples as f64;
+    let is_count = |number: f64| libm::trunc(number) == number && number <= most_samples as f64;
     possible(values.iter().all(|number| number.abs() <= LARGEST_STATISTIC))?;
     if let [count, first, ..] = values {
         let is_none = *first == -1.0;
