@@ -451,3 +451,13 @@ fn a_source_counts_rows_that_are_cut_off_for_logs_without_times() {
     }
     assert_eq!((kept.values[0], map.time_s(&kept, 0)), (5.0, 0.5));
 }
+
+#[test]
+fn a_column_of_gigabytes_that_nobody_reads_does_not_stop_the_intake() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign/unused_text.parquet");
+    let columns = Address::File(path.clone()).columns().unwrap();
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    assert_eq!(names, ["time_s", "command_rad", "x_p_1_m", "comment"]);
+    let whole = read(&path, None, &Study::default()).unwrap();
+    assert_eq!(whole.counts.samples, 60);
+}

@@ -5,7 +5,7 @@ use crate::moment;
 use crate::sanitize;
 use crate::table::csv::growing::is_missing;
 use crate::table::parquet::ParquetReader;
-use crate::table::{Column, Kind, Values};
+use crate::table::{Column, Kind, Table, Values};
 use std::path::Path;
 
 /// A Parquet file of which the wanted columns are read.
@@ -91,16 +91,24 @@ impl Source for Parquet {
 pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let reader = ParquetReader::open(path)?;
     let columns = reader.schema().columns();
-    let is_read = |column: &&Column| {
-        column.values.kind() == Kind::Text || super::survey::may_be_time(&column.name)
+    let named = |is_read: &dyn Fn(&Column) -> bool| -> Vec<&str> {
+        columns.iter().filter(|column| is_read(column)).map(|column| &*column.name).collect()
     };
-    let read: Vec<&str> =
-        columns.iter().filter(is_read).map(|column| column.name.as_str()).collect();
-    let first = ParquetReader::open_columns(path, &read)?.with_batch(256).next().transpose()?;
-    let beginning = |name: &str| first.as_ref().and_then(|part| part.column(name).ok());
+    let is_text = |column: &Column| column.values.kind() == Kind::Text;
+    let texts = named(&is_text);
+    // A text that is too large for the limits is no date; whoever reads its column is told.
+    let first = ParquetReader::open_columns(path, &texts)?.with_batch(1).next();
+    let first = first.and_then(Result::ok);
+    let times = named(&|column| !is_text(column) && super::survey::may_be_time(&column.name));
+    let head = ParquetReader::open_columns(path, &times)?.with_batch(256).next().transpose()?;
+    let beginning = |name: &str| {
+        let found = |part: &'_ Option<Table>| part.as_ref()?.column(name).ok().cloned();
+        found(&first).or_else(|| found(&head))
+    };
     let column = |column: &Column| {
         let (mut unit, mut head) = (column.unit.clone(), vec![]);
-        match beginning(&column.name).map(|first| (&first.values, first.numbers())) {
+        let first = beginning(&column.name);
+        match first.as_ref().map(|first| (&first.values, first.numbers())) {
             Some((Values::Text(texts), _)) => {
                 let date = texts.first().and_then(|text| moment::seconds(text));
                 if date.is_some() {
