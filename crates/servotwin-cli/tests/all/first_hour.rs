@@ -391,6 +391,19 @@ fn what_cannot_be_is_told_with_the_exit_code_of_the_help() {
 
 /// Whenever a study is asked to end, it says so, with the exit code of the help.
 #[cfg(unix)]
+/// Waits until a program catches SIGINT: on a busy machine that may take longer than any fixed time.
+fn wait_for_handler(id: u32) {
+    const SIGINT: u64 = 1 << 1;
+    let catches = || {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+        Some(u64::from_str_radix(mask.trim(), 16).ok()? & SIGINT != 0)
+    };
+    while catches() == Some(false) {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+}
+
 #[test]
 fn a_study_that_is_stopped_early_says_so() {
     let folder = Folder::new("stopped");
@@ -403,6 +416,7 @@ fn a_study_that_is_stopped_early_says_so() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
+        wait_for_handler(child.id());
         std::thread::sleep(std::time::Duration::from_millis(after_ms));
         let id = child.id().to_string();
         let kill = std::process::Command::new("kill").args([signal, &id]).status();
