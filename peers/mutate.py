@@ -78,10 +78,13 @@ judge = { environments = 1, repeats = 1, healthy = 1, foreign = 1 }
 """
 
 TRACES = """format = 1
-name = "traces"
 window_rows = 20
-segments = 2
-sensors = [{ name = "x", measured = "x", nominal = 0.5, scale = 2.0 }]
+families = ["moments", "deviation"]
+[[sensors]]
+name = "x"
+measured = "x"
+nominal = "n"
+scale = 2.0
 """
 
 WORDS = [b"NaN", b"nan", b"inf", b"-inf", b"1e308", b"-1e309", b"1e-320", b"18446744073709551616", b"-1", b"0",
@@ -173,10 +176,10 @@ class Bench:
         self.write("tiny.toml", (ROOT / "crates/servotwin/tests/tiny.toml").read_text()
                    + (ROOT / "crates/servotwin/tests/tiny_classes.toml").read_text())
         self.write("traces.toml", TRACES)
-        self.write("x.csv", "x\n" + "".join(f"{k % 7}\n" for k in range(60)))
+        self.write("x.csv", "x,n\n" + "".join(f"{k % 7},3\n" for k in range(60)))
         signal = "command=noise:rms=4deg,bandwidth=1Hz,seed=1"
         for name in ("log.csv", "log.parquet"):
-            self.must("simulate", "system.toml", "--input", signal, "--duration", "4s", "--rate", "100Hz", "--out", name)
+            self.must("simulate", "system.toml", "--input", signal, "--duration", "6s", "--rate", "100Hz", "--out", name)
         rows = [line.split(",") for line in (self.folder / "log.csv").read_text().splitlines()]
         lines = (dict(zip(rows[0], map(float, row))) for row in rows[1:])
         self.write("log.jsonl", "".join(json.dumps(line) + "\n" for line in lines))
@@ -201,11 +204,11 @@ class Bench:
         stages = lambda *names: [[name, "out"] for name in names]
         shard = next(p for p in sorted((self.folder / "out/shards").iterdir())).relative_to(self.folder)
         return {
-            "study": ("study.toml", [["check", "@"], ["faults", "@"], ["campaign", "@", "--out", "new"]]),
+            "study": ("study.toml", [["check", "@"], ["campaign", "@", "--out", "new"]]),
             "study of two": ("tiny.toml", [["check", "@"]]),
             "system": ("system.toml", [["check", "@"], ["describe", "@"],
                                        ["simulate", "@", "--duration", "0.1s", "--out", "s.csv"]]),
-            "study of traces": ("traces.toml", [["check", "@"], ["features", "x.csv", "--study", "@", "--out", "f.csv"]]),
+            "study of traces": ("traces.toml", [["features", "x.csv", "--study", "@", "--out", "f.csv"]]),
             "map": ("map.toml", [watch("log.csv", "--map", "@")]),
             **logs,
             "table csv": ("table.csv", [["train", "@", "--label", "label", "--out", "m.json"],
@@ -257,8 +260,9 @@ def half_written(folder, before, code):
         data = path.read_bytes()
         name = path.name
         if name.endswith(".json") and code == 0:
+            # A checkpoint is two lines: its checksum, and what it is of.
             try:
-                json.loads(data)
+                json.loads(data) if name != "checkpoint.json" else [json.loads(line) for line in data.splitlines()]
             except ValueError:
                 return f"{name} is no JSON"
         if name.endswith(".html") and not data.rstrip().endswith(b"</html>"):
@@ -273,6 +277,21 @@ def half_written(folder, before, code):
 def stamps(folder):
     files = (path for path in folder.rglob("*") if path.is_file())
     return {path: (path.stat().st_size, path.stat().st_mtime_ns) for path in files}
+
+
+def check_base(bench, base, work, cases):
+    """The files before any mutation must be accepted, or mutants would test nothing but their rejection."""
+    refused = []
+    for kind, (file, commands) in cases.items():
+        for command in commands:
+            shutil.rmtree(work, ignore_errors=True)
+            shutil.copytree(base, work)
+            arguments = [file if word == "@" else word for word in command]
+            _, code = bench.run(work, arguments)
+            if code != 0:
+                refused.append(f"{kind}: servotwin {' '.join(arguments)} ended with {code} before any mutation")
+    if refused:
+        sys.exit("\n".join(refused))
 
 
 def main():
@@ -290,6 +309,9 @@ def main():
         bench = Bench(options.binary, base)
         cases = bench.cases()
         kinds = [kind for kind in cases if options.only in (None, kind)]
+        if not kinds:
+            sys.exit(f"--only {options.only}: the kinds are {', '.join(cases)}")
+        check_base(bench, base, Path(name) / "work", {kind: cases[kind] for kind in kinds})
         others = [(base / file).read_bytes() for file, _ in cases.values()]
         work = Path(name) / "work"
         for number in range(options.count):
