@@ -970,9 +970,14 @@ impl Source for Quiet {
         match self.left.last_mut() {
             None => return Ok(Read::End),
             Some(0) => {
-                // The second silence begins when the end of the first was reported.
+                // The second silence begins when the end of the first was reported; a silence lasts until a beat falls in it.
                 std::thread::sleep(Duration::from_millis(1));
-                if count(&WatchEvent::NoData) > count(&WatchEvent::DataAgain) {
+                let is_beat = |notice: &Notice| {
+                    matches!(notice.event, WatchEvent::Heartbeat { .. })
+                        && notice.state == State::NoData
+                };
+                let beats = self.said.lock().unwrap().iter().any(is_beat);
+                if beats && count(&WatchEvent::NoData) > count(&WatchEvent::DataAgain) {
                     self.left.pop();
                 }
                 return Ok(Read::Pause);
@@ -1023,8 +1028,8 @@ fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
     watch.sink(&mut timeline);
     watch.sink(&mut heard);
     watch.watchdog(WatchdogRules {
-        no_data_after: Duration::from_millis(30),
-        heartbeat: Some(Duration::from_millis(5)),
+        no_data_after: Duration::from_millis(200),
+        heartbeat: Some(Duration::from_millis(20)),
     });
     watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
     assert!(watch.silences().source >= 3);
@@ -1039,7 +1044,7 @@ fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
     let said = said.lock().unwrap();
     let of = |event: WatchEvent| said.iter().filter(move |notice| notice.event == event);
     assert!(of(WatchEvent::NoData).all(|notice| notice.state == State::NoData));
-    assert!(of(WatchEvent::NoData).all(|notice| notice.silent_s >= 0.03));
+    assert!(of(WatchEvent::NoData).all(|notice| notice.silent_s >= 0.2));
     assert!(of(WatchEvent::DataAgain).all(|notice| notice.state == State::Healthy));
     assert!(of(WatchEvent::DataAgain).count() >= 2);
     let is_beat = |notice: &&Notice| matches!(notice.event, WatchEvent::Heartbeat { .. });
