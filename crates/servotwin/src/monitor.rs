@@ -19,6 +19,7 @@ use crate::flight::runtime::RuntimeError;
 use crate::flight::watcher::Watcher;
 use crate::log::{Finding, Observation, Observer};
 use crate::nearest::UnknownName;
+use crate::recording;
 use crate::study::Study;
 use crate::table::{Table, TableError};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -132,9 +133,7 @@ impl<'s> Monitor<'s> {
         let inputs = inputs.map(|(place, one)| (Channel::Input(place), &one.id, one.unit));
         let mut columns = vec![];
         for (channel, id, unit) in sensors.chain(inputs) {
-            let suffixed = crate::recording::with_suffix(id, unit);
-            let name = table.names().find(|name| *name == id || **name == suffixed);
-            if let Some(name) = name {
+            if let Some(name) = recording::column(table, id, unit) {
                 columns.push((channel, table.f64(name)?.into_owned()));
             }
         }

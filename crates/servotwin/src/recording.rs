@@ -34,6 +34,13 @@ pub fn with_suffix(name: &str, unit: Unit) -> String {
     }
 }
 
+/// The column of a table that holds a sensor or an input: its id, with the unit's suffix or without.
+pub fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
+    let full = with_suffix(id, unit);
+    let named = |wanted: &str| table.names().find(|name| *name == wanted);
+    named(&full).or_else(|| named(id))
+}
+
 /// What to record by `names`; without any the inputs `driven` and the sensors, or the states of a
 /// system without sensors.
 ///

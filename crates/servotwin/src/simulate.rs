@@ -132,7 +132,7 @@ pub enum SimulationError {
         error: CurveError,
     },
     /// A number lies outside its range.
-    #[error("{}", out_of_range(name, *value, *range, *unit))]
+    #[error("{name} = {} is out of range: allowed are {allowed}", Quantity(*value, unit.symbol()))]
     OutOfRange {
         /// What the number sets.
         name: String,
@@ -142,6 +142,8 @@ pub enum SimulationError {
         range: (f64, f64),
         /// Its unit.
         unit: Unit,
+        /// The range in words, with the reason where there is one.
+        allowed: String,
     },
     /// The parameters contradict each other.
     #[error("{0}")]
@@ -168,12 +170,6 @@ pub enum SimulationError {
     /// The caller canceled the simulation. There are no results.
     #[error("the simulation was canceled")]
     Canceled,
-}
-
-fn out_of_range(name: &str, value: f64, (least, largest): (f64, f64), unit: Unit) -> String {
-    let (value, range) =
-        (Quantity(value, unit.symbol()), Quantities(least, largest, unit.symbol()));
-    format!("{name} = {value} is out of range: allowed are {range}")
 }
 
 fn of_variant(variant: Option<usize>) -> String {
@@ -426,10 +422,11 @@ impl<'s> Simulation<'s> {
 }
 
 fn within(name: &str, value: f64, range: (f64, f64), unit: Unit) -> Result<(), SimulationError> {
-    match (range.0..=range.1).contains(&value) {
-        true => Ok(()),
-        false => Err(SimulationError::OutOfRange { name: name.to_owned(), value, range, unit }),
+    if (range.0..=range.1).contains(&value) {
+        return Ok(());
     }
+    let allowed = Quantities(range.0, range.1, unit.symbol()).to_string();
+    Err(SimulationError::OutOfRange { name: name.to_owned(), value, range, unit, allowed })
 }
 
 /// Whether a name is a fault's, and its unit.
@@ -605,15 +602,11 @@ impl PreparedRun {
             return Err(SimulationError::Repeated { name: id.to_owned() });
         }
         let instance = &system.network().components[component];
-        let (least, largest) = instance.range(parameter);
-        let unit = instance.component.spec().parameters[parameter].unit;
-        // A temperature within its range may still make the liquid too soft: `possible_with` says so.
-        if system.allows(component, parameter, value).is_err()
-            && !(least..=largest).contains(&value)
-        {
-            let (name, range) = (id.to_owned(), (least, largest));
-            return Err(SimulationError::OutOfRange { name, value, range, unit });
-        }
+        system.allows(component, parameter, value).map_err(|allowed| {
+            let unit = instance.component.spec().parameters[parameter].unit;
+            let (name, range) = (id.to_owned(), instance.range(parameter));
+            SimulationError::OutOfRange { name, value, range, unit, allowed }
+        })?;
         self.parameters.push((component, parameter, value));
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! One intake of logs: what `watch` reads, `fit` and `history` read too, and times of dated logs are dates.
 
 use super::flights::learned;
-use super::{Folder, SPRING, json, servotwin, stderr, stdout};
+use super::{Folder, SPRING, json, servotwin, stderr, stdout, watch};
 use servotwin::table;
 use std::fmt::Write;
 
@@ -9,21 +9,7 @@ const STUDY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/spring_a
 
 /// A flight of the aileron at 50 Hz, as rows of cells below their names.
 fn flight(folder: &Folder) -> Vec<Vec<String>> {
-    let path = folder.file("flight.csv");
-    let output = servotwin(&[
-        "simulate",
-        "--command",
-        "sine:amplitude=5deg,frequency=0.5Hz",
-        "--duration",
-        "8s",
-        "--rate",
-        "50Hz",
-        "--quiet",
-        "--out",
-        &path,
-    ]);
-    assert!(output.status.success(), "{}", stderr(&output));
-    let text = std::fs::read_to_string(&path).unwrap();
+    let text = std::fs::read_to_string(watch::flight(folder)).unwrap();
     text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
 }
 

@@ -41,7 +41,6 @@ mod write;
 pub use finding::{Finding, SensorFit};
 pub use knowledge::{Knowledge, Known};
 pub use onset::Onset;
-pub(crate) use record::named;
 pub use record::{LeftOut, Record, RecordError};
 pub use suspects::Suspect;
 pub use unknown::Unknown;

@@ -2,8 +2,9 @@
 //! that do not agree. The nominal twin is the measure; what is left to a fit are differences of
 //! percents.
 
-use super::record::{LeftOut, Record, RecordError, named};
+use super::record::{LeftOut, Record, RecordError};
 use crate::beside::Beside;
+use crate::recording::with_suffix;
 use crate::system::{System, units};
 
 /// A sensor moves where it leaves its mean by so many of its deviations.
@@ -62,7 +63,7 @@ pub(super) fn check(
             let sensor = record.sensors[place];
             let known = &system.sensors[sensor];
             Pair {
-                column: named(&known.id, known.unit),
+                column: with_suffix(&known.id, known.unit),
                 sensor,
                 deviation,
                 mean_measured: mean(&measured),

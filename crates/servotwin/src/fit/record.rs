@@ -14,6 +14,7 @@
 use crate::document::{Quantities, Quantity};
 use crate::log::intake::TIME_UNIT;
 use crate::moment;
+use crate::recording::{self, with_suffix};
 use crate::sanitize;
 use crate::system::{System, units};
 use crate::table::{Table, TableError};
@@ -273,7 +274,8 @@ impl std::error::Error for RecordError {}
 impl RecordError {
     /// No column is a sensor of a system.
     pub(crate) fn no_sensor(system: &System) -> Self {
-        let known = system.sensors.iter().map(|sensor| named(&sensor.id, sensor.unit)).collect();
+        let known =
+            system.sensors.iter().map(|sensor| with_suffix(&sensor.id, sensor.unit)).collect();
         RecordError::NoSensor { known }
     }
 }
@@ -309,7 +311,9 @@ impl Record {
     pub fn from_table(name: &str, table: &Table, system: &System) -> Result<Self, RecordError> {
         let (times_s, period_s) = times(table)?;
         let sensors: Vec<usize> = (0..system.sensors.len())
-            .filter(|&s| column(table, &system.sensors[s].id, system.sensors[s].unit).is_some())
+            .filter(|&s| {
+                recording::column(table, &system.sensors[s].id, system.sensors[s].unit).is_some()
+            })
             .collect();
         if sensors.is_empty() {
             return Err(RecordError::no_sensor(system));
@@ -317,7 +321,8 @@ impl Record {
         let mut left_out = Vec::new();
         let shown = |&s: &usize| {
             let sensor = &system.sensors[s];
-            let name = column(table, &sensor.id, sensor.unit).expect("it was found before");
+            let name =
+                recording::column(table, &sensor.id, sensor.unit).expect("it was found before");
             let mut values = finite(table, name)?;
             left_out.extend(leave_out(table, name, &mut values, system.readable(s), sensor.unit)?);
             Ok(values)
@@ -344,7 +349,7 @@ impl Record {
     pub fn lacking(&self, system: &System) -> Vec<String> {
         let all = system.sensors.iter().enumerate();
         let lacking = all.filter(|(sensor, _)| !self.sensors.contains(sensor));
-        lacking.map(|(_, sensor)| named(&sensor.id, sensor.unit)).collect()
+        lacking.map(|(_, sensor)| with_suffix(&sensor.id, sensor.unit)).collect()
     }
 
     /// Number of samples.
@@ -356,18 +361,6 @@ impl Record {
     pub fn duration_s(&self) -> f64 {
         self.samples().saturating_sub(1) as f64 * self.period_s
     }
-}
-
-/// The name of a column with its unit's suffix.
-pub(crate) fn named(id: &str, unit: Unit) -> String {
-    if id.ends_with(unit.suffix()) { id.into() } else { format!("{id}{}", unit.suffix()) }
-}
-
-/// The column of a sensor or an input.
-fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
-    let full = named(id, unit);
-    let position = |wanted: &str| table.names().find(|name| *name == wanted);
-    position(&full).or_else(|| position(id))
 }
 
 fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
@@ -490,7 +483,7 @@ fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise
     let network = system.network();
     let mut signals = Vec::new();
     for (place, input) in network.inputs.iter().enumerate() {
-        let Some(name) = column(table, &input.id, input.unit) else {
+        let Some(name) = recording::column(table, &input.id, input.unit) else {
             signals.push(Piecewise::constant(input.default).expect("a default is finite"));
             continue;
         };
@@ -500,7 +493,8 @@ fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise
         signals.push(smooth(period_s, &values));
     }
     if !varies {
-        let names: Vec<String> = network.inputs.iter().map(|i| named(&i.id, i.unit)).collect();
+        let names: Vec<String> =
+            network.inputs.iter().map(|i| with_suffix(&i.id, i.unit)).collect();
         let what = format!("no input varies (columns {})", names.join(", "));
         return Err(RecordError::NoMotion { what });
     }

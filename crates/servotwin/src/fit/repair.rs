@@ -138,16 +138,7 @@ fn non_decreasing<'p>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::signal::random::Random;
-
-    fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
-        let mut random = Random::new(seed);
-        let point = |n: usize| {
-            let at = n as f64;
-            Point { at, level: level(at) + error * random.normal(), error }
-        };
-        (0..count).map(point).collect()
-    }
+    use crate::fit::trend::tests::series;
 
     #[test]
     fn pure_noise_has_a_repair_in_less_than_one_history_of_a_hundred() {

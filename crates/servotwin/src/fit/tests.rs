@@ -6,6 +6,7 @@ mod onset;
 use super::record::smooth;
 use super::*;
 use crate::ensemble::{Ensemble, Variant};
+use crate::recording::with_suffix;
 use crate::signal::Signal;
 use crate::signal::random::Random;
 use crate::study::{Imperfections, Lot};
@@ -525,7 +526,7 @@ mod records {
             let sensor = &study.system.sensors[sensor];
             let values: Vec<f64> =
                 record.measured.iter().skip(place).step_by(record.sensors.len()).copied().collect();
-            table.push(Column::new(record::named(&sensor.id, sensor.unit), "", values)).unwrap();
+            table.push(Column::new(with_suffix(&sensor.id, sensor.unit), "", values)).unwrap();
         }
         table
     }

@@ -210,11 +210,12 @@ fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::signal::random::Random;
 
-    fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
+    /// Flights 0, 1, 2 … with a level and normal errors.
+    pub fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
         let mut random = Random::new(seed);
         let point = |n: usize| {
             let at = n as f64;

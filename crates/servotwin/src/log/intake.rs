@@ -11,6 +11,7 @@ use super::source::cut::{Cut, Span};
 use super::source::{Address, Read, Row, Source, SourceError};
 use crate::fit::RecordError;
 use crate::moment;
+use crate::recording::with_suffix;
 use crate::study::Study;
 use crate::table::{Column, Table, TableError};
 use std::fmt;
@@ -230,7 +231,7 @@ fn table(
             (false, Some(value)) if !map.is_default(channel) => vec![value; samples.len()],
             (false, _) => continue,
         };
-        columns.push(Column::new(crate::fit::named(map.id(channel), unit), unit.symbol(), values));
+        columns.push(Column::new(with_suffix(map.id(channel), unit), unit.symbol(), values));
     }
     let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
     let counted = match &*counts.counted {

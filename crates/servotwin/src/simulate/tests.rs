@@ -72,6 +72,14 @@ fn every_slip_is_an_error_that_names_it() {
 }
 
 #[test]
+fn a_temperature_that_makes_the_liquid_too_soft_is_refused_with_the_reason() {
+    let system = spring();
+    let refused = Simulation::new(&system).parameter("supply.temperature_k", 470.0).run();
+    let message = refused.map(drop).unwrap_err().to_string();
+    assert!(message.contains("bulk modulus of its liquid"), "{message}");
+}
+
+#[test]
 fn every_built_in_system_runs_by_its_names() {
     for (name, _) in built_in::SYSTEMS {
         let system = System::read(name).unwrap();

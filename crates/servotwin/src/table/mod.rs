@@ -63,11 +63,6 @@ impl Table {
     }
 }
 
-/// Whether a file can be read as a table, as its extension says.
-pub fn is_readable(path: &Path) -> bool {
-    has_extension(path, &json_lines::EXTENSIONS) || format_of(path).is_ok()
-}
-
 fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     let own = path.extension().and_then(|text| text.to_str());
     own.is_some_and(|own| extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension)))

@@ -1,5 +1,6 @@
 //! Logs as rigs and recorders write them: read whole as `fit` reads them, by the rules and maps of `watch`.
 
+use crate::files::Folder;
 use servotwin::fit::{Record, RecordError};
 use servotwin::log::counts::Kind;
 use servotwin::log::intake::{self, IntakeError, Whole};
@@ -8,31 +9,7 @@ use servotwin::log::source::cut::Span;
 use servotwin::log::source::{Address, LogColumn, Read, Row, SourceError};
 use servotwin::study::Study;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
-
-/// A folder of its own, removed at the end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path =
-            std::env::temp_dir().join(format!("servotwin-intake-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
+use std::path::Path;
 
 fn spring() -> Study {
     Study::read("spring_actuator").unwrap()
@@ -69,7 +46,7 @@ p_a = { column = "PA1", unit = "bar" }
 
 #[test]
 fn a_rig_log_with_preamble_units_and_decimal_commas_gives_the_numbers_of_a_plain_one() {
-    let folder = Folder::new("rig");
+    let folder = Folder::new("intake-rig");
     let mut plain = "time_s,command_rad,p_a_pa\n".to_owned();
     // The degree sign is one byte of Windows-1252.
     let mut rig = b"sep=;\nZeit;Sollwinkel;PA1;n\ns;\xb0;bar;-\nRekorder;FCC;Aktor 1;\n".to_vec();
@@ -102,7 +79,7 @@ fn a_rig_log_with_preamble_units_and_decimal_commas_gives_the_numbers_of_a_plain
 
 #[test]
 fn numbers_as_text_are_numbers_and_one_stale_sample_is_left_out_and_counted() {
-    let folder = Folder::new("text");
+    let folder = Folder::new("intake-text");
     let mut lines = String::new();
     let stale = 1_759_967_600_000_u64;
     for k in 0..301 {
@@ -161,7 +138,7 @@ fn mcap(messages: &[(u16, u64, String)]) -> Vec<u8> {
 
 #[test]
 fn mcap_written_topic_by_topic_is_read_in_the_order_of_its_times() {
-    let folder = Folder::new("topics");
+    let folder = Folder::new("intake-topics");
     let count = 11_000_u64;
     let of = |id, text: &str| {
         let message = |k: u64| (id, k * 10_000_000, text.replace('K', &k.to_string()));
@@ -199,7 +176,7 @@ fn mcap_written_topic_by_topic_is_read_in_the_order_of_its_times() {
 
 #[test]
 fn channels_of_objects_are_found_wherever_they_begin() {
-    let folder = Folder::new("late");
+    let folder = Folder::new("intake-late");
     let mut lines = String::new();
     for k in 0..500 {
         let late =
@@ -231,7 +208,7 @@ fn dated(date: impl Fn(usize) -> String) -> String {
 
 #[test]
 fn dates_without_a_zone_are_literal_and_an_hour_set_back_is_named_as_daylight_saving() {
-    let folder = Folder::new("zones");
+    let folder = Folder::new("intake-zones");
     let study = spring();
     let error_of = |name: &str, date: &dyn Fn(usize) -> String| {
         let log = folder.write(name, dated(date));
@@ -264,7 +241,7 @@ fn dates_without_a_zone_are_literal_and_an_hour_set_back_is_named_as_daylight_sa
 
 #[test]
 fn a_part_is_read_by_seconds_or_dates_and_nothing_else() {
-    let folder = Folder::new("part");
+    let folder = Folder::new("intake-part");
     let study = spring();
     let log =
         folder.write("log.csv", dated(|k| format!("2025-03-30 02:00:{:05.2}Z", 0.01 * k as f64)));
@@ -290,7 +267,7 @@ fn a_part_is_read_by_seconds_or_dates_and_nothing_else() {
 
 #[test]
 fn a_unit_in_the_name_of_the_time_is_a_claim_that_steps_may_contradict() {
-    let folder = Folder::new("claims");
+    let folder = Folder::new("intake-claims");
     let study = spring();
     for (name, claimed, step, other) in
         [("Time [ms]", "ms", 0.01, "s"), ("time_s", "s", 10.0, "ms")]
@@ -421,7 +398,7 @@ fn nothing_is_taken_across_a_unit_twice_or_where_two_are_as_likely() {
 
 #[test]
 fn a_log_without_time_or_sensors_is_refused_by_name() {
-    let folder = Folder::new("refused");
+    let folder = Folder::new("intake-refused");
     let study = spring();
     let timeless = folder.write("timeless.csv", "row,command_rad,p_a_pa\n0,0,1\n");
     let error = read(&timeless, None, &study).unwrap_err();
@@ -435,7 +412,7 @@ fn a_log_without_time_or_sensors_is_refused_by_name() {
 
 #[test]
 fn a_source_counts_rows_that_are_cut_off_for_logs_without_times() {
-    let folder = Folder::new("rate");
+    let folder = Folder::new("intake-rate");
     let text: String = (0..10).map(|k| format!("{k}\n")).collect();
     let log = folder.write("rate.csv", format!("PA1\n{text}"));
     let map =

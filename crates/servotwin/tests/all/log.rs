@@ -1,6 +1,7 @@
 //! Logs and streams: maps with their mistakes, samples put in order, what a watch says, and that it goes on
 //! where it stopped. What watches is a stand-in that finds a sensor off its default.
 
+use crate::files::Folder;
 use proptest::prelude::*;
 use servotwin::log::checkpoint::Checkpoint;
 use servotwin::log::counts::{Counts, Kind};
@@ -36,30 +37,6 @@ fn spring() -> System {
 
 fn spring_study() -> Study {
     Study::read("spring_actuator").unwrap()
-}
-
-/// A folder of its own, removed at the end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path =
-            std::env::temp_dir().join(format!("servotwin-log-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }
 
 /// Sums the first sensor; says *detected* while it is above 1, *isolated* from the third sample on.
@@ -154,7 +131,7 @@ fn watch_file(path: &Path, map: &Map) -> (Kept, Counts, Fake) {
 
 #[test]
 fn a_log_comes_in_as_its_map_says() {
-    let folder = Folder::new("map");
+    let folder = Folder::new("log-map");
     let system = spring();
     let map = Map::parse(MAP, "map.toml", &system).unwrap();
     let log = folder.write(
@@ -222,7 +199,7 @@ wait_s = -1
 
 #[test]
 fn a_column_that_the_log_has_not_is_shown_in_the_map() {
-    let folder = Folder::new("lacking");
+    let folder = Folder::new("log-lacking");
     let map = Map::parse(MAP, "map.toml", &spring()).unwrap();
     let log = folder.write("log.csv", "t,cmd,PAA,y\n0,1,2,3\n");
     let error = Address::File(log).open(map.wanted()).err().unwrap();
@@ -399,7 +376,7 @@ fn episodes(rows: usize) -> String {
 
 #[test]
 fn a_watch_goes_on_where_it_stopped() {
-    let folder = Folder::new("resume");
+    let folder = Folder::new("log-resume");
     let log = folder.write("log.csv", episodes(5000));
     let system = spring();
     let map = simple_map(&system);
@@ -460,7 +437,7 @@ impl Source for Stopping<'_> {
 
 #[test]
 fn a_checkpoint_of_something_else_is_refused() {
-    let folder = Folder::new("checkpoint");
+    let folder = Folder::new("log-checkpoint");
     let (system, path) = (spring(), folder.0.join("c.json"));
     let log = folder.write("log.csv", episodes(50));
     let map = simple_map(&system);
@@ -530,7 +507,7 @@ fn with_checksum(body: &serde_json::Value) -> String {
 /// near the largest made it panic, overflow and take all memory.
 #[test]
 fn a_mutated_checkpoint_gives_one_message_or_goes_on() {
-    let folder = Folder::new("mutated");
+    let folder = Folder::new("log-mutated");
     let (system, path) = (spring(), folder.0.join("c.json"));
     let map = simple_map(&system);
     let mut text = episodes(400);
@@ -607,8 +584,8 @@ fn assert_message(outcome: &Result<End, WatchError>, what: &str) {
     }
 }
 
-/// Where something stands in a value, as JSON pointers; of long lists the first.
-fn places(value: &serde_json::Value) -> Vec<String> {
+/// Where something stands in a value, as JSON pointers; of long lists the first two.
+pub fn places(value: &serde_json::Value) -> Vec<String> {
     use serde_json::Value;
     let mut found = vec![];
     let inner: Vec<(String, &Value)> = match value {
@@ -774,7 +751,7 @@ fn an_hour_is_a_small_page() {
 #[test]
 fn parquet_and_csv_of_the_same_log_say_the_same() {
     use servotwin::table;
-    let folder = Folder::new("parquet");
+    let folder = Folder::new("log-parquet");
     let system = spring();
     let map = simple_map(&system);
     let csv = folder.write("log.csv", episodes(300));
@@ -808,7 +785,7 @@ fn recorded(log: &Path, system: &System, path: &Path) -> Kept {
 
 #[test]
 fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
-    let folder = Folder::new("mcap");
+    let folder = Folder::new("log-mcap");
     let system = spring();
     let log = folder.write("log.csv", episodes(1000));
     let path = folder.0.join("flight.mcap");
@@ -855,7 +832,7 @@ fn messages(bytes: &[u8]) -> Vec<(String, u32, u64, Vec<u8>)> {
 
 #[test]
 fn a_socket_takes_the_messages_that_a_file_has() {
-    let folder = Folder::new("mcap-live");
+    let folder = Folder::new("log-mcap-live");
     let system = spring();
     let log = folder.write("log.csv", episodes(1000));
     let path = folder.0.join("flight.mcap");
@@ -1149,7 +1126,7 @@ fn a_sink_that_fails_is_reported_once_and_the_others_go_on() {
 
 #[test]
 fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
-    let folder = Folder::new("mcap-notices");
+    let folder = Folder::new("log-mcap-notices");
     let scene = Scene::new("a log", &spring(), vec![], 0.01);
     let [path, unfinished] = ["a.mcap", "b.mcap"].map(|name| folder.0.join(name));
     let mut mcap = Mcap::open(&path, &scene).unwrap();

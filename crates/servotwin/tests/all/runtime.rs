@@ -1,6 +1,7 @@
 //! Twin and diagnosis beside an actuator: what a log says again is what the flight said.
 
 use crate::flights::{diagnoser, fault, fly, study};
+use crate::log::places;
 use servotwin::evaluation::parallel::Workers;
 use servotwin::fit::Record;
 use servotwin::flight::flown::{Flown, Observer as FlightObserver};
@@ -191,23 +192,6 @@ fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_s
     assert!(wrong.len() <= 1, "{wrong:?}");
 }
 
-/// Where something stands in a value, as JSON pointers; of long lists the first two.
-fn places(value: &serde_json::Value, before: &str, found: &mut Vec<String>) {
-    use serde_json::Value;
-    let inner: Vec<(String, &Value)> = match value {
-        Value::Object(map) => map.iter().map(|(key, value)| (key.clone(), value)).collect(),
-        Value::Array(list) => {
-            list.iter().take(2).enumerate().map(|(k, value)| (k.to_string(), value)).collect()
-        }
-        _ => vec![],
-    };
-    for (key, value) in inner {
-        let place = format!("{before}/{key}");
-        places(value, &place, found);
-        found.push(place);
-    }
-}
-
 /// A step of zero made the twin stand for ever, a length that there is not made the diagnosis panic.
 #[test]
 fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
@@ -226,8 +210,7 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
     let stop = record.time_s.len() - 30;
     (0..stop).for_each(|k| push(&mut watcher, k));
     let saved: serde_json::Value = serde_json::from_slice(&watcher.save()).unwrap();
-    let mut found = vec![];
-    places(&saved, "", &mut found);
+    let found = places(&saved);
     let absurd = [
         json!(0),
         json!(-1.0),
