@@ -192,7 +192,7 @@ pub enum Failure {
     },
     /// A log of which nothing could be judged.
     Unjudged {
-        /// What was counted all the same, for standard output.
+        /// The counts, for standard output.
         output: String,
         /// The log.
         log: String,
@@ -201,7 +201,7 @@ pub enum Failure {
     },
     /// A live watch went on without files that could not be written.
     SinksLost {
-        /// What was counted all the same, for standard output.
+        /// The counts, for standard output.
         output: String,
         /// The files, each with the reason.
         files: Vec<String>,

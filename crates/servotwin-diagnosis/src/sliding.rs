@@ -167,7 +167,7 @@ impl Ring {
     }
 }
 
-/// That a stored number is one that there can be.
+/// Rejects a stored number that cannot occur.
 fn possible(holds: bool) -> Result<(), Error> {
     let broken = "a number of a stored window is none that there can be";
     if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }

@@ -187,14 +187,14 @@ pub enum CompileProblem {
     Folder {
         /// The folder for temporary files.
         folder: PathBuf,
-        /// What the operating system reports.
+        /// The message of the operating system.
         cause: String,
     },
     /// The compiler cannot be started.
     Start {
         /// The compiler.
         program: String,
-        /// What the operating system reports.
+        /// The message of the operating system.
         cause: String,
     },
     /// The compiler ends with an error.
@@ -209,14 +209,14 @@ pub enum CompileProblem {
         /// The compiler.
         program: String,
     },
-    /// What was compiled cannot be loaded.
+    /// The compiled library cannot be loaded.
     Load {
         /// The folder for temporary files.
         folder: PathBuf,
-        /// What the operating system reports.
+        /// The message of the operating system.
         cause: String,
     },
-    /// What was compiled gives other numbers.
+    /// The compiled step returns other numbers.
     OtherNumbers {
         /// The compiler.
         program: String,
@@ -344,7 +344,7 @@ fn named(compiler: &str) -> String {
     compiler.trim().to_owned()
 }
 
-/// What a loader reports.
+/// The message of the loader.
 fn loader_message(error: &libloading::Error) -> String {
     without_path(&error.source().map_or_else(|| error.to_string(), ToString::to_string))
 }
@@ -546,7 +546,7 @@ impl Folder {
         self.0.path().join(format!("{}.so", level.name()))
     }
 
-    /// What the compiler prints.
+    /// The output of the compiler.
     fn messages(&self, level: Level) -> PathBuf {
         self.0.path().join(format!("{}.txt", level.name()))
     }

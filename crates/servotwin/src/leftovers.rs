@@ -7,7 +7,7 @@
 use std::fs;
 use std::path::Path;
 
-/// What every temporary name begins with; a dot goes before it beside results.
+/// The prefix of every temporary name; beside results a dot precedes it.
 const PREFIX: &str = "servotwin-";
 
 /// The beginning of this process's temporary names.

@@ -49,7 +49,7 @@ pub const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
 /// The most runs of a sweep.
 pub const MAX_SWEEP_RUNS: usize = 1000;
 
-/// What drives an input.
+/// A signal that drives an input.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InputSignal {
     /// A signal as text, such as `step:size=10deg,at=0.1s`.
@@ -92,7 +92,7 @@ impl From<Vec<f64>> for InputSignal {
     }
 }
 
-/// What may differ from run to run, by names; numbers are SI.
+/// The inputs, faults and parameters of one run, by names; numbers are SI.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VariantSpec {
     /// The driven inputs, such as `command`. Other inputs keep their default.
@@ -134,7 +134,7 @@ pub enum SimulationError {
     /// A number lies outside its range.
     #[error("{name} = {} is out of range: allowed are {allowed}", Quantity(*value, unit.symbol()))]
     OutOfRange {
-        /// What the number sets.
+        /// The quantity that the number sets.
         name: String,
         /// The number, SI.
         value: f64,
@@ -350,7 +350,7 @@ impl<'s> Simulation<'s> {
         self.prepare(Some(self.sweep(id, values)?))?.run(&|_| {}, None)
     }
 
-    /// What [`Simulation::run_sweep`] changes from run to run.
+    /// Prepares the values of [`Simulation::run_sweep`].
     ///
     /// # Errors
     /// The system has neither a parameter nor a fault of this name.
@@ -633,13 +633,13 @@ impl PreparedRun {
 /// A simulation whose names and numbers are checked.
 pub struct Prepared<'s> {
     simulation: Simulation<'s>,
-    /// What all runs have in common.
+    /// The variant that all runs share.
     pub base: PreparedRun,
     /// The runs, in their order.
     pub runs: Vec<PreparedRun>,
-    /// What every run records.
+    /// The quantities that every run records.
     pub recorded: Vec<Recorded>,
-    /// What differs from run to run, if one quantity does.
+    /// The swept quantity, if there is one.
     pub sweep: Option<Sweep>,
 }
 
@@ -741,7 +741,7 @@ impl Sink for Recorder<'_> {
 pub struct RunResult {
     /// One list per recorded quantity with one value per sample, SI.
     pub values: Vec<Vec<f64>>,
-    /// What the solver did.
+    /// The work of the solver.
     pub statistics: Statistics,
     /// The pressures that left the range of validity, recorded or not.
     pub outside_validity: Vec<PressureFinding>,
@@ -762,13 +762,13 @@ impl RunResult {
 /// The recorded values of all runs.
 pub struct SimulationResults<'s> {
     system: &'s System,
-    /// What was recorded.
+    /// The recorded quantities.
     pub recorded: Vec<Recorded>,
     /// The times of the samples, s.
     pub times_s: Vec<f64>,
     /// The runs, in their order.
     pub runs: Vec<RunResult>,
-    /// What differed from run to run, if one quantity did.
+    /// The swept quantity, if there was one.
     pub sweep: Option<Sweep>,
 }
 

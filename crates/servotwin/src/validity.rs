@@ -11,7 +11,7 @@ use std::fmt;
 /// behind them goes beyond this pressure, Pa.
 pub const MAX_PRESSURE_PA: f64 = 1e8;
 
-/// Which end of the range of validity a pressure has left.
+/// The end of the validity range that a pressure has left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
     /// Vapor pressure: the place holds a cavity, or a boundary gives less than any fluid can have.
@@ -87,7 +87,7 @@ impl PressureMonitor {
         Self { period_s, watched: own.map(watch).collect() }
     }
 
-    /// What is to be recorded for it.
+    /// The variables to record for it.
     pub fn slots(&self) -> impl Iterator<Item = Slot> + '_ {
         self.watched.iter().map(|watched| watched.slot)
     }

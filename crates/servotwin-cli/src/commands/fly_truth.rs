@@ -41,7 +41,7 @@ impl Truth {
     }
 }
 
-/// What was raised, in names.
+/// The raised alarm, by names.
 struct Said {
     time_s: f64,
     actuator: String,

@@ -54,7 +54,7 @@ impl LogFolder {
         }
     }
 
-    /// What is skipped, with its count, as a sentence.
+    /// A sentence that counts and names the skipped entries.
     pub fn sentence(&self) -> Option<String> {
         let each: Vec<String> =
             self.skipped.iter().map(|(name, why)| format!("{name} ({why})")).collect();
@@ -68,7 +68,7 @@ impl LogFolder {
     }
 }
 
-/// What an entry is that is no regular file.
+/// The word for an entry that is not a regular file.
 fn words(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {

@@ -227,12 +227,12 @@ struct Setup<'s> {
     global: Global,
 }
 
-/// What came of a watch.
+/// The result of a watch.
 struct Watched {
     end: End,
     totals: Totals,
     doubts: Vec<String>,
-    /// What was said instead of a judgement, as it came.
+    /// The states that are no judgment, in the order they came.
     unjudged: Vec<State>,
     /// The lines for people.
     text: String,

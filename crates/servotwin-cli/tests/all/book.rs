@@ -116,7 +116,7 @@ fn every_command_of_the_book_works() {
 /// The template that a page shows beside a shipped system.
 const DUAL: &str = include_str!("../../../servotwin/src/template/dual_system.toml");
 
-/// What the book shows of a shipped file or of a template stands there.
+/// The book shows parts of shipped files and templates as they are.
 #[test]
 fn what_the_book_shows_of_shipped_files_is_in_them() {
     for (name, file) in [("own-system.md", "systems"), ("own-study.md", "studies")] {
@@ -225,7 +225,7 @@ const FILES: [(&str, &str, &str); 9] = [
 /// So many entries of a part are listed.
 const LISTED: usize = 12;
 
-/// What the entries of a section are called.
+/// The names of a section's entries.
 #[derive(Clone, Copy, PartialEq)]
 enum Entries {
     /// By the second part of the tables' names.
@@ -236,7 +236,7 @@ enum Entries {
     FirstValues,
 }
 
-/// What is in a file of TOML, section by section.
+/// The contents of a TOML file, section by section.
 fn contents(file: &str) -> Vec<(String, Vec<String>)> {
     let mut parts: Vec<(String, Vec<String>)> = vec![];
     let (mut current, mut entries, mut is_first) = (0, Entries::Tables, true);

@@ -38,7 +38,7 @@ fn without_code(text: &str) -> String {
     kept
 }
 
-/// What is wrong with a link of a document, if anything.
+/// The mistake in a link of a document, if there is one.
 fn broken(document: &Path, link: &str) -> Option<String> {
     let (file, place) = link.split_once('#').unwrap_or((link, ""));
     let folder = document.parent().expect("a document stands in a folder");

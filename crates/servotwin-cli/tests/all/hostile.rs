@@ -134,7 +134,7 @@ fn keys_and_topics_of_hostile_logs_are_printed_escaped() {
     run(&["watch", &mcap, "--map", &map]);
 }
 
-/// Whoever writes past the one place would let hostile text through.
+/// A second writer would let hostile text through.
 #[test]
 fn every_command_writes_through_the_place_that_escapes() {
     let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/src");

@@ -194,7 +194,7 @@ fn a_silent_stream_says_no_data_and_a_second_sender_is_not_mixed_in() {
     for event in ["no_data", "data_again", "heartbeat", "channel_no_data"] {
         assert!(kept.contains(&format!("{{\"event\":\"{event}\"")), "{event}");
     }
-    // Who is not named is not heard.
+    // A sender that is not named is ignored.
     let more = ["--json", "--from", "10.9.8.7", "--heartbeat", "100ms"];
     let watch = Running::start(&rig.watch(&source, &more));
     let is_beat = |line: &Value| line["event"] == "heartbeat" && line["frames"].as_u64() > Some(0);

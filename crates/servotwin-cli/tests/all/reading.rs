@@ -13,7 +13,7 @@ fn flight(folder: &Folder) -> Vec<Vec<String>> {
     text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
 }
 
-/// What is counted at the end of a watch, and the events before.
+/// The counts at the end of a watch, and the events before.
 fn watched(log: &str, more: &[&str]) -> (serde_json::Value, Vec<serde_json::Value>) {
     let output = servotwin(&[&["watch", log, "--json"], more].concat());
     assert!(output.status.success(), "{}", stderr(&output));

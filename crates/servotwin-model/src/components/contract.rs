@@ -65,7 +65,7 @@ where
     })
 }
 
-/// Which of the ports that may be left open are.
+/// The optional ports that are left open.
 #[derive(Clone, Copy)]
 enum Open {
     None,

@@ -101,7 +101,7 @@ pub(super) struct Course {
     pub statistics: Statistics,
     /// Why it could not go on.
     pub failure: Option<Failure>,
-    /// What is known of the system in [`Phase::Following`].
+    /// The state of the search in [`Phase::Following`].
     pub following: Option<Box<Following>>,
 }
 

@@ -1,4 +1,4 @@
-//! What is done where the search for rest fails: the way that the system itself takes from there is followed.
+//! Follows the motion of a system when the search for its steady state fails.
 //!
 //! The search takes long implicit steps. Where a rest repels nearby states on their way (a chamber near vacuum, whose
 //! stiffness grows with its pressure) such a step can point the wrong way, and the search stays where it is. The system
@@ -31,7 +31,7 @@ const MAX_CHANGE: f64 = 0.02;
 /// Swings over scale below this are none.
 const MIN_SWING: f64 = 1e-6;
 
-/// What has become of a system that is followed.
+/// The outcome of following a system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
     /// It still moves.

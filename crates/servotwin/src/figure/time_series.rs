@@ -33,7 +33,7 @@ pub struct TimeSeries<'a> {
 pub struct Mark {
     /// The time, in the unit of the horizontal axis.
     pub at: f64,
-    /// What happens then.
+    /// The label of the moment.
     pub name: String,
 }
 

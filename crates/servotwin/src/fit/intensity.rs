@@ -110,7 +110,7 @@ fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, F
     diagnosed(&own, fault, minimum, &alike, None)
 }
 
-/// What a fit with a fault as the last unknown says of it.
+/// The estimate of a fault that is the last unknown of a fit.
 fn diagnosed(
     own: &Problem,
     fault: (usize, usize),

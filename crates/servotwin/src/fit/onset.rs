@@ -87,7 +87,7 @@ impl Begun {
     }
 }
 
-/// What the healthy twin leaves before each moment.
+/// The cost that the healthy twin leaves before each moment.
 pub(super) struct Moments<'l> {
     linear: &'l Linear,
     curvature: Symmetric,

@@ -36,7 +36,7 @@ const JITTER: f64 = 0.1;
 const MOST_LEFT_OUT: f64 = 0.01;
 /// A step between samples that differs by more than this many periods is a leap.
 const LEAP: f64 = 0.5;
-/// What a clock is set by twice a year, s.
+/// The step of a clock at daylight saving, s.
 const DAYLIGHT_SAVING_S: f64 = 3600.0;
 
 /// What an actuator showed, sample after sample, and the inputs that it had.

@@ -116,7 +116,7 @@ fn non_decreasing<'p>(
     points: &'p [Point],
     errors: &'p [f64],
 ) -> impl Iterator<Item = f64> + use<'p> {
-    // Of each pool its weight, its mean, and its squares around that.
+    // Each pool has a weight, a mean, and the sum of squares around that mean.
     let mut pools: Vec<[f64; 3]> = Vec::new();
     let mut total = 0.0;
     points.iter().zip(errors).map(move |(point, error)| {

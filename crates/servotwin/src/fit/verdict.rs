@@ -8,7 +8,7 @@ use super::{Finding, FitError, Fitted, Problem, SensorFit, Suspect};
 /// A fault explains a record where it takes away at least this part of what the tolerances leave beyond noise.
 const EXPLAINS: f64 = 0.5;
 
-/// What a fit comes to.
+/// The verdict of a fit.
 #[derive(Clone, Debug)]
 pub enum FitVerdict {
     /// Parameters inside of their tolerances explain the records.

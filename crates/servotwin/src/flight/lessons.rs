@@ -101,7 +101,7 @@ impl Lessons {
         self.on_the_move.extend(other.on_the_move);
     }
 
-    /// What teaches nothing.
+    /// Flights that teach nothing.
     pub fn left_out(&self) -> LeftOut {
         let mut on_the_move = self.on_the_move.clone();
         on_the_move.sort_unstable();

@@ -21,7 +21,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use std::path::{Path, PathBuf};
 
-/// What happens while a study runs.
+/// An event while a study runs.
 pub enum StudyEvent<'e> {
     /// Results of an earlier version of the study were removed from the folder.
     Removed {
@@ -41,14 +41,14 @@ pub enum StudyEvent<'e> {
     Simulated {
         /// The campaign.
         campaign: &'e Campaign<'e>,
-        /// What it did.
+        /// The outcome of the campaign.
         outcome: &'e Outcome,
     },
     /// Full flights were measured before, and stay.
     FlightsKept,
     /// Flights are flown.
     Flying {
-        /// What is being done.
+        /// The task at hand.
         what: &'e str,
         /// How much of all is done, from 0 to 1.
         share: f64,
@@ -57,7 +57,7 @@ pub enum StudyEvent<'e> {
     Flown(&'e FlightResults),
     /// Trees and boosted trees are trained and evaluated.
     Evaluating {
-        /// What is being done.
+        /// The task at hand.
         what: &'e str,
         /// How much of all is done, from 0 to 1.
         share: f64,
@@ -86,9 +86,9 @@ pub struct StudyRun<'r> {
 #[derive(Debug)]
 pub struct StudyResults {
     folder: Folder,
-    /// What the evaluation measured, by scenario and protocol.
+    /// The measured results, by scenario and protocol.
     pub evaluation: Results,
-    /// What the flights measured; `None` for a study without flights.
+    /// The results of the flights; `None` for a study without flights.
     pub flights: Option<FlightResults>,
 }
 
@@ -122,7 +122,7 @@ impl<'r> StudyRun<'r> {
     /// As [`Study::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
-        // What cannot be flown is reported now, not after the campaigns.
+        // A mistake in the flights is reported now, not after the campaigns.
         let sizes = study.flights()?;
         if self.fitted && !Setting::Fitted.is_possible(study) {
             return Err(CampaignError::no_section(Setting::Fitted, study).into());

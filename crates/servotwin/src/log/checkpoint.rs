@@ -27,16 +27,16 @@ const LARGEST: u64 = 64 << 20;
 #[derive(Debug, Serialize, Deserialize)]
 struct Head {
     format: u32,
-    /// Of the second line without its end; formats 1 and 2 had none.
+    /// The checksum of the second line without its end; formats 1 and 2 had none.
     #[serde(default)]
     sha256: String,
 }
 
-/// What a watch expects of the checkpoint that it goes on from.
+/// The properties that a watch requires of a checkpoint.
 pub(super) struct Expected<'e> {
     pub map: &'e Map,
     pub period_s: f64,
-    /// What the source counts.
+    /// The unit that the source counts.
     pub counted: &'e str,
 }
 

@@ -63,7 +63,7 @@ impl CheckpointWriter {
         Some((self.path.display().to_string(), reason))
     }
 
-    /// What was not written.
+    /// The checkpoints that were not written, with the reason.
     pub fn loss(&self) -> SinkLoss {
         let sink = self.path.display().to_string();
         SinkLoss { sink, lost: self.skipped, failure: self.reason(), is_file: true }

@@ -155,7 +155,7 @@ impl Counts {
         }
     }
 
-    /// What is wrong with it as the counts of so many inputs and sensors, if anything is.
+    /// The reason why these counts do not fit so many inputs and sensors, if there is one.
     pub(super) fn wrong(&self, channels: usize, counted: &str) -> Option<&'static str> {
         let of_kinds = self.tallies.iter().flat_map(|tally| [tally.count, tally.first]);
         let counters = [self.frames, self.samples, self.judged].into_iter().chain(of_kinds);

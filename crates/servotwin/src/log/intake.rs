@@ -21,7 +21,7 @@ use std::path::Path;
 const TIME: &str = "time_s";
 /// The entry in a table's metadata with the length of one unit of the log's own times, s.
 pub const TIME_UNIT: &str = "time_unit_s";
-/// What times may differ by that are meant to be the same, as a part of what is between them.
+/// The rounding that equal times may differ by, relative to the time between them.
 const ROUNDING: f64 = 1e-4;
 
 /// A log, read to its end.
@@ -29,7 +29,7 @@ const ROUNDING: f64 = 1e-4;
 pub struct Whole {
     /// `time_s`, and the inputs and sensors that the log has or the map gives, by their names with units; NaN is missing.
     pub table: Table,
-    /// What was read, and what was wrong with it.
+    /// The counts of rows and irregularities.
     pub counts: Counts,
     /// Columns whose unit nobody names; they are taken for SI.
     pub assumed: Vec<String>,

@@ -211,7 +211,7 @@ impl<'w> Watch<'w> {
         self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
     }
 
-    /// What sinks have lost so far, the checkpoint included.
+    /// The losses of all sinks so far, including the checkpoint.
     pub fn losses(&self) -> Vec<SinkLoss> {
         self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
     }
@@ -409,7 +409,7 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// What the watchdog found as an event, and how long that lasts.
+    /// The event of a watchdog's finding, and how long it has lasted.
     fn event(&self, alert: WatchdogAlert) -> (WatchEvent, Option<Duration>) {
         let channel = |channel: usize| self.map.id(channel).to_owned();
         match alert {
@@ -466,7 +466,7 @@ impl<'w> Watch<'w> {
 }
 
 impl Progress {
-    /// What is wrong with it as the progress of a watch of this map and period, if anything is.
+    /// The reason why this progress does not fit the map and the period, if there is one.
     fn wrong(&self, expected: &Expected) -> Option<&'static str> {
         let width = expected.map.width();
         let counters = [self.place, self.rows, self.changes].into_iter();

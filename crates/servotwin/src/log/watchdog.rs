@@ -32,7 +32,7 @@ impl Default for WatchdogRules {
     }
 }
 
-/// What a watch reports beside the diagnosis, by the wall clock.
+/// Notices of a watch beside the diagnosis, by the wall clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Notice {
     /// What happened.
@@ -50,7 +50,7 @@ pub struct Notice {
     pub phase: Phase,
 }
 
-/// What happened to a watch.
+/// An event in a watch.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum WatchEvent {
@@ -88,7 +88,7 @@ pub enum WatchEvent {
         frames: u64,
         /// How many periods were given on.
         samples: u64,
-        /// What sinks have lost so far.
+        /// The losses of all sinks so far.
         sinks: Vec<SinkLoss>,
     },
 }
@@ -156,7 +156,7 @@ impl Silence {
     }
 }
 
-/// What a watchdog finds.
+/// A finding of the watchdog.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum WatchdogAlert {
     /// The source is silent for so long.
@@ -176,7 +176,7 @@ pub(super) enum WatchdogAlert {
 pub(super) struct Watchdog {
     rules: WatchdogRules,
     source: Silence,
-    /// Of each channel how much longer than the source it may be silent; `None` for one without a column.
+    /// The time that each channel may be silent beyond the source; `None` without a column.
     allowances: Vec<Option<Duration>>,
     channels: Vec<Silence>,
     last_check: Instant,
@@ -312,7 +312,7 @@ mod tests {
     fn a_channel_without_data_is_reported_while_others_go_on() {
         let [whole, first, second] = [[1.0, 2.0], [1.0, NAN], [NAN, 2.0]].map(Some);
         let checks = times(5, whole).chain(times(20, first)).chain(times(3, whole));
-        // What may stand for a second is missed a second later.
+        // A value held for a second is missed a second later.
         let found = alerts(checks, 0);
         let [WatchdogAlert::Channel(1, after), WatchdogAlert::ChannelAgain(1, _)] = found[..]
         else {

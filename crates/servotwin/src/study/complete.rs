@@ -5,7 +5,7 @@ use super::{Mistake, Study, StudyError};
 use crate::document::{Collector, Located, Place};
 
 impl Study {
-    /// That the study has all that its campaign and its flights need.
+    /// Checks that the study has everything that its campaign and flights need.
     ///
     /// # Errors
     /// [`StudyError::Mistakes`] with everything that is missing, at its place.

@@ -100,7 +100,7 @@ impl<'a> Reader<'a> {
         self.note(&self.span(at), mistake.into())
     }
 
-    /// That a number is as it must be.
+    /// Checks that a number lies within its range.
     pub fn range(
         &self,
         at: &Place,
@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
         Err(self.note(&self.span(at), mistake))
     }
 
-    /// That a component's parameter may have the value at a place.
+    /// Checks the value of a component's parameter.
     pub fn parameter(
         &self,
         at: &Place,
@@ -126,7 +126,7 @@ impl<'a> Reader<'a> {
         self.range(at, value, allowed.is_ok(), allowed.err().unwrap_or_default())
     }
 
-    /// That something is missing at a place.
+    /// Reports an empty value at its place.
     pub fn empty(&self, at: &Place, field: &'static str) -> Noted {
         self.note(&self.span(at), Mistake::Empty { field })
     }

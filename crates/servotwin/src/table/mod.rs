@@ -275,7 +275,7 @@ pub struct Origin {
     unread: Vec<String>,
     /// The file, where there is one.
     file: Option<PathBuf>,
-    /// What is counted instead of lines, where it is something else.
+    /// The unit of places, if not lines.
     counted: Option<&'static str>,
 }
 

@@ -288,7 +288,7 @@ pub struct ParquetReader {
     rows_read: usize,
 }
 
-/// Which columns of a file are read.
+/// The columns of a file that are read.
 #[derive(Clone, Copy)]
 enum Choice<'c> {
     All,
@@ -477,7 +477,7 @@ fn rows_of(group: &RowGroupMetaData) -> Result<usize, ContentError> {
     usize::try_from(group.num_rows()).map_err(|_| ContentError::Unreadable)
 }
 
-/// What values take in memory.
+/// The memory that values take.
 fn bytes_of(values: &Values) -> u64 {
     match values {
         Values::Float(values) => size_of_val(values.as_slice()) as u64,
@@ -560,7 +560,7 @@ struct Field<'f> {
     field: &'f Type,
     /// Its place among the columns that are stored; `None` for a group.
     place: Option<usize>,
-    /// What the Arrow schema says of durations.
+    /// The durations that the Arrow schema declares.
     durations: &'f HashMap<String, i64>,
 }
 

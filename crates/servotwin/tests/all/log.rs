@@ -576,7 +576,7 @@ fn a_mutated_checkpoint_gives_one_message_or_goes_on() {
     }
 }
 
-/// That a watch that does not go on says so in one line.
+/// Asserts that a refused checkpoint gives one line.
 fn assert_message(outcome: &Result<End, WatchError>, what: &str) {
     if let Err(error) = outcome {
         let text = error.to_string();
@@ -602,7 +602,7 @@ pub fn places(value: &serde_json::Value) -> Vec<String> {
     found
 }
 
-/// What stands where something else should.
+/// A value of the wrong kind.
 fn absurd_values() -> Vec<serde_json::Value> {
     use serde_json::json;
     let bits = |value: f64| json!(value.to_bits());

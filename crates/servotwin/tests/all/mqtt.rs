@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// A message: topic, whether it is retained, payload.
 type Message = (&'static str, bool, &'static str);
 
-/// What the broker does behind its messages.
+/// The broker's behavior after its messages.
 #[derive(Clone, Copy)]
 enum Then {
     /// Keeps the connection and says nothing, not even to a ping.

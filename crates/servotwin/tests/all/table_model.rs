@@ -505,7 +505,7 @@ fn weights_move_the_decision_and_balance_the_classes() {
             .unwrap();
         predict(table.clone(), &model, &[], None).unwrap().table
     };
-    // What is decided follows the weights; the probability is the share of the rows as they were.
+    // The decision follows the weights; the probability is the unweighted share of rows.
     let heavy = ClassWeights::Given(vec![("bad".into(), 12.0)]);
     for (weights, decided) in
         [(ClassWeights::Equal, "good"), (ClassWeights::Balanced, "bad"), (heavy, "bad")]

@@ -31,7 +31,7 @@ fn at_rest(system: &System, set: &[(&str, f64)], faults: &[&str]) -> impl Fn(&st
     move |id| states[names.iter().position(|name| name == id).unwrap_or_else(|| panic!("{id}"))]
 }
 
-/// What an actuator pushes with, as a difference of pressures.
+/// The pressure difference with which an actuator pushes.
 fn differential_pa(rest: &impl Fn(&str) -> f64, actuator: usize) -> f64 {
     let chamber = |side: &str| rest(&format!("actuator_{actuator}.cylinder.pressure_{side}_pa"));
     chamber("a") - chamber("b")

@@ -28,9 +28,9 @@ use std::path::Path;
 
 /// All outputs of a watch.
 pub struct Outputs {
-    /// What is kept in memory.
+    /// The outputs that stay in memory.
     pub shown: Shown,
-    /// What is written as it comes.
+    /// The outputs that are written as samples come.
     pub threads: SinkThreads,
     bar: ProgressBar,
 }
@@ -82,7 +82,7 @@ impl Outputs {
         Ok(Outputs { shown, threads, bar })
     }
 
-    /// What shows how far a log is read. Of a live source the terminal's thread shows it.
+    /// The progress bar of a log. The terminal's thread shows the progress of a live source.
     pub fn shows_progress(&self, is_live: bool) -> impl Fn(f64, Option<f64>) + use<> {
         let bar = self.bar.clone();
         move |time_s, share| {
@@ -127,12 +127,12 @@ fn is_socket(target: &Path) -> bool {
     target.to_string_lossy().contains("://")
 }
 
-/// What is kept in memory until the end.
+/// The outputs that stay in memory until the end.
 pub struct Shown {
     /// The strip of states and what changed.
     pub strip: Strip,
     timeline: Option<Timeline>,
-    /// What was said instead of a judgement, as it came.
+    /// The states that are no judgment, in the order they came.
     pub unjudged: Vec<State>,
 }
 
@@ -215,7 +215,7 @@ fn events_file(path: &Path, resumed: Option<&Checkpoint>) -> Result<File, Failur
         }
         _ => 0,
     };
-    // What is kept is not written again: on a full disk it would be lost.
+    // Kept lines are not written again: a full disk would lose them.
     let mut file =
         OpenOptions::new().write(true).create(true).truncate(false).open(path).map_err(failed)?;
     if file.metadata().is_ok_and(|data| data.is_file()) {
@@ -242,7 +242,7 @@ fn bar(global: Global, is_live: bool) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
-    // Of a stream there is no share.
+    // A stream has no share.
     let template = if is_live { "{msg}" } else { "{msg} {wide_bar} {percent} %" };
     let style = ProgressStyle::with_template(template);
     ProgressBar::new(1000).with_style(style.expect("a correct template"))
@@ -255,9 +255,9 @@ fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
     bar.set_position((1000.0 * share.unwrap_or(0.0)) as u64);
 }
 
-/// What was counted in all.
+/// The totals of a watch.
 pub struct Totals {
-    /// Of the log or stream.
+    /// The counts of the log or stream.
     pub counts: Counts,
     silences: Silences,
     losses: Vec<SinkLoss>,

@@ -298,7 +298,7 @@ impl Flying<'_> {
             trace: Trace::default(),
         };
         flown.fly(&which, observer, |flight, tracing, outcome| {
-            // What began without a steady state is judged, but teaches nothing.
+            // A flight that began without a steady state is judged, but teaches nothing.
             let teaches = |work: &Statistics| !flown.is_on_the_move(flight, work);
             if outcome.is_ok_and(|work| purpose != Purpose::Learn || teaches(&work)) {
                 done(flight, tracing.trace);

@@ -17,7 +17,7 @@ use servotwin_diagnosis::features::Quantity;
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
 
-/// Which columns are taken.
+/// The certainty that a column needs to be taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trust {
     /// Those whose name says what they are.
@@ -74,7 +74,7 @@ struct Target {
     default: Option<f64>,
 }
 
-/// What a target is, as far as names may say it in other words.
+/// The meaning of a target that names may express in other words.
 #[derive(Clone, Copy, PartialEq)]
 enum Role {
     Sensor(Quantity),
@@ -178,7 +178,7 @@ fn targets(study: &Study) -> Vec<Target> {
     inputs.chain(system.sensors.iter().enumerate().map(sensor)).collect()
 }
 
-/// What was found for a target.
+/// The choice for a target.
 #[derive(Debug, Clone, PartialEq)]
 enum Choice {
     Nothing,
@@ -484,7 +484,7 @@ impl Candidate<'_> {
             .iter()
             .copied()
             .fold(0.0, |most: f64, value| if value.abs() > most.abs() { value } else { most });
-        // What nobody named may be off to the other side: a pressure of 200 Pa.
+        // An assumed unit may err to the other side, as in a pressure of 200 Pa.
         let least = LEAST_SHARE * low.abs().max(high.abs());
         let is_little = unit.is_none()
             && target.unit == Unit::Pascal

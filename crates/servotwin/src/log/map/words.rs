@@ -1,6 +1,6 @@
 //! What the names of columns mean, as test rigs and flight test installations write them, in English and German.
 
-/// What a column measures or says, as far as its name shows it.
+/// The meaning of a column as its name shows it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Meaning {
     pub pressure: bool,
@@ -12,7 +12,7 @@ pub(super) struct Meaning {
     pub is_other: bool,
 }
 
-/// Which parts a name speaks of.
+/// The parts that a name mentions.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Parts {
     pub chamber_a: bool,
@@ -129,7 +129,7 @@ const OTHER: &[&str] = &[
 ];
 
 impl Meaning {
-    /// What the words of a name mean.
+    /// The meaning of the words in a name.
     pub(super) fn of(words: &[String]) -> Self {
         let mut meaning = Meaning::default();
         words.iter().for_each(|word| meaning.add(word));

@@ -51,7 +51,7 @@ pub struct Mcap {
     decisions: Channel,
     /// Of a live watch, from its first notice on.
     notices: Option<Channel>,
-    /// What was written to `/decisions` last, but for silence.
+    /// The last finding on `/decisions`, silence excepted.
     last_finding: Finding,
     last_bands: Option<Vec<u64>>,
     text: String,

@@ -63,12 +63,12 @@ pub trait Sink {
         None
     }
 
-    /// What failed since the last call, if the sink goes on without it: its name and why.
+    /// The name and reason of a failure since the last call that the sink survives.
     fn failures(&mut self) -> Vec<(String, String)> {
         vec![]
     }
 
-    /// What was lost so far, of each sink behind this one.
+    /// The losses so far of each sink behind this one.
     fn losses(&self) -> Vec<SinkLoss> {
         vec![]
     }
@@ -83,7 +83,7 @@ pub trait Sink {
     }
 }
 
-/// What a sink has lost.
+/// The losses of a sink.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SinkLoss {
     /// The file, socket or stream.

@@ -37,7 +37,7 @@ pub struct Strip {
     end_s: f64,
     changes: Vec<Change>,
     left_out: usize,
-    /// What the watch reported by the wall clock, with the time of the last sample, s.
+    /// The notices of the watchdog, each with the time of the last sample, s.
     notices: Vec<(f64, String)>,
 }
 

@@ -25,7 +25,7 @@ const WAITING_SAMPLES: usize = WAITING / 2;
 /// How long a socket may take at the end for what waits, and again for the end itself.
 const GRACE: Duration = Duration::from_secs(5);
 
-/// What happens where a sink cannot keep up.
+/// The behavior when a sink cannot keep up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
     /// The diagnosis waits for the sink; nothing is lost.
@@ -39,15 +39,15 @@ pub enum Delivery {
 pub struct SinkRules {
     /// The file, socket or stream, for messages.
     pub name: String,
-    /// What happens where it cannot keep up.
+    /// The behavior when it cannot keep up.
     pub delivery: Delivery,
     /// Whether it gets nothing but changes and notices.
     pub only_changes: bool,
-    /// What it is.
+    /// The kind of sink.
     pub kind: SinkKind,
 }
 
-/// What a sink is.
+/// The kinds of sinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SinkKind {
     /// A file that has to be complete at the end, which waits for it.
@@ -115,7 +115,7 @@ enum Message {
     Flush(SyncSender<()>),
 }
 
-/// What a sink's thread and the diagnosis both know.
+/// The state that a sink's thread and the diagnosis share.
 #[derive(Default)]
 struct Shared {
     waiting: AtomicUsize,
@@ -389,7 +389,7 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
     }
 }
 
-/// What became of a message.
+/// The fate of a message.
 enum Delivered {
     Taken,
     Failed(SinkError),

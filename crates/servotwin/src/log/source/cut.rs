@@ -30,7 +30,7 @@ pub enum CutError {
     NoTime {
         /// The option that it was given for.
         option: &'static str,
-        /// What was written.
+        /// The text that was given.
         given: String,
     },
     /// A date for a log that has none, or a time of day for one of another kind.

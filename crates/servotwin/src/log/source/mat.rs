@@ -103,7 +103,7 @@ struct Elements<'d> {
     is_big: bool,
 }
 
-/// What is in front of an array.
+/// The header of an array.
 struct ArrayHead<'d> {
     class: u8,
     is_complex: bool,
@@ -296,7 +296,7 @@ impl<'d> Elements<'d> {
         Ok(Some((kind, body)))
     }
 
-    /// What is in front of an array; `None` for an empty one.
+    /// The header of an array; `None` for an empty one.
     fn head(&mut self) -> Outcome<Option<ArrayHead<'d>>> {
         let Some((_, flags)) = self.next()? else { return Ok(None) };
         let Some(flags) = self.number(flags) else { return Ok(None) };

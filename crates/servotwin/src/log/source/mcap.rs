@@ -27,7 +27,7 @@ pub const LOG_TIME: &str = "log_time";
 /// No chunk and no record is larger.
 const LARGEST: usize = 1 << 28;
 
-/// Of a file that is not in order no more numbers are sorted: half a gigabyte.
+/// The most numbers of an unordered file that are sorted in memory: half a gigabyte.
 const MOST_SORTED: usize = 50_000_000;
 
 /// A file whose messages are in order.
@@ -135,7 +135,7 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     }
 }
 
-/// What was found by looking through a file.
+/// The result of a first pass through a file.
 struct Survey {
     columns: Vec<LogColumn>,
     is_in_order: bool,
@@ -172,12 +172,12 @@ struct Sorted {
     /// The place in a row of every number, and the number.
     places: Vec<u16>,
     numbers: Vec<f64>,
-    /// What was no message, each told as the file was read.
+    /// The flaws of messages, reported as the file is read.
     flaws: VecDeque<(u64, Flaw)>,
     next: usize,
 }
 
-/// What a message has of a row.
+/// The columns that a message fills.
 struct Part {
     log_time_ns: u64,
     number: u64,

@@ -107,7 +107,7 @@ impl Row {
         self.first_bad.get_or_insert(bad);
     }
 
-    /// What was there instead of numbers, with the column of the first.
+    /// The values that are not numbers, with the column of the first.
     pub fn bad_in_words(&self, wanted: &Wanted) -> String {
         let first = self.first_bad.as_ref();
         let column = first.and_then(|bad| Some((wanted.names.get(bad.column)?, &bad.text)));
@@ -146,7 +146,7 @@ pub enum Read {
     End,
 }
 
-/// What a source has not taken.
+/// Input that a source did not take.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dropped {
     /// Why.
@@ -155,7 +155,7 @@ pub struct Dropped {
     pub count: u64,
     /// The first of them.
     pub place: u64,
-    /// What was there, in words.
+    /// The value, as text.
     pub detail: String,
 }
 
@@ -323,7 +323,7 @@ fn without_user(text: &str) -> String {
     }
 }
 
-/// That a source of some kind is read by a feature that this program was built without.
+/// The error for a source whose reader is a feature that is off.
 pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
     SourceError::Feature { what: what.to_owned(), feature }
 }
@@ -364,7 +364,7 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
-/// Which column two topics of a broker send.
+/// A column that two topics of a broker send.
 #[derive(Debug)]
 pub struct MixedTopics {
     /// The address of the broker.
@@ -412,7 +412,7 @@ pub enum SourceError {
     },
     /// This program was built without what reads such a source.
     Feature {
-        /// What was to be read.
+        /// The source.
         what: String,
         /// The feature of the packages `servotwin` and `servotwin-cli`.
         feature: &'static str,

@@ -171,7 +171,7 @@ impl Objects {
         if self.parse(prefix, text).is_err()
             && let Some(plain) = super::frame::without_special_numbers(text)
         {
-            // What was read before the mistake stays.
+            // Columns read before the mistake stay.
             let _ = self.parse(prefix, &plain);
         }
     }

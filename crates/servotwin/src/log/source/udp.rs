@@ -24,13 +24,13 @@ const WAITING: usize = 8192;
 /// The most bytes among them.
 const WAITING_BYTES: usize = 64 << 20;
 
-/// What the operating system is asked to keep while our thread does not run, bytes.
+/// The requested size of the socket's receive buffer, bytes.
 const RECEIVE_BUFFER: usize = 4 << 20;
 
 /// A sender that was listened to and is silent for so long makes room for another.
 const RELEASE: Duration = Duration::from_secs(2);
 
-/// Whose datagrams count.
+/// The senders that are accepted.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Allowed {
     /// The first that sends a sample, until it is silent for two seconds.
@@ -81,7 +81,7 @@ fn canonical(address: SocketAddr) -> SocketAddr {
 #[derive(Debug)]
 struct Senders {
     allowed: Allowed,
-    /// Who is listened to, and when something came last.
+    /// The locked sender, and the time of its last datagram.
     locked: Option<(SocketAddr, Instant)>,
 }
 
@@ -124,11 +124,11 @@ struct Datagram {
     bytes: Vec<u8>,
 }
 
-/// What the thread that receives and the one that reads both know.
+/// The state that the receiving thread and the reader share.
 struct Shared {
     senders: Mutex<Senders>,
     waiting_bytes: AtomicUsize,
-    /// What was not taken since it was reported.
+    /// The datagrams refused since the last report.
     dropped: Mutex<Vec<Dropped>>,
     is_over: AtomicBool,
 }
@@ -153,7 +153,7 @@ impl Shared {
         }
     }
 
-    /// What is to be reported, one kind after the other.
+    /// The pending reports, one kind after the other.
     fn take_dropped(&self) -> Option<Dropped> {
         self.dropped().pop()
     }

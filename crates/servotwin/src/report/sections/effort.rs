@@ -58,7 +58,7 @@ const RINGS: &str = "Variants that ring take more than five times the steps of t
 const NAMED: &str = "Variants that began on the move, because no steady state was found for them or for their twin. \
                      They teach no band.";
 
-/// What the table of a data set shows, and no more.
+/// The columns of the table for a data set.
 fn caption(set: &DataSetEntry) -> String {
     let sum = |count: fn(&KindEffort) -> usize| set.efforts.iter().map(count).sum::<usize>();
     let moving = sum(|effort| effort.began_on_the_move);

@@ -6,14 +6,14 @@ use crate::study::{Role, Setting};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// What the campaigns of a folder lack before their shards can be joined.
+/// The shards that the campaigns of a folder lack.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingParts {
     /// In how many parts the campaigns are counted.
     pub of: usize,
     /// The missing parts, from 1, ascending.
     pub parts: Vec<usize>,
-    /// Which campaigns lack shards.
+    /// The campaigns that lack shards.
     pub campaigns: Vec<MissingRows>,
     /// Whether the shards that are there were made with `campaign --all`.
     pub simulate_images: bool,
@@ -21,12 +21,12 @@ pub struct MissingParts {
     pub damaged: Option<PathBuf>,
 }
 
-/// What one campaign lacks.
+/// The missing shards of one campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingRows {
     /// Its scenarios.
     pub settings: Vec<Setting>,
-    /// What its data sets are for.
+    /// The role of its data sets.
     pub role: Role,
     /// Rows that no usable shard holds, in all scenarios.
     pub missing: usize,

@@ -24,7 +24,7 @@ pub(super) struct Source {
     pub place: usize,
     /// The kind of the table's column. Whole numbers and flags with gaps become real numbers.
     pub kind: Kind,
-    /// What is stored.
+    /// The stored type.
     pub meaning: Meaning,
     /// So many texts are decoded at once: one encoding makes long texts of a few bytes.
     pub texts_at_once: usize,
@@ -91,7 +91,7 @@ struct Part<'s> {
 }
 
 impl Part<'_> {
-    /// Whole numbers of 32 bits, and what is stored as such.
+    /// Integers of 32 bits, and types stored as such.
     fn small(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int32Type>) -> Decoded {
         let meaning = self.source.meaning;
         Ok(match (self.source.kind, meaning) {
@@ -106,7 +106,7 @@ impl Part<'_> {
         })
     }
 
-    /// Whole numbers of 64 bits, and what is stored as such.
+    /// Integers of 64 bits, and types stored as such.
     fn large(self, reader: &mut ColumnReaderImpl<::parquet::data_type::Int64Type>) -> Decoded {
         let meaning = self.source.meaning;
         Ok(match (self.source.kind, meaning) {

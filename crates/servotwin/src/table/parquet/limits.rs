@@ -14,7 +14,7 @@ const GB: f64 = 1e9;
 /// One column may take this part of a table.
 const COLUMN_PART: u64 = 4;
 
-/// What a text takes in memory beside its bytes.
+/// The memory of a text beside its bytes.
 const TEXT_BYTES: u64 = 48;
 
 /// How many bytes a table may take in memory when it is read from a Parquet file.
@@ -41,7 +41,7 @@ impl Limits {
     }
 }
 
-/// What is left of the limits while the columns of a table are read one after the other.
+/// The remaining limits while the columns of a table are read one after the other.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Budget {
     limits: Limits,
@@ -53,7 +53,7 @@ impl Budget {
         Budget { limits, used_bytes: 0 }
     }
 
-    /// That a column may take so many bytes.
+    /// Checks that a column may take so many bytes.
     pub(super) fn allow(self, column: &str, bytes: u64) -> Result<(), ContentError> {
         let Limits { table_bytes, column_bytes } = self.limits;
         let column = || column.to_owned();
@@ -72,7 +72,7 @@ impl Budget {
     }
 }
 
-/// What a text of so many bytes takes in memory.
+/// The memory of a text with so many bytes.
 pub(super) fn text_bytes(length: usize) -> u64 {
     TEXT_BYTES + length as u64
 }

@@ -1,4 +1,4 @@
-//! What the values of a Parquet column stand for, and which kind of column holds them.
+//! The meaning of a Parquet column's values, and the kind of column that holds them.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use ::parquet::schema::types::{BasicTypeInfo, Type};
 
 use super::super::{ContentError, Kind};
 
-/// What a column's values stand for, beside the type in which they are stored.
+/// The meaning of a column's values, beside their stored type.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Meaning {
     /// Just what is stored.

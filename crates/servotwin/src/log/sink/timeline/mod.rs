@@ -46,7 +46,7 @@ pub struct Timeline {
     last_s: f64,
     changes: Vec<(usize, f64, Finding)>,
     left_out: usize,
-    /// What the watch reported by the wall clock, with the time of the last sample, s.
+    /// The notices of the watchdog, each with the time of the last sample, s.
     notices: Vec<(f64, String)>,
     bands: Vec<(usize, Vec<f64>)>,
 }

@@ -142,7 +142,7 @@ impl Conversion {
         let numbers: Vec<f64> =
             numbers.filter_map(|n| bytes(n, 0).map(f64::from_le_bytes)).collect();
         match (kind, &numbers[..]) {
-            // Of a number with a text for each value the number is read.
+            // A value-to-text conversion is ignored: the number is read.
             (0 | 7 | 8, _) => Ok(Conversion::None),
             (1, &[offset, factor, ..]) => Ok(Conversion::Linear { offset, factor }),
             (2, &[a, b, c, d, e, f, ..]) => Ok(Conversion::Rational([a, b, c, d, e, f])),

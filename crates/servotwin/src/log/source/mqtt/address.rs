@@ -7,7 +7,7 @@ use std::time::Duration;
 /// The usual time between two signs of life.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
-/// What to subscribe to.
+/// The broker and the topics of a subscription.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Subscription {
     /// The host; an IPv6 address is in brackets.
@@ -26,7 +26,7 @@ pub struct Subscription {
     pub tls: Option<Authority>,
 }
 
-/// Who vouches for the broker.
+/// The certificates that authenticate the broker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Authority {
     /// The certificates of the operating system.

@@ -28,7 +28,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 
-/// What the thread reports.
+/// A report of the client's thread.
 #[derive(Debug)]
 pub(super) enum News {
     /// The broker has accepted the subscription.
@@ -92,7 +92,7 @@ fn options(subscription: &Subscription) -> Result<MqttOptions, String> {
     let mut options = MqttOptions::new(name, &subscription.host, subscription.port);
     options.set_keep_alive(subscription.keep_alive);
     options.set_max_packet_size(MAX_PACKET, MAX_PACKET);
-    // What was missed while the connection was lost is not sent behind: it would be late.
+    // The broker does not resend messages missed during a loss: they would be late.
     options.set_clean_session(true);
     if let Some((name, password)) = &subscription.user {
         options.set_credentials(name, password);
@@ -253,7 +253,7 @@ impl Keeper {
         Instant::now() + self.subscription.keep_alive / 2
     }
 
-    /// That no answer is overdue.
+    /// Fails when an answer is overdue.
     fn answered(&self) -> Result<(), String> {
         match self.answer_by {
             Some(by) if Instant::now() >= by => Err("the broker does not answer".into()),
@@ -271,7 +271,7 @@ impl Keeper {
     }
 }
 
-/// What ended a connection, in words.
+/// The reason why a connection ended.
 fn cause(error: &ConnectionError) -> String {
     use rumqttc::ConnectReturnCode as Code;
     match error {

@@ -1,4 +1,4 @@
-//! Which topic a column comes from.
+//! Assigns columns to topics.
 //!
 //! A column `p` is the key `p` of whichever topic sends it, but of one only: a second topic with the same key is
 //! another unit, and the two are never mixed. `rig/one:p` and `one:p` are the key `p` of the topic `rig/one` alone.
@@ -22,7 +22,7 @@ pub(super) struct Topics {
     owners: Vec<Option<String>>,
 }
 
-/// What is read of one topic.
+/// The columns that are read from one topic.
 struct Topic {
     frames: Frames,
     /// The place of each of its columns among those wanted.
