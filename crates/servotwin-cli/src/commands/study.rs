@@ -8,7 +8,7 @@ use crate::render::json;
 use crate::{Global, stop};
 use indicatif::ProgressBar;
 use serde_json::json;
-use servotwin::job::{Folder, StudyEvent, StudyRun};
+use servotwin::job::{StudyEvent, StudyRun};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -33,7 +33,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let screen = Screen::new(global, options);
     let run = StudyRun {
-        folder: Folder::new(&options.study.out),
         replace: options.study.replace,
         fitted: options.fitted,
         workers: super::evaluate::workers(options.study.threads),

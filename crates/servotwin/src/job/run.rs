@@ -15,7 +15,7 @@ use super::folder::{Folder, Kept};
 use super::{JobError, Results, Subject, flights, manifest, report};
 use crate::evaluation::parallel::Workers;
 use crate::study::campaign::{Campaign, CampaignError, Outcome, runs};
-use crate::study::{Role, Setting, Study};
+use crate::study::{Flights, Role, Setting, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -175,7 +175,7 @@ impl<'r> StudyRun<'r> {
         Ok(())
     }
 
-    fn fly(&self, sizes: &crate::study::Flights) -> Result<FlightResults, JobError> {
+    fn fly(&self, sizes: &Flights) -> Result<FlightResults, JobError> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
         let crew = Crew { workers: self.workers, progress: &progress };
