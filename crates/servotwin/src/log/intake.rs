@@ -14,7 +14,6 @@ use crate::moment;
 use crate::recording::with_suffix;
 use crate::study::Study;
 use crate::table::{Column, Table, TableError};
-use std::fmt;
 use std::path::Path;
 
 /// The column with the times, and the entry in a table's metadata with the unit that the log's own have.
@@ -36,41 +35,17 @@ pub struct Whole {
 }
 
 /// Why a log cannot be read.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 pub enum IntakeError {
-    /// It cannot be read, or has nothing that was asked for.
-    Source(SourceError),
+    /// It cannot be read, or the requested part of it is empty.
+    Source(#[from] SourceError),
     /// The map does not fit it.
     Map(MapError),
     /// An input and a sensor of the system have the same name.
-    Table(TableError),
+    Table(#[from] TableError),
     /// Without a map: it has no time, or no sensor of the system.
     Record(RecordError),
-}
-
-impl fmt::Display for IntakeError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            IntakeError::Source(error) => write!(out, "{error}"),
-            IntakeError::Map(error) => write!(out, "{error}"),
-            IntakeError::Table(error) => write!(out, "{error}"),
-            IntakeError::Record(error) => write!(out, "{error}"),
-        }
-    }
-}
-
-impl std::error::Error for IntakeError {}
-
-impl From<TableError> for IntakeError {
-    fn from(error: TableError) -> Self {
-        IntakeError::Table(error)
-    }
-}
-
-impl From<SourceError> for IntakeError {
-    fn from(error: SourceError) -> Self {
-        IntakeError::Source(error)
-    }
 }
 
 /// Whether a file may be a log, as its extension says.

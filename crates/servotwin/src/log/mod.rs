@@ -34,50 +34,20 @@ use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
 use sink::{Sample, Sink, SinkError, SinkLoss};
 use source::{Read, Row, Source, SourceError};
-use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use watchdog::{Notice, Silences, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time};
 
 /// Why watching ended early.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 pub enum WatchError {
     /// The source failed.
-    Source(SourceError),
+    Source(#[from] SourceError),
     /// A result cannot be written.
-    Sink(SinkError),
+    Sink(#[from] SinkError),
     /// A checkpoint cannot be written or used.
-    Checkpoint(CheckpointError),
-}
-
-impl fmt::Display for WatchError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            WatchError::Source(error) => write!(out, "{error}"),
-            WatchError::Sink(error) => write!(out, "{error}"),
-            WatchError::Checkpoint(error) => write!(out, "{error}"),
-        }
-    }
-}
-
-impl std::error::Error for WatchError {}
-
-impl From<SourceError> for WatchError {
-    fn from(error: SourceError) -> Self {
-        WatchError::Source(error)
-    }
-}
-
-impl From<SinkError> for WatchError {
-    fn from(error: SinkError) -> Self {
-        WatchError::Sink(error)
-    }
-}
-
-impl From<CheckpointError> for WatchError {
-    fn from(error: CheckpointError) -> Self {
-        WatchError::Checkpoint(error)
-    }
+    Checkpoint(#[from] CheckpointError),
 }
 
 /// No counter of a checkpoint is larger: every number up to it has its own place in JSON, and a year at 1 MHz is far
