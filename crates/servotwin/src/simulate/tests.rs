@@ -73,10 +73,13 @@ fn every_slip_is_an_error_that_names_it() {
 
 #[test]
 fn a_temperature_that_makes_the_liquid_too_soft_is_refused_with_the_reason() {
-    let system = spring();
-    let refused = Simulation::new(&system).parameter("supply.temperature_k", 470.0).run();
+    let own = "kind = \"own\"\nbulk_modulus_pa = 6e8\nbulk_modulus_change = -1.6e7";
+    let text = built_in::SYSTEMS[0].1.replace("kind = \"phosphate_ester\"", own);
+    let system = System::parse(&text, "soft.toml").unwrap();
+    let name = "actuator_1.supply.temperature_k";
+    let refused = Simulation::new(&system).parameter(name, 345.65).run();
     let message = refused.map(drop).unwrap_err().to_string();
-    assert!(message.contains("bulk modulus of its liquid"), "{message}");
+    assert!(message.ends_with("the bulk modulus of its liquid would be 8e7 Pa"), "{message}");
 }
 
 #[test]
