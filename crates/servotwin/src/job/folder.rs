@@ -19,6 +19,7 @@
 //! Who writes holds the folder ([`Hold`]); who only reads does not.
 
 use super::hold::{self, Among, Hold};
+use super::manifest::Manifest;
 use super::{JobError, Subject};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::leftovers::remove_abandoned_files;
@@ -130,7 +131,7 @@ impl Folder {
 
     /// The report's figures, as the manifest knows them: what else lies beside them is not ours.
     fn figure_files(&self) -> Result<Vec<PathBuf>, JobError> {
-        let known = manifest::read(&self.0)?.map(|manifest| manifest.outputs).unwrap_or_default();
+        let known = Manifest::read(&self.0)?.map(|manifest| manifest.outputs).unwrap_or_default();
         let figures = known.iter().filter_map(|known| known.file.strip_prefix(FIGURES));
         Ok(figures.map(|name| self.figures().join(name)).collect())
     }
@@ -185,7 +186,7 @@ impl Folder {
         if results.is_empty() && texts.iter().all(|text| !text.exists()) {
             return Ok(None);
         }
-        let told = manifest::read(&self.0)?.map(|manifest| manifest.study);
+        let told = Manifest::read(&self.0)?.map(|manifest| manifest.study);
         Ok(match told.or_else(|| name_in(&self.study())) {
             Some(name) if name == study.name => None,
             Some(name) => Some(format!("the study '{name}'")),
@@ -219,7 +220,7 @@ impl Folder {
     /// Whether the results in the folder come from a study. That is what the manifest says: a text may have been damaged
     /// or changed since. Where it says nothing, the texts in the folder do.
     fn is_made_of(&self, study: &Study) -> Result<bool, JobError> {
-        let known = manifest::read(&self.0)?;
+        let known = Manifest::read(&self.0)?;
         let is_from = |path: PathBuf, text: &str| {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             match known.as_ref().and_then(|known| known.hash_of(&name)) {

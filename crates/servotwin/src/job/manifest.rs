@@ -3,16 +3,136 @@
 
 use super::{Folder, JobError, Subject};
 use crate::evaluation::EvaluationError;
+use crate::files::FileError;
 use crate::manifest;
 use crate::study::{Role, Setting, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{Table, TableError};
+use serde::{Deserialize, Serialize};
 use servotwin_model::solver::{self, Control};
 use std::path::{Path, PathBuf};
 
-pub use crate::manifest::{
-    DataSetEntry, FORMAT, FailedVariant, FileHash, KindEffort, Manifest, MovingVariant,
-};
+pub use crate::manifest::{FORMAT, FileHash};
+
+/// Where the results in a folder come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The version of the program that wrote it.
+    pub version: String,
+    /// The name of the study.
+    pub study: String,
+    /// The texts that everything comes from.
+    pub inputs: Vec<FileHash>,
+    /// The seed of noise and specimens, where the study has a realistic setting.
+    pub specimen_seed: Option<u64>,
+    /// The seed of splits into training and test.
+    pub split_seed: u64,
+    /// The solver's settings.
+    pub solver: String,
+    /// The data sets.
+    pub data_sets: Vec<DataSetEntry>,
+    /// Every result file.
+    pub outputs: Vec<FileHash>,
+}
+
+/// What is in a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DataSetEntry {
+    /// The setting.
+    pub setting: String,
+    /// Whether a diagnosis learns from it; otherwise it is judged on it.
+    pub is_training: bool,
+    /// Number of variants.
+    pub variants: usize,
+    /// Variants that were not simulated, being mirror images of others.
+    pub reflected: usize,
+    /// Variants without a fault.
+    pub healthy: usize,
+    /// Faulty variants that never leave the band of healthy residuals.
+    pub undetectable: usize,
+    /// What simulations took, by kind of fault.
+    pub efforts: Vec<KindEffort>,
+    /// Variants that began without a steady state.
+    #[serde(default)]
+    pub on_the_move: Vec<MovingVariant>,
+    /// Variants that were not simulated to the end.
+    pub failed: Vec<FailedVariant>,
+}
+
+/// What the simulations of a kind of fault took, those that did not end left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KindEffort {
+    /// The kind; `healthy` without a fault.
+    pub kind: String,
+    /// Number of variants.
+    pub variants: usize,
+    /// The solver's steps for each simulated second, on average.
+    pub mean_steps_per_s: f64,
+    /// The most that a variant took.
+    pub most_steps_per_s: f64,
+    /// Variants that ring ([`Effort::rings`](crate::study::campaign::Effort::rings)).
+    pub rings: usize,
+    /// Variants that began on the move: no rest was found.
+    pub began_on_the_move: usize,
+    /// Those of them that were measured to swing for ever.
+    #[serde(default)]
+    pub limit_cycles: usize,
+}
+
+/// A variant that began without a steady state: none was found for it or for its twin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MovingVariant {
+    /// Its number.
+    pub variant: u32,
+    /// Its fault.
+    pub fault: String,
+    /// Its intensity.
+    pub intensity: f64,
+    /// The operating case.
+    pub case: String,
+    /// Whether it was measured to swing for ever.
+    pub limit_cycle: bool,
+}
+
+/// A variant that was not simulated to the end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FailedVariant {
+    /// Its number.
+    pub variant: u32,
+    /// Its fault.
+    pub fault: String,
+    /// Its intensity.
+    pub intensity: f64,
+    /// The operating case.
+    pub case: String,
+    /// Why.
+    pub reason: String,
+}
+
+impl Manifest {
+    /// Reads the manifest of a folder; `None` if there is none of ours.
+    ///
+    /// # Errors
+    /// It cannot be read, or is damaged.
+    pub fn read(folder: &Path) -> Result<Option<Self>, FileError> {
+        manifest::read(folder)
+    }
+
+    /// What was in a file when it was written, if that is known.
+    pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
+        self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
+    }
+
+    /// Writes it into its folder; the same manifest gives the same bytes.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), FileError> {
+        manifest::write(folder, self)
+    }
+}
 
 /// The manifest of what is in a folder now. What the one that lies there knows of a file is kept: a stage vouches only for
 /// what was written since ([`manifest::forget`]), and not for what was damaged before it began.
@@ -25,7 +145,7 @@ pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
 
 /// The same with figures that have just been drawn.
 fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest, JobError> {
-    let known = manifest::read(folder.path())?;
+    let known = Manifest::read(folder.path())?;
     let mut results = folder.results_there()?;
     results.extend(
         figures.iter().filter(|&figure| !results.contains(figure)).cloned().collect::<Vec<_>>(),
@@ -233,5 +353,32 @@ impl KindEffort {
         self.rings += usize::from(rings);
         self.began_on_the_move += usize::from(moves);
         self.limit_cycles += usize::from(cycles);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::job::{Folder, Subject};
+    use crate::manifest::remedy;
+    use crate::study::campaign::calibration_file;
+    use crate::study::{Role, Setting};
+
+    #[test]
+    fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
+        let folder = Folder::new("out");
+        let mut files = vec![folder.study(), folder.system()];
+        files.extend([folder.flights(), folder.missing_sensors(), folder.results()]);
+        for setting in Setting::ALL {
+            files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
+            files.extend([folder.diagnoser(setting), folder.band(setting)]);
+        }
+        files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
+        for subject in Subject::ALL {
+            files.extend([folder.hierarchy(subject), folder.panel(subject)]);
+        }
+        for file in files {
+            let name = file.file_name().unwrap().to_str().unwrap();
+            assert!(remedy(folder.path(), name).contains("makes it anew"), "{name}");
+        }
     }
 }

@@ -38,7 +38,7 @@ pub use meaning::Meaning;
 pub use png::PngError;
 pub use style::{Look, dark_rules};
 
-use crate::files::{FileError, write_atomically};
+use servotwin_io::files::{FileError, write_atomically};
 
 /// A drawn figure.
 #[derive(Debug, Clone, PartialEq)]

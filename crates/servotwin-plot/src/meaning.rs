@@ -99,7 +99,7 @@ pub(super) fn shades() -> Vec<Shade> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::style::{contrast, difference};
+    use crate::style::{contrast, difference};
 
     #[test]
     fn no_two_meanings_look_alike_on_either_ground() {

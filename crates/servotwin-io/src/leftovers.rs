@@ -11,7 +11,7 @@ use std::path::Path;
 const PREFIX: &str = "servotwin-";
 
 /// The beginning of this process's temporary names.
-pub(crate) fn own_prefix() -> String {
+pub fn own_prefix() -> String {
     format!("{PREFIX}{}-{}-", mark().unwrap_or_default(), std::process::id())
 }
 
@@ -38,7 +38,7 @@ fn is_abandoned(name: &str) -> bool {
 }
 
 /// Whether a process of this machine writes a temporary file beside results.
-pub(crate) fn is_being_written(name: &str) -> bool {
+pub fn is_being_written(name: &str) -> bool {
     let own = name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp"));
     own.and_then(is_running) == Some(true)
 }

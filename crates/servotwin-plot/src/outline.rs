@@ -145,7 +145,7 @@ impl OutlineBuilder for Pen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::font;
+    use crate::font;
 
     fn width(text: &str, bold: bool) -> f64 {
         let data = if bold { dejavu::sans::bold() } else { dejavu::sans::regular() };

@@ -14,9 +14,9 @@
 //! a later row contradicts what was understood (a quoted text in a column of numbers, a byte that is
 //! no UTF-8) does reading begin again, with that knowledge.
 
-pub(crate) mod dialect;
-pub(crate) mod encoding;
-pub(crate) mod growing;
+pub mod dialect;
+pub mod encoding;
+pub mod growing;
 mod records;
 
 use std::collections::BTreeSet;

@@ -5,6 +5,7 @@
 //! nothing is claimed. Where there is no manifest, nothing is compared.
 
 use crate::files::{self, FileError, read_through, write_atomically};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -16,27 +17,15 @@ pub const FORMAT: &str = "servotwin manifest 1";
 /// Its name in the folder.
 pub const NAME: &str = "manifest.json";
 
-/// Where the results in a folder come from.
+/// The part of a manifest that concerns its files; the writer's own words stand beside it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
-    /// [`FORMAT`].
-    pub format: String,
-    /// The version of the program that wrote it.
-    pub version: String,
-    /// The name of the study.
-    pub study: String,
+pub struct FileHashes {
     /// The texts that everything comes from.
     pub inputs: Vec<FileHash>,
-    /// The seed of noise and specimens, where the study has a realistic setting.
-    pub specimen_seed: Option<u64>,
-    /// The seed of splits into training and test.
-    pub split_seed: u64,
-    /// The solver's settings.
-    pub solver: String,
-    /// The data sets.
-    pub data_sets: Vec<DataSetEntry>,
     /// Every result file.
     pub outputs: Vec<FileHash>,
+    #[serde(flatten)]
+    words: serde_json::Map<String, serde_json::Value>,
 }
 
 /// A file and what was in it.
@@ -48,101 +37,27 @@ pub struct FileHash {
     pub sha256: String,
 }
 
-/// What is in a data set.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DataSetEntry {
-    /// The setting.
-    pub setting: String,
-    /// Whether a diagnosis learns from it; otherwise it is judged on it.
-    pub is_training: bool,
-    /// Number of variants.
-    pub variants: usize,
-    /// Variants that were not simulated, being mirror images of others.
-    pub reflected: usize,
-    /// Variants without a fault.
-    pub healthy: usize,
-    /// Faulty variants that never leave the band of healthy residuals.
-    pub undetectable: usize,
-    /// What simulations took, by kind of fault.
-    pub efforts: Vec<KindEffort>,
-    /// Variants that began without a steady state.
-    #[serde(default)]
-    pub on_the_move: Vec<MovingVariant>,
-    /// Variants that were not simulated to the end.
-    pub failed: Vec<FailedVariant>,
-}
-
-/// What the simulations of a kind of fault took, those that did not end left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct KindEffort {
-    /// The kind; `healthy` without a fault.
-    pub kind: String,
-    /// Number of variants.
-    pub variants: usize,
-    /// The solver's steps for each simulated second, on average.
-    pub mean_steps_per_s: f64,
-    /// The most that a variant took.
-    pub most_steps_per_s: f64,
-    /// Variants that ring ([`Effort::rings`](crate::study::campaign::Effort::rings)).
-    pub rings: usize,
-    /// Variants that began on the move: no rest was found.
-    pub began_on_the_move: usize,
-    /// Those of them that were measured to swing for ever.
-    #[serde(default)]
-    pub limit_cycles: usize,
-}
-
-/// A variant that began without a steady state: none was found for it or for its twin.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MovingVariant {
-    /// Its number.
-    pub variant: u32,
-    /// Its fault.
-    pub fault: String,
-    /// Its intensity.
-    pub intensity: f64,
-    /// The operating case.
-    pub case: String,
-    /// Whether it was measured to swing for ever.
-    pub limit_cycle: bool,
-}
-
-/// A variant that was not simulated to the end.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FailedVariant {
-    /// Its number.
-    pub variant: u32,
-    /// Its fault.
-    pub fault: String,
-    /// Its intensity.
-    pub intensity: f64,
-    /// The operating case.
-    pub case: String,
-    /// Why.
-    pub reason: String,
-}
-
-impl Manifest {
+impl FileHashes {
     /// What was in a file when it was written, if that is known.
-    pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
+    fn hash_of(&self, file: &str) -> Option<&FileHash> {
         self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
     }
+}
 
-    /// Writes it into its folder; the same manifest gives the same bytes.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), FileError> {
-        let text = serde_json::to_string_pretty(self).expect("a manifest is JSON") + "\n";
-        write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
-    }
+/// Writes a manifest into its folder; the same manifest gives the same bytes.
+///
+/// # Errors
+/// It cannot be written.
+pub fn write(folder: &Path, manifest: &impl Serialize) -> Result<(), FileError> {
+    let text = serde_json::to_string_pretty(manifest).expect("a manifest is JSON") + "\n";
+    write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
 }
 
 /// The manifest of a folder; `None` if there is none of ours.
 ///
 /// # Errors
 /// It cannot be read, or is damaged.
-pub fn read(folder: &Path) -> Result<Option<Manifest>, FileError> {
+pub fn read<Manifest: DeserializeOwned>(folder: &Path) -> Result<Option<Manifest>, FileError> {
     let path = folder.join(NAME);
     let text = match files::read_text(&path) {
         Ok(text) => text,
@@ -168,7 +83,7 @@ pub fn read(folder: &Path) -> Result<Option<Manifest>, FileError> {
 /// [`FileError::Altered`]; the file or the manifest cannot be read.
 pub fn check(path: &Path) -> Result<(), FileError> {
     let Some((folder, name)) = place(path).filter(|_| path.is_file()) else { return Ok(()) };
-    let Some(manifest) = read(folder)? else { return Ok(()) };
+    let Some(manifest) = read::<FileHashes>(folder)? else { return Ok(()) };
     match manifest.hash_of(name) {
         Some(known) if known.sha256 != sha256(path)? => {
             Err(FileError::Altered { path: path.into(), remedy: remedy(folder, name) })
@@ -187,13 +102,13 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
     static WRITING: Mutex<()> = Mutex::new(());
     let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let Some((folder, name)) = place(path) else { return Ok(()) };
-    let Ok(Some(mut manifest)) = read(folder) else { return Ok(()) };
+    let Ok(Some(mut manifest)) = read::<FileHashes>(folder) else { return Ok(()) };
     if manifest.hash_of(name).is_none() {
         return Ok(());
     }
     manifest.inputs.retain(|known| known.file != name);
     manifest.outputs.retain(|known| known.file != name);
-    manifest.write(folder)
+    write(folder, &manifest)
 }
 
 /// SHA-256 of a file's bytes, in hexadecimal digits.
@@ -238,8 +153,8 @@ const WRITERS: [(&str, &str); 11] = [
 /// A file to which its command adds: it writes over none that is not what was written.
 const ADDED_TO: &str = "flights.json";
 
-/// What is to be done about a file that is not what was written.
-fn remedy(folder: &Path, name: &str) -> String {
+/// What the user can do about a file that changed since it was written.
+pub fn remedy(folder: &Path, name: &str) -> String {
     let writer = WRITERS.iter().find(|(beginning, _)| name.starts_with(beginning));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let first = if name == ADDED_TO { "move it away or delete it, and " } else { "" };
@@ -252,31 +167,4 @@ fn remedy(folder: &Path, name: &str) -> String {
         "its SHA-256 is not the one in {NAME}; {again}if you changed it on purpose, remove {}",
         manifest.display()
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::job::{Folder, Subject};
-    use crate::study::campaign::calibration_file;
-    use crate::study::{Role, Setting};
-
-    #[test]
-    fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
-        let folder = Folder::new("out");
-        let mut files = vec![folder.study(), folder.system()];
-        files.extend([folder.flights(), folder.missing_sensors(), folder.results()]);
-        for setting in Setting::ALL {
-            files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
-            files.extend([folder.diagnoser(setting), folder.band(setting)]);
-        }
-        files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
-        for subject in Subject::ALL {
-            files.extend([folder.hierarchy(subject), folder.panel(subject)]);
-        }
-        for file in files {
-            let (folder, name) = place(&file).unwrap();
-            assert!(remedy(folder, name).contains("makes it anew"), "{name}");
-        }
-    }
 }

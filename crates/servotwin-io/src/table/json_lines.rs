@@ -53,7 +53,7 @@ fn parse(text: &str) -> Result<Table, ContentError> {
 }
 
 /// The values in an object, with the keys that lead there.
-pub(crate) fn leaves(value: Value, path: String, found: &mut Vec<(String, Value)>) {
+pub fn leaves(value: Value, path: String, found: &mut Vec<(String, Value)>) {
     let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match value {
         Value::Object(map) => {

@@ -194,7 +194,7 @@ impl Values {
     }
 
     /// The values of some rows.
-    pub(crate) fn rows(&self, rows: Range<usize>) -> Self {
+    pub fn rows(&self, rows: Range<usize>) -> Self {
         match self {
             Values::Float(values) => Values::Float(values[rows].to_vec()),
             Values::Integer(values) => Values::Integer(values[rows].to_vec()),
@@ -205,7 +205,7 @@ impl Values {
     }
 
     /// Appends values of the same kind; `false`, and nothing done, if the kinds differ.
-    pub(crate) fn append(&mut self, other: Values) -> bool {
+    pub fn append(&mut self, other: Values) -> bool {
         match (self, other) {
             (Values::Float(own), Values::Float(more)) => own.extend(more),
             (Values::Integer(own), Values::Integer(more)) => own.extend(more),
@@ -371,7 +371,7 @@ impl Table {
     }
 
     /// The columns from left to right, without the table.
-    pub(crate) fn into_columns(self) -> Vec<Column> {
+    pub fn into_columns(self) -> Vec<Column> {
         self.columns
     }
 
@@ -401,7 +401,7 @@ impl Table {
     }
 
     /// Some rows of the table, with its columns and metadata.
-    pub(crate) fn rows(&self, rows: Range<usize>) -> Table {
+    pub fn rows(&self, rows: Range<usize>) -> Table {
         let cut = |column: &Column| Column {
             name: column.name.clone(),
             unit: column.unit.clone(),
@@ -426,7 +426,7 @@ impl Table {
     }
 
     /// That another table has the same column names and kinds in the same order.
-    pub(crate) fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
+    pub fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
         if self.columns.len() != other.columns.len() {
             return Err(TableError::ColumnCount {
                 found: other.columns.len(),
@@ -461,7 +461,7 @@ impl Table {
     }
 
     /// Gives the values of a column away, for who reads a table for the last time: the column stays, without rows.
-    pub(crate) fn release(&mut self, name: &str) -> Result<Column, TableError> {
+    pub fn release(&mut self, name: &str) -> Result<Column, TableError> {
         let Some(place) = self.place(name) else {
             return Err(self.missing_column(name));
         };
@@ -488,11 +488,7 @@ impl Table {
     }
 
     /// The same table, whose rows stand at these places of what is counted in a log.
-    pub(crate) fn with_places(
-        mut self,
-        counted: &'static str,
-        places: impl Iterator<Item = u64>,
-    ) -> Self {
+    pub fn with_places(mut self, counted: &'static str, places: impl Iterator<Item = u64>) -> Self {
         self.origin.counted = Some(counted);
         for (row, place) in places.enumerate() {
             self.origin.push_line(row, place as usize);
@@ -525,7 +521,7 @@ impl Table {
     }
 
     /// The error for a number that is not finite where it must be.
-    pub(crate) fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
+    pub fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
         TableError::NotFinite {
             column: name.to_owned(),
             place: self.origin.place_in_file(row),
@@ -590,10 +586,7 @@ impl Table {
 }
 
 /// The error for a column that is not there.
-pub(crate) fn unknown_column<'a>(
-    name: &str,
-    known: impl IntoIterator<Item = &'a str>,
-) -> TableError {
+pub fn unknown_column<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> TableError {
     let known: Vec<&str> = known.into_iter().collect();
     let nearest = nearest(name, known.iter().copied()).map(str::to_owned);
     let known = known.into_iter().map(str::to_owned).collect();

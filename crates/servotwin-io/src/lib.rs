@@ -1,0 +1,19 @@
+//! Files: what servotwin reads and writes, without knowing what is in it.
+//!
+//! [`table`] holds named columns and reads and writes them as CSV, Parquet and lines of JSON.
+//! [`document`] reads TOML with the place of every value, for messages that point at it.
+//! [`files`] writes a file whole or not at all, and [`leftovers`] removes what a killed process left.
+//! [`manifest`] keeps the checksum of every file of an output folder.
+//! [`moment`] reads dates and times, [`sanitize`] makes text of unknown origin safe to print, and
+//! [`nearest`] finds the known name that a mistyped one was meant for.
+//!
+//! No module here depends on a system, a study or a diagnosis.
+
+pub mod document;
+pub mod files;
+pub mod leftovers;
+pub mod manifest;
+pub mod moment;
+pub mod nearest;
+pub mod sanitize;
+pub mod table;
