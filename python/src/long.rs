@@ -2,7 +2,7 @@
 //! how far it is.
 
 use pyo3::prelude::*;
-use servotwin::evaluation::parallel::Workers;
+use servotwin::parallel::Workers;
 use std::panic::resume_unwind;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};

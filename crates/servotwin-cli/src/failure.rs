@@ -2,6 +2,7 @@
 
 use crate::commands::merge::Incomplete;
 use crate::paths::Named;
+use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::TableModelError;
 use servotwin::evaluation::traces::TraceError;
@@ -22,7 +23,6 @@ use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::simulate::SimulationError;
 use servotwin::study::StudyError;
-use servotwin::study::campaign::CampaignError;
 use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
 use std::borrow::Cow;

@@ -4,7 +4,7 @@
 //! [`document`] reads TOML with the place of every value, for messages that point at it.
 //! [`files`] writes a file whole or not at all, and [`leftovers`] removes what a killed process left.
 //! [`manifest`] keeps the checksum of every file of an output folder.
-//! [`moment`] reads dates and times, [`sanitize`] makes text of unknown origin safe to print, and
+//! [`moment`] reads dates and times, [`sanitize`] makes text of unknown origin safe to print, [`text`] writes names and numbers for people, and
 //! [`nearest`] finds the known name that a mistyped one was meant for.
 //!
 //! No module here depends on a system, a study or a diagnosis.
@@ -17,3 +17,4 @@ pub mod moment;
 pub mod nearest;
 pub mod sanitize;
 pub mod table;
+pub mod text;

@@ -4,13 +4,13 @@
 //! plant, and prints median, p99.9 and largest time of [`Runtime::push`], as ratios to the time there
 //! is, and how many such actuators one core can watch; by lists and, where there is a C compiler, by the compiled step.
 
-use servotwin::evaluation::parallel::Workers;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::flight::flown::Flown;
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::runtime::Runtime;
 use servotwin::flight::{lessons, train};
 use servotwin::job;
+use servotwin::parallel::Workers;
 use servotwin::study::{Setting, Study};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;

@@ -4,8 +4,9 @@
 //! faults under its second command at full load, in one thread. What is sampled is
 //! what a campaign samples, and goes into a sum only. Prints the seconds, and those of compilers.
 
+use servotwin::campaign;
 use servotwin::ensemble::{Sink, Variant};
-use servotwin::study::{Study, campaign};
+use servotwin::study::Study;
 use servotwin_model::solver::Statistics;
 
 struct Sum(f64);

@@ -71,6 +71,7 @@
 
 mod beside;
 pub mod built_in;
+pub mod campaign;
 pub mod catalogue;
 pub mod compiled;
 pub mod eigenvalues;
@@ -83,6 +84,7 @@ pub mod job;
 pub mod kind;
 pub mod log;
 pub mod monitor;
+pub mod parallel;
 pub mod prelude;
 pub mod recording;
 pub mod report;

@@ -6,7 +6,7 @@ use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::nearest::UnknownName;
 use crate::shown::Shown;
 use crate::signal::random::Random;
-use crate::study::Imperfections;
+use crate::system::imperfection::Imperfections;
 use crate::system::{Sensor, System};
 use crate::table::{Column, Table, TableError};
 use servotwin_model::program::Slot;

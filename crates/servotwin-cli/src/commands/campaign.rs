@@ -7,9 +7,9 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use servotwin::evaluation::parallel::Workers;
+use servotwin::campaign::{Campaign, CampaignError, OnTheMove, Outcome, Part, runs};
 use servotwin::job::{Folder, manifest};
-use servotwin::study::campaign::{Campaign, CampaignError, OnTheMove, Outcome, Part, runs};
+use servotwin::parallel::Workers;
 use servotwin::study::{Role, Setting, Study};
 use std::time::Instant;
 

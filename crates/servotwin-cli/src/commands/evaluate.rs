@@ -10,9 +10,9 @@ use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::model_file;
-use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::table_model::{Judged, Prepared, TableModel, judge_table};
 use servotwin::job::{self, Folder, JobError, Results, manifest};
+use servotwin::parallel::Workers;
 use servotwin::study::Study;
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,8 @@
 use super::campaign::{campaign, chosen, describe, named};
 use crate::failure::Failure;
 use crate::{Global, stop};
+use servotwin::campaign::{Campaign, CampaignError, MissingParts, missing_parts};
 use servotwin::job::{Folder, manifest};
-use servotwin::study::campaign::{Campaign, CampaignError, MissingParts, missing_parts};
 use servotwin::study::{Setting, Study};
 use std::borrow::Cow;
 use std::fmt;

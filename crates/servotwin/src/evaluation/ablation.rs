@@ -3,10 +3,10 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel::{self, Workers};
 use super::protocol::{Holding, Protocol, summary};
 use super::run::{Scope, run};
 use super::score::Rate;
+use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::evaluation::Split;

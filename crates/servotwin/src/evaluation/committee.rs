@@ -6,8 +6,8 @@
 
 use super::data_set::{DataSet, Lessons, Row};
 use super::error::EvaluationError;
-use super::parallel::{self, Workers};
 use super::run::{self, Outcome, settled};
+use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::calibration::Forecasts;
 use servotwin_diagnosis::classifiers::{Classifier, Scores};

@@ -2,10 +2,10 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel::{self, Workers};
 use super::protocol::{Holding, Protocol, trial};
 use super::run::settled;
 use super::score::{Prediction, Score, Trial};
+use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Kind};
 use servotwin_diagnosis::evaluation::Split;

@@ -10,9 +10,9 @@
 
 use super::error::EvaluationError;
 use super::flips::{Moved, Moving};
-use super::parallel::{self, Workers};
-use crate::study::campaign::columns::view_column;
-use crate::study::campaign::{data_features, largest_column};
+use crate::campaign::columns::view_column;
+use crate::campaign::{data_features, largest_column};
+use crate::parallel::{self, Workers};
 use crate::study::{Role, Study};
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
@@ -39,7 +39,7 @@ impl FeatureInfo {
     /// The features of a study; those that need its extra sensor only if asked for.
     pub fn of_study(study: &Study, extra: bool) -> Vec<Self> {
         let features = data_features(study).into_iter().filter(|f| extra || !f.extra);
-        let info = |f: crate::study::campaign::DataFeature| FeatureInfo {
+        let info = |f: crate::campaign::DataFeature| FeatureInfo {
             name: f.feature.name,
             family: f.family.into(),
             units: f.feature.units,

@@ -164,8 +164,8 @@ impl From<TableModelError> for EvaluationError {
     }
 }
 
-impl From<super::parallel::Cancelled> for EvaluationError {
-    fn from(_: super::parallel::Cancelled) -> Self {
+impl From<crate::parallel::Cancelled> for EvaluationError {
+    fn from(_: crate::parallel::Cancelled) -> Self {
         EvaluationError::Cancelled
     }
 }

@@ -7,9 +7,9 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel::{self, Workers};
 use super::protocol::trial;
 use super::score::Rate;
+use crate::parallel::{self, Workers};
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;

@@ -18,9 +18,9 @@
 
 use super::data_set::{DataSet, Lessons, Row};
 use super::error::EvaluationError;
-use super::parallel::Workers;
 use super::run::{Outcome, Scope, ask, first_error, run};
 use super::score::{Prediction, Rate, Score, Trial};
+use crate::parallel::Workers;
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::evaluation::{

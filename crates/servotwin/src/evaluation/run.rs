@@ -5,7 +5,7 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::parallel::{self, Workers};
+use crate::parallel::{self, Workers};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::{

@@ -11,7 +11,7 @@ use super::record::Record;
 use super::solve::Minimum;
 use super::suspects::{SCORE_LIMIT, Suspect};
 use super::{FitError, Fitted, Problem};
-use crate::report::words::number;
+use servotwin_io::text::number;
 
 /// Largest sliding mean, in its standard deviations, that chance is believed to make in a record.
 pub const MEAN_LIMIT: f64 = 6.0;

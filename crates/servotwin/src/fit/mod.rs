@@ -47,8 +47,9 @@ pub use unknown::Unknown;
 pub use verdict::FitVerdict;
 
 use crate::ensemble::processors;
-use crate::study::{Imperfection, Study};
+use crate::study::Study;
 use crate::system::System;
+use crate::system::imperfection::Imperfection;
 use servotwin_model::solver::{self, Settings};
 use std::fmt;
 use std::sync::atomic::AtomicBool;

@@ -9,7 +9,8 @@ use crate::ensemble::{Ensemble, Variant};
 use crate::recording::with_suffix;
 use crate::signal::Signal;
 use crate::signal::random::Random;
-use crate::study::{Imperfections, Lot};
+use crate::study::Lot;
+use crate::system::imperfection::Imperfections;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;
 

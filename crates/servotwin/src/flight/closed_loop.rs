@@ -4,7 +4,8 @@
 use super::runtime::{self, Runtime, RuntimeError};
 use crate::signal::bus::Bus;
 use crate::signal::random::Random;
-use crate::study::{Imperfections, Lot, Reaction, Study};
+use crate::study::{Lot, Reaction, Study};
+use crate::system::imperfection::Imperfections;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Finding, Raised};
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::signal::Piecewise;

@@ -5,12 +5,13 @@
 //! a calibration flight of it; otherwise every flight has a specimen of its own, beside the nominal twin.
 
 use super::plan::{self, Flight, Purpose};
+use crate::campaign::{Calibrating, CampaignError, ensemble};
 use crate::ensemble::{Ensemble, Rows, Sink, Variant};
-use crate::evaluation::parallel::Workers;
+use crate::parallel::Workers;
 use crate::signal::random::Random;
-use crate::study::campaign::{Calibrating, CampaignError, ensemble};
 use crate::study::flights::Environment;
-use crate::study::{Flights, Imperfections, Lot, Plants, Setting, Study};
+use crate::study::{Flights, Lot, Plants, Setting, Study};
+use crate::system::imperfection::Imperfections;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use std::borrow::Cow;

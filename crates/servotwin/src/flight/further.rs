@@ -8,8 +8,8 @@ use super::flown::{Flown, Observer};
 use super::lessons::{Beyond, Cut, Lesson, Lessons};
 use super::plan::{Flight, Purpose};
 use super::windows::{self, Kind};
-use crate::evaluation::parallel::Workers;
-use crate::study::campaign::CampaignError;
+use crate::campaign::CampaignError;
+use crate::parallel::Workers;
 use crate::study::{Flights, Setting, Study};
 use servotwin_diagnosis::sliding::{Sliding, Span};
 

@@ -8,13 +8,11 @@
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};
 use super::windows::{self, Kind};
+use crate::campaign::CampaignError;
+use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
-use crate::evaluation::parallel::{self, Workers};
+use crate::parallel::{self, Workers};
 use crate::signal::random::Random;
-use crate::study::campaign::CampaignError;
-use crate::study::campaign::columns::{
-    Shown, fault_columns, feature_columns, largest_columns, seen,
-};
 use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};

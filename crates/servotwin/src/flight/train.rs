@@ -2,10 +2,10 @@
 
 use super::windows::{self, Kind};
 use crate::evaluation::data_set::Row;
-use crate::evaluation::parallel::{self, Workers};
 use crate::evaluation::{
     self, DataSet, EvaluationError, FeatureInfo, Settings, bands, committee, run,
 };
+use crate::parallel::{self, Workers};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
 use servotwin_diagnosis::classifiers::{self, boosted_trees};

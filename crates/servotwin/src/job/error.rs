@@ -1,11 +1,11 @@
 //! Why a stage of the main job stops.
 
+use crate::campaign::CampaignError;
 use crate::document::counted;
 use crate::evaluation::EvaluationError;
-use crate::evaluation::parallel::Cancelled;
 use crate::files::FileError;
+use crate::parallel::Cancelled;
 use crate::study::StudyError;
-use crate::study::campaign::CampaignError;
 use crate::table::TableError;
 use std::fmt;
 use std::path::PathBuf;

@@ -1,10 +1,10 @@
 //! Why the hierarchy says what it says about one variant.
 
 use super::{Folder, JobError, Subject, panel};
+use crate::campaign::columns::view_column;
+use crate::campaign::{data_features, largest_column};
 use crate::evaluation::EvaluationError;
 use crate::report::vocabulary::Vocabulary;
-use crate::study::campaign::columns::view_column;
-use crate::study::campaign::{data_features, largest_column};
 use crate::study::{Role, Study};
 use crate::table::{self, Table, TableError};
 use serde::Serialize;

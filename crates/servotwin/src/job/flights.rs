@@ -1,7 +1,7 @@
 //! The stage of flights: a diagnoser for each setting, and what it is worth.
 
 use super::{Folder, JobError, pools};
-use crate::evaluation::parallel::Workers;
+use crate::campaign::CampaignError;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files::FileError;
 use crate::flight::flown::Flown;
@@ -11,7 +11,7 @@ use crate::flight::judge::{self, Merit, MissingMerit, Watched};
 use crate::flight::lessons::{self, LeftOut, Lessons};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
-use crate::study::campaign::CampaignError;
+use crate::parallel::Workers;
 use crate::study::flights::{Limits, Size};
 use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};

@@ -21,10 +21,10 @@
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
+use crate::campaign::calibration_file;
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
-use crate::study::campaign::calibration_file;
 use crate::study::{Role, Setting, Study};
 use std::path::{Path, PathBuf};
 

@@ -72,7 +72,7 @@ pub struct KindEffort {
     pub mean_steps_per_s: f64,
     /// The most that a variant took.
     pub most_steps_per_s: f64,
-    /// Variants that ring ([`Effort::rings`](crate::study::campaign::Effort::rings)).
+    /// Variants that ring ([`Effort::rings`](crate::campaign::Effort::rings)).
     pub rings: usize,
     /// Variants that began on the move: no rest was found.
     pub began_on_the_move: usize,
@@ -358,9 +358,9 @@ impl KindEffort {
 
 #[cfg(test)]
 mod tests {
+    use crate::campaign::calibration_file;
     use crate::job::{Folder, Subject};
     use crate::manifest::remedy;
-    use crate::study::campaign::calibration_file;
     use crate::study::{Role, Setting};
 
     #[test]

@@ -24,12 +24,12 @@ pub use results::Results;
 pub use run::{StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
+use crate::campaign::{Campaign, data_features};
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
-use crate::evaluation::parallel::{self, Workers};
 use crate::evaluation::piece::{self, Bench, Found, Piece};
 use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
-use crate::study::campaign::{Campaign, data_features};
+use crate::parallel::{self, Workers};
 use crate::study::{Role, Study};
 use crate::table;
 use results::SubjectResult;

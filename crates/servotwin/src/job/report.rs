@@ -1,12 +1,12 @@
 //! The stage that writes the report.
 
 use super::{Folder, JobError, Results, Subject, flights, hierarchy, manifest};
+use crate::campaign;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files::{create_folder, write_atomically};
 use crate::flight::band::BandMerit;
 use crate::report::excerpt::{self, Excerpt};
 use crate::report::{self, Material, examples};
-use crate::study::campaign;
 use crate::study::{Role, Setting, Study};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 

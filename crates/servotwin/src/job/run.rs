@@ -13,8 +13,8 @@
 use super::flights::{Crew, FlightResults};
 use super::folder::{Folder, Kept};
 use super::{JobError, Results, Subject, flights, manifest, report};
-use crate::evaluation::parallel::Workers;
-use crate::study::campaign::{Campaign, CampaignError, Outcome, runs};
+use crate::campaign::{Campaign, CampaignError, Outcome, runs};
+use crate::parallel::Workers;
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;

@@ -1,7 +1,7 @@
 //! What is fed with one sample after the other, and what it says.
 
-use crate::report::words::spoken;
 use serde::{Deserialize, Serialize, Serializer};
+use servotwin_io::text::spoken;
 
 /// What is fed with one sample after the other.
 pub trait Observer {

@@ -1,7 +1,7 @@
 //! Faults simulated again for the report, with their time series: few, and always the same.
 
+use crate::campaign::{self, CampaignError};
 use crate::ensemble::{Ensemble, Variant};
-use crate::study::campaign::{self, CampaignError};
 use crate::study::{FaultCase, Study};
 
 /// Words that an example's class is looked for by, and the intensities shown.

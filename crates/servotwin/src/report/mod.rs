@@ -18,13 +18,13 @@ pub mod table_model;
 pub mod vocabulary;
 pub mod words;
 
+use crate::campaign::Comparison;
 use crate::figure::Figure;
 use crate::flight::band::BandMerit;
 use crate::job::flights::FlightResults;
 use crate::job::manifest::Manifest;
 use crate::job::results::SubjectResult;
 use crate::job::{Results, Subject};
-use crate::study::campaign::Comparison;
 use crate::study::{Setting, Study};
 use examples::Example;
 use excerpt::Excerpt;

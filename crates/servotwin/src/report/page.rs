@@ -1,6 +1,7 @@
 //! The HTML that a report is written in: headings, paragraphs, tables and figures, all escaped.
 
 use crate::figure::{Figure, dark_rules};
+use servotwin_io::text::escaped;
 use std::fmt::Write;
 
 /// A page being written, with the figures in it.
@@ -289,22 +290,6 @@ fn numbered(html: &str, kind: &Kind) -> String {
         let _ = write!(all, "<b>{} {shown}{below}.</b> ", kind.word);
     }
     all + rest
-}
-
-/// Text as HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    let mut html = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => html += "&amp;",
-            '<' => html += "&lt;",
-            '>' => html += "&gt;",
-            '"' => html += "&quot;",
-            '\u{1}'..='\u{4}' => {}
-            other => html.push(other),
-        }
-    }
-    html
 }
 
 /// HTML in which the long names of a table may be broken, behind the parts that they are made of.

@@ -2,6 +2,8 @@
 
 use crate::evaluation::score::Rate;
 
+pub use servotwin_io::text::{number, spoken};
+
 /// What stands for a value that is not there.
 pub const NONE: &str = "–";
 
@@ -70,29 +72,11 @@ const FEW: u64 = 20;
 /// Of as many a second decimal tells something.
 const MANY: u64 = 1000;
 
-/// An identifier as words: `external_leakage` → `external leakage`.
-pub fn spoken(name: &str) -> String {
-    name.replace('.', ": ").replace('_', " ")
-}
-
 /// The text with a capital letter at its beginning.
 pub fn begun(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().into_iter().flat_map(char::to_uppercase);
     first.chain(letters.as_str().chars()).collect()
-}
-
-/// A number with three significant digits.
-pub fn number(value: f64) -> String {
-    if value == 0.0 {
-        return "0".into();
-    }
-    let size = value.abs();
-    if !(1e-4..1e6).contains(&size) {
-        return format!("{value:.2e}");
-    }
-    let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
-    format!("{value:.decimals$}")
 }
 
 /// A number that somebody chose, as it was written: without digits that say nothing.
@@ -124,12 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_three_digits_and_rates_their_interval() {
-        let cases = [(0.0, "0"), (0.012_345, "0.0123"), (-12.345, "-12.3"), (1e-7, "1.00e-7")];
-        for (value, text) in cases {
-            assert_eq!(number(value), text);
-        }
-        assert_eq!(number(1234.5), "1234");
+    fn rates_have_their_interval() {
         let counts = [(3, 3), (19, 20), (199, 200), (1999, 2000)];
         let told = counts.map(|(count, of)| of_count(Some(Rate::new(count, of))));
         assert_eq!(told, ["3 of 3", "95.0 %", "99.5 %", "99.95 %"]);

@@ -71,7 +71,7 @@ impl Calibration {
     }
 
     /// The specimen of a variant.
-    pub(super) fn specimen(
+    pub(crate) fn specimen(
         &self,
         realism: &Realism,
         role: Role,
@@ -83,7 +83,7 @@ impl Calibration {
     }
 
     /// A text that two equal calibrations have in common.
-    pub(super) fn canonical(&self) -> String {
+    pub(crate) fn canonical(&self) -> String {
         format!("{self:?}")
     }
 }

@@ -6,12 +6,10 @@
 //! set.
 
 mod calibration;
-pub mod campaign;
 mod complete;
 pub mod evaluating;
 pub mod faults;
 pub mod flights;
-mod imperfection;
 mod keys;
 mod mistake;
 pub mod reactions;
@@ -24,7 +22,6 @@ pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
-pub(crate) use imperfection::{Imperfection, Imperfections};
 pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
 pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
@@ -40,6 +37,7 @@ use crate::format;
 use crate::kind::{Kind, named_system};
 use crate::nearest::nearest;
 use crate::signal::Signal;
+use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
 use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;

@@ -281,7 +281,7 @@ impl Realism {
     }
 
     /// A text that two equal ways to differ from the twin have in common.
-    pub(super) fn canonical(&self) -> String {
+    pub(crate) fn canonical(&self) -> String {
         format!("{self:?}")
     }
 }

@@ -29,6 +29,7 @@
 //! ```
 
 mod check;
+pub(crate) mod imperfection;
 pub mod listing;
 mod mistake;
 mod read;

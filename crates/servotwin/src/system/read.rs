@@ -6,7 +6,7 @@ use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor, units};
 use crate::document::{self, Collector, Entry, Span, entries};
 use crate::nearest::nearest;
-use crate::study::Imperfection;
+use crate::system::imperfection::Imperfection;
 use servotwin_model::components::{ALL, find};
 use servotwin_model::fluid::table::{LEAST_STEP_K, Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};

@@ -1,9 +1,9 @@
 //! What campaigns say of the simulations themselves: which ring, and which began on the move.
 
 use crate::files::Folder;
+use servotwin::campaign::Campaign;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;
-use servotwin::study::campaign::Campaign;
 use servotwin::study::{Role, Setting, Study};
 use servotwin::table::{self, Table};
 

@@ -2,12 +2,12 @@
 
 use servotwin::evaluation::committee::sureness;
 use servotwin::evaluation::data_set::Row;
-use servotwin::evaluation::parallel::Workers;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
     Context, DataSet, Evaluation, EvaluationError, FeatureInfo, Settings, Trained,
 };
 use servotwin::evaluation::{bands, evaluate, model_file, train};
+use servotwin::parallel::Workers;
 use servotwin::study::Role;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::Kind;

@@ -1,7 +1,7 @@
 //! The fitted setting: specimens beside twins that were fitted to them in a calibration flight.
 
 use crate::files::Folder;
-use servotwin::study::campaign::{Campaign, CampaignError, Row, calibration_file};
+use servotwin::campaign::{Campaign, CampaignError, Row, calibration_file};
 use servotwin::study::{Role, Setting, Study};
 use servotwin::table::{self, Column, Table};
 use servotwin_model::solver::Settings;

@@ -1,7 +1,6 @@
 //! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
 //! is said and done.
 
-use servotwin::evaluation::parallel::Workers;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::flight::flown::Flown;
 use servotwin::flight::foreign;
@@ -10,6 +9,7 @@ use servotwin::flight::lessons::{self, LeftOut, Lessons};
 use servotwin::flight::plan::Purpose;
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, learn, learn_from};
+use servotwin::parallel::Workers;
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::flights::Size;

@@ -1,5 +1,6 @@
 //! Table 1, and what every section of the report promises.
 
+use servotwin::campaign::Comparison;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::ambiguity::Ambiguity;
 use servotwin::evaluation::detection::{Curve, Detection, Least};
@@ -12,7 +13,6 @@ use servotwin::job::{Results, Subject, results};
 use servotwin::report::page::Page;
 use servotwin::report::{ALL, Material, render, table};
 use servotwin::study::Study;
-use servotwin::study::campaign::Comparison;
 use servotwin_diagnosis::field::{Covariate, Field, Source};
 use std::collections::BTreeSet;
 

@@ -2,7 +2,6 @@
 
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::log::places;
-use servotwin::evaluation::parallel::Workers;
 use servotwin::fit::Record;
 use servotwin::flight::flown::{Flown, Observer as FlightObserver};
 use servotwin::flight::plan::{Flight, Purpose};
@@ -10,6 +9,7 @@ use servotwin::flight::runtime::{Runtime, RuntimeError};
 use servotwin::flight::told::told;
 use servotwin::flight::watcher::Watcher;
 use servotwin::log::{Finding, Observer, Phase, State};
+use servotwin::parallel::Workers;
 use servotwin::study::Setting;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::field::{Covariate, Field, Source};

@@ -4,13 +4,13 @@
 //! it is not there, the tests say so and pass. The accuracies are those of scikit-learn with the same
 //! features, less 0.03.
 
-use servotwin::evaluation::parallel::Workers;
+use servotwin::campaign::columns::{feature_columns_of, is_data_set};
 use servotwin::evaluation::table_model::{
     ClassWeights, HoldOut, Judged, Selection, TableModel, evaluate_table, explain, predict, prepare,
 };
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
-use servotwin::study::campaign::columns::{feature_columns_of, is_data_set};
+use servotwin::parallel::Workers;
 use servotwin::table::{self, Column, Table};
 use servotwin_diagnosis::classifiers::{Classifier, Kind, Settings};
 use servotwin_diagnosis::residual::Window;

@@ -2,9 +2,9 @@
 
 use super::Selection;
 use super::error::TableModelError;
+use crate::campaign::columns::{is_data_set, is_feature_column};
 use crate::evaluation::EvaluationError;
 use crate::moment;
-use crate::study::campaign::columns::{is_data_set, is_feature_column};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

@@ -3,8 +3,8 @@
 
 use super::{HoldOut, Prepared};
 use crate::evaluation::EvaluationError;
-use crate::evaluation::parallel::{self, Workers};
 use crate::evaluation::score::{Rate, Score};
+use crate::parallel::{self, Workers};
 use serde::Serialize;
 use servotwin_diagnosis::Samples;
 use servotwin_diagnosis::classifiers::{self, Classifier, Model};

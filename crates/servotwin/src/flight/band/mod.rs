@@ -22,9 +22,9 @@ pub use learn::{Trace, learn, share_of_calibration};
 
 use super::flown::{Flown, Observer};
 use super::plan::{self, Flight, Purpose};
-use crate::evaluation::parallel::Workers;
+use crate::campaign::CampaignError;
+use crate::parallel::Workers;
 use crate::signal::random::Random;
-use crate::study::campaign::CampaignError;
 use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;

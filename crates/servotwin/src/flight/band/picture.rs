@@ -2,9 +2,9 @@
 
 use super::BandMerit;
 use crate::figure::value_map::ValueMap;
-use crate::report::words::{number, spoken};
 use crate::shown::Shown;
 use servotwin_diagnosis::field::Source;
+use servotwin_io::text::{number, spoken};
 use servotwin_model::network::Network;
 
 impl BandMerit {

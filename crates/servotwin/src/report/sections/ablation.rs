@@ -1,9 +1,9 @@
 //! What carries the result: new commands with parts taken away.
 
+use crate::campaign::data_features;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{NONE, share, spoken, stacked};
 use crate::report::{Material, Section};
-use crate::study::campaign::data_features;
 use servotwin_diagnosis::features::{self, Family};
 
 /// See the module.

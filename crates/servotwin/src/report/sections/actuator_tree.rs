@@ -1,10 +1,10 @@
 //! The tree that finds the failed unit (figure 9 of the seed paper), and the others, of every setting.
 
+use crate::campaign::data_features;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{percent, unit};
 use crate::report::{Material, Section, stages};
-use crate::study::campaign::data_features;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 

@@ -1,10 +1,10 @@
 //! The least pure leaves, and what is in them.
 
+use crate::campaign::data_features;
 use crate::evaluation::leaves::{Condition, Content};
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{of_unit, percent, spoken};
 use crate::report::{Material, Section};
-use crate::study::campaign::data_features;
 use servotwin_diagnosis::hierarchy::{Place, Question};
 
 /// See the module.

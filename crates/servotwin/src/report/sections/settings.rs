@@ -1,5 +1,6 @@
 //! What the settings are, and what an additional sensor changes.
 
+use crate::campaign::data_features;
 use crate::evaluation::protocol::ProtocolResult;
 use crate::evaluation::score::Rate;
 use crate::job::Subject;
@@ -9,7 +10,6 @@ use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{begun, change, percent, rate, stacked};
 use crate::report::{Material, Section};
 use crate::study::Role;
-use crate::study::campaign::data_features;
 
 /// See the module.
 pub struct Settings;

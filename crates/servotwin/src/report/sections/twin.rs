@@ -1,12 +1,12 @@
 //! Twins that are fitted to their actuators, and the confidence band of a twin as a field.
 
+use crate::campaign::Comparison;
 use crate::evaluation::score::Rate;
 use crate::flight::band::BandMerit;
 use crate::report::page::{Grid, Page, Side};
 use crate::report::words::{chosen, number, rate};
 use crate::report::{Material, Section};
 use crate::study::Study;
-use crate::study::campaign::Comparison;
 
 /// 95 % of a normal distribution lie within so many deviations.
 const NORMAL_95: f64 = 1.96;

@@ -1,5 +1,6 @@
 //! Answers that hang on less than a sensor shows.
 
+use crate::campaign::{DataFeature, data_features};
 use crate::evaluation::flips::{Flips, Share, SplitFlips};
 use crate::job::results::SubjectResult;
 use crate::report::lines::{self, Who};
@@ -7,7 +8,6 @@ use crate::report::page::{Grid, Page, Side};
 use crate::report::vocabulary::Vocabulary;
 use crate::report::words::{of_unit, percent, stacked};
 use crate::report::{Material, Section};
-use crate::study::campaign::{DataFeature, data_features};
 
 /// See the module.
 pub struct Uncertainty;

@@ -13,10 +13,9 @@ use crate::log::counts::Counts;
 use crate::log::observer::{Finding, State};
 use crate::log::watchdog::Notice;
 use crate::moment;
-use crate::report::page::escaped;
-use crate::report::words::spoken;
 use serde_json::{Value, json};
 use series::Series;
+use servotwin_io::text::{escaped, spoken};
 use std::fmt::Write;
 use std::path::Path;
 

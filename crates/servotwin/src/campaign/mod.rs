@@ -35,11 +35,11 @@ pub use part::{Part, runs};
 pub use prepared::Prepared;
 pub use shard::Row;
 
-use super::{
-    Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Section, Setting, Study,
-};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::files::{FileError, create_folder};
+use crate::study::{
+    Calibration, FaultCase, Lot, OperatingCase, Plants, Realism, Role, Section, Setting, Study,
+};
 use crate::table::{self, Column, Table, TableError, Values};
 use images::Images;
 use servotwin_model::program::{FaultAt, Slot};

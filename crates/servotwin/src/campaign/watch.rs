@@ -1,10 +1,10 @@
 //! What is kept of a simulation while it runs: the windows of every variant that it serves, in
 //! every setting that is asked for.
 
-use super::super::Imperfections;
 use super::{Campaign, Images, Setting};
 use crate::ensemble::Sink;
 use crate::signal::random::Random;
+use crate::system::imperfection::Imperfections;
 use servotwin_diagnosis::residual::Window;
 
 /// The virtual twin in an operating case.

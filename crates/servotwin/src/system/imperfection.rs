@@ -1,7 +1,7 @@
 //! What sensors show of what is simulated: their noise, and the steps of their converters.
 
+use super::System;
 use crate::signal::random::Random;
-use crate::system::System;
 use servotwin_model::components::Component;
 use servotwin_model::scalar::Primitive;
 
