@@ -14,7 +14,8 @@ pub fn train_and_diagnose(
     fault: &str,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let results = study.run(out)?;
-    println!("the report is {}", results.report().display());
+    servotwin_report::write(results.folder(), study)?;
+    println!("the report is {}", results.folder().report().display());
 
     let diagnoser = results.diagnoser(Setting::Noise)?;
     let record = Simulation::new(&study.system)

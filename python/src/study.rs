@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use servotwin::campaign::columns::feature_columns_of;
 use servotwin::campaign::{Campaign, CampaignError, Outcome, Part, Prepared, runs};
 use servotwin::evaluation::EvaluationError;
-use servotwin::job::{self, Among, Folder, JobError, manifest, report};
+use servotwin::job::{self, Among, Folder, JobError, manifest};
 use servotwin::study::{Role, Setting, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
@@ -429,7 +429,7 @@ pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
     let folder = Folder::new(out);
     let result = long(py, None, |_| -> Result<PathBuf, Failure> {
         let (study, _hold) = folder.open()?;
-        report::write(&folder, &study)?;
+        servotwin_report::write(&folder, &study)?;
         Ok(folder.report())
     })?;
     Ok(result?)

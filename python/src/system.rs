@@ -3,12 +3,12 @@
 use crate::errors::{Failure, Place};
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::report::schematic;
 use servotwin::rest;
 use servotwin::system::listing::fault_table;
 use servotwin::system::{System as Inner, SystemError};
 use servotwin::table::{Column, Table as Columns};
 use servotwin_model::spec::Unit;
+use servotwin_report::schematic;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -39,14 +39,14 @@
 //!
 //! A [`Study`](study::Study) lists faults, intensities and operating cases.
 //! [`Study::run`](study::Study::run) simulates them all, trains the diagnosis, evaluates it on commands that it has never
-//! seen, and writes a report.
+//! seen; the crate `servotwin-report` makes a page of the results.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
 //!
 //! let study = Study::default(); // the study of the paper
 //! let results = study.run("out")?;
-//! println!("{}", results.report().display());
+//! println!("{}", results.folder().results().display());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -87,7 +87,6 @@ pub mod monitor;
 pub mod parallel;
 pub mod prelude;
 pub mod recording;
-pub mod report;
 pub mod rest;
 pub mod schema;
 pub mod shown;

@@ -5,10 +5,10 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::{Grid, Side, json, number, number_and_unit, shown};
-use servotwin::report::schematic;
 use servotwin::rest::{self, Rest};
 use servotwin::system::System;
 use servotwin_model::network::Network;
+use servotwin_report::schematic;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 

@@ -8,11 +8,11 @@ use crate::render::{Grid, Side, json};
 use serde_json::json;
 use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model;
-use servotwin::job::explain::{Answer, Explanation, Verdict, explain, variants};
 use servotwin::job::{self, Folder, Subject};
 use servotwin::nearest::UnknownName;
-use servotwin::report::vocabulary::Vocabulary;
-use servotwin::report::words::{number, of_unit, percent, spoken};
+use servotwin_report::explain::{Answer, Explanation, Verdict, explain, variants};
+use servotwin_report::vocabulary::Vocabulary;
+use servotwin_report::words::{number, of_unit, percent, spoken};
 use std::path::{Path, PathBuf};
 
 /// Explain what the trees say about one variant, or a classifier about one row of a table.

@@ -11,9 +11,9 @@ use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome};
 use servotwin::flight::judge::{ClassMerit, Latency, Merit, MissingMerit};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, JobError, manifest};
-use servotwin::report::vocabulary::Vocabulary;
-use servotwin::report::words::number;
 use servotwin::study::{Setting, Study};
+use servotwin_report::vocabulary::Vocabulary;
+use servotwin_report::words::number;
 use std::fmt::Write;
 
 /// Learn in flights in which faults begin, and say how fast and how sure the diagnosis is.

@@ -15,13 +15,13 @@ use servotwin::flight::closed_loop::{self, Record, Scenario};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
-use servotwin::report::words::{number, spoken};
 use servotwin::signal::{Quantity, Signal};
 use servotwin::study::{FaultCase, Setting, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::spec::Unit;
+use servotwin_report::words::{number, spoken};
 use std::fmt::Write;
 use std::sync::Arc;
 

@@ -3,10 +3,10 @@
 
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{Action, Record};
-use servotwin::report::words::spoken;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Finding};
 use servotwin_model::program::FaultAt;
+use servotwin_report::words::spoken;
 
 /// A fault that was flown, with what the study expects of a diagnosis.
 pub struct Truth {

@@ -11,9 +11,9 @@ use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::comparison::default_classifiers;
 use servotwin::evaluation::table_model::TableModelError;
 use servotwin::files::write_atomically;
-use servotwin::job::{Folder, report};
-use servotwin::report::table_model::{TableMaterial, render};
+use servotwin::job::Folder;
 use servotwin_diagnosis::classifiers::Kind;
+use servotwin_report::table_model::{TableMaterial, render};
 use std::path::{Path, PathBuf};
 
 /// Write a report: one HTML file that needs no network.
@@ -76,7 +76,7 @@ fn folder(options: &Options) -> Result<PathBuf, Failure> {
     }
     let folder = Folder::new(&options.input);
     let (study, _hold) = folder.open()?;
-    report::write(&folder, &study)?;
+    servotwin_report::write(&folder, &study)?;
     Ok(folder.report())
 }
 

@@ -42,7 +42,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let results = run.run();
     screen.end();
     let results = results?;
-    let path = results.report().display().to_string();
+    servotwin_report::write(results.folder(), &study)?;
+    let path = results.folder().report().display().to_string();
     let seconds = begin.elapsed().as_secs_f64();
     Ok(match global {
         Global { json: true, .. } => json(&json!({

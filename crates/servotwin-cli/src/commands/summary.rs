@@ -3,10 +3,10 @@
 use crate::render::{Grid, Side};
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::{Results, Subject};
-use servotwin::report::lines::{self, OF_PAPER, PAPER};
-use servotwin::report::vocabulary::Vocabulary;
-use servotwin::report::words::{of_count, percent, share};
 use servotwin::study::Study;
+use servotwin_report::lines::{self, OF_PAPER, PAPER};
+use servotwin_report::vocabulary::Vocabulary;
+use servotwin_report::words::{of_count, percent, share};
 
 /// One table for trees and committee.
 pub fn text(results: &Results, study: &Study) -> String {

@@ -13,8 +13,8 @@ use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model::{GroupResult, Judged};
 use servotwin::job::{self, Folder, manifest};
 use servotwin::parallel::Workers;
-use servotwin::report::words::rate;
 use servotwin_diagnosis::classifiers::{ALL, Kind, Settings};
+use servotwin_report::words::rate;
 use std::path::PathBuf;
 
 /// Train the hierarchies of a campaign, or a classifier from a table.

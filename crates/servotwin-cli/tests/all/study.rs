@@ -1,7 +1,7 @@
 //! The main job and its stages, run as users run them, on a study small enough for a test.
 
 use super::{Folder, servotwin, stderr, stdout};
-use servotwin::report::excerpt;
+use servotwin_report::excerpt;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -155,7 +155,7 @@ fn shows_its_data(out: &str) {
 
 /// One file that needs nothing from elsewhere, with every section and a text for every figure.
 fn report_is_sound(html: &str) {
-    for section in servotwin::report::ALL {
+    for section in servotwin_report::ALL {
         let anchor = format!("<section id=\"{}\">", section.id());
         assert!(html.contains(&anchor), "no section {}", section.id());
     }

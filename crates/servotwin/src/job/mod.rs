@@ -1,16 +1,14 @@
-//! The main job, stage by stage: campaign, training, evaluation, report.
+//! The main job, stage by stage: campaign, training, evaluation. The crate `servotwin-report` shows what they left.
 //!
 //! Every stage reads what the former has left in the output folder ([`folder`]), so that a user can
 //! change one thing and repeat the rest. What is diagnosed is a [`Subject`]: a data set, with or
 //! without the sensor that the system could have.
 
 mod error;
-pub mod explain;
 pub mod flights;
 pub mod folder;
 pub mod hold;
 pub mod manifest;
-pub mod report;
 pub mod results;
 pub mod run;
 mod subject;

@@ -1,8 +1,8 @@
 //! What was measured of all subjects: `evaluation.json`.
 
-use super::Subject;
+use super::{Folder, JobError, Subject};
 use crate::evaluation::robustness::Cross;
-use crate::evaluation::{Evaluation, Settings};
+use crate::evaluation::{Evaluation, Settings, model_file};
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +39,18 @@ impl Results {
     /// The results of a study.
     pub fn new(study: &Study, subjects: Vec<SubjectResult>, robustness: Vec<Cross>) -> Self {
         Results { format: FORMAT.into(), study: study.name.clone(), subjects, robustness }
+    }
+
+    /// Reads the results that a folder holds.
+    ///
+    /// # Errors
+    /// [`JobError::Missing`], or the file holds no evaluation.
+    pub fn read(folder: &Folder) -> Result<Self, JobError> {
+        let path = folder.results();
+        match path.exists() {
+            true => Ok(model_file::read(path)?),
+            false => Err(JobError::Missing { path, stage: "evaluate" }),
+        }
     }
 
     /// The result of a subject.

@@ -1,25 +1,25 @@
-//! The whole main job in one call: campaigns, flights, training, evaluation and report.
+//! The whole main job in one call: campaigns, flights, training and evaluation.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
 //!
 //! let study = Study::read("my_study.toml")?;
 //! let results = study.run("out")?;
-//! println!("{}", results.report().display());
 //! let trees = results.trees(Setting::Noise)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 use super::flights::{Crew, FlightResults};
 use super::folder::{Folder, Kept};
-use super::{JobError, Results, Subject, flights, manifest, report};
+use super::hold::Hold;
+use super::{JobError, Results, Subject, flights, manifest};
 use crate::campaign::{Campaign, CampaignError, Outcome, runs};
 use crate::parallel::Workers;
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// An event while a study runs.
 pub enum StudyEvent<'e> {
@@ -90,10 +90,13 @@ pub struct StudyResults {
     pub evaluation: Results,
     /// The results of the flights; `None` for a study without flights.
     pub flights: Option<FlightResults>,
+    /// No other process writes into the folder while somebody has the results in hand.
+    _hold: Hold,
 }
 
 impl Study {
-    /// Runs the whole study on all processors: simulates, trains, evaluates and writes the report into a folder.
+    /// Runs the whole study on all processors: simulates, trains and evaluates; all results go into a folder.
+    /// `servotwin_report::write` shows them as one HTML file.
     /// An interrupted study resumes where it stopped, with the same bytes.
     ///
     /// # Errors
@@ -127,7 +130,7 @@ impl<'r> StudyRun<'r> {
         if self.fitted && !Setting::Fitted.is_possible(study) {
             return Err(CampaignError::no_section(Setting::Fitted, study).into());
         }
-        let Kept { hold: _hold, dropped } = self.folder.keep_study(study, self.replace)?;
+        let Kept { hold, dropped } = self.folder.keep_study(study, self.replace)?;
         if dropped > 0 {
             (self.observer)(&StudyEvent::Removed { files: dropped });
         }
@@ -146,8 +149,7 @@ impl<'r> StudyRun<'r> {
         };
         let evaluation = self.evaluate()?;
         self.check()?;
-        report::write(&self.folder, study)?;
-        Ok(StudyResults { folder: self.folder.clone(), evaluation, flights })
+        Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: hold })
     }
 
     fn check(&self) -> Result<(), JobError> {
@@ -197,11 +199,6 @@ impl<'r> StudyRun<'r> {
 }
 
 impl StudyResults {
-    /// The report, an HTML file.
-    pub fn report(&self) -> PathBuf {
-        self.folder.report()
-    }
-
     /// The output folder.
     pub fn folder(&self) -> &Folder {
         &self.folder

@@ -22,7 +22,6 @@ mod peer_cases;
 mod physics;
 mod recordings;
 mod relief;
-mod report;
 mod runtime;
 mod schema;
 mod study_mistakes;

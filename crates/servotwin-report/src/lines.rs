@@ -1,0 +1,200 @@
+//! The measures of every summary, on a terminal or in the report: safety first.
+//!
+//! What is reported first is the *headline*: each setting under the hardest protocol that the study
+//! allows. One row is one measure of one kind; settings stand side by side.
+
+use crate::vocabulary::Vocabulary;
+use crate::words::spoken;
+use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::bands::Band;
+use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
+use servotwin::evaluation::score::Rate;
+use servotwin::job::Results;
+use servotwin::job::results::SubjectResult;
+use servotwin_diagnosis::hierarchy::Question;
+
+/// The study whose results the seed paper has.
+pub const PAPER: &str = "paper";
+
+/// The accuracies that the seed paper reports, with a third of the variants held out at random.
+pub const OF_PAPER: [(&str, f64); 2] = [("A", 0.9149), ("B", 0.9844)];
+
+/// Who answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Who {
+    /// The trees, which can be explained.
+    Trees,
+    /// The committee, which can be silent.
+    Committee,
+}
+
+/// One measure of a diagnosis.
+pub struct Measure {
+    /// What it says.
+    pub title: String,
+    /// Its rate under a protocol.
+    pub rate: fn(&ProtocolResult) -> Option<Rate>,
+}
+
+/// A rate that counts something; of nothing there is none.
+fn counted(rate: Rate) -> Option<Rate> {
+    Some(rate).filter(|rate| rate.of > 0)
+}
+
+/// What errors would do. Less is better. Nothing where no command switches its unit off.
+pub fn safety(words: &Vocabulary) -> Vec<Measure> {
+    let off = words.off();
+    let mut measures = vec![];
+    if !words.has_off() {
+        return measures;
+    }
+    if words.has_several() {
+        measures.push(Measure {
+            title: format!("wrong {} {}", words.unit(), words.switched_off()),
+            rate: |result| counted(result.safety.as_ref()?.wrong_actuator_shutdown),
+        });
+    }
+    measures.push(Measure {
+        title: format!("{off} missed (of detected)"),
+        rate: |result| counted(result.safety.as_ref()?.missed_shutdown),
+    });
+    measures.push(Measure {
+        title: format!("{off} missed (of all)"),
+        rate: |result| result.safety.as_ref()?.missed_shutdown_of_all.and_then(counted),
+    });
+    measures.push(Measure {
+        title: format!("needless {off}"),
+        rate: |result| counted(result.safety.as_ref()?.needless_shutdown),
+    });
+    measures
+}
+
+/// How often the answer is right. More is better.
+pub fn right(words: &Vocabulary) -> Vec<Measure> {
+    vec![
+        Measure {
+            title: format!("{} right", words.action()),
+            rate: |result| result.right_action.and_then(counted),
+        },
+        Measure {
+            title: "end to end right".into(),
+            rate: |result| result.end_to_end.and_then(counted),
+        },
+    ]
+}
+
+/// Whether a stage decides anything: whether something is wrong with the only unit is no question where no
+/// healthy one was ever seen.
+pub fn decides(stage: &StageScore) -> bool {
+    let counts = &stage.score.confusion;
+    let is_known = |class: &usize| {
+        counts.iter().enumerate().any(|(truth, said)| {
+            said.iter()
+                .enumerate()
+                .any(|(at, &count)| count > 0 && (truth == *class || at == *class))
+        })
+    };
+    stage.question != Question::Actuator || (0..counts.len()).filter(is_known).count() > 1
+}
+
+/// The stages of the hierarchy over all units that any of some results has: letters and what they find.
+pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, String)> {
+    let mut stages: Vec<(String, String)> = vec![];
+    let all = results.iter().flat_map(|result| &result.stages);
+    for stage in all.filter(|stage| stage.actuator.is_none() && decides(stage)) {
+        let finds = match (stage.question, &stage.command) {
+            (Question::Actuator, _) if words.has_several() => words.unit().to_owned(),
+            (Question::Actuator, _) => words.question(stage.question),
+            (Question::Command, _) => "command".into(),
+            (Question::Detail, Some(command)) => format!("details of “{}”", spoken(command)),
+            (Question::Detail, None) => "details".into(),
+        };
+        if stages.iter().all(|(id, _)| *id != stage.id) {
+            stages.push((stage.id.clone(), finds));
+        }
+    }
+    stages.sort();
+    stages
+}
+
+impl Who {
+    /// The trees first: they explain their answer.
+    pub const ALL: [Who; 2] = [Who::Trees, Who::Committee];
+
+    /// The word in tables.
+    pub fn title(self) -> &'static str {
+        match self {
+            Who::Trees => "trees",
+            Who::Committee => "committee",
+        }
+    }
+
+    /// The result under a protocol.
+    pub fn under(self, evaluation: &Evaluation, protocol: Protocol) -> Option<&ProtocolResult> {
+        match self {
+            Who::Trees => evaluation.protocol(protocol),
+            Who::Committee => evaluation.committee(protocol),
+        }
+    }
+
+    /// The result under the hardest protocol of all that were possible.
+    pub fn headline(self, evaluation: &Evaluation) -> Option<&ProtocolResult> {
+        self.under(evaluation, evaluation.headline()?.protocol)
+    }
+}
+
+/// One row of the headline.
+pub struct Row {
+    /// What is measured.
+    pub title: String,
+    /// Who answers.
+    pub who: &'static str,
+    /// Whether it is about safety.
+    pub is_safety: bool,
+    /// One rate for each setting.
+    pub rates: Vec<Option<Rate>>,
+}
+
+/// The results without those of an additional sensor: one for each setting, the kindest first.
+pub fn settings(results: &Results) -> Vec<&SubjectResult> {
+    results.subjects.iter().filter(|result| !result.subject.extra_sensor()).collect()
+}
+
+/// The bands in use, where they were learned from healthy specimens; otherwise the seed paper's is.
+pub fn learned(result: &SubjectResult) -> Option<&[Band]> {
+    result.evaluation.bands.as_deref().filter(|_| result.settings.learned_bands)
+}
+
+/// The headline of some settings; rows without a rate in any of them are left out.
+pub fn headline(settings: &[&SubjectResult], words: &Vocabulary) -> Vec<Row> {
+    let mut rows = vec![];
+    let mut push = |title: &str, who, is_safety, of: &dyn Fn(&Evaluation) -> Option<Rate>| {
+        let rates = settings.iter().map(|result| of(&result.evaluation));
+        let rates: Vec<_> = rates.map(|rate| rate.filter(|rate| rate.of > 0)).collect();
+        if rates.iter().any(Option::is_some) {
+            rows.push(Row { title: title.to_owned(), who, is_safety, rates });
+        }
+    };
+    for measure in safety(words) {
+        for who in Who::ALL {
+            let of = |evaluation: &Evaluation| who.headline(evaluation).and_then(measure.rate);
+            push(&measure.title, who.title(), true, &of);
+        }
+    }
+    let (trees, committee) = (Who::Trees.title(), Who::Committee.title());
+    if words.has_off() {
+        let healthy = format!("healthy specimen {}", words.switched_off());
+        push(&healthy, trees, true, &|e| Some(e.false_alarms.as_ref()?.tree_shutdowns));
+        push(&healthy, committee, true, &|e| Some(e.false_alarms.as_ref()?.committee_shutdowns));
+    }
+    let healthy = "healthy specimen alarms";
+    push(healthy, "bands", true, &|e| Some(e.false_alarms.as_ref()?.alarms));
+    push("fault detected", "bands", false, &|e| Some(e.detection.detected));
+    for measure in right(words) {
+        for who in Who::ALL {
+            let of = |evaluation: &Evaluation| who.headline(evaluation).and_then(measure.rate);
+            push(&measure.title, who.title(), false, &of);
+        }
+    }
+    rows
+}

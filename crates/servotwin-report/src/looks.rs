@@ -1,0 +1,82 @@
+//! Which look what a study speaks of has in the figures of its report.
+
+use servotwin::job::Subject;
+use servotwin::study::Study;
+use servotwin_diagnosis::hierarchy::Question;
+use servotwin_plot::{Look, Meaning};
+
+/// The looks of a study's units, commands and failures.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Looks {
+    units: Vec<String>,
+    commands: Vec<String>,
+    /// What is broken, and the place of its command.
+    details: Vec<(String, usize)>,
+}
+
+impl Looks {
+    /// The looks of a study.
+    pub fn of(study: &Study) -> Self {
+        let commands = study.commands();
+        let mut details: Vec<(String, usize)> = vec![];
+        for class in &study.classes {
+            let command = commands.iter().position(|command| *command == class.command);
+            if details.iter().all(|(known, _)| *known != class.detail) {
+                details.push((class.detail.clone(), command.unwrap_or(0)));
+            }
+        }
+        Looks { units: study.units.clone(), commands, details }
+    }
+
+    /// That of a class, by the question that it answers; healthy is plain.
+    pub fn class(&self, question: Question, name: &str) -> Look {
+        let place = |names: &[String]| names.iter().position(|known| known == name);
+        let found = match question {
+            Question::Actuator => place(&self.units).map(|place| Meaning::Unit(place).look()),
+            Question::Command => place(&self.commands).map(|place| Meaning::Command(place).look()),
+            Question::Detail => self.detail(name),
+        };
+        found.unwrap_or_else(|| Meaning::Plain(1).look())
+    }
+
+    fn detail(&self, name: &str) -> Option<Look> {
+        let place = self.details.iter().position(|(known, _)| known == name)?;
+        let command = self.details[place].1;
+        let below = self.details[..place].iter().filter(|(_, other)| *other == command).count();
+        // Without colours, no two of all details are alike.
+        Some(Meaning::Detail(command, below).look().at(place))
+    }
+}
+
+/// That of a data set with the sensors that are used of it.
+pub fn subject(subject: Subject) -> Look {
+    let place = Subject::ALL.iter().position(|known| *known == subject);
+    Meaning::Setting(place.unwrap_or(0)).look()
+}
+
+/// That of a setting, by its name.
+pub fn setting(name: &str) -> Look {
+    let known = Subject::ALL.into_iter().find(|subject| subject.name() == name);
+    known.map_or_else(|| Meaning::Plain(1).look(), subject)
+}
+
+/// Those of two series that mean nothing in other figures.
+pub fn plain() -> Vec<Look> {
+    vec![Meaning::Plain(0).look(), Meaning::Plain(1).look()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_detail_of_the_paper_has_a_look_of_its_own() {
+        let looks = Looks::of(&Study::default());
+        let all: Vec<Look> = looks.details.iter().map(|d| looks.detail(&d.0).unwrap()).collect();
+        for (place, look) in all.iter().enumerate() {
+            assert!(!all[place + 1..].contains(look), "{} is drawn twice", looks.details[place].0);
+        }
+        let healthy = looks.class(Question::Actuator, "healthy");
+        assert!(looks.units.iter().all(|unit| looks.class(Question::Actuator, unit) != healthy));
+    }
+}

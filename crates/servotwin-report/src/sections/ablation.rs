@@ -1,0 +1,80 @@
+//! What carries the result: new commands with parts taken away.
+
+use crate::page::{Grid, Page, Side};
+use crate::words::{NONE, share, spoken, stacked};
+use crate::{Material, Section};
+use servotwin::campaign::data_features;
+use servotwin_diagnosis::features::{self, Family};
+
+/// See the module.
+pub struct Ablation;
+
+impl Section for Ablation {
+    fn id(&self) -> &'static str {
+        "ablation"
+    }
+
+    fn title(&self) -> &'static str {
+        "What carries the result"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let mut families = Grid::new([("family", Side::Left), ("what it computes", Side::Left)]);
+        let words = material.words();
+        let known = data_features(material.study);
+        let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
+        for family in features::ALL.iter().filter(has) {
+            families.push(vec![family.name().into(), words.adapted(family.summary())]);
+        }
+        let mut tables = vec![];
+        for result in &material.results.subjects {
+            let mut heads =
+                vec![("variation".to_owned(), Side::Left), ("features".to_owned(), Side::Right)];
+            if words.has_several() {
+                heads.push(("A".to_owned(), Side::Right));
+            }
+            heads.push(("B".to_owned(), Side::Right));
+            heads.push(("end to end".to_owned(), Side::Right));
+            if words.has_several() {
+                let head = format!("most often given to the wrong {}", words.unit());
+                heads.push((head, Side::Left));
+            }
+            let mut grid = Grid::new(heads);
+            for row in &result.evaluation.ablation {
+                // Without a feature of one unit alone, only A can be asked.
+                let asked = row.command.is_some_and(|rate| rate.count > 0);
+                let worst = row.worst_component.as_ref().filter(|(_, rate)| rate.count > 0);
+                let mut cells = vec![words.adapted(&row.title), row.features.to_string()];
+                cells.extend(words.has_several().then(|| share(row.actuator)));
+                cells.push(share(row.command.filter(|_| asked)));
+                cells.push(stacked(row.end_to_end.filter(|_| asked)));
+                cells.extend(words.has_several().then(|| {
+                    worst.map_or(NONE.into(), |(name, rate)| {
+                        format!("{} {}", spoken(name), share(Some(*rate)))
+                    })
+                }));
+                grid.push(cells);
+            }
+            if !grid.is_empty() {
+                tables.push((result, grid));
+            }
+        }
+        if tables.is_empty() {
+            return;
+        }
+        page.table(&families, "Families of features.");
+        for (result, grid) in tables {
+            page.table(&grid, &format!(
+                "Setting: {}. New commands (without training commands: faults unseen at their \
+                 intensity) with families of features alone, added one after the other and left out{}; \
+                 and with other depths.",
+                result.title,
+                words.several("; without mirror images and shared trees")
+            ));
+        }
+    }
+}

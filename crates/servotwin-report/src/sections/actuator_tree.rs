@@ -1,0 +1,124 @@
+//! The tree that finds the failed unit (figure 9 of the seed paper), and the others, of every setting.
+
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{percent, unit};
+use crate::{Material, Section, stages};
+use servotwin::campaign::data_features;
+use servotwin_diagnosis::features::Feature;
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
+
+/// See the module.
+pub struct ActuatorTree;
+
+impl Section for ActuatorTree {
+    fn id(&self) -> &'static str {
+        "trees"
+    }
+
+    fn title(&self) -> &'static str {
+        "The trees"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let Some(result) = material.main() else {
+            return;
+        };
+        let Some(hierarchy) = material.hierarchy(result.subject) else {
+            return;
+        };
+        let features: Vec<Feature> =
+            data_features(material.study).into_iter().map(|known| known.feature).collect();
+        let (words, looks) = (material.words(), material.looks());
+        page.text(&format!(
+            "Setting: {}, trained with everything there is to learn from. How often the answer to each \
+             question hangs on less than a sensor shows stands under “Answers that hang on less than a \
+             sensor shows”. A tree goes up where the answer is yes; n counts training variants{}, \
+             purity is the share of the most frequent class. Large trees are scrolled.",
+            result.title,
+            words.several(" (and their mirror images)")
+        ));
+        let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
+            for stage in &hierarchy.stages {
+                let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words, &looks)
+                else {
+                    continue;
+                };
+                if !stages::decides(stage) {
+                    page.text(&format!(
+                        "Setting: {title}. Tree {} asks nothing: where it was learned, nothing healthy left \
+                         the bands.",
+                        stage.id
+                    ));
+                    continue;
+                }
+                let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
+                page.wide_figure(&format!("tree_{name}{}", stage.id), drawing.draw(), &caption);
+            }
+        };
+        draw(hierarchy, "", &result.title, page);
+        for other in material.results.subjects.iter().filter(|r| r.subject != result.subject) {
+            let Some(hierarchy) = material.hierarchy(other.subject) else { continue };
+            page.folded(&format!("The trees of setting {}", other.title), |page| {
+                draw(hierarchy, &format!("{}_", other.subject.name()), &other.title, page);
+            });
+        }
+        page.table(
+            &meanings(hierarchy, &features, &words),
+            "The features that the trees ask for. “Of \
+             scale” means: of the sensor's scale in the table above.",
+        );
+        let mut grid = Grid::new([
+            ("tree", Side::Left),
+            ("nodes", Side::Right),
+            ("depth", Side::Right),
+            ("what carries it (share of the impurity removed)", Side::Left),
+        ]);
+        for stage in &result.evaluation.stages {
+            let count = |value: Option<usize>| value.map_or("–".into(), |v| v.to_string());
+            let best = stage.importances.iter().take(4);
+            let best = best.map(|(name, share)| format!("{name} {}", percent(Some(*share))));
+            let best = best.collect::<Vec<_>>().join(", ");
+            grid.push(vec![stage.stage.clone(), count(stage.nodes), count(stage.depth), best]);
+        }
+        page.table(
+            &grid,
+            &format!("The trees' sizes, setting {}: what would be at work.", result.title),
+        );
+    }
+}
+
+fn asks(stage: &Stage, words: &Vocabulary) -> String {
+    match stage.place.question {
+        Question::Actuator if !words.has_several() => "whether something is wrong".into(),
+        Question::Actuator => format!(
+            "which {} has failed{}",
+            words.unit(),
+            words.paper(" (figure 9 of the seed paper)")
+        ),
+        Question::Command => "what must be done".into(),
+        Question::Detail => "what is broken, within one command".into(),
+    }
+}
+
+fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> Grid {
+    let mut asked: Vec<&str> = vec![];
+    for stage in &hierarchy.stages {
+        for name in stages::asked(hierarchy, stage) {
+            if !asked.contains(&name) {
+                asked.push(name);
+            }
+        }
+    }
+    let mut grid =
+        Grid::new([("feature", Side::Left), ("unit", Side::Left), ("meaning", Side::Left)]);
+    for feature in features.iter().filter(|known| asked.contains(&known.name.as_str())) {
+        let unit = unit(feature.unit).to_owned();
+        grid.push(vec![feature.name.clone(), unit, words.adapted(&feature.meaning)]);
+    }
+    grid
+}

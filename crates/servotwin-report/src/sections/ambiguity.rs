@@ -1,0 +1,85 @@
+//! Which faults are taken for which others.
+
+use crate::lines;
+use crate::page::{Grid, Page, Side};
+use crate::words::{percent, spoken};
+use crate::{Material, Section, hardest_first};
+use servotwin::job::results::SubjectResult;
+
+/// See the module.
+pub struct Ambiguity;
+
+/// Pairs that are shown of each subject.
+const SHOWN: usize = 20;
+
+impl Section for Ambiguity {
+    fn id(&self) -> &'static str {
+        "ambiguity"
+    }
+
+    fn title(&self) -> &'static str {
+        "Faults taken for each other"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let words = material.words();
+        let show = |result: &SubjectResult, page: &mut Page| {
+            let ambiguity = &result.evaluation.ambiguity;
+            let mut grid = Grid::new([
+                ("fault", Side::Left),
+                ("taken for", Side::Left),
+                ("wrong was", Side::Left),
+                ("times", Side::Right),
+                ("of its tests", Side::Right),
+            ]);
+            for pair in ambiguity.pairs.iter().take(SHOWN) {
+                grid.push(vec![
+                    spoken(&pair.kind),
+                    spoken(&pair.taken_for),
+                    words.question(pair.question),
+                    pair.count.to_string(),
+                    percent(Some(pair.share)),
+                ]);
+            }
+            if grid.is_empty() {
+                page.text(&format!("Setting: {}. No fault was taken for another.", result.title));
+                return;
+            }
+            page.table(&grid, &format!(
+                "Setting: {}, grouped. {}: a fault, and the fault that fills the leaf in which it ended \
+                 wrongly.",
+                result.title,
+                most_frequent(ambiguity.pairs.len())
+            ));
+            for group in &ambiguity.groups {
+                let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
+                page.note(&format!(
+                    "Confused among each other (from 5 % of the tests on): {}.",
+                    names.join("; ")
+                ));
+            }
+        };
+        hardest_first(&lines::settings(material.results), page, &show);
+    }
+}
+
+/// Which of so many confusions are shown.
+fn most_frequent(pairs: usize) -> String {
+    match pairs {
+        1 => "The only confusion".into(),
+        all if all <= SHOWN => format!("All {all} confusions, the most frequent first"),
+        more => format!("The {SHOWN} most frequent of {more} confusions"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn some_of_many_confusions_are_the_most_frequent() {
+        assert_eq!(most_frequent(1), "The only confusion");
+        assert_eq!(most_frequent(3), "All 3 confusions, the most frequent first");
+        assert_eq!(most_frequent(21), "The 20 most frequent of 21 confusions");
+    }
+}

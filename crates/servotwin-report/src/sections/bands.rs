@@ -1,0 +1,197 @@
+//! The bands that healthy residuals stay in: learned sensor by sensor, beside a fixed one of 3 %.
+
+use crate::lines::{self, Measure, Who};
+use crate::looks;
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{NONE, chosen, rate, stacked};
+use crate::{Material, Section};
+use servotwin::evaluation::bands::{ALARMS, Band};
+use servotwin::evaluation::protocol::Protocol;
+use servotwin::job::results::SubjectResult;
+use servotwin::study::Study;
+use servotwin_diagnosis::residual::BAND;
+use servotwin_plot::Figure;
+use servotwin_plot::bars::{Bar, Bars};
+
+/// See the module.
+pub struct Bands;
+
+impl Section for Bands {
+    fn id(&self) -> &'static str {
+        "bands"
+    }
+
+    fn title(&self) -> &'static str {
+        "Bands"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
+            .into_iter()
+            .filter_map(|result| Some((result, lines::learned(result)?)))
+            .collect();
+        if results.is_empty() {
+            return;
+        }
+        let words = &material.words();
+        page.text(&format!(
+            "A fixed band lets every scaled residual stay within ±3 %{}, whatever the sensor. Where \
+             sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
+             wide for others. Here each kind of sensor has a band of its own, learned from healthy \
+             specimens on the training commands: as many standard deviations above the mean logarithm \
+             of their largest residuals as leave {} % of these records outside of any band, the same \
+             number for all sensors{}. What is promised is the \
+             rate of false alarms of all sensors together, on commands like those of training. A fault \
+             counts as detected where any residual leaves its band.",
+            words.paper(", as the seed paper has it"),
+            chosen(100.0 * ALARMS),
+            match words.has_several() {
+                true => format!("; like sensors of the {} are pooled", words.units()),
+                false => String::new(),
+            }
+        ));
+        for (result, _) in &results {
+            if let Some(broken) = broken_promise(result) {
+                page.text(&format!("Setting: {}. {broken}", result.title));
+            }
+        }
+        let names: Vec<String> =
+            results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
+        page.figure(
+            "bands",
+            figure(&results, &names),
+            "Half width of the learned bands in percent of each sensor's scale; the fixed band is 3 % \
+             for all.",
+        );
+        page.table(
+            &widths(&results, &names),
+            "Half widths in percent of scale; below them how many of the \
+            healthy training records (those of like sensors together) leave the band.",
+        );
+        page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
+            healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
+        compared(&results, words, page);
+    }
+}
+
+/// That more healthy specimens leave the bands than was promised, where the interval shows it.
+pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
+    lines::learned(result)?;
+    let alarms = result.evaluation.false_alarms.as_ref()?.alarms;
+    let records = result.evaluation.bands.iter().flatten().map(|band| band.records).max()?;
+    (alarms.of > 0 && alarms.low > ALARMS).then(|| {
+        format!(
+            "The bands do not keep their promise on the judged commands: {} of {} healthy specimens \
+             leave them there, and {} % was promised. They were learned from few records (at most {records} \
+             of a kind of sensor), or from commands unlike those judged: more healthy specimens ([training] \
+             healthy) or training commands nearer to the judged ones are needed.",
+            rate(Some(alarms)),
+            alarms.of,
+            chosen(100.0 * ALARMS)
+        )
+    })
+}
+
+/// The label of a sensor in the system file.
+pub(super) fn label(study: &Study, sensor: &str) -> String {
+    let place = study.sensors.0.iter().position(|known| known.name == sensor);
+    let known = place.and_then(|place| study.measured.get(place));
+    known.map_or_else(|| sensor.to_owned(), |&place| study.system.sensors[place].label.clone())
+}
+
+fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
+    let titles: Vec<&str> = results.iter().map(|(result, _)| result.title.as_str()).collect();
+    let mut bars = Bars::new("", "half width (% of scale)", &titles);
+    bars.looks = results.iter().map(|(result, _)| looks::subject(result.subject)).collect();
+    bars.digits = 2;
+    for (place, name) in names.iter().enumerate() {
+        let bar = |(_, bands): &(_, &[Band])| {
+            bands.get(place).map(|band| Bar::new(100.0 * band.half_width))
+        };
+        bars = bars.with(name, results.iter().map(bar).collect());
+    }
+    bars.draw()
+}
+
+fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Grid {
+    let mut heads = vec![("sensor".to_owned(), Side::Left), ("fixed".into(), Side::Right)];
+    heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Side::Right)));
+    let mut grid = Grid::new(heads);
+    for (place, name) in names.iter().enumerate() {
+        let mut row = vec![name.clone(), chosen(100.0 * BAND)];
+        let width = |band: Option<&Band>| {
+            band.map_or_else(
+                || NONE.into(),
+                |band| {
+                    let width = 100.0 * band.half_width;
+                    format!("{width:.2}\n{} of {}", band.exceeded, band.records)
+                },
+            )
+        };
+        row.extend(results.iter().map(|(_, bands)| width(bands.get(place))));
+        grid.push(row);
+    }
+    grid
+}
+
+/// Detection and false alarms with either band.
+fn effect(results: &[(&SubjectResult, &[Band])]) -> Grid {
+    let mut grid = Grid::new([
+        ("setting", Side::Left),
+        ("band", Side::Left),
+        ("faults detected", Side::Right),
+        ("healthy specimens that alarm", Side::Right),
+    ]);
+    for (result, _) in results {
+        let evaluation = &result.evaluation;
+        let alarms = evaluation.false_alarms.as_ref();
+        grid.push(vec![
+            result.title.clone(),
+            "fixed, ±3 %".into(),
+            stacked(Some(evaluation.paper_detection)),
+            stacked(alarms.map(|alarms| alarms.paper_alarms)),
+        ]);
+        grid.push_strong(vec![
+            String::new(),
+            "learned, in use".into(),
+            stacked(Some(evaluation.detection.detected)),
+            stacked(alarms.map(|alarms| alarms.alarms)),
+        ]);
+    }
+    grid
+}
+
+/// The diagnosis on new commands with either band.
+fn compared(results: &[(&SubjectResult, &[Band])], words: &Vocabulary, page: &mut Page) {
+    let measures: Vec<Measure> =
+        lines::safety(words).into_iter().chain(lines::right(words)).collect();
+    let mut heads = ["setting", "by", "band"].map(|head| (head.to_owned(), Side::Left)).to_vec();
+    heads.extend(measures.iter().map(|measure| (measure.title.clone(), Side::Right)));
+    let mut grid = Grid::new(heads);
+    for (result, _) in results {
+        // The trees come first, then the committee.
+        for (who, paper) in Who::ALL.into_iter().zip(&result.evaluation.paper_band) {
+            let own = who.under(&result.evaluation, Protocol::NewCommand);
+            for (band, judged) in [("±3 %", Some(paper)), ("learned", own)] {
+                let Some(judged) = judged else { continue };
+                let is_first = who == Who::Trees && band == "±3 %";
+                let title = if is_first { result.title.clone() } else { String::new() };
+                let mut row = vec![title, who.title().to_owned(), band.to_owned()];
+                row.extend(measures.iter().map(|measure| stacked((measure.rate)(judged))));
+                grid.push(row);
+            }
+        }
+    }
+    if !grid.is_empty() {
+        page.table(
+            &grid,
+            "The diagnosis of new commands with either band. Rates of detected faults are of \
+            other faults with each band; only “of all faults” compares directly.",
+        );
+    }
+}

@@ -1,0 +1,78 @@
+//! All classifiers by the same protocol.
+
+use crate::page::Page;
+use crate::{Material, Section, looks};
+use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::protocol::Protocol;
+use servotwin_diagnosis::hierarchy::Question;
+use servotwin_plot::Figure;
+use servotwin_plot::bars::{Bar, Bars};
+
+/// See the module.
+pub struct Classifiers;
+
+impl Section for Classifiers {
+    fn id(&self) -> &'static str {
+        "classifiers"
+    }
+
+    fn title(&self) -> &'static str {
+        "Classifiers compared"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        for result in &material.results.subjects {
+            if result.evaluation.classifiers.is_empty() {
+                continue;
+            }
+            let holding = result.settings.comparison_holding;
+            let words = material.words();
+            for (stage, question) in [("A", Question::Actuator), ("B", Question::Command)] {
+                let asks = words.question(question);
+                // One unit alone is not asked for.
+                if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {
+                    continue;
+                }
+                let name = format!("classifiers_{}_{stage}", result.subject.name());
+                page.figure(&name, bars(&result.evaluation, stage), &format!(
+                    "Setting: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
+                     same features and default settings: random thirds: {}; folds: {}, in which the \
+                     same fault and intensity stays together. Strokes across the foot of a bar: the axis does \
+                     not begin at zero. Whiskers: 95 %.",
+                    result.title, holding.repeats, holding.folds
+                ));
+            }
+        }
+    }
+}
+
+fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
+    let own = || evaluation.classifiers.iter().filter(|compared| compared.stage == stage);
+    let mut figure = Bars::new("", "accuracy (%)", &["random third", "grouped"]);
+    figure.looks = looks::plain();
+    let mut titles: Vec<&str> = vec![];
+    for compared in own() {
+        if !titles.contains(&compared.title.as_str()) {
+            titles.push(&compared.title);
+        }
+    }
+    let mut least: f64 = 100.0;
+    for title in titles {
+        let mut bar = |protocol: Protocol| {
+            let compared = own().find(|c| c.title == title && c.protocol == protocol)?;
+            let rate = compared.score.accuracy;
+            least = least.min(100.0 * rate.low);
+            let percent = |share: f64| 100.0 * share;
+            Some(Bar::with_interval(percent(rate.share?), percent(rate.low), percent(rate.high)))
+        };
+        figure = figure.with(title, vec![bar(Protocol::RandomThird), bar(Protocol::Grouped)]);
+    }
+    figure.digits = 2;
+    // Bars that all begin at zero would look alike.
+    figure.range = Some(((least / 10.0).floor() * 10.0, 100.0));
+    figure.draw()
+}

@@ -1,0 +1,262 @@
+//! The committee beside the trees: what it gets right, how far its confidence can be believed, and
+//! what its silence buys.
+
+use crate::lines::{self, Who};
+use crate::looks;
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{by_kind, chosen, number, percent, stacked};
+use crate::{Material, Section};
+use servotwin::evaluation::abstention::{Abstention, Level};
+use servotwin::evaluation::protocol::ALL;
+use servotwin::evaluation::score::Rate;
+use servotwin::job::results::SubjectResult;
+use servotwin_plot::Figure;
+use servotwin_plot::Meaning;
+use servotwin_plot::lines::{Curve, Lines};
+
+/// A share of a level with the ends of its interval.
+type Reading<'r> = &'r dyn Fn(&Level) -> Option<(f64, f64, f64)>;
+
+/// See the module.
+pub struct Committee;
+
+impl Section for Committee {
+    fn id(&self) -> &'static str {
+        "committee"
+    }
+
+    fn title(&self) -> &'static str {
+        "The committee"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let results: Vec<&SubjectResult> = lines::settings(material.results)
+            .into_iter()
+            .filter(|result| !result.evaluation.committee.is_empty())
+            .collect();
+        if results.is_empty() {
+            return;
+        }
+        page.text(
+            "Beside the trees stands a committee: boosted shallow trees at the same places, over the \
+             same features. It cannot be read as a tree can, but it says how sure it \
+             is. Its probabilities are calibrated on training commands that were left out of training. \
+             The trees remain the first answer, the one that explains itself; where the committee says \
+             something else, or is not sure enough, the outcome is “detected, not isolated”.",
+        );
+        let words = &material.words();
+        for result in &results {
+            page.table(&beside_trees(result, words), &format!(
+                "Setting: {}. Trees and committee under the same protocols, with 95 % intervals from \
+                 drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
+                result.title
+            ));
+        }
+        believed(&results, words, page);
+        silence(&results, words, page);
+    }
+}
+
+fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Grid {
+    let heads = [("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
+    let right = lines::right(words);
+    // One unit alone is not asked for.
+    let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
+    let stages = letters.iter().map(|letter| ((*letter).to_owned(), Side::Right));
+    let measures = right.iter().map(|measure| (measure.title.clone(), Side::Right));
+    let last = [("end to end, by kind".to_owned(), Side::Right)];
+    let mut grid = Grid::new(heads.into_iter().chain(stages).chain(measures).chain(last));
+    for protocol in ALL {
+        let Some(committee) = result.evaluation.committee(protocol) else { continue };
+        for who in Who::ALL {
+            let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
+            let title =
+                if who == Who::Trees { words.adapted(&committee.title) } else { String::new() };
+            let mut row = vec![title, who.title().to_owned()];
+            let accuracy = |letter| stacked(judged.stage(letter).map(|score| score.accuracy));
+            row.extend(letters.iter().map(|letter| accuracy(letter)));
+            row.extend(right.iter().map(|measure| stacked((measure.rate)(judged))));
+            row.push(by_kind(judged.end_to_end));
+            match who {
+                Who::Trees => grid.push(row),
+                Who::Committee => grid.push_strong(row),
+            }
+        }
+    }
+    grid
+}
+
+/// How far the confidence can be believed.
+fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
+    let mut lines = Lines::new("", "confidence", "share of right answers");
+    lines.y_range = Some((0.0, 1.0));
+    let mut grid = Grid::new([
+        ("setting", Side::Left),
+        ("answers", Side::Right),
+        ("in the most confident tenth", Side::Right),
+        ("Brier score", Side::Right),
+        ("calibration error", Side::Right),
+    ]);
+    for result in results {
+        let Some(reliability) = &result.evaluation.reliability else { continue };
+        let points = reliability.bins.iter().map(|&(mean, share, _)| (mean, share)).collect();
+        lines =
+            lines.with(Curve::new(&result.title, points).looking(looks::subject(result.subject)));
+        let answers: u64 = reliability.bins.iter().map(|bin| bin.2).sum();
+        let sure = reliability.bins.iter().filter(|bin| bin.0 >= 0.9).map(|bin| bin.2).sum::<u64>();
+        grid.push(vec![
+            result.title.clone(),
+            answers.to_string(),
+            percent((answers > 0).then(|| sure as f64 / answers as f64)),
+            number(reliability.brier),
+            number(reliability.calibration_error),
+        ]);
+    }
+    if grid.is_empty() {
+        return;
+    }
+    page.heading("How far its confidence can be believed");
+    let ideal = Curve::new("as sure as right", vec![(0.0, 0.0), (1.0, 1.0)]).unmarked();
+    let ideal = ideal.looking(Meaning::Plain(1).look());
+    page.figure(
+        "reliability",
+        lines.with(ideal).draw(),
+        &format!(
+            "Reliability: answers about {} on new commands, gathered by tenths of confidence. On the \
+             straight line what is said with 90 % is right nine times in ten; points below it are too \
+             sure. Points of low confidence stand for few answers.",
+            words.action()
+        ),
+    );
+    page.table(
+        &grid,
+        "The Brier score is the mean squared distance of confidence from being right (1) or wrong (0); \
+         the calibration error the mean distance of confidence from the share of right answers over \
+         the tenths. Both are best at zero.",
+    );
+}
+
+/// What silence buys.
+fn silence(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
+    let mut begun = false;
+    for result in results {
+        let Some(abstention) = &result.evaluation.abstention else { continue };
+        if !begun {
+            page.heading("What its silence buys");
+            page.text(
+                "An answer that is withheld leaves the fault detected but not isolated: it is known \
+                 that something is wrong, and not what. The least certain answers go first; rates are of the answers that are left.",
+            );
+            begun = true;
+        }
+        if abstention.levels.iter().all(is_flawless) {
+            page.text(&format!(
+                "Setting: {}. No answer about {} is wrong, none withheld or many: there is nothing to buy.",
+                result.title,
+                words.action_wrong()
+            ));
+            continue;
+        }
+        page.figure(
+            &format!("silence_{}", result.subject.name()),
+            trade(abstention, words),
+            &format!(
+                "Setting: {}. Errors of the committee on new commands among the answers that are left, \
+                 against the share withheld; whiskers of the first curve: 95 %.",
+                result.title
+            ),
+        );
+        page.table(&levels(abstention, words), &format!(
+            "Setting: {}. The same in numbers. The fixed confidence is the one that {} % of the answers \
+             did not reach on training commands left out of training: chosen without looking at these.",
+            result.title,
+            chosen(100.0 * servotwin::evaluation::committee::WITHHELD)
+        ));
+    }
+}
+
+fn is_flawless(level: &Level) -> bool {
+    level.right_action.count == level.right_action.of
+}
+
+fn trade(abstention: &Abstention, words: &Vocabulary) -> Figure {
+    let mut lines = Lines::new("", "answers withheld (%)", "of the answers that are left (%)");
+    let curve = |name: &str, of: Reading| {
+        let known = abstention.levels.iter().filter_map(|level| Some((level, of(level)?)));
+        let known: Vec<_> = known
+            .filter_map(|(level, values)| Some((100.0 * level.abstained.share?, values)))
+            .collect();
+        let percent = |share: f64| 100.0 * share;
+        let points = known.iter().map(|&(at, (value, ..))| (at, percent(value))).collect();
+        let ends = known.iter().map(|&(_, (_, low, high))| (percent(low), percent(high)));
+        (Curve::new(name, points), ends.collect::<Vec<_>>())
+    };
+    let shown = |rate: Rate| Some((rate.share?, rate.low, rate.high));
+    let missed = |level: &Level| shown(level.shutdown_answered_wrongly);
+    let wrong_shutdown = |level: &Level| shown(level.wrong_actuator_shutdown);
+    let wrong = |level: &Level| {
+        let right = level.right_action;
+        Some((1.0 - right.share?, 1.0 - right.high, 1.0 - right.low))
+    };
+    // Whiskers of three curves at the same places would hide each other.
+    let (worst, ends) = curve(&format!("{} wrong", words.action_wrong()), &wrong);
+    lines = lines.with(worst.with_intervals(ends).looking(Meaning::Plain(0).look()));
+    if words.has_off() {
+        let title = format!("fault that calls for a {} answered wrongly", words.off());
+        lines = lines.with(curve(&title, &missed).0.looking(Meaning::Command(0).look().at(1)));
+    }
+    if words.has_off() && words.has_several() {
+        let title = format!("wrong {} {}", words.unit(), words.switched_off());
+        lines =
+            lines.with(curve(&title, &wrong_shutdown).0.looking(Meaning::Plain(1).look().at(2)));
+    }
+    lines.draw()
+}
+
+fn levels(abstention: &Abstention, words: &Vocabulary) -> Grid {
+    let mut heads = vec![
+        ("answers only".to_owned(), Side::Left),
+        ("withheld".to_owned(), Side::Right),
+        (format!("{} right", words.action()), Side::Right),
+    ];
+    let (off, wrong_unit) = (words.has_off(), words.has_off() && words.has_several());
+    if wrong_unit {
+        let head = format!("wrong {} {}", words.unit(), words.switched_off());
+        heads.push((head, Side::Right));
+    }
+    if off {
+        heads.push((format!("{} fault answered wrongly", words.off()), Side::Right));
+    }
+    let mut grid = Grid::new(heads);
+    let mut push = |title: String, level: &Level| {
+        // What is not withheld at all is no estimate.
+        let withheld = match level.abstained.count {
+            0 => "none".into(),
+            _ => stacked(Some(level.abstained)),
+        };
+        let mut row = vec![title, withheld, stacked(Some(level.right_action))];
+        row.extend(wrong_unit.then(|| stacked(Some(level.wrong_actuator_shutdown))));
+        row.extend(off.then(|| stacked(Some(level.shutdown_answered_wrongly))));
+        grid.push(row);
+    };
+    for (share, level) in servotwin::evaluation::abstention::SHARES.iter().zip(&abstention.levels) {
+        let title = match *share {
+            0.0 => "always".to_owned(),
+            share => format!("but for the least certain {} %", chosen(100.0 * share)),
+        };
+        push(title, level);
+    }
+    if let Some((least, level)) = &abstention.fixed {
+        push(format!("with a confidence of at least {}", number(*least)), level);
+    }
+    push("where the trees say the same".into(), &abstention.agreement);
+    if let Some(both) = &abstention.both {
+        push("with that confidence, and the trees agree".into(), both);
+    }
+    grid
+}

@@ -1,0 +1,86 @@
+//! What the data set looks like that trees learn from and are judged with (figure 8 of the seed paper).
+
+use crate::excerpt::{Excerpt, Row};
+use crate::page::Page;
+use crate::vocabulary::Vocabulary;
+use crate::words::{chosen, number, spoken};
+use crate::{Material, Section};
+use servotwin_plot::sheet::{Group, LEFT_OUT, Sheet};
+
+/// See the module.
+pub struct DataSet;
+
+impl Section for DataSet {
+    fn id(&self) -> &'static str {
+        "data"
+    }
+
+    fn title(&self) -> &'static str {
+        "The data set"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let Some((setting, excerpt)) = material.excerpt else { return };
+        let words = material.words();
+        page.figure(
+            "data_set",
+            sheet(excerpt, &words).draw(),
+            &format!(
+                "Dataset structure after processing{}: an excerpt of the data set of setting {}. {} variants are left in it, \
+                 whose residuals leave {}. It has a column for the intensity of each of {} faults, the classes that \
+                 trees are to find, and {} features of the residuals.",
+                words.paper(" (figure 8 of the seed paper)"),
+                setting.name(),
+                excerpt.detectable,
+                words.fixed_band(),
+                excerpt.faults,
+                excerpt.features,
+            ),
+        );
+    }
+}
+
+/// The excerpt as a picture.
+fn sheet(excerpt: &Excerpt, words: &Vocabulary) -> Sheet {
+    let Excerpt { faults, features, shown_faults, shown_features, rows, .. } = excerpt;
+    let group = |title: &str, columns: Vec<String>| Group { title: title.into(), columns };
+    let unit = format!("failed {}", words.unit());
+    let mut classes = vec!["command".to_owned(), "detail".to_owned()];
+    if words.has_several() {
+        classes.insert(0, unit);
+    }
+    let (first, last) = rows.split_at(rows.len().saturating_sub(1));
+    let text = |row: &Row| {
+        let classes = row.classes.iter().skip(usize::from(!words.has_several()));
+        let classes = classes.map(|class| spoken(class)).collect();
+        [
+            vec![row.variant.to_string()],
+            dotted(row.intensities.iter().map(|&value| chosen(value)).collect(), *faults),
+            classes,
+            dotted(row.features.iter().map(|&value| number(value)).collect(), *features),
+        ]
+        .concat()
+    };
+    let groups = vec![
+        group("Variant no.", vec![String::new()]),
+        group("Fault intensities", dotted(shown_faults.clone(), *faults)),
+        group("Fault classifier", classes),
+        group("Residual features", dotted(shown_features.clone(), *features)),
+    ];
+    let width = groups.iter().map(|group| group.columns.len()).sum();
+    let between = if first.is_empty() { vec![] } else { vec![vec!["⋮".to_owned(); width]] };
+    let rows = first.iter().map(text).chain(between).chain(last.iter().map(text)).collect();
+    Sheet { groups, rows }
+}
+
+/// With dots before the last, where some of so many are left out.
+fn dotted(mut texts: Vec<String>, of: usize) -> Vec<String> {
+    if texts.len() < of {
+        texts.insert(texts.len().saturating_sub(1), LEFT_OUT.into());
+    }
+    texts
+}

@@ -1,0 +1,153 @@
+//! What is detected at all, and from which intensity on.
+
+use crate::lines;
+use crate::page::Page;
+use crate::words::{rate, spoken};
+use crate::{Material, Section, hardest_first};
+use servotwin::evaluation::detection::Detection;
+use servotwin::job::results::SubjectResult;
+use servotwin_diagnosis::hierarchy::Question;
+use servotwin_plot::Figure;
+use servotwin_plot::lines::{Curve, Lines};
+use servotwin_plot::value_map::{ValueMap, digits};
+use std::collections::BTreeMap;
+
+/// Counts for a fault that is never detected, beside intensities of at most one.
+const NEVER: f64 = 10.0;
+
+/// See the module.
+pub struct Detectability;
+
+impl Section for Detectability {
+    fn id(&self) -> &'static str {
+        "detectability"
+    }
+
+    fn title(&self) -> &'static str {
+        "Detectability"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let words = material.words();
+        let show = |result: &SubjectResult, page: &mut Page| {
+            let detection = &result.evaluation.detection;
+            let name = result.subject.name();
+            page.heading(&format!("Setting: {}", result.title));
+            page.text(&format!(
+                "{} of all faults leave {} at least once{}.{}",
+                rate(Some(detection.detected)),
+                match lines::learned(result) {
+                    Some(_) => "the bands learned from healthy specimens",
+                    None => words.fixed_band(),
+                },
+                match detection.detected.count < detection.detected.of {
+                    true => {
+                        "; the others are invisible to these sensors in these operating cases and are \
+                         not diagnosed"
+                    }
+                    false => "",
+                },
+                match result.subject.setting().has_tolerances() {
+                    true => {
+                        " Tolerances help some over the edge: the specimen is already away from the twin."
+                    }
+                    false => "",
+                }
+            ));
+            let curves = curves(material, detection);
+            page.figure(
+                &format!("detection_{name}"),
+                curves,
+                &format!(
+                    "Setting: {}. Share of faults detected against their intensity, for each failure, \
+                     over all operating cases{}.",
+                    result.title,
+                    match words.has_several() {
+                        true => format!(" and {}", words.units()),
+                        false => String::new(),
+                    }
+                ),
+            );
+            page.figure(
+                &format!("least_intensity_{name}"),
+                least(detection),
+                &format!(
+                    "Setting: {}. The smallest intensity from which on a fault is detected in each \
+                     operating case{}, the hardest to see first.",
+                    result.title,
+                    match words.has_several() {
+                        true => format!(" (of all {} the worst)", words.units()),
+                        false => String::new(),
+                    }
+                ),
+            );
+        };
+        hardest_first(&lines::settings(material.results), page, &show);
+    }
+}
+
+/// Detection against intensity, the kinds of one failure together.
+fn curves(material: &Material, detection: &Detection) -> Figure {
+    let looks = material.looks();
+    let mut lines = Lines::new("", "intensity", "share detected");
+    lines.y_range = Some((0.0, 1.0));
+    for class in &material.study.classes {
+        // Intensities as bits: positive numbers sort by them.
+        let mut counts: BTreeMap<u64, (u64, u64)> = BTreeMap::new();
+        for curve in detection.curves.iter().filter(|curve| curve.detail == class.detail) {
+            for (intensity, rate) in &curve.points {
+                let (detected, all) = counts.entry(intensity.to_bits()).or_default();
+                *detected += rate.count;
+                *all += rate.of;
+            }
+        }
+        let point = |(bits, (detected, all)): (u64, (u64, u64))| {
+            (f64::from_bits(bits), detected as f64 / all as f64)
+        };
+        let points: Vec<(f64, f64)> = counts.into_iter().map(point).collect();
+        if !points.is_empty() {
+            lines = lines.with(
+                Curve::new(spoken(&class.detail), points)
+                    .looking(looks.class(Question::Detail, &class.detail)),
+            );
+        }
+    }
+    lines.draw()
+}
+
+/// Kinds against operating cases.
+fn least(detection: &Detection) -> Figure {
+    let kinds: Vec<&str> = detection.curves.iter().map(|curve| curve.kind.as_str()).collect();
+    let mut cases: Vec<&str> = vec![];
+    for least in &detection.least {
+        if !cases.contains(&least.case.as_str()) {
+            cases.push(&least.case);
+        }
+    }
+    let worst = |kind: &str, case: &str| {
+        let own = detection.least.iter().filter(|least| {
+            least.case == case
+                && (least.fault == kind || least.fault.ends_with(&format!(".{kind}")))
+        });
+        // Never detected is worse than any intensity.
+        own.map(|least| least.intensity).try_fold(0.0, |worst: f64, own| own.map(|i| worst.max(i)))
+    };
+    let of_kind = |kind: &&str| cases.iter().map(|case| worst(kind, case)).collect();
+    let mut rows: Vec<(&str, Vec<Option<f64>>)> =
+        kinds.iter().map(|kind| (*kind, of_kind(kind))).collect();
+    // Never is worse than the greatest intensity.
+    let hard = |row: &[Option<f64>]| row.iter().map(|cell| cell.unwrap_or(NEVER)).sum::<f64>();
+    rows.sort_by(|a, b| hard(&b.1).total_cmp(&hard(&a.1)));
+    let all: Vec<f64> = rows.iter().flat_map(|row| row.1.iter().flatten().copied()).collect();
+    ValueMap {
+        title: String::new(),
+        rows: rows.iter().map(|(kind, _)| spoken(kind)).collect(),
+        columns: cases.iter().map(|case| (*case).to_owned()).collect(),
+        digits: digits(all.iter().copied()),
+        values: rows.into_iter().map(|row| row.1).collect(),
+        range: (0.0, 1.0),
+        meaning: "the smallest intensity from which on every one is detected".into(),
+        worst: Some(("never".into(), "not detected even at the greatest intensity".into())),
+    }
+    .draw()
+}

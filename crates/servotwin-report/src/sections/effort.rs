@@ -1,0 +1,139 @@
+//! How simulations went: which rang, which began without a steady state, and the solver's steps by fault.
+
+use crate::page::{Grid, Page, Side};
+use crate::words::{number, spoken};
+use crate::{Material, Section};
+use servotwin::job::manifest::{DataSetEntry, KindEffort, MovingVariant};
+
+/// See the module.
+pub struct Effort;
+
+impl Section for Effort {
+    fn id(&self) -> &'static str {
+        "effort"
+    }
+
+    fn title(&self) -> &'static str {
+        "How the simulations went"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let sets = &material.manifest.data_sets;
+        let strange = |set: &&DataSetEntry| set.efforts.iter().any(is_strange);
+        let strange: Vec<&DataSetEntry> = sets.iter().filter(strange).collect();
+        for set in &strange {
+            let efforts = set.efforts.iter().filter(|effort| is_strange(effort));
+            page.table(&grid(efforts), &format!("{}: {}", called(set), caption(set)));
+        }
+        for set in sets.iter().filter(|set| !set.on_the_move.is_empty()) {
+            let shown = set.on_the_move.len().min(MAX_NAMED);
+            let of_all = format!("{shown} of {}", set.on_the_move.len());
+            let text = format!("Without a steady state: {} ({of_all} variants)", called(set));
+            page.folded(&text, |page| page.table(&named(&set.on_the_move[..shown]), NAMED));
+        }
+        if strange.is_empty() && !sets.is_empty() {
+            page.text(
+                "Every simulation began at rest, and none took more than five times the steps of its twin.",
+            );
+        }
+        for set in sets {
+            page.folded(&format!("Steps by fault: {}", called(set)), |page| {
+                page.table(&grid(set.efforts.iter()), STEPS);
+            });
+        }
+    }
+}
+
+/// So many variants without a steady state are named.
+const MAX_NAMED: usize = 50;
+
+const RINGS: &str = "Variants that ring take more than five times the steps of their twin, because a part of them \
+                     oscillates fast (a limit cycle): what their sensors show is true on average and in size, not \
+                     sample by sample.";
+
+const NAMED: &str = "Variants that began on the move, because no steady state was found for them or for their twin. \
+                     They teach no band.";
+
+/// The columns of the table for a data set.
+fn caption(set: &DataSetEntry) -> String {
+    let sum = |count: fn(&KindEffort) -> usize| set.efforts.iter().map(count).sum::<usize>();
+    let moving = sum(|effort| effort.began_on_the_move);
+    let cycles = sum(|effort| effort.limit_cycles);
+    let mut parts = vec![];
+    if sum(|effort| effort.rings) > 0 {
+        parts.push(RINGS.to_owned());
+    }
+    if moving > 0 {
+        parts.push(format!(
+            "For {moving} variants no steady state was found, and the run began on the move. {}",
+            match cycles {
+                0 => "No limit cycle was measured among them.".into(),
+                _ if cycles == moving =>
+                    "The loop swings for ever: a limit cycle was measured.".into(),
+                _ => format!(
+                    "In {cycles} of them the loop swings for ever: a limit cycle was measured."
+                ),
+            }
+        ));
+    }
+    parts.join(" ")
+}
+
+fn named(variants: &[MovingVariant]) -> Grid {
+    let mut grid = Grid::new([
+        ("variant", Side::Right),
+        ("fault", Side::Left),
+        ("intensity", Side::Right),
+        ("case", Side::Left),
+        ("limit cycle", Side::Left),
+    ]);
+    for one in variants {
+        grid.push(vec![
+            one.variant.to_string(),
+            spoken(&one.fault),
+            number(one.intensity),
+            one.case.clone(),
+            if one.limit_cycle { "measured" } else { "not measured" }.into(),
+        ]);
+    }
+    grid
+}
+
+const STEPS: &str = "The solver takes the steps that its error control asks for: many where a part oscillates fast or \
+                     cavitates. Variants that could not be simulated to the end are left out.";
+
+fn is_strange(effort: &KindEffort) -> bool {
+    effort.rings + effort.began_on_the_move > 0
+}
+
+fn called(set: &DataSetEntry) -> String {
+    format!("{}, for {}", set.setting, if set.is_training { "learning" } else { "judging" })
+}
+
+fn grid<'e>(efforts: impl Iterator<Item = &'e KindEffort>) -> Grid {
+    let mut grid = Grid::new([
+        ("fault", Side::Left),
+        ("variants", Side::Right),
+        ("steps a second", Side::Right),
+        ("at most", Side::Right),
+        ("ring", Side::Right),
+        ("began on the move", Side::Right),
+        ("limit cycle", Side::Right),
+    ]);
+    for effort in efforts {
+        grid.push(vec![
+            spoken(&effort.kind),
+            effort.variants.to_string(),
+            number(effort.mean_steps_per_s),
+            number(effort.most_steps_per_s),
+            effort.rings.to_string(),
+            effort.began_on_the_move.to_string(),
+            effort.limit_cycles.to_string(),
+        ]);
+    }
+    grid
+}

@@ -1,0 +1,102 @@
+//! What was left out, with counts.
+
+use crate::page::{Grid, Page, Side};
+use crate::words::number;
+use crate::{Material, Section};
+
+/// See the module.
+pub struct Exclusions;
+
+/// Failed variants that are listed one by one.
+const SHOWN: usize = 50;
+
+impl Section for Exclusions {
+    fn id(&self) -> &'static str {
+        "exclusions"
+    }
+
+    fn title(&self) -> &'static str {
+        "What was left out"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let words = material.words();
+        let mut heads =
+            vec![("data set", Side::Left), ("for", Side::Left), ("variants", Side::Right)];
+        heads.extend(words.has_several().then_some(("mirror images", Side::Right)));
+        heads.extend([
+            ("without a fault", Side::Right),
+            ("undetectable", Side::Right),
+            ("not simulated to the end", Side::Right),
+            ("faults left", Side::Right),
+        ]);
+        let mut grid = Grid::new(heads);
+        for set in &material.manifest.data_sets {
+            let used = set.variants - set.healthy - set.undetectable - set.failed.len();
+            let mut row = vec![
+                set.setting.clone(),
+                if set.is_training { "learning" } else { "judging" }.into(),
+                set.variants.to_string(),
+            ];
+            row.extend(words.has_several().then(|| set.reflected.to_string()));
+            let counts = [set.healthy, set.undetectable, set.failed.len(), used];
+            row.extend(counts.map(|count| count.to_string()));
+            grid.push(row);
+        }
+        page.table(
+            &grid,
+            &format!(
+                "Variants by what became of them; undetectable by {}.{}",
+                words.fixed_band(),
+                match material.manifest.data_sets.iter().any(|set| set.reflected > 0) {
+                    true => format!(
+                        " Mirror images were not simulated: their signals are those of the same fault of \
+                         another {}, which probes have confirmed.",
+                        words.unit()
+                    ),
+                    false => String::new(),
+                }
+            ),
+        );
+        for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
+            let mut grid = Grid::new([
+                ("variant", Side::Right),
+                ("fault", Side::Left),
+                ("intensity", Side::Right),
+                ("case", Side::Left),
+                ("reason", Side::Left),
+            ]);
+            for failed in set.failed.iter().take(SHOWN) {
+                grid.push(vec![
+                    failed.variant.to_string(),
+                    failed.fault.clone(),
+                    number(failed.intensity),
+                    failed.case.clone(),
+                    failed.reason.clone(),
+                ]);
+            }
+            page.table(
+                &grid,
+                &format!(
+                    "{}: variants that could not be simulated to the end ({} in all).",
+                    set.setting,
+                    set.failed.len()
+                ),
+            );
+        }
+        for result in &material.results.subjects {
+            let constant = &result.evaluation.constant_features;
+            if !constant.is_empty() {
+                page.text(&format!(
+                    "Setting: {}. Features that never change, and so say nothing: {}.",
+                    result.title,
+                    constant.join(", ")
+                ));
+            }
+        }
+    }
+}

@@ -1,0 +1,592 @@
+//! The diagnosis at work: how fast, how sure and how often wrong it is beside a running system, and
+//! against which limits.
+
+use crate::looks;
+use crate::looks::Looks;
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{NONE, chosen, number, rate, spoken, stacked};
+use crate::{Material, Section};
+use servotwin::evaluation::score::Rate;
+use servotwin::flight::judge::{ClassMerit, Latency, Merit, STRONG};
+use servotwin::job::flights::FlightResults;
+use servotwin::study::Study;
+use servotwin_diagnosis::hierarchy::Question;
+use servotwin_plot::Figure;
+use servotwin_plot::lines::{Curve, Lines};
+
+/// See the module.
+pub struct Flights;
+
+/// The share of faults that a limit on latency is about.
+const SHARE: f64 = 0.95;
+
+impl Section for Flights {
+    fn id(&self) -> &'static str {
+        "flights"
+    }
+
+    fn title(&self) -> &'static str {
+        "The diagnosis at work"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let Some(results) = material.flights else {
+            return;
+        };
+        let words = &material.words();
+        page.text(&about(results, words, material.study.least_on()));
+        page.table(&limits_grid(material.study, results, words), &format!(
+            "What is asked of the diagnosis at work, and what was measured. {} “Met” is said only where \
+             the interval is on the right side of the limit; that something never happens cannot be \
+             shown by counting, only how often at most.",
+            match own_limits(material.study).as_slice() {
+                [] => "The study file sets no limits of its own ([flights.limits]): these are \
+                       servotwin's.",
+                _ => "Limits that the study file does not set are servotwin's, marked as default.",
+            }
+        ));
+        page.note(&sizes(results, material.study, words));
+        page.heading("How soon a fault is isolated");
+        page.text(&format!(
+            "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
+             makes it so by chance; it is isolated when the right command{} is raised. The curves show which \
+             share of the visible faults of intensity {STRONG} and more is isolated how long after the \
+             onset. What is never isolated is why a curve stays below 100 %.",
+            match words.has_several() {
+                true => format!(" for the right {}", words.unit()),
+                false => String::new(),
+            }
+        ));
+        page.beside(|page| {
+            for merit in &results.merits {
+                let name = format!("flights_latency_{}", merit.setting);
+                let caption = format!(
+                    "Setting {}: visible faults of intensity {STRONG} and more that are isolated, by the \
+                     time since the onset.",
+                    merit.setting
+                );
+                page.figure(&name, latencies(merit, &material.looks()), &caption);
+            }
+        });
+        for merit in &results.merits {
+            page.table(&by_command(merit, words), &format!(
+                "Setting {}: what became of the {}s, by what should have been commanded. Shares are \
+                 of the visible faults, with 95 % intervals from drawing kinds of fault at their \
+                 intensities; times are the median, and below it 95 % and the longest of those that \
+                 were isolated.",
+                merit.setting,
+                words.run()
+            ));
+        }
+        if !words.has_off() {
+            return;
+        }
+        page.heading("By the way in which a fault begins");
+        page.table(&by_onset(results, words), &format!(
+            "Faults that call for a {} of intensity {STRONG} and more. A drift reaches its intensity in 4 s; an \
+             intermittent fault is there for 1 s and away for 1 s.",
+            words.off()
+        ));
+        page.heading("False alarms against latency");
+        trade(results, words, page);
+        wrong_kinds(results, words, page);
+    }
+}
+
+fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
+    let windows: Vec<String> =
+        results.windows_s.iter().map(|&w| format!("{} s", chosen(w))).collect();
+    let run = words.run();
+    format!(
+        "Here the twin runs along, and the diagnosis sample by sample, with windows of {} that slide. \
+         A fault begins during the {run}. A command is raised only when the evidence for it beats every \
+         other explanation in a sequential test{}. Trees, committee and bands were learned in other \
+         {run}s, of other commands, specimens and surroundings. The settings differ in the specimen: with \
+         noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
+         realistic setting it has its tolerances and the twin knows nothing of them. There windows are looked at \
+         a second time, without the means that its own residuals had in the first seconds.",
+        windows.join(" and "),
+        words.kept_on(least_on)
+    )
+}
+
+/// The limits that a study file sets itself.
+fn own_limits(study: &Study) -> Vec<String> {
+    section(study, "limits").map_or_else(Vec::new, |limits| limits.keys().cloned().collect())
+}
+
+/// A section below `[flights]` as the study file has it.
+fn section(study: &Study, name: &str) -> Option<toml::Table> {
+    let text: toml::Table = study.text.parse().ok()?;
+    text.get("flights")?.get(name)?.as_table().cloned()
+}
+
+/// Something that is asked, and what was measured.
+pub(super) struct Limit {
+    title: String,
+    setting: String,
+    /// What is asked for; empty for a row that only explains another.
+    limit: String,
+    /// One line, and what stands below it in small type.
+    measured: String,
+    verdict: &'static str,
+}
+
+impl Limit {
+    /// Whether what was measured is on the wrong side.
+    pub(super) fn is_missed(&self) -> bool {
+        [MISSED, PROBABLY_MISSED].contains(&self.verdict)
+    }
+
+    /// In one sentence.
+    pub(super) fn in_words(&self) -> String {
+        let measured = self.measured.replacen('\n', " [", 1).replace('\n', ", ");
+        let end = if self.measured.contains('\n') { "]" } else { "" };
+        let limit = self.limit.replace('\n', ", ");
+        format!(
+            "{}: {measured}{end}, asked for is {limit} ({}, {})",
+            self.title, self.setting, self.verdict
+        )
+    }
+}
+
+/// What is asked for, setting by setting; nothing of what was not counted.
+pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
+    let own = own_limits(study);
+    let marked = |text: String, key: &str| match own.iter().any(|known| known == key) {
+        true => text,
+        false => format!("{text}\ndefault"),
+    };
+    let (unit, off, run) = (words.unit(), words.off(), words.run());
+    let mut list = vec![];
+    for merit in &results.merits {
+        let Merit { setting, in_time, healthy, .. } = merit;
+        let mut push = |title: String, limit: String, measured: String, verdict: &'static str| {
+            list.push(Limit { title, setting: setting.clone(), limit, measured, verdict });
+        };
+        if words.has_off() && in_time.of > 0 {
+            let faults = format!("visible {off} faults of intensity {STRONG} and more");
+            let key = if setting == "realistic" { "latency_unfitted_s" } else { "latency_s" };
+            push(
+                format!("{faults}, isolated in time"),
+                marked(
+                    format!("{} % within {} s", chosen(100.0 * SHARE), chosen(merit.limit_s)),
+                    key,
+                ),
+                stacked(Some(*in_time)),
+                match in_time {
+                    rate if rate.low >= SHARE => MET,
+                    rate if rate.high < SHARE => MISSED,
+                    rate if rate.share.is_some_and(|share| share < SHARE) => PROBABLY_MISSED,
+                    _ => NOT_SHOWN,
+                },
+            );
+            let by_then = format!("of them left any band within {} s", chosen(merit.limit_s));
+            push(by_then, String::new(), stacked(Some(merit.visible_in_time)), "");
+            let since = stacked(Some(merit.in_time_since_visible));
+            push(
+                "of them isolated, counted from when they were visible".into(),
+                String::new(),
+                since,
+                "",
+            );
+            let strong = strong(merit)
+                .find(|class| merit.onsets.iter().any(|(_, onset)| onset.command == class.command));
+            if let Some(class) = strong {
+                let of = class.visible.count;
+                let isolated = class.isolation.as_ref().map_or(0, |latency| latency.flights);
+                let never = stacked(Some(Rate::new(of - isolated, of)));
+                push(
+                    format!("the same faults, never {}", words.switched_off()),
+                    String::new(),
+                    never,
+                    "",
+                );
+            }
+        }
+        if healthy.hours > 0.0 {
+            push(
+                "false alarms per hour".into(),
+                marked(chosen(results.limits.false_alarms_per_h), "false_alarms_per_h"),
+                format!(
+                    "{} in {:.1} h\nat most {} per hour (95 %)",
+                    healthy.alarms,
+                    healthy.hours,
+                    number(healthy.alarms_per_h_upper)
+                ),
+                match healthy {
+                    h if h.alarms_per_h_upper <= results.limits.false_alarms_per_h => MET,
+                    h if h.alarms_per_h > results.limits.false_alarms_per_h => MISSED,
+                    _ => NOT_SHOWN,
+                },
+            );
+        }
+        if !words.has_off() {
+            continue;
+        }
+        if healthy.hours > 0.0 {
+            let most = match healthy.shutdowns {
+                0 => format!("\nat most {} per hour (95 %)", number(MOST_OF_NONE / healthy.hours)),
+                _ => String::new(),
+            };
+            push(
+                format!("a healthy {unit} {}, nothing being wrong", words.switched_off()),
+                "0".into(),
+                format!("{} in {:.1} h{most}", healthy.shutdowns, healthy.hours),
+                none_allowed(healthy.shutdowns, 0.0),
+            );
+        }
+        let mut wrong = |title: String, wrong: u64, of: u64| {
+            push(
+                title,
+                marked(chosen(results.limits.wrong_shutdowns), "wrong_shutdowns"),
+                format!("{wrong} in {of} {run}s\n{}", at_most(wrong, of)),
+                none_allowed(wrong, results.limits.wrong_shutdowns),
+            );
+        };
+        if words.has_several() && merit.flights > 0 {
+            let title = format!("the wrong {unit} {}, all trained faults", words.switched_off());
+            wrong(title, merit.wrong_shutdowns, merit.flights);
+        }
+        let foreign = results.foreign.iter().find(|other| other.setting == *setting);
+        let off = words.switched_off();
+        let counts = foreign.map(|foreign| {
+            [
+                (
+                    foreign.shutdowns_healthy(),
+                    format!("a healthy {unit} {off}, faults never trained on"),
+                ),
+                (
+                    foreign.shutdowns_behind_wrong_sensor(),
+                    format!("a healthy {unit} {off} behind a wrong boundary sensor"),
+                ),
+            ]
+        });
+        for ((shutdowns, of), title) in counts.into_iter().flatten().filter(|((_, of), _)| *of > 0)
+        {
+            wrong(title, shutdowns, of);
+        }
+    }
+    list
+}
+
+fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> Grid {
+    let mut grid = Grid::new([
+        ("", Side::Left),
+        ("setting", Side::Left),
+        ("limit", Side::Right),
+        ("measured", Side::Right),
+        ("", Side::Left),
+    ]);
+    for limit in limits(study, results, words) {
+        let is_strong = ![MET, NONE_SEEN, ""].contains(&limit.verdict);
+        let Limit { title, setting, limit, measured, verdict } = limit;
+        let row = vec![title, setting, limit, measured, verdict.into()];
+        if is_strong { grid.push_strong(row) } else { grid.push(row) }
+    }
+    grid
+}
+
+const MET: &str = "met";
+const MISSED: &str = "missed";
+const PROBABLY_MISSED: &str = "missed, within the interval";
+const NOT_SHOWN: &str = "not shown: too few";
+const NONE_SEEN: &str = "none seen";
+
+/// The upper end of the one-sided 95 % interval of a count of events of which none was seen (Poisson):
+/// -ln 0.05.
+const MOST_OF_NONE: f64 = 2.995_732_273_553_991;
+
+fn none_allowed(count: u64, limit: f64) -> &'static str {
+    match count {
+        0 => NONE_SEEN,
+        count if count as f64 <= limit => MET,
+        _ => MISSED,
+    }
+}
+
+/// The upper end of a share's interval, in words.
+pub(super) fn at_most(count: u64, of: u64) -> String {
+    let rate = Rate::new(count, of);
+    format!("at most {:.2} % (95 %)", 100.0 * rate.high)
+}
+
+fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
+    let has_full = section(study, "full").is_some();
+    let run = words.run();
+    let runs = |count: u64| match count {
+        1 => format!("1 {run}"),
+        count => format!("{count} {run}s"),
+    };
+    let further = |count: u64| match count {
+        0 => String::new(),
+        count => format!(", and from {} in further ones without a fault", runs(count)),
+    };
+    let FlightResults { learn, judge, is_full, .. } = results;
+    let judged = results.merits.first();
+    let size = format!(
+        "Learned in {} environments, with {} of every fault at each intensity{}; judged in {} other \
+         environments, with {} with a fault and {:.1} healthy hours in each setting.",
+        learn.environments,
+        runs(learn.repeats as u64),
+        further(learn.further as u64),
+        judge.environments,
+        runs(judged.map_or(0, |merit| merit.flights)),
+        judged.map_or(0.0, |merit| merit.healthy.hours),
+    );
+    let failed = |merit: &Merit| merit.failed + merit.failed_to_learn;
+    let size = match results.merits.iter().map(failed).sum::<u64>() {
+        0 => size,
+        failed => format!(
+            "{size} Left out are {failed} {run}s that could not be simulated to their end, {} of them to \
+             learn from.",
+            results.merits.iter().map(|merit| merit.failed_to_learn).sum::<u64>()
+        ),
+    };
+    let without = results.merits.iter().filter_map(Merit::without_steady_state);
+    let size = without.fold(size, |text, line| format!("{text} {line}."));
+    match is_full {
+        true => format!("{size} These are the full sizes of the study."),
+        false if has_full => format!(
+            "{size} These are the small sizes, which an ordinary run has time for. The full ones: \
+             servotwin flights --full --out FOLDER, then servotwin report FOLDER."
+        ),
+        false => size,
+    }
+}
+
+/// The classes of all intensities, or the strong ones: they stand one after the other.
+fn strong(merit: &Merit) -> impl Iterator<Item = &ClassMerit> {
+    let half = merit.classes.len() / 2;
+    merit.classes[half..].iter()
+}
+
+fn latencies(merit: &Merit, looks: &Looks) -> Figure {
+    let mut lines = Lines::new("", "time since the onset / s", "isolated / % of visible");
+    lines.x_log = true;
+    lines.y_range = Some((0.0, 100.0));
+    for class in strong(merit) {
+        let points = class.isolation.iter().flat_map(|latency| &latency.by_s);
+        let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
+        lines = lines.with(
+            Curve::new(spoken(&class.command), points)
+                .looking(looks.class(Question::Command, &class.command)),
+        );
+    }
+    lines.draw()
+}
+
+/// The median of a latency, and below it what is longer.
+fn times(latency: &Option<Latency>) -> String {
+    latency.as_ref().map_or(NONE.into(), |latency| {
+        let Latency { median_s, p95_s, longest_s, .. } = latency;
+        format!("{median_s:.2} s\n{p95_s:.2} s\n{longest_s:.2} s")
+    })
+}
+
+fn by_command(merit: &Merit, words: &Vocabulary) -> Grid {
+    let mut heads: Vec<(String, Side)> = vec![
+        ("command".into(), Side::Left),
+        ("visible".into(), Side::Right),
+        ("isolated".into(), Side::Right),
+        ("another command".into(), Side::Right),
+    ];
+    if words.has_several() {
+        heads.push((format!("wrong {}", words.unit()), Side::Right));
+    }
+    let times_heads = ["silent", "until visible", "until isolated", "visible to isolated"];
+    heads.extend(times_heads.map(|head| (head.into(), Side::Right)));
+    let mut grid = Grid::new(heads);
+    for class in &merit.classes {
+        let [low, high] = class.intensities;
+        let count =
+            |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
+        let command =
+            format!("{}\nintensity {} … {}", spoken(&class.command), chosen(low), chosen(high));
+        let mut row = vec![command, count(&class.visible), count(&class.isolated)];
+        row.push(count(&class.other_command));
+        row.extend(words.has_several().then(|| count(&class.wrong_actuator)));
+        row.push(count(&class.silent));
+        row.extend([&class.detection, &class.isolation, &class.isolation_since_visible].map(times));
+        grid.push(row);
+    }
+    grid
+}
+
+fn by_onset(results: &FlightResults, words: &Vocabulary) -> Grid {
+    let left = ["begins", "setting"].map(|head| (head.to_owned(), Side::Left));
+    let right = ["visible", "isolated", "silent", "until isolated: median, 95 %"];
+    let right = right.map(|head| (head.to_owned(), Side::Right));
+    let wrong = words.has_several().then(|| (format!("wrong {} off", words.unit()), Side::Right));
+    let mut grid = Grid::new(left.into_iter().chain(right).chain(wrong));
+    for merit in &results.merits {
+        for (name, class) in &merit.onsets {
+            let isolation = class.isolation.as_ref();
+            let mut row = vec![
+                name.clone(),
+                merit.setting.clone(),
+                format!("{} of {}", class.visible.count, class.visible.of),
+                stacked(Some(class.isolated)),
+                stacked(Some(class.silent)),
+                isolation.map_or(NONE.into(), |l| format!("{:.2} s, {:.2} s", l.median_s, l.p95_s)),
+            ];
+            row.extend(words.has_several().then(|| class.wrong_shutdown.to_string()));
+            grid.push(row);
+        }
+    }
+    grid
+}
+
+/// The same flights with other rates asked for.
+fn trade(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
+    page.text(&format!(
+        "The sequential test is told how many false alarms are allowed, and takes the time that this \
+         needs. The same {}s, with several rates asked for:",
+        words.run()
+    ));
+    let mut lines = Lines::new("", "false alarms asked for, per hour", "time since the onset / s");
+    lines.x_log = true;
+    let right = [
+        "asked for, per hour",
+        "false alarms measured",
+        "isolated: median, 95 %",
+        "never isolated",
+    ];
+    let right = right.map(|head| (head.to_owned(), Side::Right));
+    let wrong = words.has_several().then(|| (format!("wrong {} off", words.unit()), Side::Right));
+    let left = [("setting".to_owned(), Side::Left)];
+    let mut grid = Grid::new(left.into_iter().chain(right).chain(wrong));
+    for merit in &results.merits {
+        let isolated =
+            merit.trade.iter().filter_map(|p| Some((p.asked_per_h, p.isolation.as_ref()?)));
+        let mut isolated: Vec<(f64, &Latency)> = isolated.collect();
+        isolated.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let curve = |name: &str, of: fn(&Latency) -> f64, place: usize| {
+            let points = isolated.iter().map(|(asked, latency)| (*asked, of(latency))).collect();
+            Curve::new(format!("{}, {name}", merit.setting), points)
+                .looking(looks::setting(&merit.setting).at(place))
+        };
+        lines = lines.with(curve("median", |l| l.median_s, 0)).with(curve("95 %", |l| l.p95_s, 1));
+        for point in &merit.trade {
+            let healthy = &point.healthy;
+            let isolation = point.isolation.as_ref();
+            let mut row = vec![
+                merit.setting.clone(),
+                chosen(point.asked_per_h),
+                format!(
+                    "{} in {:.1} h\nat most {} per hour (95 %)",
+                    healthy.alarms,
+                    healthy.hours,
+                    number(healthy.alarms_per_h_upper)
+                ),
+                isolation.map_or(NONE.into(), |l| format!("{:.2} s, {:.2} s", l.median_s, l.p95_s)),
+                stacked(Some(point.missed)),
+            ];
+            row.extend(words.has_several().then(|| point.wrong_shutdowns.to_string()));
+            grid.push(row);
+        }
+    }
+    let caption = format!(
+        "How long the isolation of visible {} faults of intensity {STRONG} and more takes, by the \
+         rate of false alarms that is asked for.",
+        words.off()
+    );
+    page.figure("flights_trade", lines.draw(), &caption);
+    page.table(&grid, "The same in numbers; latencies are of the faults that were isolated.");
+}
+
+fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
+    let kinds = results.merits.iter().flat_map(|merit| {
+        let name = |(kind, count): &(String, u64)| {
+            format!("{} ({count}, {})", spoken(kind), merit.setting)
+        };
+        merit.wrong_kinds.iter().map(name).collect::<Vec<_>>()
+    });
+    let kinds: Vec<String> = kinds.collect();
+    if !kinds.is_empty() {
+        page.note(&format!(
+            "Kinds of fault that switched the wrong {} off: {}.",
+            words.unit(),
+            kinds.join(", ")
+        ));
+    }
+}
+
+/// The finding for the first screen: one sentence for the hardest setting.
+pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<String> {
+    let merit = results.merits.last()?;
+    let (unit, run) = (words.unit(), words.run());
+    let mut parts = vec![];
+    if words.has_off() && merit.in_time.of > 0 {
+        parts.push(format!(
+            "{} of the visible {} faults of intensity {STRONG} and more are isolated within {} s",
+            rate(Some(merit.in_time)),
+            words.off(),
+            chosen(merit.limit_s)
+        ));
+    }
+    if words.has_off() && words.has_several() && merit.flights > 0 {
+        parts.push(format!(
+            "the wrong {unit} is {} in {} of {} {run}s ({})",
+            words.switched_off(),
+            merit.wrong_shutdowns,
+            merit.flights,
+            at_most(merit.wrong_shutdowns, merit.flights)
+        ));
+    }
+    let foreign = results.foreign.iter().find(|other| other.setting == merit.setting);
+    if let Some((wrong, of)) = foreign.map(|foreign| foreign.shutdowns_behind_wrong_sensor())
+        && words.has_off()
+        && of > 0
+    {
+        parts.push(format!(
+            "a healthy {unit} is {} behind a wrong boundary sensor in {wrong} of {of} {run}s",
+            words.switched_off()
+        ));
+    }
+    if merit.healthy.hours > 0.0 {
+        parts.push(format!(
+            "there are {} false alarms in {:.1} healthy hours (95 %: at most {} per hour)",
+            merit.healthy.alarms,
+            merit.healthy.hours,
+            number(merit.healthy.alarms_per_h_upper)
+        ));
+    }
+    (!parts.is_empty()).then(|| {
+        format!(
+            "In {run}s in which a fault begins, setting {}, {}.",
+            merit.setting,
+            parts.join("; ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_not_seen_is_not_called_met() {
+        assert_eq!(none_allowed(0, 0.0), NONE_SEEN);
+        assert_eq!(none_allowed(1, 0.0), MISSED);
+        assert_eq!(none_allowed(1, 2.0), MET);
+        let limit = Limit {
+            title: "false alarms".into(),
+            setting: "noise".into(),
+            limit: "0.001\ndefault".into(),
+            measured: "3 in 0.1 h\nat most 90 per hour".into(),
+            verdict: MISSED,
+        };
+        assert!(limit.is_missed());
+        assert_eq!(
+            limit.in_words(),
+            "false alarms: 3 in 0.1 h [at most 90 per hour], asked for is 0.001, default (noise, missed)"
+        );
+    }
+
+    #[test]
+    fn a_study_without_limits_of_its_own_has_none() {
+        assert!(own_limits(&Study::default()).is_empty());
+    }
+}

@@ -1,0 +1,130 @@
+//! Faults that the diagnosis was never trained on: what it says of them.
+
+use super::flights::at_most;
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::NONE;
+use crate::{Material, Section};
+use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome, Sensible, Words};
+
+/// See the module.
+pub struct Foreign;
+
+impl Section for Foreign {
+    fn id(&self) -> &'static str {
+        "foreign"
+    }
+
+    fn title(&self) -> &'static str {
+        "Faults never trained on"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let merits = material.flights.map_or(&[][..], |results| &results.foreign);
+        let merits: Vec<&ForeignMerit> = merits.iter().filter(|m| !m.outcomes.is_empty()).collect();
+        if merits.is_empty() {
+            return;
+        }
+        let words = &material.words();
+        let (unit, run) = (words.unit(), words.run());
+        page.text(&format!(
+            "Nothing in training was like these, so nobody expects the right name. What is expected is \
+             that what is healthy stays on, and that what is said makes sense: the right {}, \
+             “unknown”, or that an input is not to be believed. Sensors that stick, drift or oscillate \
+             do so in the control loop; a reading that is missing or noisy is so for the diagnosis only.",
+            words.unit()
+        ));
+        for merit in merits {
+            let (wrong, of) = merit.shutdowns_healthy();
+            page.table(&table(merit, words), &format!(
+                "Setting {}: {run}s by the most that was said in them (each counts once), in several \
+                 environments{}.{}",
+                merit.setting,
+                match words.has_several() {
+                    true => format!(" and every {unit}"),
+                    false => String::new(),
+                },
+                match words.has_off() {
+                    true => format!(
+                        " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).{}",
+                        words.switched_off(),
+                        at_most(wrong, of),
+                        behind_wrong_sensor(merit, words)
+                    ),
+                    false => String::new(),
+                }
+            ));
+            let told = merit.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
+            let told: Vec<String> = told
+                .map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; ")))
+                .collect();
+            if !told.is_empty() {
+                page.note(&format!("Where that happened: {}.", told.join(", ")));
+            }
+        }
+        let off = words.off();
+        page.note(&format!(
+            "Sensible is a command that would be right for the fault as a whole: a {off} where the \
+             {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
+             and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
+             and of what is healthy while a boundary sensor is wrong, which is a supply or return pressure that its twin reads. \
+             The first word is whatever the diagnosis said first after the onset other than “healthy”: \
+             the median, and below it the last.",
+        ));
+    }
+}
+
+/// How often a healthy unit was switched off because a pressure that its twin reads was wrong, as a sentence.
+fn behind_wrong_sensor(merit: &ForeignMerit, words: &Vocabulary) -> String {
+    match merit.shutdowns_behind_wrong_sensor() {
+        (_, 0) => String::new(),
+        (wrong, of) => format!(
+            " Healthy {} {} behind a wrong boundary sensor: {wrong} of {of} {}s.",
+            words.unit(),
+            words.switched_off(),
+            words.run()
+        ),
+    }
+}
+
+fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
+    let left = [("fault".to_owned(), Side::Left), (format!("{}s", vocabulary.run()), Side::Right)];
+    let words = Words::default().named();
+    let words = words.map(|(word, _)| (vocabulary.said(word), Side::Right));
+    let right = [
+        ("off: at fault".to_owned(), Side::Right),
+        ("off: healthy".to_owned(), Side::Right),
+        ("off: healthy, sensor wrong".to_owned(), Side::Right),
+        ("first word".to_owned(), Side::Right),
+    ];
+    let mut grid = Grid::new(left.into_iter().chain(words).chain(right));
+    for outcome in &merit.outcomes {
+        let row = row(outcome, vocabulary);
+        let behind = outcome.shutdowns_behind_wrong_sensor.unwrap_or_default();
+        if outcome.shutdowns_healthy + behind > 0 { grid.push_strong(row) } else { grid.push(row) }
+    }
+    grid
+}
+
+fn row(outcome: &ForeignOutcome, words: &Vocabulary) -> Vec<String> {
+    let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
+    let sensible = match outcome.sensible {
+        Sensible::Shutdown => format!("sensible: a {}", words.off()),
+        Sensible::NoShutdown => format!("sensible: anything but a {}", words.off()),
+        Sensible::Any => "sensible: any command".into(),
+        Sensible::Nothing => "sensible: no command".into(),
+    };
+    let small = match outcome.strengths.as_str() {
+        "" => sensible,
+        strengths => format!("{strengths}; {sensible}"),
+    };
+    let mut row =
+        vec![format!("{}\n{small}", words.adapted(&outcome.title)), outcome.flights.to_string()];
+    row.extend(outcome.words.named().map(|(_, number)| count(number)));
+    row.push(count(outcome.shutdowns_at_fault));
+    row.push(outcome.shutdowns_healthy.to_string());
+    row.push(outcome.shutdowns_behind_wrong_sensor.map_or(NONE.into(), |count| count.to_string()));
+    let first = outcome.first_word.as_ref();
+    row.push(first.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.longest_s)));
+    row
+}

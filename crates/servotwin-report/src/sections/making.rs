@@ -1,0 +1,54 @@
+//! How the report was made, so that it can be made again.
+
+use crate::page::{Grid, Page, Side};
+use crate::words::NONE;
+use crate::{Material, Section};
+
+/// See the module.
+pub struct Making;
+
+impl Section for Making {
+    fn id(&self) -> &'static str {
+        "making"
+    }
+
+    fn title(&self) -> &'static str {
+        "How this was made"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let (study, manifest) = (material.study, material.manifest);
+        let mut grid = Grid::new([("", Side::Left), ("", Side::Left)]);
+        let mut push = |name: &str, value: String| grid.push(vec![name.into(), value]);
+        push("program", format!("servotwin {}", manifest.version));
+        push("study", format!("{} ({})", manifest.study, study.title));
+        push("system", format!("{} ({})", study.system.name, study.system.title));
+        let every = 1.0 / study.sample_period_s;
+        push("runs", format!("{} s, sampled at {every} Hz", study.duration_s));
+        push("solver", manifest.solver.clone());
+        let seed = manifest.specimen_seed.map_or(NONE.into(), |seed| seed.to_string());
+        push("seed of noise and specimens", seed);
+        push("seed of splits", manifest.split_seed.to_string());
+        for result in &material.results.subjects {
+            let holding = result.settings.holding;
+            push(
+                &format!("splits, {}", result.title),
+                format!("{} random thirds; {} folds of groups", holding.repeats, holding.folds),
+            );
+        }
+        page.table(
+            &grid,
+            "Versions, settings and seeds. The same study gives the same bytes again, \
+             on any number of processors.",
+        );
+        let mut files = Grid::new([("file", Side::Left), ("SHA-256", Side::Left)]);
+        for file in manifest.inputs.iter().chain(&manifest.outputs) {
+            files.push(vec![file.file.clone(), file.sha256.clone()]);
+        }
+        page.table(&files, "What went in and what this report was made from.");
+    }
+}

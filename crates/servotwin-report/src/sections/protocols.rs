@@ -1,0 +1,87 @@
+//! The protocols: how variants were held out, and what came out under each.
+
+use crate::lines;
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{by_kind, percent, stacked};
+use crate::{Material, Section};
+use servotwin::evaluation::protocol::ProtocolResult;
+
+/// See the module.
+pub struct Protocols;
+
+impl Section for Protocols {
+    fn id(&self) -> &'static str {
+        "protocols"
+    }
+
+    fn title(&self) -> &'static str {
+        "The trees under every protocol"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let words = material.words();
+        page.text(&format!(
+            "A tree is only as good as its test is honest. A random third is the kindest test: for \
+             nearly every variant a neighbour (the same fault at the same intensity in another \
+             operating case) was in training. Kept together, neighbours{} never stand \
+             on different sides. Leaving out an intensity, an operating case, a command or a whole kind of \
+             fault asks how the trees behave where they have no experience; but one case leaves its \
+             command in training at another load. New commands are the hardest: no command \
+             of the judged cases was learned from, and where the fault is unseen as well, neither was \
+             the fault.",
+            words.several(" and mirror images")
+        ));
+        for result in &material.results.subjects {
+            let evaluation = &result.evaluation;
+            let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
+            let named = |(id, finds): &(String, String)| format!("{id} {finds}");
+            let named: Vec<String> = stages.iter().map(named).collect();
+            page.table(&grid(&evaluation.protocols, &words), &format!(
+                "Setting: {}. Accuracy of each stage where the stages above are right ({}), and of all \
+                 together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
+                 whole kinds, and is that of a fault of a new kind.{} “Of all” is \
+                 the share isolated of all faults, the undetectable ones included.",
+                result.title,
+                named.join(", "),
+                words.several(" Mirror images count once.")
+            ));
+            if !evaluation.baseline.is_empty() {
+                page.table(&grid(&evaluation.baseline, &words), &format!(
+                    "Setting: {}. The same for trees with fewer features{}: mean, variance and indicator of \
+                     each residual{}, and the fixed band of ±3 %.",
+                    result.title,
+                    words.paper(", the seed paper's"),
+                    match words.has_several() {
+                        true => format!(", each {} by itself", words.unit()),
+                        false => String::new(),
+                    }
+                ));
+            }
+        }
+    }
+}
+
+/// Protocols in rows, measures in columns.
+fn grid(results: &[ProtocolResult], words: &Vocabulary) -> Grid {
+    let stages = lines::stages(words, &results.iter().collect::<Vec<_>>());
+    let mut heads = vec![("held out", Side::Left), ("splits", Side::Right)];
+    heads.extend(stages.iter().map(|(letter, _)| (letter.as_str(), Side::Right)));
+    let whole = ["end to end", "by kind", "of all"];
+    heads.extend(whole.map(|head| (head, Side::Right)));
+    let mut grid = Grid::new(heads);
+    for result in results {
+        let mut row = vec![words.adapted(&result.title), result.splits.to_string()];
+        let accuracy = |letter: &str| stacked(result.stage(letter).map(|score| score.accuracy));
+        row.extend(stages.iter().map(|(letter, _)| accuracy(letter)));
+        row.push(stacked(result.end_to_end));
+        row.push(by_kind(result.end_to_end));
+        row.push(percent(result.isolated_of_all));
+        grid.push(row);
+    }
+    grid
+}

@@ -1,0 +1,165 @@
+//! What errors would do, by name.
+
+use crate::lines::{self, Who};
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{share, spoken, stacked};
+use crate::{Material, Section, hardest_first};
+use servotwin::evaluation::protocol::{ALL, ProtocolResult};
+use servotwin::evaluation::score::Rate;
+use servotwin::job::results::SubjectResult;
+
+/// See the module.
+pub struct Safety;
+
+impl Section for Safety {
+    fn id(&self) -> &'static str {
+        "safety"
+    }
+
+    fn title(&self) -> &'static str {
+        "Safety"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let words = &material.words();
+        match words.has_off() {
+            true => about(words, page),
+            false => page.text(
+                "The study says of no command that it switches its unit off ([reactions], \
+                 switches_off): so nothing is counted about missed, needless or wrong switching.",
+            ),
+        }
+        let settings = lines::settings(material.results);
+        hardest_first(&settings, page, &|result, page| {
+            let grid = grid(result, words);
+            if !grid.is_empty() {
+                page.table(&grid, &format!(
+                    "Setting: {}. 95 % intervals from drawing kinds of fault at their intensities.",
+                    result.title
+                ));
+            }
+        });
+        healthy(material, words, page);
+        hardest_first(&settings, page, &|result, page| {
+            if let Some(headline) = result.evaluation.headline() {
+                components(headline, &result.title, words, page);
+            }
+        });
+    }
+}
+
+fn about(words: &Vocabulary, page: &mut Page) {
+    let (unit, off) = (words.unit(), words.off());
+    let mut text = String::from("Not every error is equally bad. ");
+    if words.has_several() {
+        text += &format!(
+            "Worst is that a healthy {unit} is {} because another one has a fault: {} are then lost. ",
+            words.switched_off(),
+            words.two()
+        );
+    }
+    text += &format!(
+        "To miss a {off} leaves a failed {unit} in the loop; a needless one costs what the {unit} does."
+    );
+    page.text(&text);
+    page.text(&format!(
+        "A fault that is never detected is not {} either: so what is missed is given twice, of the \
+         detected faults that call for a {off} and of all that do. Protocols that test some faults \
+         several times or not at all have no second figure.",
+        words.switched_off()
+    ));
+}
+
+/// Protocols in rows, trees and committee below each other; measures in columns.
+fn grid(result: &SubjectResult, words: &Vocabulary) -> Grid {
+    let mut safety = lines::safety(words);
+    // What is counted under no protocol has no column.
+    let protocols = &result.evaluation.protocols;
+    let judged = || protocols.iter().chain(&result.evaluation.committee);
+    safety.retain(|measure| judged().any(|judged| (measure.rate)(judged).is_some()));
+    let mut heads = vec![("held out".to_owned(), Side::Left), ("by".to_owned(), Side::Left)];
+    heads.extend(safety.iter().map(|measure| (measure.title.clone(), Side::Right)));
+    let mut grid = Grid::new(heads);
+    for protocol in ALL {
+        for who in Who::ALL {
+            let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
+            if judged.safety.is_none() {
+                continue;
+            }
+            let title =
+                if who == Who::Trees { words.adapted(&judged.title) } else { String::new() };
+            let mut row = vec![title, who.title().to_owned()];
+            row.extend(safety.iter().map(|measure| stacked((measure.rate)(judged))));
+            grid.push(row);
+        }
+    }
+    grid
+}
+
+/// What is done with healthy specimens, settings in rows.
+fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
+    let mut heads = vec![
+        ("setting".to_owned(), Side::Left),
+        ("specimens".to_owned(), Side::Right),
+        ("alarm".to_owned(), Side::Right),
+    ];
+    for who in Who::ALL {
+        heads.push((format!("faulty by {}", who.title()), Side::Right));
+        if words.has_off() {
+            heads.push((format!("{} by {}", words.switched_off(), who.title()), Side::Right));
+        }
+    }
+    let mut grid = Grid::new(heads);
+    for result in &material.results.subjects {
+        let Some(alarms) = &result.evaluation.false_alarms else { continue };
+        let mut row = vec![result.title.clone(), alarms.alarms.of.to_string()];
+        let mut rates = vec![alarms.alarms];
+        let both =
+            [(alarms.trees, alarms.tree_shutdowns), (alarms.committee, alarms.committee_shutdowns)];
+        for (faulty, off) in both {
+            rates.push(faulty);
+            rates.extend(words.has_off().then_some(off));
+        }
+        row.extend(rates.into_iter().map(|rate| stacked(Some(rate))));
+        grid.push(row);
+    }
+    if !grid.is_empty() {
+        page.table(
+            &grid,
+            "Specimens without a fault, of the judged operating cases: share that leaves the bands in \
+             use, and those that are then taken for faulty, always of all specimens. Trees and committee may answer “healthy”.",
+        );
+    }
+}
+
+/// The components whose faults are given to the wrong actuator, or not isolated.
+fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Page) {
+    let unit = words.unit();
+    let mut heads = vec![("component".to_owned(), Side::Left), ("tests".to_owned(), Side::Right)];
+    let (several, off) = (words.has_several(), words.has_several() && words.has_off());
+    if several {
+        heads.push((format!("wrong {unit}"), Side::Right));
+    }
+    if off {
+        heads.push((format!("wrong {unit} {}", words.switched_off()), Side::Right));
+    }
+    heads.push(("end to end right".to_owned(), Side::Right));
+    let mut grid = Grid::new(heads);
+    let mut list: Vec<_> = result.components.iter().collect();
+    let right = |rate: Rate| rate.share.unwrap_or(1.0);
+    list.sort_by(|a, b| right(a.right).total_cmp(&right(b.right)));
+    for component in list {
+        let mut row = vec![spoken(&component.component), component.right.of.to_string()];
+        row.extend(several.then(|| share(Some(component.wrong_actuator))));
+        row.extend(off.then(|| share(Some(component.wrong_actuator_shutdown))));
+        row.push(stacked(Some(component.right)));
+        grid.push(row);
+    }
+    if !grid.is_empty() {
+        page.table(&grid, &format!(
+            "Setting: {title}; trees; {}. Errors by the component that is broken, the worst first.",
+            result.title
+        ));
+    }
+}

@@ -1,0 +1,143 @@
+//! What the settings are, and what an additional sensor changes.
+
+use crate::lines::{self, Who};
+use crate::page::{Grid, Page, Side};
+use crate::words::{begun, change, percent, rate, stacked};
+use crate::{Material, Section};
+use servotwin::campaign::data_features;
+use servotwin::evaluation::protocol::ProtocolResult;
+use servotwin::evaluation::score::Rate;
+use servotwin::job::Subject;
+use servotwin::job::results::SubjectResult;
+use servotwin::study::Role;
+
+/// See the module.
+pub struct Settings;
+
+impl Section for Settings {
+    fn id(&self) -> &'static str {
+        "settings"
+    }
+
+    fn title(&self) -> &'static str {
+        "Settings"
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        if let Some(realism) = &material.study.realism {
+            page.text(&format!(
+                "Ideal: the plant is the twin with one fault, and sensors are perfect. Noise: the same \
+                 plant, with the noise and quantisation of the sensors that the system declares. \
+                 Realistic: sensors likewise, and another specimen for every variant, whose parameters \
+                 differ from the twin's by the tolerances of the study file (seed {}); the twin is not \
+                 fitted to the specimen. There are {} fault-free specimens in each judged operating case.",
+                realism.seed, realism.healthy
+            ));
+        }
+        let is_there = material.results.of(Subject::Fitted).is_some();
+        if let Some(calibration) = material.study.calibration.as_ref().filter(|_| is_there) {
+            page.text(&format!(
+                "Fitted: specimens with the same tolerances, each of which first has a healthy calibration \
+                 run of {} s with another command and other noise; its twin is fitted to what the sensors \
+                 showed then, and the faults are judged beside the fitted twin. {} specimens take turns where \
+                 faults are judged, {} others where it is learned.",
+                calibration.duration_s,
+                calibration.specimens(Role::Judged),
+                calibration.specimens(Role::Training)
+            ));
+        }
+        let of = |subject| material.results.of(subject);
+        if let Some((without, with)) = of(Subject::Realistic).zip(of(Subject::ExtraSensor)) {
+            third_sensor(material, without, with, page);
+        }
+    }
+}
+
+fn third_sensor(
+    material: &Material,
+    without: &SubjectResult,
+    with: &SubjectResult,
+    page: &mut Page,
+) {
+    let under = |result: &SubjectResult, who: Who| who.headline(&result.evaluation).cloned();
+    let title = material.study.extra_sensor.as_deref().unwrap_or("an additional sensor");
+    page.heading(&format!("The additional sensor: {title}"));
+    if let Some((before, after)) = under(without, Who::Trees).zip(under(with, Who::Trees)) {
+        page.text(&verdict(&before, &after, &used(material, with)));
+    }
+    let mut grid = Grid::new([
+        ("", Side::Left),
+        ("by", Side::Left),
+        (&without.title, Side::Right),
+        (&with.title, Side::Right),
+        ("change, points", Side::Right),
+    ]);
+    let mut push = |title: &str, who: Who, of: &dyn Fn(&ProtocolResult) -> Option<Rate>| {
+        let both = [without, with].map(|result| under(result, who).as_ref().and_then(of));
+        if both.iter().any(Option::is_some) {
+            let [before, after] = both;
+            let (who, change) = (who.title().to_owned(), change(before, after));
+            grid.push(vec![title.to_owned(), who, stacked(before), stacked(after), change]);
+        }
+    };
+    let words = &material.words();
+    for measure in lines::safety(words).iter().chain(&lines::right(words)) {
+        push(&measure.title, Who::Trees, &measure.rate);
+        push("", Who::Committee, &measure.rate);
+    }
+    let trees: Vec<ProtocolResult> =
+        [without, with].iter().filter_map(|result| under(result, Who::Trees)).collect();
+    for (letter, title) in lines::stages(words, &trees.iter().collect::<Vec<_>>()) {
+        let of = |result: &ProtocolResult| result.stage(&letter).map(|score| score.accuracy);
+        push(&format!("{letter}  {title}"), Who::Trees, &of);
+    }
+    page.table(&grid, "The same faults, specimens and protocol with and without the sensor. Intervals are \
+        95 %; both columns are of the same rows, so that a change well inside them is still measured, but \
+        need not hold for other specimens.");
+}
+
+/// The features of the additional sensor that the trees ask for, with the share of the impurity that
+/// they remove in their tree.
+fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
+    let extra: Vec<String> = data_features(material.study)
+        .into_iter()
+        .filter(|known| known.extra)
+        .map(|known| known.feature.name)
+        .collect();
+    let mut used = vec![];
+    for stage in &with.evaluation.stages {
+        let own = stage.importances.iter().filter(|(name, _)| extra.contains(name));
+        used.extend(own.map(|(name, share)| {
+            format!("{name} in tree {} ({})", stage.stage, percent(Some(*share)))
+        }));
+    }
+    used
+}
+
+/// What the sensor brings, in words.
+pub(super) fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
+    let (first, second) = (before.end_to_end, after.end_to_end);
+    let overlap = match first.zip(second) {
+        Some((first, second)) => first.low <= second.high && second.low <= first.high,
+        None => true,
+    };
+    format!(
+        "the trees are right end to end in {} without it and in {} with it ({} points). {}",
+        rate(first),
+        rate(second),
+        change(first, second),
+        match overlap {
+            true => "The intervals overlap: no gain is shown.",
+            false => "The intervals do not overlap.",
+        }
+    )
+}
+
+/// The same, and what the trees make of the sensor.
+fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> String {
+    let asked = match used {
+        [] => "They ask for none of its features.".to_owned(),
+        used => format!("Of its features they ask for {}.", used.join(", ")),
+    };
+    format!("{} {asked}", begun(&gain(before, after)))
+}

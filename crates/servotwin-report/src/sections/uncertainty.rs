@@ -1,0 +1,146 @@
+//! Answers that hang on less than a sensor shows.
+
+use crate::lines::{self, Who};
+use crate::page::{Grid, Page, Side};
+use crate::vocabulary::Vocabulary;
+use crate::words::{of_unit, percent, stacked};
+use crate::{Material, Section};
+use servotwin::campaign::{DataFeature, data_features};
+use servotwin::evaluation::flips::{Flips, Share, SplitFlips};
+use servotwin::job::results::SubjectResult;
+
+/// See the module.
+pub struct Uncertainty;
+
+/// Questions that are shown of each setting.
+const SHOWN: usize = 15;
+
+impl Section for Uncertainty {
+    fn id(&self) -> &'static str {
+        "uncertainty"
+    }
+
+    fn title(&self) -> &'static str {
+        "Answers that hang on less than a sensor shows"
+    }
+
+    fn is_appendix(&self) -> bool {
+        true
+    }
+
+    fn write(&self, material: &Material, page: &mut Page) {
+        let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::settings(material.results)
+            .into_iter()
+            .filter_map(|result| Some((result, result.evaluation.flips.as_ref()?)))
+            .collect();
+        let Some((_, (first, _))) = results.first() else {
+            return;
+        };
+        page.text(&format!(
+            "A question is only as good as what its feature can show. A window holds the means and \
+             covariances of residuals and of the twin's signals; their uncertainty follows from the noise \
+             and quantisation of a sample and the number of samples, and from the solver's error, which \
+             stays the same throughout. Each window of a detected fault on the judged commands is moved \
+             {} times within it, all statistics together (means by their standard error, covariances by \
+             what such errors happen to have in common with each signal), its features are computed \
+             anew, and trees and committee are asked again. The share of answers that change is the \
+             flip rate, with its interval from drawing kinds of fault at their intensities. In the \
+             setting without noise only the solver's error moves a window.",
+            first.draws
+        ));
+        page.text(
+            "Training windows are moved in the same way, and each is learned with its moves: what does not \
+             survive them teaches nothing. Of three moves one keeps the fault as it was simulated, one makes it \
+             weaker (with the tolerances and the noise of another healthy specimen in place of what is \
+             taken away), and one stronger, because at work an intensity is anything. The trees' later \
+             moves go farther than windows are uncertain, so that a threshold keeps its distance from what \
+             was learned.",
+        );
+        let words = material.words();
+        page.table(
+            &answers(&results, &words),
+            &format!(
+                "Share of moves after which the answer is another one: {} (which is what is acted on); \
+                 any part of the answer.",
+                words.action_wrong()
+            ),
+        );
+        let features = data_features(material.study);
+        for (result, (trees, _)) in &results {
+            worst(result, trees, &features, page);
+        }
+    }
+}
+
+fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> Grid {
+    let mut heads = vec![
+        ("setting".to_owned(), Side::Left),
+        ("by".to_owned(), Side::Left),
+        ("moves".to_owned(), Side::Right),
+    ];
+    if words.has_several() {
+        heads.push((words.unit().to_owned(), Side::Right));
+    }
+    heads.push((words.action_wrong(), Side::Right));
+    heads.push(("any part".to_owned(), Side::Right));
+    let mut grid = Grid::new(heads);
+    for (result, (trees, committee)) in results {
+        for (who, flips) in Who::ALL.into_iter().zip([trees, committee]) {
+            let title = if who == Who::Trees { result.title.clone() } else { String::new() };
+            let mut row = vec![title, who.title().to_owned(), flips.answer.of.to_string()];
+            let unit = words.has_several().then_some(flips.actuator);
+            let shares = unit.into_iter().chain([flips.action, flips.answer]);
+            row.extend(shares.map(|share| stacked(Some(share))));
+            grid.push(row);
+        }
+    }
+    grid
+}
+
+fn changed(share: &Share) -> String {
+    percent((share.of > 0).then(|| share.share()))
+}
+
+/// The questions whose answers change most often.
+fn worst(result: &SubjectResult, trees: &Flips, features: &[DataFeature], page: &mut Page) {
+    let asked = trees.splits.iter().filter(|split| split.flips.of > 0);
+    let (all, flipping): (usize, usize) = asked
+        .clone()
+        .fold((0, 0), |(all, some), split| (all + 1, some + usize::from(split.flips.count > 0)));
+    let mut grid = Grid::new([
+        ("tree", Side::Left),
+        ("asks", Side::Left),
+        ("uncertainty there", Side::Right),
+        ("asked", Side::Right),
+        ("another answer", Side::Right),
+    ]);
+    for split in asked.filter(|split| split.flips.count > 0).take(SHOWN) {
+        grid.push(row(split, features));
+    }
+    if grid.is_empty() {
+        page.text(&format!(
+            "Setting: {}. None of the {all} questions of the trees ever gets another answer.",
+            result.title
+        ));
+    } else {
+        page.table(&grid, &format!(
+            "Setting: {}. Of the {all} questions that the trees ask of these faults {flipping} ever get \
+             another answer; the worst first (at most {SHOWN}). The uncertainty is the feature's standard \
+             deviation over the moves, the median of the windows that are asked; “asked” counts windows \
+             times moves.",
+            result.title
+        ));
+    }
+}
+
+fn row(split: &SplitFlips, features: &[DataFeature]) -> Vec<String> {
+    let known = features.iter().find(|known| known.feature.name == split.feature);
+    let unit = known.map_or("", |known| known.feature.unit);
+    vec![
+        split.stage.clone(),
+        format!("{} ≤ {}", split.feature, of_unit(split.threshold, unit)),
+        of_unit(split.uncertainty, unit),
+        split.flips.of.to_string(),
+        changed(&split.flips),
+    ]
+}

@@ -1,0 +1,89 @@
+//! Trained trees as figures.
+
+use super::looks::Looks;
+use super::vocabulary::Vocabulary;
+use super::words::{number, of_unit, spoken};
+use servotwin_diagnosis::classifiers::Model;
+use servotwin_diagnosis::features::Feature;
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
+use servotwin_diagnosis::tree::Tree;
+use servotwin_plot::tree::{Node, Tree as Drawing};
+
+/// The tree of a stage; `None` if its classifier is no tree.
+pub fn drawing(
+    hierarchy: &Hierarchy,
+    stage: &Stage,
+    features: &[Feature],
+    words: &Vocabulary,
+    looks: &Looks,
+) -> Option<Drawing> {
+    let question = stage.place.question;
+    let Model::Cart(tree) = &stage.model else {
+        return None;
+    };
+    let class = |&class: &u32| hierarchy.names.class_name(question, class);
+    let looks = stage.classes.iter().map(class).map(|name| looks.class(question, name)).collect();
+    let classes = stage.classes.iter().map(class).map(|name| spoken(words.class(question, name)));
+    let names: Vec<String> =
+        stage.columns.iter().map(|&c| hierarchy.names.features[c as usize].clone()).collect();
+    let drawer = Drawer { tree, names, classes: classes.collect(), features };
+    let root = drawer.node(0);
+    Some(Drawing { title: String::new(), classes: drawer.classes, looks, root, sideways: true })
+}
+
+/// Whether a stage decides anything: the tree that tells whether something is wrong asks nothing where nothing
+/// healthy left the bands. Of several units one is always to be found.
+pub fn decides(stage: &Stage) -> bool {
+    match &stage.model {
+        Model::Cart(tree) if stage.place.question == Question::Actuator => {
+            tree.weights(0).iter().filter(|&&weight| weight > 0.0).count() > 1
+        }
+        _ => true,
+    }
+}
+
+/// The features that a stage asks for, each once, in the order of the nodes.
+pub fn asked<'h>(hierarchy: &'h Hierarchy, stage: &Stage) -> Vec<&'h str> {
+    let Model::Cart(tree) = &stage.model else {
+        return vec![];
+    };
+    let mut asked: Vec<&str> = vec![];
+    for (column, _) in (0..tree.nodes()).filter_map(|node| tree.split(node)) {
+        let name = hierarchy.names.features[stage.columns[column] as usize].as_str();
+        if !asked.contains(&name) {
+            asked.push(name);
+        }
+    }
+    asked
+}
+
+struct Drawer<'a> {
+    tree: &'a Tree,
+    names: Vec<String>,
+    classes: Vec<String>,
+    features: &'a [Feature],
+}
+
+impl Drawer<'_> {
+    fn node(&self, node: usize) -> Node {
+        let tree = self.tree;
+        let rows: u32 = tree.counts(node).iter().sum();
+        let purity = number(100.0 * tree.purity(node));
+        let size = [format!("n = {rows}"), format!("purity {purity} %")];
+        let with_size = |first: String| std::iter::once(first).chain(size).collect();
+        let shares = tree.weights(node).to_vec();
+        match tree.split(node).zip(tree.children(node)) {
+            Some(((feature, threshold), (left, right))) => {
+                let name = &self.names[feature];
+                let known = self.features.iter().find(|known| known.name == *name);
+                let threshold = of_unit(threshold, known.map_or("", |known| known.unit));
+                let question = format!("{name} ≤ {threshold}");
+                Node::split(with_size(question), shares, self.node(left), self.node(right))
+            }
+            None => {
+                let class = self.classes[tree.decision(node) as usize].clone();
+                Node::leaf(with_size(class), shares)
+            }
+        }
+    }
+}

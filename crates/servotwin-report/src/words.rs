@@ -1,0 +1,130 @@
+//! Numbers and names as a report shows them.
+
+use servotwin::evaluation::score::Rate;
+
+pub use servotwin_io::text::{number, spoken};
+
+/// What stands for a value that is not there.
+pub const NONE: &str = "–";
+
+/// A share in percent: `99.84 %`.
+pub fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| NONE.into(), |share| format!("{:.2} %", 100.0 * share))
+}
+
+/// A rate with its interval, in square brackets because round ones may follow: `99.84 % [99.67 … 99.92]`.
+pub fn rate(rate: Option<Rate>) -> String {
+    match rate {
+        Some(Rate { share: Some(share), low, high, .. }) => {
+            let [share, low, high] = [share, low, high].map(|part| 100.0 * part);
+            format!("{share:.2} % [{low:.2} … {high:.2}]")
+        }
+        _ => NONE.into(),
+    }
+}
+
+/// A rate with its interval below it: a line feed begins what stands in small type.
+pub fn stacked(value: Option<Rate>) -> String {
+    rate(value).replace(" [", "\n").replace(']', "")
+}
+
+/// The interval of a rate that comes from drawing whole kinds of fault: `90.50 … 95.10`.
+pub fn by_kind(rate: Option<Rate>) -> String {
+    let interval = rate.filter(|rate| rate.of > 0).and_then(|rate| rate.by_kind);
+    interval.map_or_else(
+        || NONE.into(),
+        |(low, high)| format!("{:.2} … {:.2}", 100.0 * low, 100.0 * high),
+    )
+}
+
+/// The change from one rate to another in points: `+0.12`.
+pub fn change(before: Option<Rate>, after: Option<Rate>) -> String {
+    let shares = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
+    shares.map_or_else(
+        || NONE.into(),
+        |(before, after)| {
+            let points = format!("{:+.2}", 100.0 * (after - before));
+            if points == "-0.00" { "+0.00".into() } else { points }
+        },
+    )
+}
+
+/// The share of a rate in percent.
+pub fn share(rate: Option<Rate>) -> String {
+    percent(rate.and_then(|rate| rate.share))
+}
+
+/// The share of a rate as far as what it is counted of lets it be known: of few the count itself, else percent with the
+/// decimals in which one more or less of them shows.
+pub fn of_count(rate: Option<Rate>) -> String {
+    match rate {
+        Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
+        Some(Rate { share: Some(share), of, .. }) => {
+            let decimals = if of < MANY { 1 } else { 2 };
+            format!("{:.decimals$} %", 100.0 * share)
+        }
+        _ => NONE.into(),
+    }
+}
+
+/// Of fewer cases a share is told as their count.
+const FEW: u64 = 20;
+/// Of as many a second decimal tells something.
+const MANY: u64 = 1000;
+
+/// The text with a capital letter at its beginning.
+pub fn begun(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(letters.as_str().chars()).collect()
+}
+
+/// A number that somebody chose, as it was written: without digits that say nothing.
+pub fn chosen(value: f64) -> String {
+    ((value * 1e6).round() / 1e6).to_string()
+}
+
+/// A value or threshold of a feature in the unit that people read.
+pub fn of_unit(value: f64, unit: &str) -> String {
+    match unit {
+        "of scale" => format!("{} %", number(100.0 * value)),
+        "" | "1" | "0 or 1" => number(value),
+        unit if unit.starts_with("log10") => number(value),
+        unit => format!("{} {unit}", number(value)),
+    }
+}
+
+/// The unit as people read it beside a value of [`of_unit`].
+pub fn unit(unit: &str) -> &str {
+    match unit {
+        "of scale" => "% of scale",
+        "1" => "ratio",
+        unit => unit,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_have_their_interval() {
+        let counts = [(3, 3), (19, 20), (199, 200), (1999, 2000)];
+        let told = counts.map(|(count, of)| of_count(Some(Rate::new(count, of))));
+        assert_eq!(told, ["3 of 3", "95.0 %", "99.5 %", "99.95 %"]);
+        assert_eq!((chosen(100.0 * 3e-4), chosen(90.0)), ("0.03".into(), "90".into()));
+        assert_eq!(of_unit(-0.0312, "of scale"), "-3.12 %");
+        assert_eq!(rate(Some(Rate::new(99, 100))), "99.00 % [94.55 … 99.82]");
+        assert_eq!(rate(None), "–");
+        assert_eq!(stacked(Some(Rate::new(99, 100))), "99.00 %\n94.55 … 99.82");
+        let of_kinds = Rate { by_kind: Some((0.905, 0.951)), ..Rate::new(99, 100) };
+        assert_eq!(by_kind(Some(of_kinds)), "90.50 … 95.10");
+        assert_eq!(by_kind(Some(Rate::new(1, 2))), "–");
+        let change =
+            |before, after| change(Some(Rate::new(before, 100)), Some(Rate::new(after, 100)));
+        assert_eq!(
+            (change(90, 91), change(91, 90), change(7, 7)),
+            ("+1.00".into(), "-1.00".into(), "+0.00".into())
+        );
+    }
+}

@@ -1,0 +1,80 @@
+//! The stage that writes the report.
+
+use crate::excerpt::{self, Excerpt};
+use crate::{self as report, Material, examples};
+use servotwin::campaign;
+use servotwin::evaluation::{EvaluationError, model_file};
+use servotwin::flight::band::BandMerit;
+use servotwin::job::{Folder, JobError, Results, Subject, flights, hierarchy, manifest};
+use servotwin::study::{Role, Setting, Study};
+use servotwin_diagnosis::hierarchy::Hierarchy;
+use servotwin_io::files::{create_folder, write_atomically};
+
+/// Writes the report, its figures and the manifest from what the other stages have left.
+///
+/// # Errors
+/// A file is missing, or cannot be read or written; the healthy system cannot be simulated.
+pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
+    let results = Results::read(folder)?;
+    let subjects = results.subjects.iter().map(|result| result.subject);
+    let hierarchies: Vec<(Subject, Hierarchy)> = subjects
+        .map(|subject| Ok((subject, hierarchy(folder, subject)?)))
+        .collect::<Result<_, JobError>>()?;
+    // An older report is no source of the new one, and nothing is claimed of it any more: the manifest that is written in
+    // the end keeps what the one in the folder knows, and would keep the older report's hashes.
+    folder.remove_report()?;
+    let manifest = manifest::write(folder, study)?;
+    let flights = flights::results(folder)?;
+    let bands = bands(folder)?;
+    let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
+    let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
+    let excerpt = excerpt(folder, &results)?;
+    let (html, figures) = report::render(&Material {
+        study,
+        results: &results,
+        hierarchies: &hierarchies,
+        flights: flights.as_ref(),
+        bands: &bands,
+        calibrations: &calibrations,
+        examples: &examples::simulate(study)?,
+        excerpt: excerpt.as_ref().map(|(setting, excerpt)| (*setting, excerpt)),
+        manifest: &manifest,
+    });
+    create_folder(folder.figures())?;
+    let mut drawn = vec![];
+    for (name, figure) in figures {
+        let path = folder.figures().join(format!("{name}.svg"));
+        write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
+        drawn.push(path);
+    }
+    drawn.sort();
+    write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
+    manifest::write_with(folder, study, &drawn).map(drop)
+}
+
+/// An excerpt of the data set whose trees are drawn; `None` where it is not there any more.
+///
+/// # Errors
+/// The file cannot be read.
+fn excerpt(folder: &Folder, results: &Results) -> Result<Option<(Setting, Excerpt)>, JobError> {
+    let Some(main) = report::main_of(results) else { return Ok(None) };
+    let setting = main.subject.setting();
+    let file = folder.data_set(setting, Role::Judged);
+    if !file.exists() {
+        return Ok(None);
+    }
+    let wrong =
+        |error| JobError::DataSet { path: file.clone(), error: EvaluationError::Table(error) };
+    let excerpt = excerpt::read(&file).map_err(wrong)?;
+    Ok(excerpt.map(|excerpt| (setting, excerpt)))
+}
+
+/// Reads the bands that were learned.
+///
+/// # Errors
+/// A file cannot be read.
+fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
+    let files = Setting::ALL.map(|setting| folder.band(setting));
+    let there = files.into_iter().filter(|file| file.exists());
+    there.map(|file| Ok(model_file::read(file)?)).collect()
+}

@@ -1,0 +1,306 @@
+//! Table 1, and what every section of the report promises.
+
+use servotwin::campaign::Comparison;
+use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::ambiguity::Ambiguity;
+use servotwin::evaluation::detection::{Curve, Detection, Least};
+use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
+use servotwin::evaluation::score::Rate;
+use servotwin::flight::band::BandMerit;
+use servotwin::job::manifest::Manifest;
+use servotwin::job::results::SubjectResult;
+use servotwin::job::{Results, Subject, results};
+use servotwin::study::Study;
+use servotwin_diagnosis::field::{Covariate, Field, Source};
+use servotwin_report::page::Page;
+use servotwin_report::{ALL, Material, render, table};
+use std::collections::BTreeSet;
+
+#[test]
+fn table_1_is_the_papers() {
+    let study = Study::default();
+    let expected = [
+        ("shut_down", "external_leakage", 4, 40),
+        ("shut_down", "control_valve", 1, 100),
+        ("shut_down", "supply_valve", 1, 10),
+        ("shut_down", "tank_valve", 1, 10),
+        ("change_mode", "cylinder_pressure_sensor", 2, 80),
+        ("change_mode", "displacement_sensor", 1, 40),
+        ("warning", "internal_leakage", 1, 10),
+        ("warning", "valve_displacement_sensor", 1, 40),
+        ("warning", "supply_tank_pressure_sensor", 2, 80),
+    ];
+    let rows = table::rows(&study);
+    let found: Vec<_> = rows
+        .iter()
+        .map(|row| (row.command.as_str(), row.detail.as_str(), row.components, row.faults))
+        .collect();
+    assert_eq!(found, expected);
+    assert_eq!(table::sum(&study), (28, 820));
+    assert_eq!(study.cases.len() * study.faults.len(), 4920);
+}
+
+/// What a study without hierarchies, flights and examples gives to a report.
+fn results_alone<'a>(
+    study: &'a Study,
+    results: &'a Results,
+    manifest: &'a Manifest,
+) -> Material<'a> {
+    Material {
+        study,
+        results,
+        hierarchies: &[],
+        flights: None,
+        bands: &[],
+        calibrations: &[],
+        examples: &[],
+        excerpt: None,
+        manifest,
+    }
+}
+
+fn manifest() -> Manifest {
+    Manifest {
+        format: servotwin::job::manifest::FORMAT.into(),
+        version: "0".into(),
+        study: "paper".into(),
+        inputs: vec![],
+        specimen_seed: None,
+        split_seed: 1,
+        solver: String::new(),
+        data_sets: vec![],
+        outputs: vec![],
+    }
+}
+
+/// A band of one sensor that is wider for a high load.
+fn band() -> BandMerit {
+    let field = Field {
+        covariates: vec![Covariate {
+            name: "load_factor".into(),
+            source: Source::Input { input: 0 },
+            edges: vec![0.5],
+            range: (0.0, 1.0),
+        }],
+        base: vec![0.004],
+        factors: vec![vec![vec![0.8, 1.25]]],
+        scale: 5.0,
+        share: 0.05,
+        calibrated_on: 39,
+    };
+    let fixed = Field { covariates: vec![], factors: vec![vec![]], ..field.clone() };
+    BandMerit {
+        setting: "fitted".into(),
+        sensors: vec!["p_a_1".into()],
+        duration_s: 20.0,
+        field,
+        fixed,
+        healthy: 200,
+        left: [4, 6],
+        outside: 3,
+        faults: 400,
+        detected: [380, 360],
+    }
+}
+
+#[test]
+fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
+    let (study, manifest, bands) = (Study::default(), manifest(), [band()]);
+    let results = Results {
+        format: results::FORMAT.into(),
+        study: "paper".into(),
+        subjects: vec![],
+        robustness: vec![],
+    };
+    // Of twenty fits of each actuator one is off by three standard errors.
+    let fit = |n: usize| Comparison {
+        parameter: format!("actuator_{}.servo_valve.null_bias", 1 + n / 20),
+        true_sigma: 0.5,
+        fitted_sigma: if n.is_multiple_of(20) { 0.8 } else { 0.6 },
+        error_sigma: 0.1,
+    };
+    let calibrations: Vec<Comparison> = (0..40).map(fit).collect();
+    let material = Material {
+        study: &study,
+        results: &results,
+        hierarchies: &[],
+        flights: None,
+        bands: &bands,
+        calibrations: &calibrations,
+        examples: &[],
+        excerpt: None,
+        manifest: &manifest,
+    };
+    let (html, figures) = render(&material);
+    let (_, field) = figures.iter().find(|(name, _)| name == "field-fitted").unwrap();
+    // The scale goes from the least to the greatest factor, and has words as people write them.
+    let rows: Vec<&str> = field.values.iter().skip(1).map(|row| &*row[0]).collect();
+    assert_eq!(rows, ["load factor: 0 … 0.500", "load factor: 0.500 … 1.00"]);
+    assert!(field.svg.contains(">0.80<") && !field.svg.contains(">0.00<"), "{}", field.svg);
+    // One row for both actuators; healthy flights that leave the field and the fixed band; half widths.
+    // Long names may be broken behind their parts.
+    for text in [
+        "<td>servo_<wbr>valve.<wbr>null_<wbr>bias</td>",
+        "<td class=\"number\">40</td>",
+        "95.00 % [",
+    ] {
+        assert!(html.contains(text), "{text}");
+    }
+    for text in ["2.00 % [", "3.00 % [", "90.00 % [", "1.60 … 2.50"] {
+        assert!(html.contains(text), "{text}");
+    }
+    assert!(html.contains("3 of the healthy flights were flown at points outside"), "{html}");
+    // What was not measured is not told.
+    let none = Material { bands: &[], calibrations: &[], ..material };
+    assert!(!render(&none).0.contains("id=\"twin\""));
+}
+
+#[test]
+fn sections_have_names_and_stand_a_study_without_results() {
+    let ids: BTreeSet<&str> = ALL.iter().map(|section| section.id()).collect();
+    let titles: BTreeSet<&str> = ALL.iter().map(|section| section.title()).collect();
+    assert_eq!((ids.len(), titles.len()), (ALL.len(), ALL.len()), "every name once");
+    let is_anchor = |id: &&str| !id.is_empty() && id.bytes().all(|b| b.is_ascii_lowercase());
+    assert!(ids.iter().all(is_anchor), "{ids:?}");
+    let study = Study::default();
+    let results = Results {
+        format: results::FORMAT.into(),
+        study: "paper".into(),
+        subjects: vec![],
+        robustness: vec![],
+    };
+    let manifest = manifest();
+    let material = results_alone(&study, &results, &manifest);
+    for section in ALL {
+        // Twice: a section may not depend on anything but its material.
+        let write = || {
+            let mut page = Page::default();
+            section.write(&material, &mut page);
+            page.finish("").0
+        };
+        assert_eq!(write(), write(), "{}", section.id());
+    }
+    let (html, figures) = render(&material);
+    assert!(html.contains("Table 1") || html.contains("table 1"));
+    let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["schematic", "commands"]);
+}
+
+/// Two kinds of fault of the press: the leak is seen in most tests, the sensor's in one of four.
+fn evaluation() -> Evaluation {
+    let curve = |kind: &str, detail: &str, counts: [u64; 2]| Curve {
+        kind: kind.into(),
+        detail: detail.into(),
+        points: vec![(0.25, Rate::new(counts[0], 2)), (1.0, Rate::new(counts[1], 2))],
+    };
+    let least = |fault: &str, case: &str, intensity| Least {
+        fault: fault.into(),
+        case: case.into(),
+        intensity,
+    };
+    let judged = ProtocolResult {
+        protocol: Protocol::NewCommand,
+        title: Protocol::NewCommand.title().into(),
+        splits: 1,
+        stages: vec![],
+        end_to_end: Some(Rate::new(4, 5)),
+        right_action: Some(Rate::new(5, 5)),
+        isolated_of_all: Some(0.6),
+        safety: Some(Safety {
+            wrong_actuator: Rate::new(0, 5),
+            wrong_actuator_shutdown: Rate::new(0, 5),
+            missed_shutdown: Rate::new(1, 5),
+            missed_shutdown_of_all: None,
+            needless_shutdown: Rate::new(0, 0),
+        }),
+        components: vec![],
+    };
+    Evaluation {
+        detection: Detection {
+            detected: Rate::new(5, 8),
+            excluded: Rate::new(3, 8),
+            failed: 0,
+            curves: vec![
+                curve("leakage_a.leakage", "leakage", [2, 2]),
+                curve("sensor_ram.bias_positive", "position_sensor", [0, 1]),
+            ],
+            least: vec![
+                least("leakage_a.leakage", "rough/idle", Some(0.25)),
+                least("sensor_ram.bias_positive", "rough/idle", Some(1.0)),
+                least("sensor_ram.bias_positive", "stroke/idle", None),
+            ],
+        },
+        paper_detection: Rate::new(5, 8),
+        bands: None,
+        features: 1,
+        constant_features: vec![],
+        protocols: vec![judged],
+        committee: vec![],
+        paper_band: vec![],
+        commands: vec![],
+        baseline: vec![],
+        abstention: None,
+        reliability: None,
+        flips: None,
+        classifiers: vec![],
+        ablation: vec![],
+        ambiguity: Ambiguity { pairs: vec![], groups: vec![] },
+        worst_leaves: vec![],
+        stages: vec![],
+        false_alarms: None,
+    }
+}
+
+/// The report of a study of the press.
+fn press_report(text: &str) -> String {
+    let study = Study::parse(text, "studies/press_axis.toml").unwrap();
+    let settings = servotwin::evaluation::Settings::default();
+    let subject = SubjectResult::new(Subject::Noise, &study, settings, evaluation());
+    let results = Results::new(&study, vec![subject], vec![]);
+    let manifest = manifest();
+    let material = results_alone(&study, &results, &manifest);
+    render(&material).0
+}
+
+const PRESS: &str = include_str!("../../../studies/press_axis.toml");
+
+#[test]
+fn the_report_of_one_unit_speaks_of_that_unit_alone() {
+    let html = press_report(PRESS).to_lowercase();
+    for foreign in [
+        "actuator",
+        "aircraft",
+        "flight",
+        "flown",
+        "seed paper",
+        "both units",
+        "shutdown",
+        "shut down",
+    ] {
+        let at = html.find(foreign).map(|at| &html[at.saturating_sub(80)..at + 20]);
+        assert_eq!(at, None, "'{foreign}' in the report of a press");
+    }
+    // The study calls what switches off a stop.
+    assert!(html.contains("“stop” missed (of detected)"));
+    // The worst fault is named with its command and where it is not seen.
+    let worst = "sensor ram: bias positive (stop): 25.00 % [4.56 … 69.94], never in stroke/idle, only \
+                 from intensity 1 on";
+    assert!(html.contains(worst), "{}", &html[..6000]);
+}
+
+#[test]
+fn of_what_was_not_counted_nothing_is_said() {
+    let html = press_report(PRESS);
+    // No unit but one, no fault that calls for less, no protocol that tests all: no such rows.
+    for absent in ["needless “stop”", "(of all)", "wrong unit", "</b> none"] {
+        assert!(!html.contains(absent), "{absent}");
+    }
+    let (before, rest) = PRESS.split_once("[reactions]").unwrap();
+    let (_, after) = rest.split_once("[realistic]").unwrap();
+    let html = press_report(&format!("{before}[realistic]{after}"));
+    assert!(html.contains("says of no command that it switches its unit off"));
+    for absent in ["missed (of", " 0.00 %", ">0.00 %", "</b> none", "healthy specimen switched off"]
+    {
+        assert!(!html.contains(absent), "{absent}");
+    }
+}
