@@ -5,23 +5,27 @@ const TURNED: f64 = 0.05;
 
 /// What is kept of values that came one by one.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Spread {
+pub struct Spread {
+    /// How many values were taken.
     pub count: u64,
     sum: f64,
     square: f64,
 }
 
 impl Spread {
+    /// Takes one value; NaN is missing.
     pub fn take(&mut self, value: f64) {
         self.count += 1;
         self.sum += value;
         self.square += value * value;
     }
 
+    /// The mean of the squares; NaN without a value.
     pub fn mean_square(&self) -> f64 {
         self.square / self.count.max(1) as f64
     }
 
+    /// The variance; NaN without a value.
     pub fn variance(&self) -> f64 {
         (self.mean_square() - (self.sum / self.count.max(1) as f64).powi(2)).max(0.0)
     }
@@ -29,7 +33,8 @@ impl Spread {
 
 /// A sensor's values beside its twin's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Beside {
+pub struct Beside {
+    /// The spread of the twin's values.
     pub twin: Spread,
     /// Of their sum, in which nothing moves where the sign is wrong.
     sum: Spread,

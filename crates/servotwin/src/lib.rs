@@ -69,7 +69,7 @@
 //! [`fit`] estimates the parameters of a twin, or the intensity of a fault, from a record.
 //! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
 
-mod beside;
+pub mod beside;
 pub mod built_in;
 pub mod campaign;
 pub mod catalogue;
@@ -82,8 +82,8 @@ pub mod flight;
 pub mod format;
 pub mod job;
 pub mod kind;
-pub mod log;
 pub mod monitor;
+pub mod observer;
 pub mod parallel;
 pub mod prelude;
 pub mod recording;
@@ -97,5 +97,7 @@ pub mod system;
 pub mod template;
 pub mod validity;
 
-pub use servotwin_io::{document, files, leftovers, manifest, moment, nearest, sanitize, table};
+pub use servotwin_io::{
+    document, files, leftovers, manifest, moment, nearest, sanitize, table, text,
+};
 pub use servotwin_plot as figure;

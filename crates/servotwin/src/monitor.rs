@@ -17,8 +17,8 @@
 
 use crate::flight::runtime::RuntimeError;
 use crate::flight::watcher::Watcher;
-use crate::log::{Finding, Observation, Observer};
 use crate::nearest::UnknownName;
+use crate::observer::{Finding, Observation, Observer};
 use crate::recording;
 use crate::study::Study;
 use crate::table::{Table, TableError};

@@ -3,9 +3,9 @@
 pub use crate::evaluation::model_file::read_diagnoser;
 pub use crate::fit::{FitError, Fitted, Problem, Record};
 pub use crate::job::{JobError, StudyEvent, StudyResults, StudyRun};
-pub use crate::log::{Finding, State};
 pub use crate::monitor::Monitor;
 pub use crate::nearest::UnknownName;
+pub use crate::observer::{Finding, State};
 pub use crate::simulate::{
     InputSignal, Simulation, SimulationError, SimulationResults, Sweep, VariantSpec,
 };

@@ -12,13 +12,13 @@ use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity_and_onset};
 use servotwin::fit::unknown::Moved;
 use servotwin::fit::{FitError, FitVerdict, Fitted, LeftOut, Onset, Problem, Record, Unknown};
-use servotwin::log::map::Map;
-use servotwin::log::source::cut::Span;
 use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
 use servotwin::study::{Study, StudyError, Tolerance};
 use servotwin::system::System;
 use servotwin_model::spec::Unit;
+use servotwin_watch::map::Map;
+use servotwin_watch::source::cut::Span;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 

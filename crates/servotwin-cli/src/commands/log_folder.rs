@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use servotwin::files::FileError;
-use servotwin::log::intake;
+use servotwin_watch::intake;
 use std::fs::FileType;
 use std::path::{Path, PathBuf};
 

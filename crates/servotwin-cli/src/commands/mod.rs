@@ -40,14 +40,14 @@ use servotwin::evaluation::table_model::{
 };
 use servotwin::fit::FitError;
 use servotwin::job::{Folder, Hold, Kept};
-use servotwin::log::intake::{self, IntakeError};
-use servotwin::log::map::Map;
-use servotwin::log::source::SourceError;
-use servotwin::log::source::cut::Span;
 use servotwin::sanitize;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::table::{self, Table};
+use servotwin_watch::intake::{self, IntakeError};
+use servotwin_watch::map::Map;
+use servotwin_watch::source::SourceError;
+use servotwin_watch::source::cut::Span;
 use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};

@@ -41,7 +41,7 @@ mod write;
 pub use finding::{Finding, SensorFit};
 pub use knowledge::{Knowledge, Known};
 pub use onset::Onset;
-pub use record::{LeftOut, Record, RecordError};
+pub use record::{LeftOut, Record, RecordError, TIME_UNIT};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
 pub use verdict::FitVerdict;

@@ -12,7 +12,6 @@
 //! how they differ: exact to the fourth order for what is smooth, without overshoot at a step.
 
 use crate::document::{Quantities, Quantity};
-use crate::log::intake::TIME_UNIT;
 use crate::moment;
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
@@ -21,6 +20,9 @@ use crate::table::{Table, TableError};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::fmt;
+
+/// The entry in a table's metadata with the length of one unit of the log's own times, s.
+pub const TIME_UNIT: &str = "time_unit_s";
 
 /// The names that a column of times may have.
 const TIMES: [&str; 3] = ["time_s", "time", "t"];
@@ -273,7 +275,7 @@ impl std::error::Error for RecordError {}
 
 impl RecordError {
     /// No column is a sensor of a system.
-    pub(crate) fn no_sensor(system: &System) -> Self {
+    pub fn no_sensor(system: &System) -> Self {
         let known =
             system.sensors.iter().map(|sensor| with_suffix(&sensor.id, sensor.unit)).collect();
         RecordError::NoSensor { known }

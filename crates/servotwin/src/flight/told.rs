@@ -3,7 +3,7 @@
 use super::runtime::RuntimeError;
 use super::watcher::Watcher;
 use crate::fit::Record;
-use crate::log::{Finding, Observer, Phase, State};
+use crate::observer::{Finding, Observer, Phase, State};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! The runtime as the observer of a log or a live stream.
 
 use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
-use crate::log::{Finding, Observation, Observer, Phase, State};
+use crate::observer::{Finding, Observation, Observer, Phase, State};
 use crate::study::{Reaction, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{self, Alarm, Diagnoser, Outcome};

@@ -1,6 +1,6 @@
 //! What campaigns say of the simulations themselves: which ring, and which began on the move.
 
-use crate::files::Folder;
+use crate::folder::Folder;
 use servotwin::campaign::Campaign;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;

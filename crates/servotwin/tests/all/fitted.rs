@@ -1,6 +1,6 @@
 //! The fitted setting: specimens beside twins that were fitted to them in a calibration flight.
 
-use crate::files::Folder;
+use crate::folder::Folder;
 use servotwin::campaign::{Campaign, CampaignError, Row, calibration_file};
 use servotwin::study::{Role, Setting, Study};
 use servotwin::table::{self, Column, Table};

@@ -9,24 +9,21 @@ mod errors;
 mod evaluating;
 mod evaluation;
 mod examples;
-mod figure;
-mod files;
 mod fitted;
 mod flights;
+#[allow(dead_code, reason = "shared by several crates")]
+#[path = "../../../servotwin-io/tests/all/folder.rs"]
+mod folder;
 mod golden;
-mod intake;
-mod log;
-#[cfg(feature = "mqtt")]
-mod mqtt;
 mod peer_cases;
 mod physics;
-mod recordings;
+#[path = "../../../servotwin-io/tests/all/places.rs"]
+mod places;
 mod relief;
 mod runtime;
 mod schema;
 mod study_mistakes;
 mod system;
-mod table;
 mod table_model;
 mod triplex;
 mod val_peers;

@@ -1,14 +1,14 @@
 //! Twin and diagnosis beside an actuator: what a log says again is what the flight said.
 
 use crate::flights::{diagnoser, fault, fly, study};
-use crate::log::places;
+use crate::places::places;
 use servotwin::fit::Record;
 use servotwin::flight::flown::{Flown, Observer as FlightObserver};
 use servotwin::flight::plan::{Flight, Purpose};
 use servotwin::flight::runtime::{Runtime, RuntimeError};
 use servotwin::flight::told::told;
 use servotwin::flight::watcher::Watcher;
-use servotwin::log::{Finding, Observer, Phase, State};
+use servotwin::observer::{Finding, Observer, Phase, State};
 use servotwin::parallel::Workers;
 use servotwin::study::Setting;
 use servotwin_diagnosis::diagnoser::Diagnoser;

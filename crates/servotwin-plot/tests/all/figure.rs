@@ -1,0 +1,236 @@
+//! Figures are well-formed, the same every time, and lose no peak.
+
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+use roxmltree::Document;
+use servotwin_plot::bars::{Bar, Bars};
+use servotwin_plot::decimate::decimate;
+use servotwin_plot::diagram::{Block, Diagram, Wire};
+use servotwin_plot::heatmap::ConfusionMatrix;
+use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
+use servotwin_plot::lines::{Curve, Lines};
+use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin_plot::tree::{Node, Tree};
+use servotwin_plot::{Figure, FigureError};
+
+use crate::folder::Folder;
+
+/// Awkward names must not break the document.
+const NAME: &str = "a <b> & \"c\" \u{1}";
+
+fn time_series(y: &[f64]) -> Figure {
+    let time: Vec<f64> = (0..y.len()).map(|step| step as f64 * 0.01).collect();
+    let panel = Panel::new(NAME, "pressure (Pa)")
+        .with(Series::new(NAME, &time, y))
+        .with(Series::new("twin", &time, y))
+        .with_band(Band::constant("±3 %", -0.03, 0.03));
+    TimeSeries::new(NAME, "time (s)").with(panel.clone()).with(panel).draw()
+}
+
+fn histogram(values: &[f64]) -> Figure {
+    let mut grid = HistogramGrid::new(NAME, "residual", &["healthy", "faulty"]);
+    grid.band = Some(0.03);
+    grid.panels.push(HistogramPanel::new(NAME, vec![values.into(), values.into()]));
+    grid.panels.push(HistogramPanel::new("empty", vec![[].as_slice().into()]));
+    grid.draw()
+}
+
+fn bars(value: f64) -> Figure {
+    Bars::new(NAME, "accuracy", &["one", "two"])
+        .with(NAME, vec![Some(Bar::with_interval(value, value - 0.1, value + 0.1)), None])
+        .with("second", vec![Some(Bar::new(-value)), Some(Bar::new(0.0))])
+        .draw()
+}
+
+fn heatmap(count: u64) -> Figure {
+    let classes = ["healthy", NAME, "jam"].map(str::to_owned).to_vec();
+    ConfusionMatrix::new(NAME, classes, vec![vec![count, 1, 0], vec![0, 0, 0], vec![5]]).draw()
+}
+
+fn lines(value: f64, log: bool) -> Figure {
+    let points = vec![(1.0, value), (10.0, value * 2.0), (f64::NAN, 1.0), (100.0, -value)];
+    let intervals = vec![(0.0, value); 4];
+    let mut figure = Lines::new(NAME, "x", "y")
+        .with(Curve::new(NAME, points.clone()).with_intervals(intervals))
+        .with(Curve::new("plain", points).unmarked());
+    (figure.x_log, figure.y_log) = (log, log);
+    figure.draw()
+}
+
+fn tree(depth: usize) -> Figure {
+    fn grow(depth: usize) -> Node {
+        let lines = vec![format!("x ≤ {depth}"), NAME.to_owned()];
+        match depth {
+            0 => Node::leaf(lines, vec![1.0, f64::NAN, 3.0]),
+            _ => Node::split(lines, vec![0.0, 0.0], grow(depth - 1), grow(depth / 2)),
+        }
+    }
+    let classes = vec!["healthy".to_owned(), NAME.to_owned(), "jam".to_owned()];
+    Tree {
+        title: NAME.to_owned(),
+        classes,
+        looks: vec![],
+        root: grow(depth),
+        sideways: depth.is_multiple_of(2),
+    }
+    .draw()
+}
+
+fn diagram(count: usize) -> Figure {
+    let mut diagram = Diagram { title: NAME.to_owned(), ..Diagram::default() };
+    for number in 0..count {
+        let id = format!("block_{number}");
+        let group = format!("Group {}", number % 3);
+        diagram.blocks.push(Block::new(&id, "title\nsecond line", NAME, &group));
+        let wire = Wire::new(&format!("block_{}", number / 2), &id, "oil");
+        diagram.wires.push(Wire { label: "p".to_owned(), arrow: true, ..wire });
+        diagram.wires.push(Wire::new(&id, &format!("block_{}", number * 7 % count), NAME));
+    }
+    diagram.wires.push(Wire::new("block_0", "nowhere", "oil"));
+    if let Some(last) = diagram.blocks.last_mut() {
+        last.layer = Some(5);
+    }
+    diagram.draw()
+}
+
+fn gallery() -> Vec<(&'static str, Figure)> {
+    let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
+    vec![
+        ("time series", time_series(&wave)),
+        ("histogram", histogram(&wave)),
+        ("bars", bars(0.9)),
+        ("heatmap", heatmap(250)),
+        ("lines", lines(3.0, false)),
+        ("logarithmic lines", lines(3.0, true)),
+        ("tree", tree(6)),
+        ("diagram", diagram(60)),
+    ]
+}
+
+fn assert_well_formed(name: &str, figure: &Figure) {
+    let document = Document::parse(&figure.svg).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let view = document.root_element().attribute("viewBox").unwrap();
+    assert_eq!(view, format!("0 0 {} {}", figure.width, figure.height), "{name}");
+    assert!(!figure.svg.contains("NaN") && !figure.svg.contains("inf"), "{name}");
+}
+
+#[test]
+fn every_kind_is_well_formed_and_deterministic() {
+    for ((name, figure), (_, again)) in gallery().into_iter().zip(gallery()) {
+        assert_well_formed(name, &figure);
+        assert_eq!(figure, again, "{name}");
+        let document = Document::parse(&figure.svg).unwrap();
+        let title = document.descendants().find(|node| node.has_tag_name("title")).unwrap();
+        assert_eq!(title.text(), Some("a <b> & \"c\"  "), "{name}");
+    }
+}
+
+#[test]
+fn every_text_lies_inside_its_figure() {
+    for (name, figure) in gallery() {
+        let document = Document::parse(&figure.svg).unwrap();
+        for text in document.descendants().filter(|node| node.has_tag_name("text")) {
+            let place = |key| text.attribute(key).unwrap().parse::<f64>().unwrap();
+            let inside = (0.0..=figure.width).contains(&place("x"))
+                && (0.0..=figure.height).contains(&place("y"));
+            assert!(inside, "{name}: {:?} at {} {}", text.text(), place("x"), place("y"));
+        }
+    }
+}
+
+#[test]
+fn nothing_to_draw_is_drawn_as_nothing() {
+    let empty = [
+        time_series(&[]),
+        time_series(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
+        time_series(&[1.0]),
+        TimeSeries::new("", "").draw(),
+        histogram(&[]),
+        histogram(&[f64::NAN]),
+        histogram(&[0.5]),
+        HistogramGrid::new("", "", &[]).draw(),
+        bars(f64::NAN),
+        Bars::new("", "", &[]).draw(),
+        ConfusionMatrix::new("", Vec::new(), Vec::new()).draw(),
+        lines(f64::NAN, true),
+        lines(-1.0, true),
+        lines(0.0, false),
+        Lines::new("", "", "").draw(),
+        tree(0),
+        diagram(1),
+        Diagram::default().draw(),
+    ];
+    for figure in empty {
+        assert_well_formed("empty", &figure);
+        figure.png(1.0).unwrap();
+    }
+}
+
+#[test]
+fn figures_are_saved_by_extension() {
+    let folder = Folder::new("figures");
+    let figure = bars(0.5);
+    figure.save(folder.file("a.svg")).unwrap();
+    figure.save(folder.file("a.PNG")).unwrap();
+    assert_eq!(std::fs::read_to_string(folder.file("a.svg")).unwrap(), figure.svg);
+    let png = std::fs::read(folder.file("a.PNG")).unwrap();
+    assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+    // Width and height stand at fixed places of a PNG's header.
+    let side = |start: usize| u32::from_be_bytes(png[start..start + 4].try_into().unwrap());
+    assert_eq!(
+        (f64::from(side(16)), f64::from(side(20))),
+        (figure.width * 2.0, figure.height * 2.0)
+    );
+    assert_eq!(png, figure.png(2.0).unwrap());
+    let error = figure.save(folder.file("a.pdf")).unwrap_err();
+    assert!(error.to_string().ends_with("a.pdf: a figure is saved as .svg or .png"), "{error}");
+    assert!(matches!(figure.save(folder.file("no/a.svg")), Err(FigureError::File(_))));
+}
+
+/// Text is drawn from the embedded font: without it, the picture would stay white.
+#[test]
+fn text_appears_in_the_picture() {
+    let titled = Lines::new("MMMMMMMM", "", "").draw();
+    let bare = Figure { svg: titled.svg.replace(">MMMMMMMM</text>", "></text>"), ..titled.clone() };
+    assert_ne!(titled.svg, bare.svg);
+    assert_ne!(titled.png(1.0).unwrap(), bare.png(1.0).unwrap());
+}
+
+#[test]
+fn a_long_signal_makes_a_small_figure() {
+    let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
+    let size = time_series(&wave).svg.len();
+    assert!(size < 100_000, "two panels of two signals take {size} bytes");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn decimation_keeps_extremes_and_ends(
+        y in prop::collection::vec(-1e3..1e3, 1..3000),
+        buckets in 1..200_usize,
+    ) {
+        let x: Vec<f64> = (0..y.len()).map(|step| step as f64 * 0.01).collect();
+        let kept = decimate(&x, &y, buckets);
+        prop_assert!(kept.is_sorted_by(|one, other| one < other));
+        prop_assert!(kept.len() <= (4 * (buckets + 1)).max(4));
+        let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::MIN, f64::max);
+        let kept_y = || kept.iter().map(|index| y[*index]);
+        prop_assert_eq!(largest(&mut kept_y()), largest(&mut y.iter().copied()));
+        prop_assert_eq!(largest(&mut kept_y().map(|v| -v)), largest(&mut y.iter().map(|v| -v)));
+        prop_assert_eq!((kept[0], kept[kept.len() - 1]), (0, y.len() - 1));
+    }
+}
+
+#[test]
+fn decimation_keeps_gaps_and_unsorted_times() {
+    let x: Vec<f64> = (0..1000).map(f64::from).collect();
+    let mut y = vec![0.0; 1000];
+    y[503] = f64::NAN;
+    let kept = decimate(&x, &y, 10);
+    assert!(kept.contains(&503) && kept.contains(&502) && kept.contains(&504));
+    let turned: Vec<f64> = x.iter().rev().copied().collect();
+    assert_eq!(decimate(&turned, &y, 10).len(), 1000);
+}

@@ -1,0 +1,226 @@
+//! Where a watch can go on after it was stopped: the place in the log, what the sequencer holds, what
+//! was counted, and everything the observer knows.
+//!
+//! Numbers are kept by their bits: what comes after is the same as without the stop.
+//!
+//! The file has two lines of JSON. The first has the format and the SHA-256 of the second, the second the content. A
+//! checkpoint is input like any other: its checksum, its widths and every number are checked before a watch goes on from
+//! it, so that a file that was damaged or written by hand gives a message.
+
+use super::Progress;
+use super::map::Map;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use servotwin_io::files::{self, FileError};
+use sha2::{Digest, Sha256};
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+
+/// The format of checkpoints that this version writes and reads.
+const FORMAT: u32 = 3;
+
+/// The largest checkpoint that is read, bytes: a thousand times the aileron's.
+const LARGEST: u64 = 64 << 20;
+
+/// The first line.
+#[derive(Debug, Serialize, Deserialize)]
+struct Head {
+    format: u32,
+    /// The checksum of the second line without its end; formats 1 and 2 had none.
+    #[serde(default)]
+    sha256: String,
+}
+
+/// The properties that a watch requires of a checkpoint.
+pub(super) struct Expected<'e> {
+    pub map: &'e Map,
+    pub period_s: f64,
+    /// The unit that the source counts.
+    pub counted: &'e str,
+}
+
+/// A watch between two rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Checkpoint {
+    /// The map file, as a number.
+    map: String,
+    #[serde(with = "super::bits::one")]
+    period_s: f64,
+    progress: Progress,
+    /// The observer as it saved itself.
+    #[serde(serialize_with = "to_hex", deserialize_with = "from_hex")]
+    pub(super) observer: Vec<u8>,
+}
+
+/// Why a checkpoint cannot be written or used.
+#[derive(Debug)]
+pub enum CheckpointError {
+    /// The file.
+    File(FileError),
+    /// It is no checkpoint, or damaged.
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        cause: String,
+    },
+    /// It was written with another map or period.
+    Other {
+        /// Which of them.
+        what: &'static str,
+    },
+    /// A number in it is none that a watch can have.
+    Damaged {
+        /// Which.
+        what: &'static str,
+    },
+    /// The log is shorter than it was.
+    ShortLog {
+        /// The line or row at which it went on.
+        needed: u64,
+    },
+    /// The observer cannot go on from it.
+    Observer(String),
+}
+
+impl fmt::Display for CheckpointError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CheckpointError::File(error) => write!(out, "{error}"),
+            CheckpointError::Content { path, cause } => {
+                write!(out, "{}: no checkpoint that can be used: {cause}", path.display())
+            }
+            CheckpointError::Other { what } => {
+                write!(out, "the checkpoint was written with another {what}")
+            }
+            CheckpointError::Damaged { what } => {
+                write!(
+                    out,
+                    "the checkpoint cannot be used: {what} cannot be what a watch has written; begin anew without --resume"
+                )
+            }
+            CheckpointError::ShortLog { needed } => {
+                write!(out, "the log ends before row {needed}, where the checkpoint was written")
+            }
+            CheckpointError::Observer(cause) => {
+                write!(out, "the diagnosis cannot go on from the checkpoint: {cause}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for CheckpointError {}
+
+impl Checkpoint {
+    /// What is known now.
+    pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: Vec<u8>) -> Self {
+        let map = fingerprint(map);
+        Checkpoint { map, period_s, progress: progress.clone(), observer }
+    }
+
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no checkpoint.
+    pub fn read(path: &Path) -> Result<Self, CheckpointError> {
+        let content = |cause: String| CheckpointError::Content { path: path.into(), cause };
+        let bytes =
+            bytes(path).map_err(|cause| CheckpointError::File(FileError::from_io(path, cause)))?;
+        if bytes.len() as u64 > LARGEST {
+            return Err(content(format!("it is larger than {} MiB", LARGEST >> 20)));
+        }
+        Self::parse(&bytes).map_err(content)
+    }
+
+    /// A checkpoint from the bytes of its file.
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
+        let (first, rest) = bytes.split_at(end);
+        let head: Head = serde_json::from_slice(first).map_err(|error| error.to_string())?;
+        if head.format != FORMAT {
+            return Err(format!(
+                "format {}, this version reads {FORMAT}; begin anew without --resume",
+                head.format
+            ));
+        }
+        let body = rest.trim_ascii();
+        if hex(&Sha256::digest(body)) != head.sha256 {
+            return Err("its checksum is wrong: it is damaged, or was changed by hand".into());
+        }
+        serde_json::from_slice(body).map_err(|error| error.to_string())
+    }
+
+    /// Writes a checkpoint, whole or not at all.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+        let fill = |out: &mut dyn std::io::Write| {
+            let body = serde_json::to_vec(self)?;
+            let head = Head { format: FORMAT, sha256: hex(&Sha256::digest(&body)) };
+            serde_json::to_writer(&mut *out, &head)?;
+            out.write_all(b"\n")?;
+            out.write_all(&body)?;
+            out.write_all(b"\n")
+        };
+        files::write_atomically(path, fill).map_err(CheckpointError::File)
+    }
+
+    /// How many changes the observer had told.
+    pub fn events(&self) -> u64 {
+        self.progress.changes
+    }
+
+    pub(super) fn progress(&self, expected: &Expected) -> Result<Progress, CheckpointError> {
+        if self.map != fingerprint(expected.map) {
+            return Err(CheckpointError::Other { what: "map" });
+        }
+        if self.period_s.to_bits() != expected.period_s.to_bits() {
+            return Err(CheckpointError::Other { what: "period" });
+        }
+        match self.progress.wrong(expected) {
+            Some(what) => Err(CheckpointError::Damaged { what }),
+            None => Ok(self.progress.clone()),
+        }
+    }
+}
+
+/// At most one byte more than the largest checkpoint of a regular file.
+fn bytes(path: &Path) -> io::Result<Vec<u8>> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file"));
+    }
+    let mut bytes = vec![];
+    File::open(path)?.take(LARGEST + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn fingerprint(map: &Map) -> String {
+    hex(&Sha256::digest(map.text().as_bytes()))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    use fmt::Write;
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+fn to_hex<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&hex(bytes))
+}
+
+fn from_hex<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+    let text = String::deserialize(from)?;
+    let pair = |pair: &[u8; 2]| {
+        let text = std::str::from_utf8(pair).ok()?;
+        u8::from_str_radix(text, 16).ok()
+    };
+    let (pairs, rest) = text.as_bytes().as_chunks();
+    let bytes: Option<Vec<u8>> = pairs.iter().map(pair).collect();
+    let wrong = || serde::de::Error::custom("the observer's part is no hexadecimal text");
+    bytes.filter(|_| rest.is_empty()).ok_or_else(wrong)
+}

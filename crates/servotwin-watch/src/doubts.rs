@@ -1,0 +1,227 @@
+//! What in a log speaks against its map: samples that are farther apart than the diagnosis needs them, columns that are
+//! likely in another unit or have the other sign, inputs that come and go.
+//!
+//! No sample is changed or left out for it. It is for whoever reads that nothing could be judged, or reads a judgement of
+//! a log in which `mm` were taken for `m`: the likely reason, as a sentence.
+
+use super::counts::Counts;
+use super::map::Map;
+use super::sequencer::Stamped;
+use servotwin::beside::{Beside, Spread};
+use servotwin::system::{System, units};
+use servotwin_io::document::{Quantities, Quantity};
+use servotwin_io::moment::{self, rounded};
+use servotwin_model::spec::Unit;
+
+/// So many steps between samples say how far apart they usually are.
+const STEPS: usize = 1000;
+/// Samples farther apart than so many periods leave periods without one.
+const SLOW: f64 = 1.5;
+/// Samples closer than this share of a period are hardly meant as seconds.
+const FAST: f64 = 0.02;
+/// Fewer values say nothing of a column.
+const LEAST_VALUES: u64 = 20;
+/// A twin's values below this share of its sensor's scale have no unit, and no sign where they move less.
+const LEAST_SHARE: f64 = 0.01;
+/// What is gathered while a log is watched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Doubts {
+    last_s: f64,
+    steps_s: Vec<f64>,
+    /// One of the log's own unit of time, s.
+    unit_s: f64,
+    /// The inputs, then the sensors.
+    columns: Vec<Column>,
+}
+
+/// One input or sensor.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Column {
+    /// Between which values it is believed.
+    range: (f64, f64),
+    /// The values that came, how many of them are outside of the range, and the one that is farthest from zero.
+    values: Spread,
+    outside: u64,
+    largest: f64,
+    beside: Beside,
+}
+
+impl Doubts {
+    /// Before the first sample.
+    pub(super) fn new(map: &Map) -> Self {
+        let column = |channel| Column { range: map.possible(channel), ..Column::default() };
+        let columns = (0..map.width()).map(column).collect();
+        let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
+        Doubts { last_s: f64::NAN, steps_s: vec![], unit_s, columns }
+    }
+
+    /// Inputs are believed in these ranges only.
+    pub(super) fn narrow(&mut self, ranges: &[(f64, f64)]) {
+        for (column, range) in self.columns.iter_mut().zip(ranges) {
+            column.range = *range;
+        }
+    }
+
+    /// A sample as the log has it.
+    pub(super) fn sample(&mut self, sample: &Stamped) {
+        let step_s = sample.time_s - self.last_s;
+        if step_s > 0.0 && self.steps_s.len() < STEPS {
+            self.steps_s.push(step_s);
+        }
+        self.last_s = sample.time_s;
+        for (column, value) in self.columns.iter_mut().zip(&sample.values) {
+            if value.is_finite() {
+                column.take(*value);
+            }
+        }
+    }
+
+    /// What sensors and twin show in a period.
+    pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
+        let sensors = self.columns.len() - twin.len();
+        let columns = self.columns[sensors..].iter_mut();
+        for (column, (own, twin)) in columns.zip(measured.iter().zip(twin)) {
+            column.beside.take(*own, *twin);
+        }
+    }
+
+    /// How far samples are usually apart, s.
+    pub fn step_s(&self) -> Option<f64> {
+        let mut sorted = self.steps_s.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied()
+    }
+
+    /// All of it as sentences; of a log as it should be, none.
+    pub fn sentences(
+        &self,
+        system: &System,
+        map: &Map,
+        period_s: f64,
+        counts: &Counts,
+    ) -> Vec<String> {
+        let pace = self.pace(period_s);
+        let network = system.network();
+        let inputs = network.inputs.iter().map(|input| (input.unit, f64::INFINITY));
+        let sensors = system.sensors.iter().map(|sensor| (sensor.unit, sensor.scale));
+        let signals = inputs.chain(sensors).enumerate();
+        let columns = self.columns.iter().zip(signals);
+        let columns = columns.filter_map(|(column, (channel, (unit, scale)))| {
+            column.sentence(map.id(channel), unit, scale)
+        });
+        let signs = self.signs(system, map);
+        let mut all: Vec<String> = pace.into_iter().chain(columns).chain(signs).collect();
+        if all.is_empty() {
+            // What else is wrong makes inputs missing, and letting them stand would not mend it.
+            all.extend(comes_and_goes(map, counts));
+        }
+        all
+    }
+
+    /// Sensors that move against the twin; most of them where the command does.
+    fn signs(&self, system: &System, map: &Map) -> Option<String> {
+        let sensors = self.columns[map.inputs()..].iter().zip(&system.sensors);
+        let signs: Vec<(bool, &str)> = sensors
+            .filter_map(|(column, sensor)| Some((column.is_turned(sensor.scale)?, &*sensor.id)))
+            .collect();
+        let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
+        let (ids, verb) = (turned.join(", "), if turned.len() == 1 { "moves" } else { "move" });
+        match turned.len() {
+            0 => None,
+            most if most > 1 && 2 * most > signs.len() => Some(format!(
+                "{ids} {verb} against the twin: the sign of the command seems to be wrong"
+            )),
+            _ => Some(format!(
+                "{ids} {verb} against the twin: the sign seems to be wrong, factor = -1 in the map turns it"
+            )),
+        }
+    }
+
+    fn pace(&self, period_s: f64) -> Option<String> {
+        let step_s = self.step_s()?;
+        let apart = format!(
+            "its samples are usually {} s apart, those of the diagnosis {period_s} s",
+            rounded(step_s)
+        );
+        let likely = moment::likely_unit(step_s / self.unit_s, period_s);
+        let likely = likely.filter(|_| !moment::is_period(step_s));
+        match likely {
+            Some((unit, other_s)) => Some(format!(
+                "its times seem to be in {unit}, in which its samples are {other_s} s apart: {apart}"
+            )),
+            _ if step_s < FAST * period_s => {
+                Some(format!("its times seem to be in a larger unit than the map says: {apart}"))
+            }
+            _ if step_s > SLOW * period_s => Some(format!(
+                "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",
+                rounded(1.0 / period_s),
+                rounded(1.0 / step_s)
+            )),
+            _ => None,
+        }
+    }
+}
+
+impl Column {
+    fn take(&mut self, value: f64) {
+        self.values.take(value);
+        let (low, high) = self.range;
+        self.outside += u64::from(value < low || value > high);
+        if value.abs() > self.largest.abs() {
+            self.largest = value;
+        }
+    }
+
+    fn sentence(&self, id: &str, unit: Unit, scale: f64) -> Option<String> {
+        let Column { range: (low, high), outside, largest, .. } = *self;
+        let values = self.values.count;
+        if values < LEAST_VALUES {
+            return None;
+        }
+        let looks_like = self.looks_like(unit, scale);
+        let seems = |unit| format!("seems to be in {unit}");
+        if 2 * outside > values {
+            let range = Quantities(rounded(low), rounded(high), unit.symbol());
+            let largest = Quantity(rounded(largest), unit.symbol());
+            let seems =
+                looks_like.map_or(String::new(), |(_, unit)| format!(" and {}", seems(unit)));
+            return Some(format!(
+                "{id} is outside of what is believed ({range}) in {outside} of {values} values, up to {largest}{seems}"
+            ));
+        }
+        let (factor, unit_of_log) = looks_like?;
+        let twin = format!("{factor:.1e} times what the twin shows in {}", unit.symbol());
+        Some(format!("{id} {}: it is {twin}", seems(unit_of_log)))
+    }
+
+    /// Whether its sign is wrong; nothing where the twin hardly moves.
+    fn is_turned(&self, scale: f64) -> Option<bool> {
+        let moves = self.beside.twin.variance().sqrt() > LEAST_SHARE * scale;
+        (moves && self.beside.both() >= LEAST_VALUES).then(|| self.beside.is_turned())
+    }
+
+    /// The unit that it seems to be in: beside its twin, and where there is none or it stands still, by its range.
+    fn looks_like(&self, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
+        let rms = |spread: &Spread| spread.mean_square().sqrt();
+        let (own, twin) = (rms(&self.values), rms(&self.beside.twin));
+        if self.beside.twin.count >= LEAST_VALUES && twin > LEAST_SHARE * scale {
+            return units::other(unit, own / twin);
+        }
+        let is_outside = 2 * self.outside > self.values.count;
+        is_outside.then(|| units::within(unit, self.largest, self.range)).flatten()
+    }
+}
+
+/// Inputs without a value in some periods, behind each of which nothing is judged for a while.
+fn comes_and_goes(map: &Map, counts: &Counts) -> Option<String> {
+    let of = |channel: &usize| (1..counts.samples).contains(&counts.missing[*channel]);
+    let lost: Vec<usize> = (0..map.inputs()).filter(of).collect();
+    let most = lost.iter().map(|&channel| counts.missing[channel]).max()?;
+    let names: Vec<&str> = lost.iter().map(|&channel| map.id(channel)).collect();
+    Some(format!(
+        "{} has no value in {most} of {} periods, and behind each nothing is judged for a second: hold_s in the map lets \
+         the last value stand",
+        names.join(", "),
+        counts.samples
+    ))
+}

@@ -1,0 +1,232 @@
+//! A whole log at once, as `servotwin fit` and `servotwin history` read it: the same sources, the same map and the same
+//! rules as `servotwin watch`, up to where a watch puts samples onto its period.
+//!
+//! Rows of one time are one sample; a sample that comes a little late is put in its place; a few samples whose time no others
+//! confirm are left out. All of it is counted. What remains is a [`Table`] in SI units.
+
+use super::counts::{Counts, Kind};
+use super::map::{Map, MapError, Trust, guess};
+use super::sequencer::Stamped;
+use super::source::cut::{Cut, Span};
+use super::source::{Address, Read, Row, Source, SourceError};
+use servotwin::fit::{RecordError, TIME_UNIT};
+use servotwin::recording::with_suffix;
+use servotwin::study::Study;
+use servotwin_io::moment;
+use servotwin_io::table::{Column, Table, TableError};
+use std::path::Path;
+
+/// The column with the times.
+const TIME: &str = "time_s";
+
+/// The rounding that equal times may differ by, relative to the time between them.
+const ROUNDING: f64 = 1e-4;
+
+/// A log, read to its end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Whole {
+    /// `time_s`, and the inputs and sensors that the log has or the map gives, by their names with units; NaN is missing.
+    pub table: Table,
+    /// The counts of rows and irregularities.
+    pub counts: Counts,
+    /// Columns whose unit nobody names; they are taken for SI.
+    pub assumed: Vec<String>,
+}
+
+/// Why a log cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub enum IntakeError {
+    /// It cannot be read, or the requested part of it is empty.
+    Source(#[from] SourceError),
+    /// The map does not fit it.
+    Map(MapError),
+    /// An input and a sensor of the system have the same name.
+    Table(#[from] TableError),
+    /// Without a map: it has no time, or no sensor of the system.
+    Record(RecordError),
+}
+
+/// Whether a file may be a log, as its extension says.
+pub fn is_log(path: &Path) -> bool {
+    let known = ["csv", "tsv", "parquet", "mcap", "jsonl", "ndjson", "mf4", "mdf", "mat"];
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|own| known.iter().any(|known| own.eq_ignore_ascii_case(known)))
+}
+
+/// Reads a part of a log as a map says; without one, columns are found by their names.
+///
+/// # Errors
+/// The log cannot be read, the map does not fit it, or nothing lies in the part.
+pub fn read(
+    path: &Path,
+    map: Option<&Map>,
+    span: Span,
+    study: &Study,
+) -> Result<Whole, IntakeError> {
+    let address = Address::File(path.into());
+    match map {
+        Some(map) => read_mapped(&address, map, span, study, vec![]),
+        None => {
+            let (map, assumed) = guessed(&address, study)?;
+            read_mapped(&address, &map, span, study, assumed)
+        }
+    }
+}
+
+fn read_mapped(
+    address: &Address,
+    map: &Map,
+    span: Span,
+    study: &Study,
+    assumed: Vec<String>,
+) -> Result<Whole, IntakeError> {
+    let source = address.open(map.wanted()).map_err(|error| match map.explain(error) {
+        Ok(mistakes) => IntakeError::Map(mistakes),
+        Err(error) => IntakeError::Source(error),
+    })?;
+    let source = match span.is_whole() {
+        true => source,
+        false => Box::new(Cut::new(source, address.to_string(), map, span)),
+    };
+    let (samples, counts) = samples(source, map)?;
+    Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed })
+}
+
+/// The map that the names of the columns make, and the columns without a unit.
+fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), IntakeError> {
+    let guess = guess(&address.columns()?, study, Trust::Certain);
+    if guess.sensors.len() == study.system.sensors.len() {
+        return Err(IntakeError::Record(RecordError::no_sensor(&study.system)));
+    }
+    if !guess.time {
+        return Err(IntakeError::Record(RecordError::NoTime));
+    }
+    let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
+    Ok((map.map_err(IntakeError::Map)?, guess.assumed))
+}
+
+/// All samples in the order of their times.
+fn samples(mut source: Box<dyn Source>, map: &Map) -> Result<(Vec<Stamped>, Counts), SourceError> {
+    let mut counts = Counts::new(source.counted(), map.width());
+    let (mut samples, mut row, mut rows) = (vec![], Row::default(), 0);
+    loop {
+        match source.read(&mut row)? {
+            Read::Row => {
+                let sample = map.sample(&row, rows);
+                if row.bad > 0 {
+                    let detail = row.bad_in_words(map.wanted());
+                    counts.note_with(Kind::BadValue, row.place, &detail);
+                }
+                match sample.time_s.is_finite() {
+                    true => put(&mut samples, sample, map, &mut counts),
+                    false => counts.note(Kind::NoTime, row.place),
+                }
+            }
+            Read::Flawed(flaw) => counts.note_with(flaw.kind(), row.place, &flaw),
+            Read::Nothing | Read::Pause | Read::Reconnected => continue,
+            Read::Disconnected { .. } | Read::Dropped(_) => continue,
+            Read::End => break,
+        }
+        (rows, counts.frames) = (rows + 1, counts.frames + 1);
+    }
+    let samples = confirmed(samples, map, &mut counts);
+    counts.samples = samples.len() as u64;
+    Ok((samples, counts))
+}
+
+/// Puts a sample behind the others, or, where it comes a little late, in its place.
+fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Counts) {
+    let newest_s = samples.last().map_or(f64::NEG_INFINITY, |last: &Stamped| last.time_s);
+    let is_late = sample.time_s < newest_s && newest_s - sample.time_s <= map.rules.wait_s;
+    let behind = match is_late {
+        true => samples.iter().rposition(|other| other.time_s <= sample.time_s),
+        false => samples.len().checked_sub(1),
+    };
+    if let Some(place) = behind
+        && samples[place].time_s == sample.time_s
+    {
+        let mut is_new = false;
+        for (value, &other) in samples[place].values.iter_mut().zip(&sample.values) {
+            if value.is_nan() && !other.is_nan() {
+                (*value, is_new) = (other, true);
+            }
+        }
+        if !is_new {
+            counts.note(Kind::Doubled, sample.place);
+        }
+        return;
+    }
+    if is_late {
+        counts.note(Kind::Reordered, sample.place);
+        samples.insert(behind.map_or(0, |place| place + 1), sample);
+    } else {
+        samples.push(sample);
+    }
+}
+
+/// Leaves out samples with times that too few others confirm, as a watch does: behind a leap and before the next one.
+fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut Counts) -> Vec<Stamped> {
+    let is_leap = |pair: [&Stamped; 2]| {
+        let step_s = pair[1].time_s - pair[0].time_s;
+        !(0.0..=map.rules.longest_gap_s).contains(&step_s)
+    };
+    let groups: Vec<&[Stamped]> = samples.chunk_by(|one, other| !is_leap([one, other])).collect();
+    let is_confirmed = |group: &&[Stamped]| group.len() >= map.rules.witnesses;
+    if groups.len() < 2 || !groups.iter().any(is_confirmed) {
+        return samples;
+    }
+    for sample in groups.iter().filter(|group| !is_confirmed(group)).flat_map(|group| *group) {
+        counts.note_with(Kind::Outlier, sample.place, &moment::shown(sample.time_s));
+    }
+    groups.into_iter().filter(is_confirmed).flatten().cloned().collect()
+}
+
+/// The samples as a table: columns of the log, with what stands for missing values, and values that are the same always.
+fn table(
+    samples: &[Stamped],
+    counts: &Counts,
+    map: &Map,
+    study: &Study,
+) -> Result<Table, TableError> {
+    let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
+    let network = study.system.network();
+    let inputs = network.inputs.iter().map(|input| input.unit);
+    let units = inputs.chain(study.system.sensors.iter().map(|sensor| sensor.unit));
+    let mut columns = vec![Column::new(TIME, "s", times_s.clone())];
+    for (channel, unit) in units.enumerate() {
+        let values = match (map.is_column(channel), map.constant(channel)) {
+            (true, _) => {
+                let of = |sample: &Stamped| sample.values[channel];
+                let mut values: Vec<f64> = samples.iter().map(of).collect();
+                hold(&mut values, &times_s, map.hold_s(channel));
+                values
+            }
+            (false, Some(value)) if !map.is_default(channel) => vec![value; samples.len()],
+            (false, _) => continue,
+        };
+        columns.push(Column::new(with_suffix(map.id(channel), unit), unit.symbol(), values));
+    }
+    let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
+    let counted = match &*counts.counted {
+        "row" => "row",
+        "message" => "message",
+        _ => "line",
+    };
+    let table = Table::from_columns(columns)?.with_metadata(TIME_UNIT, unit_s.to_string());
+    Ok(table.with_places(counted, samples.iter().map(|sample| sample.place)))
+}
+
+/// Puts the last value in the place of those that are missing behind it, for so long.
+fn hold(values: &mut [f64], times_s: &[f64], hold_s: f64) {
+    let mut last: Option<(f64, f64)> = None;
+    for (value, &time_s) in values.iter_mut().zip(times_s) {
+        if !value.is_nan() {
+            last = Some((time_s, *value));
+        } else if let Some((at_s, held)) = last
+            && time_s - at_s <= hold_s * (1.0 + ROUNDING)
+        {
+            *value = held;
+        }
+    }
+}

@@ -1,0 +1,488 @@
+//! Logs and live streams in, decisions out: the two sides of `servotwin watch`.
+//!
+//! ```text
+//! Source ── rows ──> Map ── samples, SI ──> Sequencer ── periods ──> Observer ──> Sinks
+//! ```
+//!
+//! A [`source::Source`] gives the numbers of a file or a stream, a [`map::Map`] makes inputs and sensor
+//! values of them, a [`sequencer::Sequencer`] puts these onto the fixed period, an [`Observer`] is fed with
+//! one period after the other, and [`sink::Sink`]s show or keep what it says. What was wrong with the stream
+//! is in [`counts::Counts`]. The formats and rules are described in `docs/watch.md`.
+
+mod bits;
+pub mod checkpoint;
+mod checkpoint_writer;
+pub mod counts;
+pub mod doubts;
+pub mod intake;
+pub mod map;
+pub mod sequencer;
+pub mod sink;
+pub mod source;
+pub mod watchdog;
+
+pub use servotwin::observer::{Finding, Observation, Observer, Phase, State};
+
+use checkpoint::{Checkpoint, CheckpointError, Expected};
+use checkpoint_writer::CheckpointWriter;
+use counts::{Counts, Kind};
+use doubts::Doubts;
+use map::Map;
+use sequencer::{Sequencer, Tick};
+use serde::{Deserialize, Serialize};
+use servotwin_io::document::Quantity;
+use sink::{Sample, Sink, SinkError, SinkLoss};
+use source::{Read, Row, Source, SourceError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use watchdog::{Notice, Silences, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time};
+
+/// Why watching ended early.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub enum WatchError {
+    /// The source failed.
+    Source(#[from] SourceError),
+    /// A result cannot be written.
+    Sink(#[from] SinkError),
+    /// A checkpoint cannot be written or used.
+    Checkpoint(#[from] CheckpointError),
+}
+
+/// No counter of a checkpoint is larger: every number up to it has its own place in JSON, and a year at 1 MHz is far
+/// below.
+const LARGEST_COUNT: u64 = 1 << 53;
+
+/// What is known between two rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Progress {
+    /// The place of the last row read.
+    place: u64,
+    /// How many rows were read, those with flaws included.
+    rows: u64,
+    sequencer: Sequencer,
+    counts: Counts,
+    /// For each channel the last value and how many periods ago it was there.
+    #[serde(with = "bits::many")]
+    held: Vec<f64>,
+    ages: Vec<u64>,
+    /// What was said last, and how often it changed.
+    finding: Finding,
+    changes: u64,
+    /// The time of the last period, s.
+    #[serde(with = "bits::one")]
+    time_s: f64,
+}
+
+/// Where checkpoints go, and when.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoints {
+    /// The file.
+    pub path: std::path::PathBuf,
+    /// Every so many periods, besides at the end.
+    pub every: u64,
+}
+
+/// Watches a source.
+pub struct Watch<'w> {
+    source: &'w mut dyn Source,
+    map: &'w Map,
+    observer: &'w mut dyn Observer,
+    sinks: Vec<&'w mut dyn Sink>,
+    checkpoints: Option<Checkpoints>,
+    /// Writes checkpoints beside a live source.
+    checkpoint_writer: Option<CheckpointWriter>,
+    /// Of a live source.
+    watchdog: Option<Watchdog>,
+    alerts: Vec<WatchdogAlert>,
+    period_s: f64,
+    progress: Progress,
+    /// Of what was read since this watch began.
+    doubts: Doubts,
+}
+
+/// How watching ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// The source has no more.
+    Complete,
+    /// The caller wanted to stop.
+    Stopped,
+}
+
+impl<'w> Watch<'w> {
+    /// Everything joined, before the first row.
+    pub fn new(
+        source: &'w mut dyn Source,
+        map: &'w Map,
+        observer: &'w mut dyn Observer,
+        period_s: f64,
+    ) -> Self {
+        let width = map.width();
+        let progress = Progress {
+            place: 0,
+            rows: 0,
+            sequencer: Sequencer::new(period_s, width, map.rules),
+            counts: Counts::new(source.counted(), width),
+            held: vec![f64::NAN; width],
+            ages: vec![0; width],
+            finding: Finding::default(),
+            changes: 0,
+            time_s: f64::NAN,
+        };
+        let doubts = Doubts::new(map);
+        Watch {
+            source,
+            map,
+            observer,
+            sinks: vec![],
+            checkpoints: None,
+            checkpoint_writer: None,
+            watchdog: None,
+            alerts: vec![],
+            period_s,
+            progress,
+            doubts,
+        }
+    }
+
+    /// Adds somebody who is told everything.
+    pub fn sink(&mut self, sink: &'w mut dyn Sink) {
+        self.sinks.push(sink);
+    }
+
+    /// Says in which ranges the observer believes the inputs.
+    pub fn believed(&mut self, ranges: &[(f64, f64)]) {
+        self.doubts.narrow(ranges);
+    }
+
+    /// Writes checkpoints. Beside a live source a thread of its own writes them, and a file that cannot be written ends
+    /// nothing.
+    pub fn checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoint_writer =
+            self.source.is_live().then(|| CheckpointWriter::new(&checkpoints.path));
+        self.checkpoints = Some(checkpoints);
+    }
+
+    /// Reports by the wall clock when no data come, and that the watch lives.
+    pub fn watchdog(&mut self, rules: WatchdogRules) {
+        let allowance = |channel: usize| {
+            let has_column = self.map.is_known(channel) && self.map.constant(channel).is_none();
+            let hold = Duration::try_from_secs_f64(self.map.hold_s(channel));
+            has_column.then_some(hold.unwrap_or(Duration::ZERO))
+        };
+        let allowances = (0..self.map.width()).map(allowance).collect();
+        self.watchdog = Some(Watchdog::new(rules, allowances, Instant::now()));
+    }
+
+    /// How often the watchdog reported that no data came.
+    pub fn silences(&self) -> Silences {
+        self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
+    }
+
+    /// The losses of all sinks so far, including the checkpoint.
+    pub fn losses(&self) -> Vec<SinkLoss> {
+        self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
+    }
+
+    /// The checkpoints that a live watch has not written.
+    pub fn checkpoint_loss(&self) -> Option<SinkLoss> {
+        self.checkpoint_writer.as_ref().map(CheckpointWriter::loss)
+    }
+
+    /// Goes on where a checkpoint was written. A file is read up to there, a stream goes on as it
+    /// comes.
+    ///
+    /// # Errors
+    /// The checkpoint is of another map or cannot be used, or the file is shorter.
+    pub fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), WatchError> {
+        let (map, period_s, counted) = (self.map, self.period_s, self.source.counted());
+        self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
+        self.observer.restore(&checkpoint.observer).map_err(CheckpointError::Observer)?;
+        let last = self.progress.place;
+        let mut row = Row::default();
+        while !self.source.is_live() && row.place < last {
+            if self.source.read(&mut row)? == Read::End {
+                return Err(CheckpointError::ShortLog { needed: last }.into());
+            }
+        }
+        if self.source.is_live() {
+            // Its lines are counted anew.
+            self.progress.place = 0;
+        }
+        Ok(())
+    }
+
+    /// Watches until the source ends or `stop` is set. `show` is told the time and how much is read.
+    ///
+    /// # Errors
+    /// The source fails, or a result cannot be written.
+    pub fn run(
+        &mut self,
+        stop: &AtomicBool,
+        show: &mut dyn FnMut(f64, Option<f64>),
+    ) -> Result<End, WatchError> {
+        let mut row = Row::default();
+        let mut saved = self.progress.counts.samples;
+        let mut shown = 0_u64;
+        let end = loop {
+            if stop.load(Ordering::Relaxed) {
+                break End::Stopped;
+            }
+            if !self.row(&mut row)? {
+                break End::Complete;
+            }
+            self.check_clock_and_sinks()?;
+            let samples = self.progress.counts.samples;
+            let due = |every: u64| samples - saved >= every;
+            if self.checkpoints.as_ref().is_some_and(|checkpoints| due(checkpoints.every)) {
+                saved = samples;
+                self.save(false)?;
+            }
+            if self.source.is_live() || samples - shown >= 1000 {
+                shown = samples;
+                show(self.progress.time_s, self.source.share());
+            }
+        };
+        // Where it stopped is where it goes on: what waits is not given on before.
+        self.save(true)?;
+        if end == End::Complete || self.checkpoints.is_none() {
+            self.progress.sequencer.end(&mut self.progress.counts);
+            self.drain()?;
+        }
+        self.check_clock_and_sinks()?;
+        Ok(end)
+    }
+
+    /// What was counted.
+    pub fn counts(&self) -> &Counts {
+        &self.progress.counts
+    }
+
+    /// What in the log speaks against its map.
+    pub fn doubts(&self) -> &Doubts {
+        &self.doubts
+    }
+
+    /// Reads on; `false` at the end.
+    fn row(&mut self, row: &mut Row) -> Result<bool, WatchError> {
+        let read = self.source.read(row)?;
+        let progress = &mut self.progress;
+        match read {
+            Read::Row => {
+                let mut sample = self.map.sample(row, progress.rows);
+                progress.begin(row.place);
+                if row.bad > 0 {
+                    let detail = row.bad_in_words(self.map.wanted());
+                    progress.counts.note_with(Kind::BadValue, row.place, &detail);
+                }
+                self.doubts.sample(&sample);
+                if let Some((id, value)) = self.map.leave_out(&mut sample) {
+                    let detail = format_args!("{id} = {} in SI", Quantity(value, ""));
+                    progress.counts.note_with(Kind::Impossible, row.place, &detail);
+                }
+                if sample.time_s.is_finite() {
+                    progress.sequencer.push(sample, &mut progress.counts);
+                } else {
+                    progress.counts.note(Kind::NoTime, row.place);
+                }
+                self.drain()?;
+            }
+            Read::Flawed(flaw) => {
+                progress.begin(row.place);
+                progress.counts.note_with(flaw.kind(), row.place, &flaw);
+            }
+            Read::Disconnected { cause } => {
+                progress.counts.note_with(Kind::Disconnected, progress.place, &cause);
+                progress.sequencer.flush();
+                self.drain()?;
+                self.report(WatchEvent::Disconnected { reason: cause }, None)?;
+            }
+            Read::Reconnected => {
+                progress.counts.note(Kind::Reconnected, progress.place);
+                self.report(WatchEvent::Reconnected, None)?;
+            }
+            Read::Dropped(dropped) => {
+                progress.counts.frames += dropped.count;
+                progress.counts.note_many(
+                    dropped.kind,
+                    dropped.place,
+                    dropped.count,
+                    &dropped.detail,
+                );
+            }
+            Read::Pause => {
+                progress.sequencer.flush();
+                self.drain()?;
+            }
+            Read::Nothing => {}
+            Read::End => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// Gives on all that may be given on.
+    fn drain(&mut self) -> Result<(), WatchError> {
+        let Progress { sequencer, counts, held, ages, finding, changes, time_s, .. } =
+            &mut self.progress;
+        while let Some(tick) = sequencer.next(counts) {
+            let (now_s, place, values) = match tick {
+                Tick::Restart => {
+                    self.observer.restart();
+                    held.fill(f64::NAN);
+                    continue;
+                }
+                Tick::Sample { time_s, place, values } => (time_s, place, values),
+            };
+            *time_s = now_s;
+            if let Some(watchdog) = &mut self.watchdog {
+                watchdog.note_data(values, &mut self.alerts);
+            }
+            let values = complete(self.map, values, held, ages, self.period_s);
+            for (channel, (value, count)) in values.iter().zip(&mut counts.missing).enumerate() {
+                *count += u64::from(value.is_nan() && self.map.is_known(channel));
+            }
+            let (inputs, measured) = values.split_at(self.map.inputs());
+            let observation = self.observer.push(now_s, inputs, measured);
+            self.doubts.twin(measured, observation.twin);
+            counts.judged += u64::from(observation.finding.state.is_judgement());
+            let changed = !observation.finding.says_the_same(finding);
+            if changed {
+                finding.clone_from(observation.finding);
+                *changes += 1;
+            }
+            let sample = Sample { time_s: now_s, place, inputs, measured, observation, changed };
+            for sink in &mut self.sinks {
+                sink.sample(&sample)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks at the wall clock and at the sinks, and reports what there is to report.
+    fn check_clock_and_sinks(&mut self) -> Result<(), WatchError> {
+        if let Some(watchdog) = &mut self.watchdog {
+            watchdog.check(Instant::now(), &mut self.alerts);
+        }
+        for alert in std::mem::take(&mut self.alerts) {
+            let (event, lasts) = self.event(alert);
+            self.report(event, lasts)?;
+        }
+        let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
+        let failed: Vec<(String, String)> = of_sinks
+            .chain(self.checkpoint_writer.as_mut().and_then(CheckpointWriter::failure))
+            .collect();
+        for (sink, reason) in failed {
+            self.report(WatchEvent::SinkFailed { sink, reason }, None)?;
+        }
+        Ok(())
+    }
+
+    /// The event of a watchdog's finding, and how long it has lasted.
+    fn event(&self, alert: WatchdogAlert) -> (WatchEvent, Option<Duration>) {
+        let channel = |channel: usize| self.map.id(channel).to_owned();
+        match alert {
+            WatchdogAlert::Source(lasts) => (WatchEvent::NoData, Some(lasts)),
+            WatchdogAlert::SourceAgain(lasted) => (WatchEvent::DataAgain, Some(lasted)),
+            WatchdogAlert::Channel(number, lasts) => {
+                (WatchEvent::ChannelNoData { channel: channel(number) }, Some(lasts))
+            }
+            WatchdogAlert::ChannelAgain(number, lasted) => {
+                (WatchEvent::ChannelDataAgain { channel: channel(number) }, Some(lasted))
+            }
+            WatchdogAlert::Beat => {
+                let Counts { frames, samples, .. } = self.progress.counts;
+                (WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)
+            }
+        }
+    }
+
+    /// Gives a notice to all sinks.
+    fn report(&mut self, event: WatchEvent, lasts: Option<Duration>) -> Result<(), WatchError> {
+        let watchdog = self.watchdog.as_ref();
+        let Progress { finding, time_s, .. } = &self.progress;
+        let silent = lasts.or(watchdog.map(Watchdog::silent)).unwrap_or_default();
+        let is_silent = watchdog.is_some_and(Watchdog::is_silent);
+        let notice = Notice {
+            event,
+            wall_time: wall_time(),
+            time_s: time_s.is_finite().then_some(*time_s),
+            silent_s: silent.as_secs_f64(),
+            state: if is_silent { State::NoData } else { finding.state },
+            phase: finding.phase,
+        };
+        for sink in &mut self.sinks {
+            sink.notice(&notice)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a checkpoint; the last one is waited for.
+    fn save(&mut self, is_last: bool) -> Result<(), WatchError> {
+        let Some(checkpoints) = &self.checkpoints else { return Ok(()) };
+        for sink in &mut self.sinks {
+            sink.flush()?;
+        }
+        let checkpoint =
+            Checkpoint::new(&self.progress, self.map, self.period_s, self.observer.save());
+        match &mut self.checkpoint_writer {
+            Some(checkpoint_writer) if is_last => checkpoint_writer.finish(checkpoint),
+            Some(checkpoint_writer) => checkpoint_writer.offer(checkpoint),
+            None => checkpoint.write(&checkpoints.path)?,
+        }
+        Ok(())
+    }
+}
+
+impl Progress {
+    /// The reason why this progress does not fit the map and the period, if there is one.
+    fn wrong(&self, expected: &Expected) -> Option<&'static str> {
+        let width = expected.map.width();
+        let counters = [self.place, self.rows, self.changes].into_iter();
+        let is_counter = |count: u64| count <= LARGEST_COUNT;
+        let finding = &self.finding;
+        let is_share = (0.0..=1.0).contains(&finding.confidence);
+        let checks = [
+            (self.held.len() == width && self.ages.len() == width, "the number of held values"),
+            (counters.chain(self.ages.iter().copied()).all(is_counter), "a counter"),
+            (is_share && finding.is_text(), "the finding"),
+            (!self.time_s.is_infinite(), "the time"),
+        ];
+        let wrong = checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what);
+        wrong
+            .or_else(|| self.counts.wrong(width, expected.counted))
+            .or_else(|| self.sequencer.wrong(expected))
+    }
+
+    /// Counts a row.
+    fn begin(&mut self, place: u64) {
+        self.counts.frames += u64::from(place != self.place);
+        self.place = place;
+        self.rows += 1;
+    }
+}
+
+/// The values of a period with constants, and with those held that the map wants held. `held` has
+/// the last values, and has the result until the next period.
+fn complete<'h>(
+    map: &Map,
+    values: &[f64],
+    held: &'h mut [f64],
+    ages: &mut [u64],
+    period_s: f64,
+) -> &'h [f64] {
+    for (channel, &value) in values.iter().enumerate() {
+        if let Some(constant) = map.constant(channel) {
+            held[channel] = constant;
+        } else if !value.is_nan() {
+            (held[channel], ages[channel]) = (value, 0);
+        } else {
+            ages[channel] += 1;
+            let stands = ages[channel] as f64 * period_s <= map.hold_s(channel);
+            if !stands {
+                held[channel] = f64::NAN;
+            }
+        }
+    }
+    held
+}

@@ -1,0 +1,568 @@
+//! A map for a log by its columns: for a person to look over.
+//!
+//! A column is *certain* where its name without unit is that of an input or a sensor, whatever stands between letters and
+//! digits (`PA1 [bar]`, `p_a_1_pa` and `p_A1` are all the sensor `p_a_1` with the label `p_A1`), also behind a point
+//! (`measured.p_a_1`). It is *likely* where its words mean what the study says that a sensor measures (its `quantity`), its
+//! number is that of the unit, and its unit measures the same: `PSUP1`, `Kolbenweg Aktor 1 [mm]`. Such a line has a
+//! comment, and is written only where it is asked for. A column is taken once, and never where its unit measures something
+//! else. Where two columns are as likely, both are named and none is taken.
+
+use super::FORMAT;
+use super::words::{Meaning, words};
+use crate::source::{DATE, LogColumn, is_time_name};
+use servotwin::study::Study;
+use servotwin::system::{System, units};
+use servotwin_diagnosis::features::Quantity;
+use servotwin_io::moment;
+use servotwin_model::spec::Unit;
+use std::fmt::Write;
+
+/// The certainty that a column needs to be taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trust {
+    /// Those whose name says what they are.
+    Certain,
+    /// Also those that are likely: a person looks over the map.
+    Likely,
+}
+
+/// A map as text, and what is uncertain in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guess {
+    /// The file.
+    pub text: String,
+    /// Whether the column with the time was found.
+    pub time: bool,
+    /// The inputs that the log does not have.
+    pub inputs: Vec<String>,
+    /// The sensors that the log does not have.
+    pub sensors: Vec<String>,
+    /// The columns whose unit is not known, taken for SI.
+    pub assumed: Vec<String>,
+    /// Inputs and sensors whose column is likely, with the column: `x_p_1 (XRAM1)`.
+    pub likely: Vec<String>,
+    /// Units that the numbers of a column speak against, as sentences.
+    pub doubts: Vec<String>,
+    /// The columns that nothing was found for.
+    pub unused: Vec<String>,
+}
+
+/// Everything by name: the score above all that is likely.
+const EXACT: u32 = 100;
+/// By name behind a point.
+const BEHIND: u32 = 90;
+/// By name, with the number of the unit elsewhere.
+const NUMBERED: u32 = 50;
+/// The least score that is likely.
+const LIKELY: u32 = 6;
+
+/// Longer names are no signals, bytes.
+const LONGEST: usize = 256;
+/// Pressures below this share of what their sensor can show are hardly in Pa.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// An input or a sensor.
+struct Target {
+    id: String,
+    names: Vec<String>,
+    unit: Unit,
+    role: Role,
+    /// The unit of the study that it belongs to, from 1.
+    actuator: Option<usize>,
+    /// Between which values it lies, SI.
+    range: (f64, f64),
+    default: Option<f64>,
+}
+
+/// The meaning of a target that names may express in other words.
+#[derive(Clone, Copy, PartialEq)]
+enum Role {
+    Sensor(Quantity),
+    Command,
+    Other,
+}
+
+/// A column as it is looked at.
+struct Candidate<'c> {
+    column: &'c LogColumn,
+    /// Its name by letters and digits alone, in every way to take a unit off, with that unit.
+    keys: Vec<(String, Option<Named<'c>>)>,
+    /// The same of what stands behind a point in it.
+    behind: Vec<(String, Option<Named<'c>>)>,
+    /// The unit that counts.
+    unit: Option<Named<'c>>,
+    meaning: Meaning,
+    numbers: Vec<u32>,
+}
+
+/// A unit with its text.
+type Named<'n> = (Unit, &'n str);
+
+/// A map for a log with some columns.
+pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
+    let system = &study.system;
+    let mut guess = Guess {
+        text: head(system),
+        time: false,
+        inputs: vec![],
+        sensors: vec![],
+        assumed: vec![],
+        likely: vec![],
+        doubts: vec![],
+        unused: vec![],
+    };
+    let mut used = vec![false; columns.len()];
+    guess.time(columns, study.sample_period_s, &mut used);
+    let candidates: Vec<Candidate> = columns.iter().map(Candidate::of).collect();
+    let targets = targets(study);
+    let inputs = system.network().inputs.len();
+    let single = study.units.len() <= 1;
+    let assigned = assign(&targets, &candidates, trust, single, &mut used);
+    for (number, (target, choice)) in targets.iter().zip(&assigned).enumerate() {
+        match number {
+            0 => guess.text += "\n[inputs]\n",
+            n if n == inputs => guess.text += "\n[sensors]\n",
+            _ => {}
+        }
+        guess.line(target, choice, &candidates);
+    }
+    let unused = columns.iter().zip(used).filter(|(_, used)| !used);
+    guess.unused = unused.map(|(column, _)| column.name.clone()).collect();
+    if !guess.unused.is_empty() {
+        guess.text += "\n# Columns that nothing was found for:\n";
+        for name in &guess.unused {
+            guess.text += &format!("# {}\n", quoted(name));
+        }
+    }
+    guess
+}
+
+fn head(system: &System) -> String {
+    format!(
+        "# Which column of a log is which signal of the system '{}'.\n\
+         # Look at every unit. A line with # is what the log does not have: inputs are then as given\n\
+         # there, sensors missing. All keys: docs/watch.md.\n\
+         format = {FORMAT}\n",
+        system.name
+    )
+}
+
+/// The inputs of a study's system, then its sensors.
+fn targets(study: &Study) -> Vec<Target> {
+    let system = &study.system;
+    let network = system.network();
+    let input = |(place, input): (usize, &servotwin_model::network::ExternalInput)| Target {
+        id: input.id.clone(),
+        names: vec![key(&input.id)],
+        unit: input.unit,
+        role: if place == study.command_input { Role::Command } else { Role::Other },
+        actuator: None,
+        range: network.input_range(place),
+        default: Some(input.default),
+    };
+    let sensor = |(place, sensor): (usize, &servotwin::system::Sensor)| {
+        let signal = sensor.signal.strip_suffix(".reading").unwrap_or(&sensor.signal);
+        let own = study.measured.iter().position(|&measured| measured == place);
+        let own = own.and_then(|own| study.sensors.0.get(own));
+        Target {
+            id: sensor.id.clone(),
+            names: vec![key(&sensor.id), key(&sensor.label), key(signal)],
+            unit: sensor.unit,
+            role: own.map_or(Role::Other, |own| Role::Sensor(own.quantity)),
+            actuator: own.and_then(|own| own.unit).map(|unit| unit + 1),
+            range: system.readable(place),
+            default: None,
+        }
+    };
+    let inputs = network.inputs.iter().enumerate().map(input);
+    inputs.chain(system.sensors.iter().enumerate().map(sensor)).collect()
+}
+
+/// The choice for a target.
+#[derive(Debug, Clone, PartialEq)]
+enum Choice {
+    Nothing,
+    /// A column, and whether its name alone says so.
+    Column {
+        place: usize,
+        is_certain: bool,
+    },
+    /// Columns that are as likely as each other.
+    Either(Vec<usize>),
+}
+
+/// The best columns first, each once.
+fn assign(
+    targets: &[Target],
+    candidates: &[Candidate],
+    trust: Trust,
+    single: bool,
+    used: &mut [bool],
+) -> Vec<Choice> {
+    let mut choices = vec![Choice::Nothing; targets.len()];
+    let mut scores: Vec<(u32, usize, usize)> = vec![];
+    for (target, wanted) in targets.iter().enumerate() {
+        for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !used[*place]) {
+            let score = candidate.score(wanted, single);
+            if score >= BEHIND || (score >= LIKELY && trust == Trust::Likely) {
+                scores.push((score, target, place));
+            }
+        }
+    }
+    scores.sort_by_key(|&(score, target, place)| (std::cmp::Reverse(score), target, place));
+    for &(score, target, place) in &scores {
+        if used[place] || choices[target] != Choice::Nothing {
+            continue;
+        }
+        let is_certain = score >= BEHIND;
+        let rivals = if is_certain {
+            vec![]
+        } else {
+            rivals(&scores, (score, target, place), &choices, used)
+        };
+        if rivals.is_empty() {
+            used[place] = true;
+            choices[target] = Choice::Column { place, is_certain };
+        } else {
+            let own = rivals.iter().filter(|(its, _)| *its == target).map(|(_, column)| *column);
+            choices[target] = Choice::Either(std::iter::once(place).chain(own).collect());
+        }
+    }
+    choices
+}
+
+/// Targets and columns that fit as well: another column for the target, or another target for the column.
+fn rivals(
+    scores: &[(u32, usize, usize)],
+    (score, target, place): (u32, usize, usize),
+    choices: &[Choice],
+    used: &[bool],
+) -> Vec<(usize, usize)> {
+    let is_rival = |&&(other, its, column): &&(u32, usize, usize)| {
+        let is_free = !used[column] && choices[its] == Choice::Nothing;
+        other == score && is_free && (its == target) != (column == place)
+    };
+    scores.iter().filter(is_rival).map(|&(_, its, column)| (its, column)).collect()
+}
+
+impl<'c> Candidate<'c> {
+    fn of(column: &'c LogColumn) -> Self {
+        let name = if column.name.len() > LONGEST { "" } else { &column.name };
+        let ways = splits(name);
+        let is_unit = |unit: &Named| is_spelt_out(name, *unit);
+        let named = ways.iter().find_map(|(stem, unit)| Some((*stem, (*unit).filter(is_unit)?)));
+        let stem = named.map_or(name, |(stem, _)| stem);
+        let (words, numbers) = words(stem);
+        let unit = known(&column.unit).or(named.map(|(_, unit)| unit));
+        let keys = ways.iter().map(|(stem, unit)| (key(stem), *unit)).collect();
+        let behind = ways.iter().flat_map(|(stem, unit)| {
+            let points = stem.match_indices('.').map(|(place, _)| &stem[place + 1..]);
+            points.map(|end| (key(end), *unit))
+        });
+        let behind = behind.collect();
+        Candidate { column, keys, behind, unit, meaning: Meaning::of(&words), numbers }
+    }
+
+    /// How well a column fits a target; 0 where it does not.
+    fn score(&self, target: &Target, single: bool) -> u32 {
+        if self.column.unit == DATE {
+            return 0;
+        }
+        let given = known(&self.column.unit).filter(|(_, text)| *text != "-");
+        let is_named = |keys: &[(String, Option<Named>)]| {
+            keys.iter().any(|(key, unit)| {
+                target.names.contains(key)
+                    && given.or(*unit).is_none_or(|(unit, _)| unit == target.unit)
+            })
+        };
+        if is_named(&self.keys) {
+            return EXACT;
+        }
+        if is_named(&self.behind) {
+            return BEHIND;
+        }
+        if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.is_other {
+            return 0;
+        }
+        if self.is_numbered(target) {
+            return NUMBERED;
+        }
+        let own = match target.role {
+            Role::Sensor(quantity) => self.measures(quantity),
+            Role::Command if self.meaning.command => 4 + u32::from(self.meaning.parts.surface),
+            Role::Command | Role::Other => 0,
+        };
+        let Some(number) = self.number(target.actuator, single) else { return 0 };
+        match own {
+            0 => 0,
+            own => own + number + if self.unit.is_some() { 2 } else { 0 },
+        }
+    }
+
+    /// Whether its name is that of a target but for where the number of the unit stands: `act1.p_a` for `p_a_1`.
+    fn is_numbered(&self, target: &Target) -> bool {
+        let Some(actuator) = target.actuator else { return false };
+        let without = |key: &str| key.replace(|c: char| c.is_ascii_digit(), "");
+        let names: Vec<String> = target.names.iter().map(|name| without(name)).collect();
+        self.numbers.iter().any(|&number| number as usize == actuator)
+            && self.behind.iter().any(|(key, _)| names.contains(&without(key)))
+    }
+
+    /// How well the words fit a quantity; 0 where they do not.
+    fn measures(&self, quantity: Quantity) -> u32 {
+        let Meaning { pressure, position, command, parts, .. } = self.meaning;
+        let unit = self.unit.map(|(unit, _)| unit);
+        let is_pressure = pressure || unit == Some(Unit::Pascal);
+        let is_position = position || matches!(unit, Some(Unit::Metre | Unit::Radian));
+        let is_one = |own: bool, others: [bool; 3]| own && !others.contains(&true);
+        let (is_quantity, is_part) = match quantity {
+            Quantity::PressureA => {
+                (is_pressure, is_one(parts.chamber_a, [parts.chamber_b, parts.supply, parts.back]))
+            }
+            Quantity::PressureB => {
+                (is_pressure, is_one(parts.chamber_b, [parts.chamber_a, parts.supply, parts.back]))
+            }
+            Quantity::Supply => {
+                (is_pressure, is_one(parts.supply, [parts.back, parts.chamber_a, parts.chamber_b]))
+            }
+            Quantity::Return => {
+                (is_pressure, is_one(parts.back, [parts.supply, parts.chamber_a, parts.chamber_b]))
+            }
+            Quantity::Ram => (is_position, is_one(parts.ram, [parts.spool, parts.surface, false])),
+            Quantity::Spool => {
+                (is_position, is_one(parts.spool, [parts.ram, parts.surface, false]))
+            }
+            Quantity::Surface => {
+                (is_position, is_one(parts.surface, [parts.ram, parts.spool, false]))
+            }
+            Quantity::Other => (false, false),
+        };
+        if is_quantity && is_part && !command { 4 } else { 0 }
+    }
+
+    /// How well the number in a name fits the unit of a study; `None` where it is that of another.
+    fn number(&self, actuator: Option<usize>, single: bool) -> Option<u32> {
+        match (actuator, &self.numbers[..]) {
+            (None, _) => Some(2),
+            (Some(_), []) => single.then_some(1),
+            (Some(actuator), numbers) => {
+                let is_own = numbers.iter().any(|&number| number as usize == actuator);
+                match (is_own, numbers.len()) {
+                    (true, 1) => Some(2),
+                    (true, _) => Some(0),
+                    (false, _) => single.then_some(0),
+                }
+            }
+        }
+    }
+}
+
+impl Guess {
+    fn time(&mut self, columns: &[LogColumn], period_s: f64, used: &mut [bool]) {
+        let short = columns.iter().enumerate().filter(|(_, column)| column.name.len() <= LONGEST);
+        let found = short.into_iter().find_map(|(place, column)| {
+            let is_time = |(stem, unit): &(&str, Option<Named>)| {
+                is_time_name(&key(stem)) && unit.is_none_or(|(unit, _)| unit == Unit::Second)
+            };
+            let (_, unit) = splits(&column.name).into_iter().find(is_time)?;
+            let given = known(&column.unit).filter(|(unit, _)| *unit == Unit::Second);
+            Some((place, given.or(unit).map(|(_, text)| text)))
+        });
+        self.text += "\n[time]\n";
+        let Some((place, unit)) = found else {
+            self.text += "# Rows follow each other at this rate; or name the column with the time:\n\
+                          # column = \"?\", unit = \"s\" (ms, us, ns, or date for dates as text).\n\
+                          rate_hz = 100\n";
+            return;
+        };
+        (self.time, used[place]) = (true, true);
+        let column = &columns[place];
+        let _ = writeln!(self.text, "column = {}", quoted(&column.name));
+        let fitting = column.step().and_then(|step| moment::likely_unit(step, period_s));
+        let line = match (column.unit == DATE, unit) {
+            (true, _) => format!("unit = \"{DATE}\""),
+            (false, Some(unit)) => {
+                format!("unit = {}{}", quoted(spelt(unit)), self.time_doubt(column, unit, fitting))
+            }
+            (false, None) => {
+                self.assumed.push(column.name.clone());
+                let unit = fitting.map_or("s", |(unit, _)| unit);
+                let remark = match fitting {
+                    Some((_, step_s)) => format!("the samples are then {step_s} s apart"),
+                    None => "the name has none. Or ms, us, ns, date".into(),
+                };
+                format!("unit = \"{unit}\"  # assumed: {remark}")
+            }
+        };
+        let _ = writeln!(self.text, "{line}");
+    }
+
+    /// That the steps between samples speak against the unit that a log names: said, and nothing changed.
+    fn time_doubt(
+        &mut self,
+        column: &LogColumn,
+        unit: &str,
+        fitting: Option<(&str, f64)>,
+    ) -> String {
+        let claimed_s = units::convert(unit).map_or(1.0, |(_, unit_s, _)| unit_s);
+        let step_s = column.step().unwrap_or(f64::NAN) * claimed_s;
+        let Some((other, other_s)) = fitting.filter(|_| !moment::is_period(step_s)) else {
+            return String::new();
+        };
+        let remark = format!(
+            "samples would be {} s apart; in {other} they are {other_s} s apart",
+            moment::rounded(step_s)
+        );
+        let name = servotwin_io::sanitize::text(&column.name);
+        self.doubts.push(format!("column '{name}' claims {unit}: {remark}"));
+        format!("  # doubtful: {remark}")
+    }
+
+    /// Writes the line of an input or a sensor.
+    fn line(&mut self, target: &Target, choice: &Choice, candidates: &[Candidate]) {
+        let (id, word) = (bare(&target.id), units::word(target.unit));
+        let (place, is_certain) = match choice {
+            Choice::Column { place, is_certain } => (*place, *is_certain),
+            Choice::Nothing | Choice::Either(_) => {
+                let remark = match choice {
+                    Choice::Either(places) => {
+                        let names = places.iter().map(|&place| &candidates[place].column.name);
+                        let names: Vec<String> = names.map(|name| quoted(name)).collect();
+                        format!("  # may be {}", names.join(" or "))
+                    }
+                    _ => String::new(),
+                };
+                let from = match target.default {
+                    Some(value) => format!("value = {value:?}"),
+                    None => "column = \"?\"".into(),
+                };
+                let _ = writeln!(self.text, "# {id} = {{ {from}, unit = \"{word}\" }}{remark}");
+                let lacking =
+                    if target.default.is_some() { &mut self.inputs } else { &mut self.sensors };
+                return lacking.push(id);
+            }
+        };
+        let candidate = &candidates[place];
+        let name = &candidate.column.name;
+        let unit = candidate.unit.filter(|(unit, _)| *unit == target.unit);
+        let mut remarks = vec![];
+        if !is_certain {
+            remarks.push("likely by its name: look at it".to_owned());
+            self.likely.push(format!("{} ({})", target.id, servotwin_io::sanitize::text(name)));
+        }
+        if unit.is_none() && target.unit != Unit::None {
+            self.assumed.push(name.clone());
+            remarks.push("unit assumed".into());
+        }
+        if let Some(doubt) = candidate.doubt(target, unit) {
+            self.doubts.push(format!("column '{}' {doubt}", servotwin_io::sanitize::text(name)));
+            remarks.push(format!("doubtful: it {doubt}"));
+        }
+        let remark = match remarks.is_empty() {
+            true => String::new(),
+            false => format!("  # {}", remarks.join("; ")),
+        };
+        let unit = unit.map_or(word, |(_, text)| spelt(text));
+        let (column, unit) = (quoted(name), quoted(unit));
+        let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{remark}");
+    }
+}
+
+impl Candidate<'_> {
+    /// That its first numbers are outside of what the target can be, or hardly anything of it, and in which unit they would
+    /// fit.
+    fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
+        let (factor, offset) = match unit.and_then(|(_, text)| units::convert(text)) {
+            Some((_, factor, offset)) => (factor, offset),
+            None => (1.0, 0.0),
+        };
+        let (low, high) = target.range;
+        let head = &self.column.head;
+        let is_outside = |value: &&f64| !(low..=high).contains(&(**value * factor + offset));
+        let outside = head.iter().filter(is_outside).count();
+        let largest = head
+            .iter()
+            .copied()
+            .fold(0.0, |most: f64, value| if value.abs() > most.abs() { value } else { most });
+        // An assumed unit may err to the other side, as in a pressure of 200 Pa.
+        let least = LEAST_SHARE * low.abs().max(high.abs());
+        let is_little = unit.is_none()
+            && target.unit == Unit::Pascal
+            && largest != 0.0
+            && largest.abs() < least
+            && least.is_finite();
+        let how = match (2 * outside > head.len(), is_little) {
+            (true, _) => "reaches",
+            (false, true) => "reaches only",
+            (false, false) => return None,
+        };
+        let (_, fitting) = units::within(target.unit, largest, target.range)?;
+        let unit = unit.map_or(units::word(target.unit), |(_, text)| text);
+        Some(format!("{how} {largest} as {unit}: it would fit as {fitting}"))
+    }
+}
+
+/// A unit with its text, where it is known.
+fn known(text: &str) -> Option<Named<'_>> {
+    let text = text.trim();
+    let found = units::convert(text).filter(|_| !text.is_empty());
+    found.map(|(unit, ..)| (unit, text))
+}
+
+/// Whether a unit in a name is surely one: a number is none, and a letter that also stands for a chamber or a line (`p_a`,
+/// `p_s`, `p_t`) only in brackets.
+fn is_spelt_out(name: &str, (unit, text): Named) -> bool {
+    let is_letter =
+        ["a", "s", "t", "c", "l", "g"].iter().any(|letter| text.eq_ignore_ascii_case(letter));
+    let is_plain = unit != Unit::None || text == "%";
+    is_plain && (!is_letter || name.trim_end().ends_with([']', ')']))
+}
+
+/// A unit as people write it: a name's `_pa` is Pa.
+fn spelt(text: &str) -> &str {
+    let si = units::convert(text).filter(|(_, factor, offset)| (*factor, *offset) == (1.0, 0.0));
+    si.map_or(text, |(unit, ..)| units::word(unit))
+}
+
+/// The ways to divide a column's name into a name and a unit: the unit in brackets, or behind `_`, a blank
+/// or a point; the whole as a name last.
+fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
+    let mut found = vec![];
+    let trimmed = name.trim();
+    if let Some(inner) = trimmed.strip_suffix([']', ')'])
+        && let Some(open) = inner.rfind(['[', '('])
+    {
+        let unit = known(&inner[open + 1..]);
+        found.push((&inner[..open], unit));
+    }
+    for (place, mark) in trimmed.match_indices(['_', ' ', '.', '/']) {
+        if let Some(unit) = known(&trimmed[place + mark.len()..]) {
+            found.push((&trimmed[..place], Some(unit)));
+        }
+    }
+    found.push((trimmed, None));
+    found
+}
+
+/// A name by its letters and digits alone.
+fn key(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}
+
+/// An id as a key of TOML.
+fn bare(id: &str) -> String {
+    if id.contains('.') { quoted(id) } else { id.to_owned() }
+}
+
+/// A text as TOML writes it.
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for character in text.chars() {
+        match character {
+            '"' | '\\' => out.extend(['\\', character]),
+            c if c.is_control() => out += &format!("\\u{:04X}", u32::from(c)),
+            c => out.push(c),
+        }
+    }
+    out + "\""
+}

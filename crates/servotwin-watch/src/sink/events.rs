@@ -1,0 +1,96 @@
+//! One line of JSON for every change of what the observer says, and for every notice of the watch.
+
+use super::{Sample, Sink, SinkError};
+use crate::watchdog::Notice;
+use serde::Serialize;
+use servotwin::observer::Finding;
+use servotwin_io::files::FileError;
+use servotwin_io::moment;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A change, as a line of JSON shows it.
+#[derive(Debug, Serialize)]
+struct Event<'e> {
+    time_s: f64,
+    /// The same as a date, where it counts from 1970.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    date: Option<String>,
+    place: u64,
+    #[serde(flatten)]
+    finding: &'e Finding,
+}
+
+/// Whether a line of a file of events is a change of what the observer says. The other lines are notices, which have an
+/// `event`.
+pub fn is_change(line: &str) -> bool {
+    !line.starts_with("{\"event\":")
+}
+
+/// Writes events as they come: whoever reads along sees each at once.
+pub struct Events<W> {
+    out: W,
+    /// `None` for standard output.
+    file: Option<Kept>,
+}
+
+/// A file of whole lines.
+struct Kept {
+    path: PathBuf,
+    /// To cut off a line that did not fit on the disk.
+    file: Option<File>,
+    /// The length of its whole lines, bytes.
+    length: u64,
+}
+
+impl<W: Write> Events<W> {
+    /// Writes to standard output.
+    pub fn new(out: W) -> Self {
+        Events { out, file: None }
+    }
+
+    fn line(&mut self, line: &str) -> Result<(), SinkError> {
+        let written = writeln!(self.out, "{line}").and_then(|()| self.out.flush());
+        match (written, &mut self.file) {
+            (Ok(()), Some(kept)) => kept.length += line.len() as u64 + 1,
+            (Ok(()), None) => {}
+            // A reader that has gone is no failure.
+            (Err(error), _) if error.kind() == io::ErrorKind::BrokenPipe => {}
+            (Err(error), None) => return Err(SinkError::Output(error)),
+            (Err(error), Some(kept)) => {
+                // Best effort: the file is as good as lost.
+                let _ = kept.file.as_ref().map(|file| file.set_len(kept.length));
+                return Err(SinkError::File(FileError::from_io(&kept.path, error)));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Events<File> {
+    /// Goes on writing to a file that is open at its end, and named where it cannot be written. Of a line that does not
+    /// fit on the disk nothing stays.
+    pub fn to_file(out: File, path: &Path) -> Self {
+        let is_regular = out.metadata().is_ok_and(|data| data.is_file());
+        let length = out.metadata().map_or(0, |data| data.len());
+        let file = if is_regular { out.try_clone().ok() } else { None };
+        Events { out, file: Some(Kept { path: path.into(), file, length }) }
+    }
+}
+
+impl<W: Write> Sink for Events<W> {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        if !sample.changed {
+            return Ok(());
+        }
+        let (time_s, place) = (sample.time_s, sample.place);
+        let date = moment::date_of(time_s);
+        let event = Event { time_s, date, place, finding: sample.observation.finding };
+        self.line(&serde_json::to_string(&event).unwrap_or_default())
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        self.line(&serde_json::to_string(notice).unwrap_or_default())
+    }
+}

@@ -1,0 +1,413 @@
+//! The watch as an MCAP file or a live stream of the same, which Foxglove, Rerun and PlotJuggler open.
+//!
+//! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`; `/bands` speaks when a band
+//! changes, `/decisions` when the observer says something else. Messages are JSON with a schema; the
+//! name of a number ends with its unit, and what is missing is null. Notices of a live watch (no data, heartbeats) are
+//! on `/watch`; while the source is silent `/decisions` has the state `no_data`.
+//!
+//! A stream goes to a socket that somebody listens at: nothing is sought in it, and what there is goes out with each
+//! decision and after each second of samples. Where the connection is lost the watch goes on.
+
+mod live;
+
+use super::{Sample, Scene, Sink, SinkError, Trace};
+use crate::watchdog::{Notice, WatchEvent};
+use ::mcap::records::MessageHeader;
+use ::mcap::{McapError, WriteOptions, Writer};
+use live::{Live, Loss};
+use serde_json::json;
+use servotwin::observer::{Finding, State};
+use servotwin_io::files::{AtomicFile, FileError};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::io::{self, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// The size of a chunk, which readers load whole, bytes.
+const CHUNK: u64 = 1 << 17;
+
+/// A stream is flushed after so much time of samples, s.
+const FLUSH_S: f64 = 1.0;
+
+/// What the name of a socket begins with.
+const TCP: &str = "tcp://";
+
+/// Writes an MCAP file or stream.
+pub struct Mcap {
+    path: PathBuf,
+    writer: Writer<Target>,
+    /// Of a stream: why it was lost, if it was.
+    loss: Option<Loss>,
+    /// When a stream was flushed, in the time of samples, s.
+    flushed_s: f64,
+    /// Samples since then.
+    waiting: u64,
+    inputs: Channel,
+    measured: Channel,
+    twin: Channel,
+    residuals: Channel,
+    bands: Channel,
+    features: Option<Channel>,
+    decisions: Channel,
+    /// Of a live watch, from its first notice on.
+    notices: Option<Channel>,
+    /// The last finding on `/decisions`, silence excepted.
+    last_finding: Finding,
+    last_bands: Option<Vec<u64>>,
+    text: String,
+}
+
+/// A topic with the keys of its numbers.
+struct Channel {
+    id: u16,
+    sequence: u32,
+    /// `,"p_a_1_pa":`
+    keys: Vec<String>,
+}
+
+/// Where an MCAP goes.
+enum Target {
+    File(AtomicFile),
+    Live(Live),
+}
+
+/// A connection that was lost.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lost {
+    /// Whose.
+    pub target: String,
+    /// Why.
+    pub reason: String,
+    /// How many samples were not sent.
+    pub unsent: u64,
+}
+
+impl Mcap {
+    /// Begins a file, which appears when [`finish`](Self::finish)ed, or connects to `tcp://HOST:PORT`.
+    ///
+    /// # Errors
+    /// It cannot be written, or nobody listens.
+    pub fn open(target: &Path, scene: &Scene) -> Result<Self, SinkError> {
+        let name = target.to_str().unwrap_or_default();
+        match name.strip_prefix(TCP) {
+            Some(address) => {
+                let live = Live::connect(address)?;
+                let loss = live.loss();
+                Ok(Mcap { loss: Some(loss), ..Self::begin(target, Target::Live(live), scene)? })
+            }
+            None if name.contains("://") => Err(SinkError::Target { given: name.into() }),
+            None => Self::create(target, scene),
+        }
+    }
+
+    /// Begins a file; it appears when [`finish`](Self::finish)ed.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn create(path: &Path, scene: &Scene) -> Result<Self, SinkError> {
+        Self::begin(path, Target::File(AtomicFile::create(path)?), scene)
+    }
+
+    fn begin(path: &Path, target: Target, scene: &Scene) -> Result<Self, SinkError> {
+        let failed = |error| sink_error(path, error);
+        let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
+        let options = WriteOptions::new().library(library).chunk_size(Some(CHUNK));
+        let is_live = matches!(target, Target::Live(_));
+        let mut writer = options.disable_seeking(is_live).create(target).map_err(failed)?;
+        let si = |traces: &[Trace]| -> Vec<(String, String)> {
+            let name = |trace: &Trace| match trace.id.ends_with(trace.unit.suffix()) {
+                true => trace.id.clone(),
+                false => format!("{}{}", trace.id, trace.unit.suffix()),
+            };
+            traces.iter().map(|trace| (name(trace), trace.unit.symbol().to_owned())).collect()
+        };
+        let plain = |names: Vec<&String>, unit: &str| -> Vec<(String, String)> {
+            names.into_iter().map(|name| (name.clone(), unit.to_owned())).collect()
+        };
+        let sensors: Vec<&String> = scene.sensors.iter().map(|trace| &trace.id).collect();
+        let share = "share of the sensor's scale";
+        let mut channel = |topic: &str, names: &[(String, String)]| {
+            Channel::new(&mut writer, topic, names).map_err(failed)
+        };
+        let features = match scene.features.is_empty() {
+            true => None,
+            false => Some(channel("/features", &plain(scene.features.iter().collect(), ""))?),
+        };
+        let (inputs, measured) =
+            (channel("/inputs", &si(&scene.inputs))?, channel("/measured", &si(&scene.sensors))?);
+        let twin = channel("/twin", &si(&scene.sensors))?;
+        let residuals = channel("/residuals", &plain(sensors.clone(), share))?;
+        let bands = channel("/bands", &plain(sensors, share))?;
+        let decisions = Channel::decisions(&mut writer).map_err(failed)?;
+        Ok(Mcap {
+            path: path.into(),
+            writer,
+            loss: None,
+            flushed_s: f64::NEG_INFINITY,
+            waiting: 0,
+            inputs,
+            measured,
+            twin,
+            residuals,
+            bands,
+            features,
+            decisions,
+            notices: None,
+            last_finding: Finding::default(),
+            last_bands: None,
+            text: String::new(),
+        })
+    }
+
+    /// Writes the end of the file and puts it in its place, or ends the stream.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn finish(mut self) -> Result<Option<Lost>, SinkError> {
+        self.writer.finish().map_err(|error| sink_error(&self.path, error))?;
+        let lost = self.lost();
+        match self.writer.into_inner() {
+            Target::File(file) => file.commit()?,
+            Target::Live(live) => live.end(),
+        }
+        Ok(lost)
+    }
+
+    /// The connection, where it was lost.
+    pub fn lost(&self) -> Option<Lost> {
+        let reason = self.loss.as_ref()?.get()?.clone();
+        Some(Lost { target: self.path.display().to_string(), reason, unsent: self.waiting })
+    }
+
+    /// Brings a stream out where it is time to.
+    fn stream(&mut self, sample: &Sample) -> Result<(), McapError> {
+        self.waiting += 1;
+        let age_s = sample.time_s - self.flushed_s;
+        // A clock that was set back is no reason to wait.
+        if sample.changed || !(0.0..FLUSH_S).contains(&age_s) {
+            self.writer.flush()?;
+            self.flushed_s = sample.time_s;
+            let is_lost = self.lost().is_some();
+            self.waiting *= u64::from(is_lost);
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, sample: &Sample) -> Result<(), McapError> {
+        let Mcap { writer, text, .. } = self;
+        let observation = &sample.observation;
+        let time_s = sample.time_s;
+        let mut numbers = |channel: &mut Channel, values: &[f64]| {
+            channel.numbers(time_s, values, text);
+            channel.send(writer, time_s, text)
+        };
+        numbers(&mut self.inputs, sample.inputs)?;
+        numbers(&mut self.measured, sample.measured)?;
+        numbers(&mut self.twin, observation.twin)?;
+        numbers(&mut self.residuals, observation.residuals)?;
+        if let Some(features) = &mut self.features {
+            numbers(features, observation.features)?;
+        }
+        let bits: Vec<u64> = observation.bands.iter().map(|band| band.to_bits()).collect();
+        if self.last_bands.as_ref() != Some(&bits) {
+            numbers(&mut self.bands, observation.bands)?;
+            self.last_bands = Some(bits);
+        }
+        if sample.changed {
+            self.last_finding.clone_from(observation.finding);
+            self.decide(time_s, observation.finding)?;
+        }
+        Ok(())
+    }
+
+    fn decide(&mut self, time_s: f64, finding: &Finding) -> Result<(), McapError> {
+        let mut decision = serde_json::to_value(finding).unwrap_or_default();
+        decision["time_s"] = json!(time_s);
+        self.decisions.send(&mut self.writer, time_s, &decision.to_string())
+    }
+
+    fn write_notice(&mut self, notice: &Notice) -> Result<(), McapError> {
+        let time_s = notice.time_s.unwrap_or(0.0);
+        // Samples stand still while the source is silent: the wall clock goes on from the last one.
+        let now_s = match notice.event {
+            WatchEvent::NoData | WatchEvent::Heartbeat { .. } => time_s + notice.silent_s,
+            _ => time_s,
+        };
+        let channel = match &mut self.notices {
+            Some(channel) => channel,
+            none => none.insert(Channel::notices(&mut self.writer)?),
+        };
+        let text = serde_json::to_string(notice).unwrap_or_default();
+        channel.send(&mut self.writer, now_s, &text)?;
+        match notice.event {
+            WatchEvent::NoData => {
+                let evidence = notice.words().into_iter().collect();
+                let phase = notice.phase;
+                let silent =
+                    Finding { state: State::NoData, phase, evidence, ..Finding::default() };
+                self.decide(now_s, &silent)?;
+            }
+            WatchEvent::DataAgain => self.decide(now_s, &self.last_finding.clone())?,
+            _ => {}
+        }
+        if self.loss.is_some() { self.writer.flush() } else { Ok(()) }
+    }
+}
+
+impl Sink for Mcap {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        if self.lost().is_some() {
+            self.waiting += 1;
+            return Ok(());
+        }
+        let written = self.write(sample);
+        let streamed =
+            written.and_then(|()| if self.loss.is_some() { self.stream(sample) } else { Ok(()) });
+        streamed.map_err(|error| sink_error(&self.path, error))
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        self.write_notice(notice).map_err(|error| sink_error(&self.path, error))
+    }
+
+    fn lost_connection(&self) -> Option<Lost> {
+        self.lost()
+    }
+
+    fn close(self: Box<Self>) -> Result<Option<Lost>, SinkError> {
+        self.finish()
+    }
+}
+
+impl io::Write for Target {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Target::File(file) => file.write(bytes),
+            Target::Live(live) => live.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Target::File(file) => file.flush(),
+            Target::Live(live) => live.flush(),
+        }
+    }
+}
+
+impl Seek for Target {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match self {
+            Target::File(file) => file.seek(to),
+            Target::Live(live) => live.seek(to),
+        }
+    }
+}
+
+impl Channel {
+    /// A topic for numbers with units.
+    fn new(
+        writer: &mut Writer<Target>,
+        topic: &str,
+        names: &[(String, String)],
+    ) -> Result<Self, McapError> {
+        let mut properties = serde_json::Map::new();
+        properties.insert("time_s".into(), json!({ "type": "number", "description": "s" }));
+        for (name, unit) in names {
+            let property = json!({ "type": ["number", "null"], "description": unit });
+            properties.insert(name.clone(), property);
+        }
+        let id = channel_id(writer, topic, properties)?;
+        let keys = names.iter().map(|(name, _)| format!(",{}:", json!(name)));
+        Ok(Channel { id, sequence: 0, keys: keys.collect() })
+    }
+
+    fn decisions(writer: &mut Writer<Target>) -> Result<Self, McapError> {
+        let text = json!({ "type": "string" });
+        let properties = json!({
+            "time_s": { "type": "number", "description": "s" },
+            "state": text,
+            "phase": text,
+            "actuator": { "type": ["integer", "null"] },
+            "unit": { "type": ["string", "null"] },
+            "command": text,
+            "detail": text,
+            "confidence": { "type": "number" },
+            "evidence": { "type": "array", "items": text },
+        });
+        let properties = properties.as_object().cloned().unwrap_or_default();
+        let id = channel_id(writer, "/decisions", properties)?;
+        Ok(Channel { id, sequence: 0, keys: vec![] })
+    }
+
+    fn notices(writer: &mut Writer<Target>) -> Result<Self, McapError> {
+        let text = json!({ "type": "string" });
+        let properties = json!({
+            "event": text,
+            "wall_time": text,
+            "time_s": { "type": ["number", "null"], "description": "s" },
+            "silent_s": { "type": "number", "description": "s" },
+            "state": text,
+            "phase": text,
+        });
+        let properties = properties.as_object().cloned().unwrap_or_default();
+        let id = channel_id(writer, "/watch", properties)?;
+        Ok(Channel { id, sequence: 0, keys: vec![] })
+    }
+
+    /// Writes a message with numbers to a text.
+    fn numbers(&self, time_s: f64, values: &[f64], text: &mut String) {
+        text.clear();
+        let _ = write!(text, "{{\"time_s\":{time_s:?}");
+        for (key, value) in self.keys.iter().zip(values) {
+            text.push_str(key);
+            // The shortest text that reads back to the same bits.
+            let _ = match value.is_finite() {
+                true => write!(text, "{value:?}"),
+                false => write!(text, "null"),
+            };
+        }
+        text.push('}');
+    }
+
+    fn send(
+        &mut self,
+        writer: &mut Writer<Target>,
+        time_s: f64,
+        text: &str,
+    ) -> Result<(), McapError> {
+        // Times before zero have no place in the format: they are written as zero.
+        let log_time = (time_s * 1e9).round() as u64;
+        let header = MessageHeader {
+            channel_id: self.id,
+            sequence: self.sequence,
+            log_time,
+            publish_time: log_time,
+        };
+        self.sequence = self.sequence.wrapping_add(1);
+        writer.write_to_known_channel(&header, text.as_bytes())
+    }
+}
+
+fn channel_id(
+    writer: &mut Writer<Target>,
+    topic: &str,
+    properties: serde_json::Map<String, serde_json::Value>,
+) -> Result<u16, McapError> {
+    let schema = json!({
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "type": "object",
+        "properties": properties,
+    });
+    let name = format!("servotwin.{}", topic.trim_start_matches('/'));
+    let schema = writer.add_schema(&name, "jsonschema", schema.to_string().as_bytes())?;
+    writer.add_channel(schema, topic, "json", &BTreeMap::new())
+}
+
+fn sink_error(path: &Path, error: McapError) -> SinkError {
+    let cause = match error {
+        McapError::Io(cause) => cause,
+        error => std::io::Error::other(error.to_string()),
+    };
+    SinkError::File(FileError::from_io(path, cause))
+}

@@ -1,0 +1,197 @@
+//! Where the results of a watch go.
+
+pub mod events;
+pub mod mcap;
+pub mod strip;
+pub mod threads;
+pub mod timeline;
+
+use super::watchdog::Notice;
+use mcap::Lost;
+use serde::Serialize;
+use servotwin::observer::Observation;
+use servotwin::shown::Shown;
+use servotwin::system::{Sensor, System};
+use servotwin_io::files::FileError;
+use servotwin_model::network::ExternalInput;
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// One period with all that is known of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample<'s> {
+    /// The time, s.
+    pub time_s: f64,
+    /// The line, row, datagram or message it came from; 0 where none did.
+    pub place: u64,
+    /// The external inputs, SI.
+    pub inputs: &'s [f64],
+    /// The measured sensor values, SI.
+    pub measured: &'s [f64],
+    /// What the observer says.
+    pub observation: Observation<'s>,
+    /// Whether it says something else than after the last sample.
+    pub changed: bool,
+}
+
+/// Is told every sample.
+pub trait Sink {
+    /// Takes a sample.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
+
+    /// Brings out what it holds back.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn flush(&mut self) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    /// Takes what the watch reports beside the diagnosis.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn notice(&mut self, _notice: &Notice) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    /// The connection, where the sink has one and lost it.
+    fn lost_connection(&self) -> Option<Lost> {
+        None
+    }
+
+    /// The name and reason of a failure since the last call that the sink survives.
+    fn failures(&mut self) -> Vec<(String, String)> {
+        vec![]
+    }
+
+    /// The losses so far of each sink behind this one.
+    fn losses(&self) -> Vec<SinkLoss> {
+        vec![]
+    }
+
+    /// Ends the output. A connection that was lost is no error.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn close(mut self: Box<Self>) -> Result<Option<Lost>, SinkError> {
+        self.flush()?;
+        Ok(None)
+    }
+}
+
+/// The losses of a sink.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SinkLoss {
+    /// The file, socket or stream.
+    pub sink: String,
+    /// How many samples and notices it did not get.
+    pub lost: u64,
+    /// Why it gets nothing any more, if it failed.
+    pub failure: Option<String>,
+    /// Whether the user wanted a file that is not complete now.
+    #[serde(skip)]
+    pub is_file: bool,
+}
+
+/// Why a result cannot be written.
+#[derive(Debug)]
+pub enum SinkError {
+    /// A file.
+    File(FileError),
+    /// Standard output.
+    Output(std::io::Error),
+    /// Where a stream should go, nobody listens.
+    Connection {
+        /// `HOST:PORT`.
+        address: String,
+        /// What the operating system said.
+        cause: std::io::Error,
+    },
+    /// A target that is neither a file nor a socket.
+    Target {
+        /// What was given.
+        given: String,
+    },
+}
+
+impl fmt::Display for SinkError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SinkError::File(error) => write!(out, "{error}"),
+            SinkError::Output(error) => write!(out, "standard output: {error}"),
+            SinkError::Connection { address, cause } => {
+                write!(out, "tcp://{address}: nobody takes the stream: {cause}")
+            }
+            SinkError::Target { given } => {
+                write!(out, "'{given}' is no target: a file or tcp://HOST:PORT is needed")
+            }
+        }
+    }
+}
+
+impl std::error::Error for SinkError {}
+
+impl From<FileError> for SinkError {
+    fn from(error: FileError) -> Self {
+        SinkError::File(error)
+    }
+}
+
+/// The signals of a watch, for those who show them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// One line for people.
+    pub title: String,
+    /// The inputs of the system.
+    pub inputs: Vec<Trace>,
+    /// Its sensors.
+    pub sensors: Vec<Trace>,
+    /// The names of the observer's features.
+    pub features: Vec<String>,
+    /// The period, s.
+    pub period_s: f64,
+}
+
+/// A signal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// The id in files.
+    pub id: String,
+    /// What people see.
+    pub label: String,
+    /// The unit.
+    pub unit: Unit,
+    /// How people read it.
+    pub shown: Shown,
+}
+
+impl Trace {
+    fn new(id: &str, label: &str, unit: Unit, shown: Shown) -> Self {
+        Trace { id: id.into(), label: label.into(), unit, shown }
+    }
+}
+
+impl Scene {
+    /// The signals of a system.
+    pub fn new(title: &str, system: &System, features: Vec<String>, period_s: f64) -> Self {
+        let network = system.network();
+        let input = |(place, input): (usize, &ExternalInput)| {
+            Trace::new(&input.id, &input.id, input.unit, Shown::of_input(network, place))
+        };
+        let sensor = |sensor: &Sensor| {
+            let Sensor { id, label, unit, scale, .. } = sensor;
+            Trace::new(id, label, *unit, Shown::of(*unit, *scale))
+        };
+        Scene {
+            title: title.into(),
+            inputs: network.inputs.iter().enumerate().map(input).collect(),
+            sensors: system.sensors.iter().map(sensor).collect(),
+            features,
+            period_s,
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! The whole watch as a few lines of text: a strip of states, and what changed when.
+
+use super::{Sample, Sink, SinkError};
+use crate::watchdog::Notice;
+use servotwin::observer::{Finding, State};
+use servotwin_io::moment;
+use std::fmt::Write;
+
+/// Parts of the strip while it grows; shown are half of them or more.
+const PARTS: usize = 128;
+
+/// The most changes that are kept; of more, the number is said.
+const CHANGES: usize = 1000;
+
+/// So many changes to and fro between two findings are shown; what follows of them is one line.
+const TO_AND_FRO: usize = 6;
+
+/// A change of what is said.
+#[derive(Debug)]
+struct Change {
+    time_s: f64,
+    finding: Finding,
+    /// How often it went to and fro between this finding and the one before since, and when last.
+    more: usize,
+    last_s: f64,
+}
+
+/// Gathers states and changes.
+#[derive(Debug, Default)]
+pub struct Strip {
+    /// The most severe state of every part.
+    parts: Vec<State>,
+    /// Samples in a part, and in the last one.
+    width: usize,
+    filled: usize,
+    begin_s: f64,
+    end_s: f64,
+    changes: Vec<Change>,
+    left_out: usize,
+    /// The notices of the watchdog, each with the time of the last sample, s.
+    notices: Vec<(f64, String)>,
+}
+
+/// The state that a part shows, if it has both.
+fn severity(state: State) -> usize {
+    match state {
+        State::NoData => 0,
+        State::Healthy => 1,
+        State::Undecided => 2,
+        State::EnvironmentInvalid => 3,
+        State::Unknown => 4,
+        State::Detected => 5,
+        State::Isolated => 6,
+    }
+}
+
+fn severest(one: State, other: State) -> State {
+    if severity(other) > severity(one) { other } else { one }
+}
+
+impl Sink for Strip {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        let finding = sample.observation.finding;
+        if self.parts.is_empty() {
+            (self.begin_s, self.width) = (sample.time_s, 1);
+        }
+        self.end_s = sample.time_s;
+        if self.parts.is_empty() || self.filled == self.width {
+            if self.parts.len() == PARTS {
+                let pairs = self.parts.chunks(2);
+                self.parts = pairs.map(|pair| severest(pair[0], pair[pair.len() - 1])).collect();
+                self.width *= 2;
+            }
+            self.parts.push(finding.state);
+            self.filled = 0;
+        }
+        self.filled += 1;
+        if let Some(last) = self.parts.last_mut() {
+            *last = severest(*last, finding.state);
+        }
+        if sample.changed {
+            self.change(sample.time_s, finding);
+        }
+        Ok(())
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        let words = notice.words().filter(|_| self.notices.len() < CHANGES);
+        self.notices.extend(words.map(|words| (notice.time_s.unwrap_or(0.0), words)));
+        Ok(())
+    }
+}
+
+impl Strip {
+    fn change(&mut self, time_s: f64, finding: &Finding) {
+        if self.goes_on(finding) {
+            let last = self.changes.last_mut().expect("what goes on has begun");
+            (last.more, last.last_s) = (last.more + 1, time_s);
+        } else if self.changes.len() < CHANGES {
+            let (finding, more, last_s) = (finding.clone(), 0, time_s);
+            self.changes.push(Change { time_s, finding, more, last_s });
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    /// Whether a finding goes on with what went to and fro between two for long already.
+    fn goes_on(&self, finding: &Finding) -> bool {
+        let Some(first) = self.changes.len().checked_sub(TO_AND_FRO) else { return false };
+        let shown = &self.changes[first..];
+        let is_to_and_fro = shown.windows(3).all(|three| {
+            let [one, between, other] = three else { return false };
+            one.finding.says_the_same(&other.finding) && between.more == 0
+        });
+        let last = shown[TO_AND_FRO - 1].more;
+        // Whoever has come back an even number of times comes from the last one shown.
+        let next = TO_AND_FRO - if last.is_multiple_of(2) { 2 } else { 1 };
+        is_to_and_fro && shown[next].finding.says_the_same(finding)
+    }
+
+    /// The lines.
+    pub fn text(&self) -> String {
+        if self.parts.is_empty() {
+            return "no sample\n".into();
+        }
+        let strip: String = self.parts.iter().map(|state| state.mark()).collect();
+        let [begin, end] = [self.begin_s, self.end_s].map(moment::shown);
+        let mut text = format!("{begin} |{strip}| {end}\n");
+        let met = |state: &State| self.parts.contains(state);
+        let legend = State::ALL.into_iter().filter(met);
+        let legend: Vec<String> =
+            legend.map(|state| format!("'{}' {}", state.mark(), state.words())).collect();
+        let _ = writeln!(text, "{}\n", legend.join(", "));
+        for Change { time_s, finding, more, last_s } in &self.changes {
+            let sure = match finding.confidence {
+                sure if sure > 0.0 => format!(" ({:.0} %)", 100.0 * sure),
+                _ => String::new(),
+            };
+            let _ = writeln!(text, "{:>12}  {}{sure}", moment::shown(*time_s), finding.words());
+            if *more > 0 {
+                let last = moment::shown(*last_s);
+                let _ = writeln!(text, "{last:>12}  until here {more} more between these two");
+            }
+        }
+        if self.left_out > 0 {
+            let _ = writeln!(text, "and {} changes more", self.left_out);
+        }
+        for (time_s, words) in &self.notices {
+            let _ = writeln!(text, "after {time_s:.2} s  {words}");
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(states: impl IntoIterator<Item = State>) -> String {
+        let mut strip = Strip { parts: vec![State::NoData], ..Strip::default() };
+        for (second, state) in states.into_iter().enumerate() {
+            strip.change(second as f64, &Finding { state, ..Finding::default() });
+        }
+        strip.text()
+    }
+
+    #[test]
+    fn what_goes_to_and_fro_for_long_is_one_line() {
+        let two = [State::NoData, State::EnvironmentInvalid];
+        let text = told(two.into_iter().cycle().take(6));
+        assert!(text.matches(" s  ").count() == 6 && !text.contains("more"), "{text}");
+        let longer = two.into_iter().cycle().take(1001);
+        let text = told(longer.chain([State::Healthy, State::NoData]));
+        assert!(text.contains("   1000.00 s  until here 995 more between these two"), "{text}");
+        assert_eq!(text.matches(" s  ").count(), 9, "{text}");
+        let three = [State::NoData, State::Healthy, State::Unknown];
+        assert!(!told(three.into_iter().cycle().take(90)).contains("more"));
+    }
+}

@@ -1,0 +1,410 @@
+//! Sinks on threads of their own, each behind a bounded queue: no sink delays the diagnosis, and none delays another.
+//!
+//! A sink that cannot keep up with a live source loses its own samples, which are counted. Changes of what the observer
+//! says and notices have the second half of the queue to themselves: a sink has to stand still for long before it loses
+//! one of them. Where the source can wait (a file), the queue is waited for and nothing is lost.
+//!
+//! A sink that fails is counted as failed from then on, and everything it would have got as lost.
+
+use super::mcap::Lost;
+use super::{Sample, Sink, SinkError, SinkLoss};
+use crate::watchdog::{Notice, WatchEvent};
+use servotwin::observer::{Finding, Observation};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// The most messages that wait for a sink.
+const WAITING: usize = 1024;
+
+/// The most samples without a change among them.
+const WAITING_SAMPLES: usize = WAITING / 2;
+
+/// How long a socket may take at the end for what waits, and again for the end itself.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// The behavior when a sink cannot keep up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delivery {
+    /// The diagnosis waits for the sink; nothing is lost.
+    Wait,
+    /// The sink loses samples; nothing waits.
+    Drop,
+}
+
+/// How a sink is served.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SinkRules {
+    /// The file, socket or stream, for messages.
+    pub name: String,
+    /// The behavior when it cannot keep up.
+    pub delivery: Delivery,
+    /// Whether it gets nothing but changes and notices.
+    pub only_changes: bool,
+    /// The kind of sink.
+    pub kind: SinkKind,
+}
+
+/// The kinds of sinks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SinkKind {
+    /// A file that has to be complete at the end, which waits for it.
+    File,
+    /// A socket or standard output.
+    Stream,
+    /// A terminal, which shows what is kept elsewhere: what it loses is not counted.
+    Terminal,
+}
+
+/// A sample that outlives its period.
+#[derive(Debug, Clone)]
+struct OwnedSample {
+    time_s: f64,
+    place: u64,
+    inputs: Vec<f64>,
+    measured: Vec<f64>,
+    twin: Vec<f64>,
+    residuals: Vec<f64>,
+    bands: Vec<f64>,
+    features: Vec<f64>,
+    finding: Finding,
+    changed: bool,
+}
+
+impl OwnedSample {
+    fn new(sample: &Sample) -> Self {
+        let observation = &sample.observation;
+        OwnedSample {
+            time_s: sample.time_s,
+            place: sample.place,
+            inputs: sample.inputs.to_vec(),
+            measured: sample.measured.to_vec(),
+            twin: observation.twin.to_vec(),
+            residuals: observation.residuals.to_vec(),
+            bands: observation.bands.to_vec(),
+            features: observation.features.to_vec(),
+            finding: observation.finding.clone(),
+            changed: sample.changed,
+        }
+    }
+
+    fn borrow(&self) -> Sample<'_> {
+        Sample {
+            time_s: self.time_s,
+            place: self.place,
+            inputs: &self.inputs,
+            measured: &self.measured,
+            observation: Observation {
+                twin: &self.twin,
+                residuals: &self.residuals,
+                bands: &self.bands,
+                features: &self.features,
+                finding: &self.finding,
+            },
+            changed: self.changed,
+        }
+    }
+}
+
+enum Message {
+    Sample(Arc<OwnedSample>),
+    Notice(Arc<Notice>),
+    /// To be answered once everything before was written.
+    Flush(SyncSender<()>),
+}
+
+/// The state that a sink's thread and the diagnosis share.
+#[derive(Default)]
+struct Shared {
+    waiting: AtomicUsize,
+    lost: AtomicU64,
+    /// Nobody waits for what is in the queue any more.
+    is_abandoned: AtomicBool,
+    /// The watch ended with an error: what was written is not brought to its end.
+    is_cancelled: AtomicBool,
+    has_failed: AtomicBool,
+    fault: Mutex<Option<Fault>>,
+}
+
+/// Why a sink gets nothing any more.
+enum Fault {
+    Error(SinkError),
+    /// The other end has gone, which is no failure of the watch.
+    Connection(String),
+    /// Its thread has ended before its time.
+    Thread,
+}
+
+impl Fault {
+    fn words(&self) -> String {
+        match self {
+            Fault::Error(error) => error.to_string(),
+            Fault::Connection(reason) => format!("the connection is lost: {reason}"),
+            Fault::Thread => "its thread has ended".into(),
+        }
+    }
+}
+
+impl Shared {
+    fn lose(&self, count: u64) {
+        self.lost.fetch_add(count, Ordering::Relaxed);
+    }
+
+    fn fail(&self, fault: Fault) {
+        let mut kept = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.get_or_insert(fault);
+        self.has_failed.store(true, Ordering::Release);
+    }
+
+    fn with_fault<T>(&self, read: impl FnOnce(&mut Option<Fault>) -> T) -> Option<T> {
+        let has_failed = self.has_failed.load(Ordering::Acquire);
+        has_failed.then(|| read(&mut self.fault.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+}
+
+/// A sink behind its queue.
+struct SinkThread {
+    rules: SinkRules,
+    /// `None` once the output has ended.
+    queue: Option<SyncSender<Message>>,
+    shared: Arc<Shared>,
+    /// Ends when the thread does.
+    done: Receiver<()>,
+    is_failure_told: bool,
+}
+
+/// Sinks, each on a thread of its own.
+pub struct SinkThreads {
+    /// Whether the watch goes on without a sink that failed.
+    goes_on: bool,
+    threads: Vec<SinkThread>,
+}
+
+impl SinkThreads {
+    /// None so far. A live watch goes on without a sink that failed; a log can be read again, so there it is an error.
+    pub fn new(is_live: bool) -> Self {
+        SinkThreads { goes_on: is_live, threads: vec![] }
+    }
+
+    /// Adds a sink and starts its thread.
+    pub fn add(&mut self, rules: SinkRules, sink: Box<dyn Sink + Send>) {
+        let (queue, messages) = sync_channel(WAITING);
+        let (ended, done) = sync_channel(0);
+        let shared = Arc::new(Shared::default());
+        let thread_shared = shared.clone();
+        thread::spawn(move || {
+            serve(sink, &messages, &thread_shared);
+            drop(ended);
+        });
+        let queue = Some(queue);
+        self.threads.push(SinkThread { rules, queue, shared, done, is_failure_told: false });
+    }
+
+    /// Ends all outputs, and says what each has lost. Files are waited for; a socket has a few seconds.
+    ///
+    /// # Errors
+    /// A sink failed that the watch does not go on without.
+    pub fn finish(&mut self) -> Result<Vec<SinkLoss>, SinkError> {
+        for thread in &mut self.threads {
+            thread.queue = None;
+        }
+        self.threads.iter().for_each(SinkThread::await_end);
+        self.check()?;
+        Ok(self.losses())
+    }
+
+    /// The error of a sink that the watch does not go on without.
+    fn check(&mut self) -> Result<(), SinkError> {
+        if self.goes_on {
+            return Ok(());
+        }
+        let error = |fault: &mut Option<Fault>| match fault.take() {
+            Some(Fault::Error(error)) => Err(error),
+            other => {
+                *fault = other;
+                Ok(())
+            }
+        };
+        self.threads.iter().try_for_each(|thread| thread.shared.with_fault(error).unwrap_or(Ok(())))
+    }
+}
+
+impl Drop for SinkThreads {
+    /// Without [`SinkThreads::finish`] nothing is brought to its end: files that appear when they are complete do not appear.
+    fn drop(&mut self) {
+        for thread in &mut self.threads {
+            thread.shared.is_cancelled.store(true, Ordering::Relaxed);
+            if thread.queue.take().is_some() {
+                // The thread removes what it has begun.
+                let _ = thread.done.recv_timeout(GRACE);
+            }
+        }
+    }
+}
+
+impl SinkThread {
+    /// Gives a message to the sink, or counts it as lost.
+    fn offer(&self, message: Message, is_urgent: bool) {
+        let Some(queue) = &self.queue else { return };
+        let shared = &self.shared;
+        let waiting = shared.waiting.fetch_add(1, Ordering::Relaxed);
+        let limit = if is_urgent { WAITING } else { WAITING_SAMPLES };
+        let sent = match self.rules.delivery {
+            Delivery::Wait => {
+                queue.send(message).map_err(|error| TrySendError::Disconnected(error.0))
+            }
+            Delivery::Drop if waiting >= limit => Err(TrySendError::Full(message)),
+            Delivery::Drop => queue.try_send(message),
+        };
+        if let Err(error) = sent {
+            shared.waiting.fetch_sub(1, Ordering::Relaxed);
+            shared.lose(1);
+            if let TrySendError::Disconnected(_) = error {
+                shared.fail(Fault::Thread);
+            }
+        }
+    }
+
+    fn await_end(&self) {
+        let has_ended = |patience| {
+            use std::sync::mpsc::RecvTimeoutError::Timeout;
+            self.done.recv_timeout(patience) != Err(Timeout)
+        };
+        if self.rules.kind == SinkKind::File || self.rules.delivery == Delivery::Wait {
+            let _ = self.done.recv();
+            return;
+        }
+        if has_ended(GRACE) {
+            return;
+        }
+        self.shared.is_abandoned.store(true, Ordering::Relaxed);
+        if !has_ended(GRACE) {
+            self.shared.lose(self.shared.waiting.load(Ordering::Relaxed) as u64);
+            self.shared.fail(Fault::Connection("it takes nothing at the end".into()));
+        }
+    }
+}
+
+impl Sink for SinkThreads {
+    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+        let wants = |thread: &&SinkThread| sample.changed || !thread.rules.only_changes;
+        if self.threads.iter().any(|thread| wants(&thread)) {
+            let owned = Arc::new(OwnedSample::new(sample));
+            for thread in self.threads.iter().filter(wants) {
+                thread.offer(Message::Sample(owned.clone()), sample.changed);
+            }
+        }
+        self.check()
+    }
+
+    fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        let shared = Arc::new(notice.clone());
+        let is_urgent = !matches!(notice.event, WatchEvent::Heartbeat { .. });
+        for thread in &self.threads {
+            thread.offer(Message::Notice(shared.clone()), is_urgent);
+        }
+        self.check()
+    }
+
+    /// Waits for the sinks that are waited for.
+    fn flush(&mut self) -> Result<(), SinkError> {
+        for thread in &self.threads {
+            if thread.rules.delivery == Delivery::Wait
+                && let Some(queue) = &thread.queue
+            {
+                let (answer, answered) = sync_channel(1);
+                thread.shared.waiting.fetch_add(1, Ordering::Relaxed);
+                if queue.send(Message::Flush(answer)).is_ok() {
+                    let _ = answered.recv();
+                }
+            }
+        }
+        self.check()
+    }
+
+    fn failures(&mut self) -> Vec<(String, String)> {
+        let mut failed = vec![];
+        for thread in self.threads.iter_mut().filter(|thread| !thread.is_failure_told) {
+            let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
+            if let Some(Some(reason)) = thread.shared.with_fault(words) {
+                thread.is_failure_told = true;
+                failed.push((thread.rules.name.clone(), reason));
+            }
+        }
+        failed
+    }
+
+    fn losses(&self) -> Vec<SinkLoss> {
+        let loss = |thread: &SinkThread| {
+            let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
+            let (sink, is_file) = (thread.rules.name.clone(), thread.rules.kind == SinkKind::File);
+            let lost = thread.shared.lost.load(Ordering::Relaxed);
+            SinkLoss { sink, lost, failure: thread.shared.with_fault(words).flatten(), is_file }
+        };
+        let counted = |thread: &&SinkThread| thread.rules.kind != SinkKind::Terminal;
+        self.threads.iter().filter(counted).map(loss).collect()
+    }
+}
+
+/// Gives a sink what comes until the queue is closed.
+fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shared) {
+    let mut sink = Some(sink);
+    for message in messages {
+        let is_abandoned = shared.is_abandoned.load(Ordering::Relaxed)
+            || shared.is_cancelled.load(Ordering::Relaxed);
+        let given = match sink.as_mut().filter(|_| !is_abandoned) {
+            Some(sink) => give(&mut **sink, &message),
+            None => {
+                shared.lose(u64::from(!matches!(message, Message::Flush(_))));
+                Delivered::Taken
+            }
+        };
+        match given {
+            Delivered::Taken => {}
+            Delivered::Failed(error) => {
+                sink = None;
+                shared.lose(1);
+                shared.fail(Fault::Error(error));
+            }
+            Delivered::Lost(lost) => {
+                sink = None;
+                shared.lose(lost.unsent);
+                shared.fail(Fault::Connection(lost.reason));
+            }
+        }
+        shared.waiting.fetch_sub(1, Ordering::Relaxed);
+        if let Message::Flush(answer) = message {
+            let _ = answer.send(());
+        }
+    }
+    match sink.filter(|_| !shared.is_cancelled.load(Ordering::Relaxed)).map(Sink::close) {
+        Some(Err(error)) => shared.fail(Fault::Error(error)),
+        Some(Ok(Some(lost))) => {
+            shared.lose(lost.unsent);
+            shared.fail(Fault::Connection(lost.reason));
+        }
+        Some(Ok(None)) | None => {}
+    }
+}
+
+/// The fate of a message.
+enum Delivered {
+    Taken,
+    Failed(SinkError),
+    Lost(Lost),
+}
+
+fn give(sink: &mut dyn Sink, message: &Message) -> Delivered {
+    let given = match message {
+        Message::Sample(sample) => sink.sample(&sample.borrow()),
+        Message::Notice(notice) => sink.notice(notice),
+        Message::Flush(_) => sink.flush(),
+    };
+    match (given, sink.lost_connection()) {
+        (Err(error), _) => Delivered::Failed(error),
+        (Ok(()), Some(lost)) => Delivered::Lost(lost),
+        (Ok(()), None) => Delivered::Taken,
+    }
+}

@@ -1,0 +1,191 @@
+//! A part of a log by its times: from a moment, to a moment.
+
+use super::{Read, Row, Source, SourceError};
+use crate::map::Map;
+use servotwin::signal::Quantity;
+use servotwin_io::moment;
+use servotwin_model::spec::Unit;
+use std::fmt;
+
+/// One end of a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Limit {
+    /// So many seconds behind the first sample.
+    Behind(f64),
+    /// A date or a time of day, s.
+    At(f64),
+}
+
+/// The part of a log that is read, both ends included.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Span {
+    from: Option<Limit>,
+    to: Option<Limit>,
+}
+
+/// Why a part cannot be read.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CutError {
+    /// A text is no time.
+    NoTime {
+        /// The option that it was given for.
+        option: &'static str,
+        /// The text that was given.
+        given: String,
+    },
+    /// A date for a log that has none, or a time of day for one of another kind.
+    OtherKind {
+        /// The log.
+        log: String,
+        /// The time of its first sample, as people read it.
+        first: String,
+    },
+    /// No sample lies in it.
+    Empty {
+        /// The log.
+        log: String,
+        /// The times of its first and last sample, as people read them.
+        reach: (String, String),
+    },
+}
+
+impl fmt::Display for CutError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CutError::NoTime { option, given } => write!(
+                out,
+                "{option} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) \
+                 is needed"
+            ),
+            CutError::OtherKind { log, first } => write!(
+                out,
+                "{log} begins at {first}: --from and --to need a time of the same kind, or seconds behind the first sample"
+            ),
+            CutError::Empty { log, reach: (first, last) } => {
+                write!(
+                    out,
+                    "{log} has no sample from --from to --to: it reaches from {first} to {last}"
+                )
+            }
+        }
+    }
+}
+
+impl Span {
+    /// The part between two times: seconds behind the first sample, or dates; a log's end where one is not given.
+    ///
+    /// # Errors
+    /// A text is no time.
+    pub fn parse(from: Option<&str>, to: Option<&str>) -> Result<Self, CutError> {
+        let limit = |option, text: Option<&str>| {
+            let read = |given: &str| {
+                let seconds = Quantity::in_unit(given, Unit::Second).ok();
+                let behind = seconds.filter(|s| s.is_finite()).map(Limit::Behind);
+                let limit = behind.or_else(|| moment::seconds(given).map(Limit::At));
+                limit.ok_or_else(|| CutError::NoTime { option, given: given.into() })
+            };
+            text.map(read).transpose()
+        };
+        Ok(Span { from: limit("--from", from)?, to: limit("--to", to)? })
+    }
+
+    /// Whether it is a part at all.
+    pub fn is_whole(&self) -> bool {
+        self.from.is_none() && self.to.is_none()
+    }
+
+    fn is_of_kind(&self, first_s: f64) -> bool {
+        let mut limits = [self.from, self.to].into_iter().flatten();
+        limits.all(|limit| match limit {
+            Limit::Behind(_) => true,
+            Limit::At(time_s) => moment::is_date(time_s) == moment::is_date(first_s),
+        })
+    }
+
+    fn contains(&self, time_s: f64, first_s: f64) -> bool {
+        let at = |limit| match limit {
+            Limit::Behind(behind_s) => first_s + behind_s,
+            Limit::At(at_s) => at_s,
+        };
+        // A time that is written with a few digits is meant exactly; dates are known to a quarter of a microsecond.
+        let rounding = 1e-6;
+        self.from.is_none_or(|from| time_s >= at(from) - rounding)
+            && self.to.is_none_or(|to| time_s <= at(to) + rounding)
+    }
+}
+
+/// A part of a source.
+pub struct Cut {
+    source: Box<dyn Source>,
+    log: String,
+    map: Map,
+    span: Span,
+    /// The first and the last time that came, s.
+    reach: Option<(f64, f64)>,
+    rows: u64,
+    cut: u64,
+    is_empty: bool,
+}
+
+impl Cut {
+    /// The part of a log whose times a map knows.
+    pub fn new(source: Box<dyn Source>, log: String, map: &Map, span: Span) -> Self {
+        let map = map.clone();
+        Cut { source, log, map, span, reach: None, rows: 0, cut: 0, is_empty: true }
+    }
+
+    /// Whether a row is in the part.
+    fn keeps(&mut self, row: &Row) -> Result<bool, SourceError> {
+        let time_s = self.map.time_s(row, self.rows);
+        self.rows += 1;
+        if !time_s.is_finite() {
+            return Ok(true);
+        }
+        let (first_s, _) = *self.reach.get_or_insert((time_s, time_s));
+        self.reach = Some((first_s, time_s));
+        if !self.span.is_of_kind(first_s) {
+            let (log, first) = (self.log.clone(), moment::shown(first_s));
+            return Err(SourceError::Cut(CutError::OtherKind { log, first }));
+        }
+        Ok(self.span.contains(time_s, first_s))
+    }
+}
+
+impl Source for Cut {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        row.cut = 0;
+        let read = self.source.read(row)?;
+        match (&read, self.reach) {
+            (Read::Row, _) => {
+                if self.keeps(row)? {
+                    self.is_empty = false;
+                    row.cut = self.cut;
+                    return Ok(Read::Row);
+                }
+                self.cut += 1;
+                Ok(Read::Nothing)
+            }
+            (Read::End, Some((first_s, last_s))) if self.is_empty => {
+                let (log, reach) = (self.log.clone(), [first_s, last_s].map(moment::shown));
+                Err(SourceError::Cut(CutError::Empty { log, reach: reach.into() }))
+            }
+            (Read::Flawed(_), _) => {
+                self.rows += 1;
+                Ok(read)
+            }
+            _ => Ok(read),
+        }
+    }
+
+    fn counted(&self) -> &'static str {
+        self.source.counted()
+    }
+
+    fn is_live(&self) -> bool {
+        self.source.is_live()
+    }
+
+    fn share(&self) -> Option<f64> {
+        self.source.share()
+    }
+}

@@ -1,0 +1,137 @@
+//! MDF 4 files (`.mf4`) of measurement systems: channel groups with rates of their own.
+//!
+//! Read are groups whose master channel is a time, with channels of fixed length in records: integers and floats,
+//! linear, rational and tabulated conversions, invalidation bits, data in lists and zipped blocks. The column `time`
+//! is the master of every group, in seconds. Everything else is refused with its name, or is no column. Written
+//! from the published layout of ASAM MDF 4.1; every address and length is checked against the file.
+
+mod blocks;
+mod values;
+
+use super::groups::{Group, Groups};
+use super::{LogColumn, SourceError, Wanted};
+use blocks::{Channel, ChannelGroup, Mdf};
+use servotwin::system::units;
+use std::path::Path;
+
+/// The column with the times of all groups, s.
+const TIME: &str = "time";
+
+/// So many values of all wanted columns are read at most (1 GiB).
+const MAX_VALUES: u64 = 1 << 27;
+
+/// Opens a file that must have some columns.
+///
+/// # Errors
+/// It cannot be read, is damaged, lacks a column, or a wanted column is of a kind that is not read.
+pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
+    let address = path.display().to_string();
+    let mut file = Mdf::open(path)?;
+    let known = named(&file);
+    let names: Vec<String> = known.iter().map(|(name, ..)| name.clone()).collect();
+    let all: Vec<String> = std::iter::once(TIME.to_owned()).chain(names).collect();
+    if let Some(error) = SourceError::lacking(&address, wanted, &all) {
+        return Err(error);
+    }
+    if let Some(time) = wanted.time.filter(|&time| wanted.names[time] != TIME) {
+        let name = servotwin_io::sanitize::text(&wanted.names[time]);
+        let cause = format!("the times are the column '{TIME}', not '{name}'");
+        return Err(SourceError::unreadable(&address, &cause));
+    }
+    // For each group the places of its wanted channels.
+    let mut chosen: Vec<Vec<(usize, usize)>> = vec![vec![]; file.groups.len()];
+    for (place, name) in wanted.names.iter().enumerate() {
+        if let Some((_, group, channel)) = known.iter().find(|(known, ..)| known == name) {
+            chosen[*group].push((place, *channel));
+        }
+    }
+    let unreadable = |cause: String| SourceError::unreadable(&address, &cause);
+    let mut total = 0_u64;
+    let mut groups = vec![];
+    for (index, chosen) in chosen.into_iter().enumerate().filter(|(_, chosen)| !chosen.is_empty()) {
+        total = total
+            .saturating_add(file.groups[index].records.saturating_mul(1 + chosen.len() as u64));
+        if total > MAX_VALUES {
+            return Err(unreadable(format!(
+                "more than {MAX_VALUES} values are wanted; cut the file, or map fewer columns"
+            )));
+        }
+        groups.push(read_group(&mut file, index, &chosen).map_err(unreadable)?);
+    }
+    Groups::new(&address, wanted, groups)
+}
+
+/// The columns of a file with their units.
+///
+/// # Errors
+/// It cannot be read or is damaged.
+pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+    let file = Mdf::open(path)?;
+    let mut found = vec![LogColumn::in_unit(TIME, "s")];
+    let known = named(&file).into_iter();
+    found.extend(known.map(|(name, group, channel)| {
+        let unit = &file.groups[group].channels[channel].unit;
+        LogColumn::in_unit(name, unit)
+    }));
+    Ok(found)
+}
+
+/// The channels by their names in columns, with group and place. A name that several groups have gets the number of its
+/// group: `p#1` and `p#2`.
+fn named(file: &Mdf) -> Vec<(String, usize, usize)> {
+    let mut count = std::collections::BTreeMap::<&str, usize>::new();
+    let groups = || file.groups.iter().enumerate().filter(|(_, group)| group.master.is_some());
+    let channels = |group: &'_ ChannelGroup| {
+        let master = group.master;
+        (0..group.channels.len()).filter(move |&channel| Some(channel) != master)
+    };
+    for (_, group) in groups() {
+        for channel in channels(group) {
+            *count.entry(&group.channels[channel].name).or_default() += 1;
+        }
+    }
+    let mut found = vec![];
+    for (index, group) in groups() {
+        for channel in channels(group) {
+            let name = &group.channels[channel].name;
+            let is_alone = count[name.as_str()] == 1 && name != TIME;
+            let name = if is_alone { name.clone() } else { format!("{name}#{}", index + 1) };
+            found.push((name, index, channel));
+        }
+    }
+    found
+}
+
+/// Reads the times and some channels of a group.
+fn read_group(file: &mut Mdf, index: usize, chosen: &[(usize, usize)]) -> Result<Group, String> {
+    let group = file.groups[index].clone();
+    let Some(master) = group.master else { return Err("a group has no time".into()) };
+    let channels: Vec<&Channel> = std::iter::once(&group.channels[master])
+        .chain(chosen.iter().map(|&(_, channel)| &group.channels[channel]))
+        .collect();
+    let mut decoders = vec![];
+    for channel in &channels {
+        let named =
+            |cause| format!("column '{}': {cause}", servotwin_io::sanitize::text(&channel.name));
+        decoders.push(values::Decoder::new(file, &group, channel).map_err(named)?);
+    }
+    let mut columns = vec![vec![]; decoders.len()];
+    let mut number = 0;
+    file.records(&group, &mut |record| {
+        for (decoder, column) in decoders.iter().zip(&mut columns) {
+            column.push(decoder.value(record, number));
+        }
+        number += 1;
+    })?;
+    let unit = &group.channels[master].unit;
+    let seconds = match units::convert(unit) {
+        Some((servotwin_model::spec::Unit::Second, factor, _)) => factor,
+        _ => 1.0,
+    };
+    let mut columns = columns.into_iter();
+    let times = columns.next().unwrap_or_default();
+    // A factor of one keeps the bits.
+    let times_s: Vec<f64> = times.into_iter().map(|time| time * seconds).collect();
+    let columns = chosen.iter().map(|&(place, _)| place).zip(columns).collect();
+    Ok(Group::new(Some(times_s), columns))
+}

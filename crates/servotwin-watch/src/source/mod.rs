@@ -1,0 +1,559 @@
+//! Where samples come from: files and live streams behind one trait.
+//!
+//! A source knows which columns are wanted ([`Wanted`]) and gives their numbers row by row, in the units of
+//! the log. What cannot be read is a [`Flaw`], never an end: only a file or a connection that cannot
+//! be opened is an error.
+
+pub mod cut;
+pub mod frame;
+#[cfg(any(feature = "mf4", feature = "mat"))]
+mod groups;
+mod lines;
+#[cfg(feature = "mat")]
+mod mat;
+mod mcap;
+#[cfg(feature = "mf4")]
+mod mf4;
+#[cfg(feature = "mqtt")]
+pub mod mqtt;
+mod stdin;
+mod survey;
+mod table;
+pub mod udp;
+
+use super::counts::Kind;
+use servotwin_io::files::FileError;
+use servotwin_io::moment;
+use servotwin_io::nearest::nearest;
+use servotwin_io::sanitize;
+use servotwin_io::table::TableError;
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+pub use frame::Flaw;
+pub use survey::{LogColumn, is_time_name};
+
+/// The unit of a date as text.
+pub const DATE: &str = "date";
+
+/// How long a live source waits before it says that nothing came.
+pub const PAUSE: Duration = Duration::from_millis(200);
+
+/// The columns that are read, in this order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Wanted {
+    /// Their names, each once.
+    pub names: Vec<String>,
+    /// Which of them is the time; without one, rows follow each other in the period of the log.
+    pub time: Option<usize>,
+    /// Whether the time is a date as text.
+    pub dates: bool,
+    /// The columns of lines without a header, from left to right.
+    pub columns: Vec<String>,
+    /// For each name whether words for on and off are numbers in it; where there is none, they are not.
+    pub flags: Vec<bool>,
+}
+
+impl Wanted {
+    /// The number that words stand for in a column: a date where it is the time, on and off where they are numbers.
+    pub(super) fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
+        if self.dates && self.time == Some(place) {
+            return moment::seconds(text);
+        }
+        let is = |words: [&str; 3]| words.iter().any(|word| text.eq_ignore_ascii_case(word));
+        match self.flags.get(place) {
+            Some(true) if is(["on", "true", "yes"]) => Some(1.0),
+            Some(true) if is(["off", "false", "no"]) => Some(0.0),
+            _ => None,
+        }
+    }
+}
+
+/// A row as it came.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Row {
+    /// Its line, row, datagram or message, from 1.
+    pub place: u64,
+    /// The wanted columns; NaN is missing.
+    pub values: Vec<f64>,
+    /// How many of them were there, but no finite number.
+    pub bad: u64,
+    /// The first of those.
+    pub first_bad: Option<Bad>,
+    /// How many rows before it were cut off.
+    pub cut: u64,
+}
+
+/// A value that is no finite number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bad {
+    /// Its column among those wanted.
+    pub column: usize,
+    /// The beginning of what stands there, as it may be shown.
+    pub text: String,
+}
+
+impl Row {
+    /// Before the values of the next row are looked at.
+    pub(super) fn forget_bad(&mut self) {
+        (self.bad, self.first_bad) = (0, None);
+    }
+
+    /// Counts a value that is no finite number.
+    pub(super) fn note_bad(&mut self, bad: Bad) {
+        self.bad += 1;
+        self.first_bad.get_or_insert(bad);
+    }
+
+    /// The values that are not numbers, with the column of the first.
+    pub fn bad_in_words(&self, wanted: &Wanted) -> String {
+        let first = self.first_bad.as_ref();
+        let column = first.and_then(|bad| Some((wanted.names.get(bad.column)?, &bad.text)));
+        let first =
+            column.map(|(name, text)| format!("column '{}' has '{text}'", sanitize::text(name)));
+        let count = format!("{} of {} values", self.bad, self.values.len());
+        match first {
+            Some(first) if self.bad == 1 => first,
+            Some(first) => format!("{first}, {count}"),
+            None => count,
+        }
+    }
+}
+
+/// What came of reading on.
+#[derive(Debug, PartialEq)]
+pub enum Read {
+    /// A row.
+    Row,
+    /// Something that is no row.
+    Flawed(Flaw),
+    /// Something that says nothing, as a header.
+    Nothing,
+    /// A live stream is quiet.
+    Pause,
+    /// The connection is lost; it is being made again.
+    Disconnected {
+        /// What happened.
+        cause: String,
+    },
+    /// The connection that was lost is made again.
+    Reconnected,
+    /// Something was not taken at all.
+    Dropped(Dropped),
+    /// Nothing will come.
+    End,
+}
+
+/// Input that a source did not take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dropped {
+    /// Why.
+    pub kind: Kind,
+    /// How many since it was reported last.
+    pub count: u64,
+    /// The first of them.
+    pub place: u64,
+    /// The value, as text.
+    pub detail: String,
+}
+
+/// Gives row by row.
+pub trait Source {
+    /// Reads on. `row` is the last one's, to be overwritten.
+    ///
+    /// # Errors
+    /// The file or the connection fails.
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError>;
+
+    /// What is counted: `line`, `row`, `datagram` or `message`.
+    fn counted(&self) -> &'static str;
+
+    /// Whether it goes on by the clock, and cannot be read again.
+    fn is_live(&self) -> bool {
+        false
+    }
+
+    /// How much of a file is read, from 0 to 1.
+    fn share(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A source by its name.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Address {
+    /// A .parquet, .mcap, .mf4 or .mat file, or any other name for CSV or lines of JSON objects.
+    File(PathBuf),
+    /// Lines of standard input.
+    Stdin,
+    /// Datagrams sent to this address.
+    Udp(SocketAddr, udp::Allowed),
+    /// Messages of a broker.
+    #[cfg(feature = "mqtt")]
+    Mqtt(mqtt::Subscription),
+}
+
+impl Address {
+    /// The source that a text names: a file, `-`, `udp://HOST:PORT`, or
+    /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=1]`.
+    ///
+    /// # Errors
+    /// [`SourceError::Address`], or [`SourceError::Feature`] where this program cannot read such a source.
+    pub fn parse(text: &str) -> Result<Self, SourceError> {
+        let wrong = |needed| SourceError::Address { given: without_user(text), needed };
+        if text == "-" {
+            return Ok(Address::Stdin);
+        }
+        if let Some(rest) = text.strip_prefix("udp://") {
+            use std::net::ToSocketAddrs;
+            let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
+            return found
+                .next()
+                .map(|to| Address::Udp(to, udp::Allowed::First))
+                .ok_or_else(|| wrong("udp://HOST:PORT"));
+        }
+        if text.starts_with("mqtt://") || text.starts_with("mqtts://") {
+            return Address::parse_mqtt(text);
+        }
+        if text.contains("://") {
+            return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
+        }
+        Ok(Address::File(PathBuf::from(text)))
+    }
+
+    /// Listens to some senders only; `None` where the source has no senders.
+    pub fn from_senders(self, allowed: udp::Allowed) -> Option<Self> {
+        match self {
+            Address::Udp(address, _) => Some(Address::Udp(address, allowed)),
+            _ => None,
+        }
+    }
+
+    #[cfg(feature = "mqtt")]
+    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
+        let needed = mqtt::Subscription::FORM;
+        let wrong = SourceError::Address { given: without_user(text), needed };
+        let found = mqtt::Subscription::parse(text).ok_or(wrong)?;
+        match found.tls.is_some() && !cfg!(feature = "mqtt-tls") {
+            true => Err(feature_needed("mqtts://", "mqtt-tls")),
+            false => Ok(Address::Mqtt(found)),
+        }
+    }
+
+    #[cfg(not(feature = "mqtt"))]
+    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
+        Err(match text.starts_with("mqtts") {
+            true => feature_needed("mqtts://", "mqtt-tls"),
+            false => feature_needed("mqtt://", "mqtt"),
+        })
+    }
+
+    /// Whether the source goes on by the clock.
+    pub fn is_live(&self) -> bool {
+        !matches!(self, Address::File(_))
+    }
+
+    /// Whether whoever writes the source waits until it is read: then nothing has to be dropped.
+    pub fn waits(&self) -> bool {
+        matches!(self, Address::File(_) | Address::Stdin)
+    }
+
+    /// Opens the source for some columns.
+    ///
+    /// # Errors
+    /// It cannot be opened, or a file does not have the columns.
+    pub fn open(&self, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+        Ok(match self {
+            Address::File(path) if has_extension(path, "parquet") => {
+                Box::new(table::Parquet::open(path, wanted)?)
+            }
+            Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
+            Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
+            Address::File(path) if has_extension(path, "mcap") => mcap::open(path, wanted)?,
+            Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
+            Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
+            Address::Udp(address, allowed) => {
+                Box::new(udp::Udp::open(*address, allowed.clone(), wanted)?)
+            }
+            #[cfg(feature = "mqtt")]
+            Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
+        })
+    }
+
+    /// The columns of a file, or of what comes first in a stream, with their units and first numbers where these are
+    /// known. Objects and messages of a file are looked through to its end.
+    ///
+    /// # Errors
+    /// It cannot be opened, or nothing in it is a header.
+    pub fn columns(&self) -> Result<Vec<LogColumn>, SourceError> {
+        let names = match self {
+            Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
+            Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
+            Address::File(path) if is_mdf(path) => return mf4_columns(path),
+            Address::File(path) if has_extension(path, "mat") => return mat_columns(path),
+            Address::File(path) => return lines::columns(path),
+            Address::Stdin => stdin::columns(std::io::stdin().lock())?,
+            Address::Udp(address, allowed) => udp::columns(*address, allowed)?,
+            #[cfg(feature = "mqtt")]
+            Address::Mqtt(subscription) => mqtt::columns(subscription)?,
+        };
+        Ok(names.into_iter().map(LogColumn::named).collect())
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Address::File(path) => write!(out, "{}", path.display()),
+            Address::Stdin => write!(out, "standard input"),
+            Address::Udp(address, _) => write!(out, "udp://{address}"),
+            #[cfg(feature = "mqtt")]
+            Address::Mqtt(subscription) => write!(out, "{subscription}"),
+        }
+    }
+}
+
+/// An address without user and password, for messages.
+fn without_user(text: &str) -> String {
+    match (text.find("://"), text.rfind('@')) {
+        (Some(mark), Some(at)) if at > mark => format!("{}…{}", &text[..mark + 3], &text[at..]),
+        _ => text.to_owned(),
+    }
+}
+
+/// The error for a source whose reader is a feature that is off.
+pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
+    SourceError::Feature { what: what.to_owned(), feature }
+}
+
+/// Defines how files of an optional kind are opened, and what is said of one where they are not read.
+macro_rules! optional_kind {
+    ($feature:literal, $module:ident, $open:ident, $columns:ident) => {
+        #[cfg(feature = $feature)]
+        fn $open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+            Ok(Box::new($module::open(path, wanted)?))
+        }
+
+        #[cfg(not(feature = $feature))]
+        fn $open(path: &Path, _: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+            Err(feature_needed(&path.display().to_string(), $feature))
+        }
+
+        #[cfg(feature = $feature)]
+        fn $columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+            $module::columns(path)
+        }
+
+        #[cfg(not(feature = $feature))]
+        fn $columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+            Err(feature_needed(&path.display().to_string(), $feature))
+        }
+    };
+}
+
+optional_kind!("mf4", mf4, open_mf4, mf4_columns);
+optional_kind!("mat", mat, open_mat, mat_columns);
+
+fn is_mdf(path: &Path) -> bool {
+    has_extension(path, "mf4") || has_extension(path, "mdf")
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+/// A column that two topics of a broker send.
+#[derive(Debug)]
+pub struct MixedTopics {
+    /// The address of the broker.
+    pub broker: String,
+    /// The column.
+    pub column: String,
+    /// The topics.
+    pub topics: [String; 2],
+    /// The last levels of the first topic, which the second does not have.
+    pub ending: String,
+    /// Whether the map names the time.
+    pub has_time: bool,
+}
+
+impl fmt::Display for MixedTopics {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let broker = &self.broker;
+        let [first, second] = &self.topics;
+        let (first, second, ending) = (plain(first), plain(second), plain(&self.ending));
+        let column = sanitize::text(&self.column);
+        match self.has_time {
+            true => write!(
+                out,
+                "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are \
+                 not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
+            ),
+            false => write!(
+                out,
+                "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name \
+                 the column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
+            ),
+        }
+    }
+}
+
+/// Why there is no source, or no more of it.
+#[derive(Debug)]
+pub enum SourceError {
+    /// The name of the source cannot be understood.
+    Address {
+        /// What was written.
+        given: String,
+        /// What is possible.
+        needed: &'static str,
+    },
+    /// This program was built without what reads such a source.
+    Feature {
+        /// The source.
+        what: String,
+        /// The feature of the packages `servotwin` and `servotwin-cli`.
+        feature: &'static str,
+    },
+    /// Two topics of a broker send the same column.
+    Mixed(Box<MixedTopics>),
+    /// A file is damaged, or of a kind that is not read.
+    Unreadable {
+        /// The file.
+        address: String,
+        /// What is wrong with it.
+        cause: String,
+    },
+    /// A file.
+    File(FileError),
+    /// A table.
+    Table(TableError),
+    /// A connection.
+    Connection {
+        /// To what.
+        address: String,
+        /// What happened.
+        cause: String,
+    },
+    /// There is nothing in it.
+    Empty {
+        /// The file.
+        address: String,
+    },
+    /// Nothing in it names columns.
+    NoHeader {
+        /// The source.
+        address: String,
+    },
+    /// A file that is not in the order of its times has more numbers than are sorted.
+    Unsorted {
+        /// The file.
+        address: String,
+        /// How many are sorted at most.
+        most: usize,
+    },
+    /// Nothing of a log lies in the time that was asked for.
+    Cut(cut::CutError),
+    /// Columns that the map names are not there.
+    Lacking {
+        /// The log.
+        address: String,
+        /// The columns.
+        columns: Vec<String>,
+        /// All there are.
+        known: Vec<String>,
+    },
+}
+
+impl SourceError {
+    #[cfg(any(feature = "mf4", feature = "mat"))]
+    fn unreadable(address: &str, cause: &str) -> Self {
+        SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
+    }
+
+    /// The error for wanted names that are not among those there, if there are any.
+    pub(super) fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
+        let columns = wanted.names.iter().filter(|name| !known.contains(name));
+        let columns: Vec<String> = columns.cloned().collect();
+        let error = || SourceError::Lacking {
+            address: address.to_owned(),
+            known: known.to_vec(),
+            columns: columns.clone(),
+        };
+        (!columns.is_empty()).then(error)
+    }
+}
+
+impl fmt::Display for SourceError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SourceError::Address { given, needed } => {
+                write!(out, "'{given}' names no source: {needed} is needed")
+            }
+            SourceError::Feature { what, feature } => write!(
+                out,
+                "{what} needs the feature '{feature}', which this program was built without: \
+                 cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
+            ),
+            SourceError::Mixed(mixed) => write!(out, "{mixed}"),
+            SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
+            SourceError::File(error) => write!(out, "{error}"),
+            SourceError::Table(error) => write!(out, "{error}"),
+            SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
+            SourceError::Empty { address } => write!(out, "{address}: the file is empty"),
+            SourceError::NoHeader { address } => {
+                write!(out, "{address}: no line with the names of columns, and no JSON object")
+            }
+            SourceError::Cut(error) => write!(out, "{error}"),
+            SourceError::Unsorted { address, most } => write!(
+                out,
+                "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time first"
+            ),
+            SourceError::Lacking { address, columns, known } => {
+                write!(out, "{address} has no column '{}'; ", columns.join("', '"))?;
+                match nearest(&columns[0], known.iter().map(String::as_str)) {
+                    Some(name) => write!(out, "did you mean '{name}'?"),
+                    None => write!(out, "it has: {}", sanitize::list(known)),
+                }
+            }
+        }
+    }
+}
+
+/// A topic in full, with nothing in it that a terminal would act on.
+fn plain(topic: &str) -> String {
+    topic.chars().flat_map(char::escape_debug).collect()
+}
+
+impl std::error::Error for SourceError {}
+
+impl From<FileError> for SourceError {
+    fn from(error: FileError) -> Self {
+        SourceError::File(error)
+    }
+}
+
+impl From<TableError> for SourceError {
+    fn from(error: TableError) -> Self {
+        SourceError::Table(error)
+    }
+}
+
+impl Flaw {
+    /// The kind under which it is counted.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Flaw::Noise => Kind::Noise,
+            Flaw::TooLong => Kind::TooLong,
+            Flaw::CutShort => Kind::CutShort,
+            Flaw::WrongColumns { .. } => Kind::WrongColumns,
+            Flaw::NoHeader => Kind::NoHeader,
+            Flaw::BadObject { .. } => Kind::BadObject,
+            Flaw::NoTime { .. } => Kind::NoTime,
+            Flaw::Retained { .. } => Kind::Retained,
+            Flaw::NoNumber => Kind::BadValue,
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! What a log has before anybody maps it: its columns, their units where the log names them, and their first numbers.
+//!
+//! The beginning of a log does not stand for all of it: objects and channels are looked through to the end.
+
+use super::{DATE, Wanted};
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use servotwin::system::units;
+use servotwin_io::moment;
+use servotwin_io::table::csv::growing::{Numbers, is_missing};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// So many numbers of a column are kept.
+const HEAD: usize = 256;
+
+/// So many names of objects are kept: further ones are no columns.
+const MOST_COLUMNS: usize = 50_000;
+
+/// Names of a column with the time, by their letters and digits alone.
+const TIMES: [&str; 18] = [
+    "time",
+    "t",
+    "ts",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "logtime",
+    "datetime",
+    "date",
+    "utc",
+    "epoch",
+    "elapsed",
+    "elapsedtime",
+    "zeit",
+    "zeitstempel",
+    "datum",
+    "uhrzeit",
+    "messzeit",
+];
+
+/// Whether a name without unit, in lower case and by its letters and digits alone, is that of a time.
+pub fn is_time_name(key: &str) -> bool {
+    TIMES.contains(&key)
+}
+
+/// Whether a column's name begins with that of a time, whatever unit follows.
+pub(super) fn may_be_time(name: &str) -> bool {
+    let mut parts = name.split(|c: char| !c.is_alphanumeric()).filter(|part| !part.is_empty());
+    parts.next().is_some_and(|part| is_time_name(&part.to_lowercase()))
+}
+
+/// A column as a log shows it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LogColumn {
+    /// The name.
+    pub name: String,
+    /// The unit that the log gives it, in a row of units or in its schema; `date` for dates as text; else empty.
+    pub unit: String,
+    /// Its first numbers as they stand there; of dates the seconds since 1970.
+    pub head: Vec<f64>,
+}
+
+impl LogColumn {
+    /// A column of which nothing but the name is known.
+    pub fn named(name: impl Into<String>) -> Self {
+        LogColumn { name: name.into(), ..LogColumn::default() }
+    }
+
+    /// A column with the unit that the log gives it.
+    #[cfg(feature = "mf4")]
+    pub fn in_unit(name: impl Into<String>, unit: impl Into<String>) -> Self {
+        LogColumn { unit: unit.into(), ..LogColumn::named(name) }
+    }
+
+    /// How far its numbers are usually apart; `None` where they do not grow.
+    pub fn step(&self) -> Option<f64> {
+        let steps = self.head.windows(2).map(|pair| pair[1] - pair[0]);
+        let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+        steps.sort_by(f64::total_cmp);
+        let grows = 2 * steps.len() + 1 >= self.head.len();
+        grows.then(|| steps.get(steps.len() / 2).copied()).flatten()
+    }
+
+    fn push(&mut self, value: f64) {
+        if self.head.len() < HEAD && value.is_finite() {
+            self.head.push(value);
+        }
+    }
+
+    /// Takes a text that stands in the column; `number` is what it says as a number.
+    fn take(&mut self, text: &str, number: Option<f64>) {
+        match number {
+            Some(number) => self.push(number),
+            None if self.head.len() < HEAD => {
+                if let Some(seconds) = moment::seconds(text) {
+                    self.unit = DATE.into();
+                    self.push(seconds);
+                }
+            }
+            None => {}
+        }
+    }
+}
+
+/// The columns of cells below a header.
+pub(super) struct Sheet {
+    columns: Vec<LogColumn>,
+    numbers: Numbers,
+    rows: usize,
+}
+
+impl Sheet {
+    pub(super) fn new(names: Vec<String>, separator: u8) -> Self {
+        let columns = names.into_iter().map(LogColumn::named).collect();
+        Sheet { columns, numbers: Numbers::new(separator != b','), rows: 0 }
+    }
+
+    /// Takes a line below the header: units, values, or neither.
+    pub(super) fn add(&mut self, cells: &[String]) {
+        if cells.len() != self.columns.len() {
+            return;
+        }
+        let values: Vec<Option<f64>> = cells.iter().map(|cell| self.numbers.real(cell)).collect();
+        let is_value = |(cell, value): (&String, &Option<f64>)| {
+            value.is_some() || moment::seconds(cell).is_some()
+        };
+        let filled = cells.iter().filter(|cell| !is_missing(cell.as_bytes())).count();
+        let found = cells.iter().zip(&values).filter(|pair| is_value(*pair)).count();
+        if found > 0 && 2 * found >= filled {
+            self.rows += 1;
+            for (column, (cell, value)) in self.columns.iter_mut().zip(cells.iter().zip(values)) {
+                column.take(cell, value);
+            }
+        } else if self.rows == 0 && is_units(cells) {
+            for (column, cell) in self.columns.iter_mut().zip(cells) {
+                column.unit = bare_unit(cell).into();
+            }
+        }
+    }
+
+    pub(super) fn finish(self) -> Vec<LogColumn> {
+        self.columns
+    }
+}
+
+/// Whether most cells of a line that are not empty are units.
+fn is_units(cells: &[String]) -> bool {
+    let filled = cells.iter().map(|cell| bare_unit(cell)).filter(|unit| !unit.is_empty());
+    let is_known = |unit: &&str| matches!(*unit, "-" | "1") || units::convert(unit).is_some();
+    let (known, all) =
+        filled.fold((0, 0), |(known, all), unit| (known + usize::from(is_known(&unit)), all + 1));
+    known > 0 && 2 * known > all
+}
+
+/// A unit without the brackets around it.
+fn bare_unit(cell: &str) -> &str {
+    cell.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']).trim()
+}
+
+/// The columns of objects, as they appear.
+#[derive(Default)]
+pub(super) struct Objects {
+    columns: Vec<LogColumn>,
+    places: BTreeMap<String, usize>,
+}
+
+impl Objects {
+    /// Takes an object; before the names of its values stands a prefix. What is no object names nothing.
+    pub(super) fn add(&mut self, prefix: &str, text: &[u8]) {
+        if self.parse(prefix, text).is_err()
+            && let Some(plain) = super::frame::without_special_numbers(text)
+        {
+            // Columns read before the mistake stay.
+            let _ = self.parse(prefix, &plain);
+        }
+    }
+
+    fn parse(&mut self, prefix: &str, text: &[u8]) -> Result<(), serde_json::Error> {
+        let mut parser = serde_json::Deserializer::from_slice(text);
+        let mut path = prefix.to_owned();
+        Leaf { objects: self, path: &mut path }.deserialize(&mut parser)?;
+        parser.end()
+    }
+
+    /// A column that no object names.
+    pub(super) fn name(&mut self, name: &str, unit: &str) {
+        if let Some(column) = self.column(name) {
+            column.unit = unit.into();
+        }
+    }
+
+    /// A number of a column.
+    pub(super) fn number(&mut self, name: &str, value: f64) {
+        if let Some(column) = self.column(name) {
+            column.push(value);
+        }
+    }
+
+    /// Whether it has seen all the names that are wanted.
+    pub(super) fn has_all(&self, wanted: &Wanted) -> bool {
+        wanted.names.iter().all(|name| self.places.contains_key(name))
+    }
+
+    pub(super) fn finish(self) -> Vec<LogColumn> {
+        self.columns
+    }
+
+    fn column(&mut self, path: &str) -> Option<&mut LogColumn> {
+        let place = match self.places.get(path) {
+            Some(&place) => place,
+            None if self.columns.len() == MOST_COLUMNS => return None,
+            None => {
+                self.columns.push(LogColumn::named(path));
+                self.places.insert(path.to_owned(), self.columns.len() - 1);
+                self.columns.len() - 1
+            }
+        };
+        self.columns.get_mut(place)
+    }
+}
+
+/// A value within an object, with its path.
+struct Leaf<'l> {
+    objects: &'l mut Objects,
+    path: &'l mut String,
+}
+
+impl Leaf<'_> {
+    fn below<T>(&mut self, key: &str, read: impl FnOnce(Leaf<'_>) -> T) -> T {
+        let length = self.path.len();
+        if length > 0 && !self.path.ends_with('.') {
+            self.path.push('.');
+        }
+        self.path.push_str(key);
+        let result = read(Leaf { objects: &mut *self.objects, path: &mut *self.path });
+        self.path.truncate(length);
+        result
+    }
+
+    fn number(self, value: f64) {
+        self.objects.number(self.path, value);
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Leaf<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
+        from.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Leaf<'_> {
+    type Value = ();
+
+    fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "JSON")
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<(), E> {
+        self.number(value);
+        Ok(())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<(), E> {
+        self.number(value as f64);
+        Ok(())
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<(), E> {
+        self.number(value as f64);
+        Ok(())
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<(), E> {
+        self.objects.column(self.path);
+        Ok(())
+    }
+
+    fn visit_unit<E>(self) -> Result<(), E> {
+        self.objects.column(self.path);
+        Ok(())
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<(), E> {
+        let text = text.trim();
+        if let Some(column) = self.objects.column(self.path) {
+            column.take(text, text.parse().ok());
+        }
+        Ok(())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<(), A::Error> {
+        while let Some(key) = map.next_key::<Cow<str>>()? {
+            self.below(&key, |leaf| map.next_value_seed(leaf))?;
+        }
+        Ok(())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<(), A::Error>
+    where
+        A::Error: Error,
+    {
+        for place in 0_usize.. {
+            if self.below(&place.to_string(), |leaf| list.next_element_seed(leaf))?.is_none() {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(line: &str) -> Vec<String> {
+        line.split(';').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn a_row_of_units_with_an_empty_cell_keeps_the_dates_below_it() {
+        let mut sheet = Sheet::new(cells("Date;PA1;XP1;n"), b';');
+        for line in [";[bar];mm;-", "Recorder;act 1;act 1;", "2025-10-26 01:00:00;1,5;2;"] {
+            sheet.add(&cells(line));
+        }
+        sheet.add(&cells("2025-10-26 01:00:01;1,5;2;"));
+        let columns = sheet.finish();
+        let units: Vec<&str> = columns.iter().map(|column| column.unit.as_str()).collect();
+        assert_eq!(units, [DATE, "bar", "mm", "-"]);
+        assert_eq!(columns[1].head, [1.5, 1.5]);
+        assert_eq!(columns[0].step(), Some(1.0));
+    }
+
+    #[test]
+    fn an_object_names_columns_wherever_it_stands() {
+        let mut objects = Objects::default();
+        objects.add("", br#"{"ts": "1759967600000", "m": {"p": 1}}"#);
+        objects.add("", br#"{"ts": "1759967600010", "m": {"q": [NaN, "x"]}, "at": "2025-10-26"}"#);
+        let wanted = |name: &str| Wanted { names: vec![name.into()], ..Wanted::default() };
+        assert!(objects.has_all(&wanted("m.q.1")) && !objects.has_all(&wanted("m.q")));
+        let columns = objects.finish();
+        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["ts", "m.p", "m.q.0", "m.q.1", "at"]);
+        assert_eq!((columns[0].step(), columns[4].unit.as_str()), (Some(10.0), DATE));
+    }
+}

@@ -1,0 +1,361 @@
+//! The watchdog of a live source: it reports *no data* and heartbeats by the wall clock.
+//!
+//! Results of the diagnosis depend on the times of samples alone. The watchdog reads the wall clock, and only writes
+//! [`Notice`]s: nothing of it reaches the twin or the diagnosis.
+//!
+//! Data are periods with a value of a column. A sender that repeats one time for ever sends rows, and no data. Where the
+//! program itself stood still (a laptop that slept), the stream is not blamed: one look counts for [`LONGEST_CHECK`] at
+//! most.
+
+use super::sink::SinkLoss;
+use serde::Serialize;
+use servotwin::observer::{Phase, State};
+use std::time::{Duration, Instant, SystemTime};
+
+/// No look at the clock counts for more: between two checks a source is read for 0.2 s.
+const LONGEST_CHECK: Duration = Duration::from_millis(1000);
+
+/// When a source counts as silent, and how often the watch says that it lives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WatchdogRules {
+    /// A source or a column without data for so long has none.
+    pub no_data_after: Duration,
+    /// The time between two heartbeats; `None` for no heartbeat.
+    pub heartbeat: Option<Duration>,
+}
+
+impl Default for WatchdogRules {
+    /// No data after 2 s, a heartbeat every 10 s.
+    fn default() -> Self {
+        let heartbeat = Some(Duration::from_secs(10));
+        WatchdogRules { no_data_after: Duration::from_secs(2), heartbeat }
+    }
+}
+
+/// Notices of a watch beside the diagnosis, by the wall clock.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Notice {
+    /// What happened.
+    #[serde(flatten)]
+    pub event: WatchEvent,
+    /// The wall clock, UTC: `2026-11-25T17:05:37.123Z`.
+    pub wall_time: String,
+    /// The time of the last sample, s; `None` before the first.
+    pub time_s: Option<f64>,
+    /// The wall time since data came last, s.
+    pub silent_s: f64,
+    /// The state that holds now: `no_data` while the source is silent, otherwise what the diagnosis says.
+    pub state: State,
+    /// How far the alarm is. It stays while the source is silent.
+    pub phase: Phase,
+}
+
+/// An event in a watch.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum WatchEvent {
+    /// The source has sent no data for too long.
+    NoData,
+    /// The source sends data again.
+    DataAgain,
+    /// A column has had no value for too long, while others go on.
+    ChannelNoData {
+        /// The input or sensor.
+        channel: String,
+    },
+    /// A column has values again.
+    ChannelDataAgain {
+        /// The input or sensor.
+        channel: String,
+    },
+    /// The source has lost its connection and makes it again.
+    Disconnected {
+        /// Why.
+        reason: String,
+    },
+    /// The connection of the source is made again.
+    Reconnected,
+    /// A sink failed and gets nothing any more.
+    SinkFailed {
+        /// The file or socket.
+        sink: String,
+        /// Why.
+        reason: String,
+    },
+    /// The watch lives.
+    Heartbeat {
+        /// How many lines, rows, datagrams or messages came.
+        frames: u64,
+        /// How many periods were given on.
+        samples: u64,
+        /// The losses of all sinks so far.
+        sinks: Vec<SinkLoss>,
+    },
+}
+
+impl Notice {
+    /// One line for people; `None` for a heartbeat.
+    pub fn words(&self) -> Option<String> {
+        let silent_s = self.silent_s;
+        Some(match &self.event {
+            WatchEvent::NoData => format!("no data: the source is silent for {silent_s:.1} s"),
+            WatchEvent::DataAgain if self.state.is_judgement() => {
+                format!("data again after {silent_s:.1} s: {}", self.state.words())
+            }
+            WatchEvent::DataAgain => format!("data again after {silent_s:.1} s"),
+            WatchEvent::ChannelNoData { channel } => {
+                format!("no data of {channel} for {silent_s:.1} s")
+            }
+            WatchEvent::ChannelDataAgain { channel } => {
+                format!("data of {channel} again after {silent_s:.1} s")
+            }
+            WatchEvent::Disconnected { reason } => {
+                format!("the connection to the source is lost ({reason}); the watch connects again")
+            }
+            WatchEvent::Reconnected => "the connection to the source is made again".into(),
+            WatchEvent::SinkFailed { sink, reason } => {
+                let reason = without_name(sink, reason);
+                format!("{sink} failed and gets nothing more ({reason}); the watch goes on")
+            }
+            WatchEvent::Heartbeat { .. } => return None,
+        })
+    }
+}
+
+/// Why a sink failed, without its name: what is said of a file begins with it.
+pub fn without_name<'r>(sink: &str, reason: &'r str) -> &'r str {
+    reason.strip_prefix(sink).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(reason)
+}
+
+/// The wall clock, UTC, in milliseconds.
+pub fn wall_time() -> String {
+    let now = jiff::Timestamp::try_from(SystemTime::now());
+    now.map_or_else(|_| String::new(), |now| format!("{now:.3}"))
+}
+
+/// How long something has been without data.
+#[derive(Debug, Clone, Copy, Default)]
+struct Silence {
+    lasts: Duration,
+    is_reported: bool,
+}
+
+impl Silence {
+    /// Time passes without data; whether that is to be reported now.
+    fn add(&mut self, time: Duration, limit: Duration) -> bool {
+        self.lasts += time;
+        let is_due = self.lasts >= limit && !self.is_reported;
+        self.is_reported |= is_due;
+        is_due
+    }
+
+    /// Data came; how long there were none, if that was reported.
+    fn end(&mut self) -> Option<Duration> {
+        let Silence { lasts, is_reported } = std::mem::take(self);
+        is_reported.then_some(lasts)
+    }
+}
+
+/// A finding of the watchdog.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum WatchdogAlert {
+    /// The source is silent for so long.
+    Source(Duration),
+    /// The source was silent for so long.
+    SourceAgain(Duration),
+    /// A channel is silent for so long.
+    Channel(usize, Duration),
+    /// A channel was silent for so long.
+    ChannelAgain(usize, Duration),
+    /// It is time for a heartbeat.
+    Beat,
+}
+
+/// Counts how long the source and its columns have been silent.
+#[derive(Debug, Clone)]
+pub(super) struct Watchdog {
+    rules: WatchdogRules,
+    source: Silence,
+    /// The time that each channel may be silent beyond the source; `None` without a column.
+    allowances: Vec<Option<Duration>>,
+    channels: Vec<Silence>,
+    last_check: Instant,
+    since_beat: Duration,
+    /// The silences that were reported: how often, and how long those of the source were that are over.
+    pub silences: Silences,
+}
+
+/// The silences of a live watch.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Silences {
+    /// How often the source was silent.
+    pub source: u64,
+    /// How long in all, s.
+    pub source_s: f64,
+    /// How often a channel was silent while others went on.
+    pub channels: u64,
+}
+
+impl Watchdog {
+    /// Begins to count.
+    pub fn new(rules: WatchdogRules, allowances: Vec<Option<Duration>>, now: Instant) -> Self {
+        let channels = vec![Silence::default(); allowances.len()];
+        let (source, since_beat) = (Silence::default(), Duration::ZERO);
+        let silences = Silences::default();
+        Watchdog { rules, source, allowances, channels, last_check: now, since_beat, silences }
+    }
+
+    /// Whether the source counts as silent.
+    pub fn is_silent(&self) -> bool {
+        self.source.is_reported
+    }
+
+    /// How long the source has been silent.
+    pub fn silent(&self) -> Duration {
+        self.source.lasts
+    }
+
+    /// A period came; `values` as they came, NaN is missing. Adds what ends to `found`.
+    pub fn note_data(&mut self, values: &[f64], found: &mut Vec<WatchdogAlert>) {
+        if values.iter().all(|value| value.is_nan()) {
+            return;
+        }
+        if let Some(lasted) = self.source.end() {
+            self.silences.source_s += lasted.as_secs_f64();
+            found.push(WatchdogAlert::SourceAgain(lasted));
+        }
+        for (channel, (silence, value)) in self.channels.iter_mut().zip(values).enumerate() {
+            if !value.is_nan()
+                && let Some(lasted) = silence.end()
+            {
+                found.push(WatchdogAlert::ChannelAgain(channel, lasted));
+            }
+        }
+    }
+
+    /// Looks at the clock. Adds what is due to `found`.
+    pub fn check(&mut self, now: Instant, found: &mut Vec<WatchdogAlert>) {
+        let passed = now.saturating_duration_since(self.last_check);
+        self.last_check = now;
+        let counted = passed.min(LONGEST_CHECK);
+        let limit = self.rules.no_data_after;
+        if self.source.add(counted, limit) {
+            self.silences.source += 1;
+            found.push(WatchdogAlert::Source(self.source.lasts));
+        }
+        // Where nothing comes at all, no column is to blame.
+        if self.source.lasts < limit.min(LONGEST_CHECK) {
+            for (channel, silence) in self.channels.iter_mut().enumerate() {
+                let Some(allowance) = self.allowances[channel] else { continue };
+                if silence.add(counted, limit.saturating_add(allowance)) {
+                    self.silences.channels += 1;
+                    found.push(WatchdogAlert::Channel(channel, silence.lasts));
+                }
+            }
+        }
+        self.since_beat += passed;
+        if self.rules.heartbeat.is_some_and(|every| self.since_beat >= every) {
+            self.since_beat = Duration::ZERO;
+            found.push(WatchdogAlert::Beat);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAN: f64 = f64::NAN;
+
+    /// Looks every 0.2 s; at each a period with values, or none.
+    fn alerts(
+        checks: impl IntoIterator<Item = Option<[f64; 2]>>,
+        heartbeat_s: u64,
+    ) -> Vec<WatchdogAlert> {
+        let heartbeat = Some(Duration::from_secs(heartbeat_s)).filter(|beat| !beat.is_zero());
+        let rules = WatchdogRules { heartbeat, ..WatchdogRules::default() };
+        let begin = Instant::now();
+        let allowances = vec![Some(Duration::ZERO), Some(Duration::from_secs(1))];
+        let mut watchdog = Watchdog::new(rules, allowances, begin);
+        let mut found = vec![];
+        for (k, values) in checks.into_iter().enumerate() {
+            if let Some(values) = values {
+                watchdog.note_data(&values, &mut found);
+            }
+            watchdog.check(begin + Duration::from_millis(200) * (k as u32 + 1), &mut found);
+        }
+        found
+    }
+
+    fn times(count: usize, values: Option<[f64; 2]>) -> impl Iterator<Item = Option<[f64; 2]>> {
+        std::iter::repeat_n(values, count)
+    }
+
+    #[test]
+    fn a_source_without_data_is_reported_once_and_its_return_too() {
+        let whole = Some([1.0, 2.0]);
+        let checks = times(5, whole).chain(times(30, None)).chain(times(5, whole));
+        let second = Duration::from_secs(1);
+        assert_eq!(
+            alerts(checks, 0),
+            [
+                WatchdogAlert::Source(2 * second),
+                WatchdogAlert::SourceAgain(Duration::from_millis(6200))
+            ]
+        );
+        // A source that never sends anything, and one that sends periods without a value.
+        assert_eq!(alerts(times(30, None), 0), [WatchdogAlert::Source(2 * second)]);
+        assert_eq!(alerts(times(30, Some([NAN; 2])), 0), [WatchdogAlert::Source(2 * second)]);
+    }
+
+    #[test]
+    fn a_channel_without_data_is_reported_while_others_go_on() {
+        let [whole, first, second] = [[1.0, 2.0], [1.0, NAN], [NAN, 2.0]].map(Some);
+        let checks = times(5, whole).chain(times(20, first)).chain(times(3, whole));
+        // A value held for a second is missed a second later.
+        let found = alerts(checks, 0);
+        let [WatchdogAlert::Channel(1, after), WatchdogAlert::ChannelAgain(1, _)] = found[..]
+        else {
+            panic!("{found:?}");
+        };
+        assert_eq!(after, Duration::from_secs(3));
+        let found = alerts(times(5, whole).chain(times(11, second)), 0);
+        assert_eq!(found, [WatchdogAlert::Channel(0, Duration::from_secs(2))]);
+    }
+
+    #[test]
+    fn heartbeats_come_with_data_and_without() {
+        let count = |found: Vec<WatchdogAlert>| {
+            found.iter().filter(|alert| **alert == WatchdogAlert::Beat).count()
+        };
+        assert_eq!(count(alerts(times(100, Some([1.0; 2])), 5)), 4);
+        assert_eq!(count(alerts(times(100, None), 5)), 4);
+        assert_eq!(count(alerts(times(100, None), 0)), 0);
+    }
+
+    #[test]
+    fn a_program_that_stood_still_does_not_blame_the_stream() {
+        let begin = Instant::now();
+        let mut watchdog = Watchdog::new(WatchdogRules::default(), vec![], begin);
+        let mut found = vec![];
+        watchdog.check(begin + Duration::from_secs(3600), &mut found);
+        assert_eq!(found, [WatchdogAlert::Beat]);
+        assert!(!watchdog.is_silent());
+    }
+
+    #[test]
+    fn a_notice_is_a_flat_object_with_its_state() {
+        let event = WatchEvent::ChannelNoData { channel: "p_a".into() };
+        let (state, phase) = (State::Healthy, Phase::None);
+        let wall_time = wall_time();
+        assert!(wall_time.len() == 24 && wall_time.ends_with('Z'), "{wall_time}");
+        let notice = Notice { event, wall_time, time_s: Some(1.5), silent_s: 2.0, state, phase };
+        let value = serde_json::to_value(&notice).unwrap();
+        assert_eq!(
+            (&value["event"], &value["channel"]),
+            (&"channel_no_data".into(), &"p_a".into())
+        );
+        assert_eq!((&value["state"], &value["time_s"]), (&"healthy".into(), &1.5.into()));
+        assert_eq!(notice.words().unwrap(), "no data of p_a for 2.0 s");
+    }
+}

@@ -1,0 +1,12 @@
+//! The one integration test binary of this crate.
+
+#[allow(dead_code, reason = "shared by several crates")]
+#[path = "../../../servotwin-io/tests/all/folder.rs"]
+mod folder;
+mod intake;
+mod log;
+#[cfg(feature = "mqtt")]
+mod mqtt;
+#[path = "../../../servotwin-io/tests/all/places.rs"]
+mod places;
+mod recordings;
