@@ -1,7 +1,6 @@
 //! Why a command ends without its result, and the exit code for it.
 
-use crate::commands::merge::Incomplete;
-use crate::paths::Named;
+use crate::incomplete::Incomplete;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::table_model::TableModelError;
@@ -24,11 +23,20 @@ use servotwin_watch::checkpoint::CheckpointError;
 use servotwin_watch::map::MapError;
 use servotwin_watch::sink::SinkError;
 use servotwin_watch::source::SourceError;
-use servotwin_watch::source::cut::CutError;
+use servotwin_watch::span::CutError;
 use std::borrow::Cow;
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
+
+/// A file with the option that names it.
+#[derive(Debug)]
+pub struct Named {
+    /// The option, or what is read.
+    pub option: &'static str,
+    /// The file.
+    pub path: PathBuf,
+}
 
 /// Why a command ends without its result.
 #[derive(Debug)]

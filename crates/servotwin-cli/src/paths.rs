@@ -4,7 +4,7 @@
 //! output may be a file that the same command reads, by whatever name or link, nor another of its outputs; and none may
 //! end like a file of another kind.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Named};
 use servotwin::figure::FigureError;
 use servotwin::leftovers::remove_abandoned_files;
 use servotwin::study::Study;
@@ -54,15 +54,6 @@ impl Format {
             _ => Ok(()),
         }
     }
-}
-
-/// A file with the option that names it.
-#[derive(Debug)]
-pub struct Named {
-    /// The option, or what is read.
-    pub option: &'static str,
-    /// The file.
-    pub path: PathBuf,
 }
 
 /// The files of a command.

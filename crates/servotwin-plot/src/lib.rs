@@ -34,9 +34,9 @@ pub mod value_map;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-pub use meaning::Meaning;
+pub use meaning::{Meaning, dark_rules};
 pub use png::PngError;
-pub use style::{Look, dark_rules};
+pub use style::Look;
 
 use servotwin_io::files::{FileError, write_atomically};
 

@@ -16,6 +16,9 @@ use super::style::Look;
 /// A colour on white, and what it becomes on a dark ground.
 pub(super) type Shade = [&'static str; 2];
 
+/// What those become on a dark ground, where that is not among the colours with a meaning.
+const ON_DARK: [Shade; 2] = [["#009e73", "#2fc79b"], ["#7a5c00", "#cfa63a"]];
+
 const UNITS: [Shade; 4] = [
     ["#0072b2", "#4fa8e0"],
     ["#d55e00", "#f08a3c"],
@@ -94,6 +97,17 @@ impl Meaning {
 pub(super) fn shades() -> Vec<Shade> {
     let commands = COMMANDS.concat();
     [&UNITS[..], &commands, &SETTINGS, &[TWIN], &MEDIA, &PLAIN].concat()
+}
+
+/// The rules of a style sheet that make a drawing's colours readable on a dark ground; texts keep theirs.
+pub fn dark_rules() -> String {
+    let rule = |[light, dark]: Shade| {
+        format!(
+            "  .drawing [stroke=\"{light}\"] {{ stroke: {dark}; }}\n  \
+             .drawing :not(text)[fill=\"{light}\"] {{ fill: {dark}; }}\n"
+        )
+    };
+    shades().into_iter().chain(ON_DARK).map(rule).collect()
 }
 
 #[cfg(test)]

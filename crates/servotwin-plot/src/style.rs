@@ -1,7 +1,5 @@
 //! Colours, dashes and markers: what tells one series from another.
 
-use super::meaning::{self, Shade};
-
 /// Text and axes.
 pub(super) const INK: &str = "#222222";
 /// Secondary text.
@@ -20,9 +18,6 @@ const COLOURS: [&str; 10] = [
 
 /// Dash patterns; the first is a full line.
 const DASHES: [&str; 6] = ["", "7 3", "2 2", "9 3 2 3", "5 2 2 2 2 2", "12 4"];
-
-/// What those become on a dark ground, where that is not among the colours with a meaning.
-const ON_DARK: [Shade; 2] = [["#009e73", "#2fc79b"], ["#7a5c00", "#cfa63a"]];
 
 /// What tells a series from the others: its colour, and without colours its dash and marker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,17 +61,6 @@ pub(super) fn look_or_nth(given: Option<Look>, index: usize) -> Look {
 /// The look that is given for a place, or that of the place.
 pub(super) fn look(looks: &[Look], index: usize) -> Look {
     look_or_nth(looks.get(index).copied(), index)
-}
-
-/// The rules of a style sheet that make a drawing's colours readable on a dark ground; texts keep theirs.
-pub fn dark_rules() -> String {
-    let rule = |[light, dark]: Shade| {
-        format!(
-            "  .drawing [stroke=\"{light}\"] {{ stroke: {dark}; }}\n  \
-             .drawing :not(text)[fill=\"{light}\"] {{ fill: {dark}; }}\n"
-        )
-    };
-    meaning::shades().into_iter().chain(ON_DARK).map(rule).collect()
 }
 
 /// Black or white, whichever is read better on a colour given as `#rrggbb`.

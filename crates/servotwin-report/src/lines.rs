@@ -13,9 +13,6 @@ use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
 
-/// The study whose results the seed paper has.
-pub const PAPER: &str = "paper";
-
 /// The accuracies that the seed paper reports, with a third of the variants held out at random.
 pub const OF_PAPER: [(&str, f64); 2] = [("A", 0.9149), ("B", 0.9844)];
 

@@ -3,10 +3,12 @@
 //! Units and commands have the names that the study gives them, a study of one unit has no wrong unit
 //! to be confused with, and only the paper's study may speak of the paper's figures.
 
-use super::lines::PAPER;
 use super::words::spoken;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::{FAULTY, HEALTHY, Question};
+
+/// The study whose results the seed paper has.
+pub const PAPER: &str = "paper";
 
 /// The words of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Writes checkpoints of a live source on a thread of its own: a slow or full disk delays no diagnosis.
 
 use super::checkpoint::Checkpoint;
-use super::sink::SinkLoss;
+use super::watchdog::SinkLoss;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -5,10 +5,11 @@
 //! confirm are left out. All of it is counted. What remains is a [`Table`] in SI units.
 
 use super::counts::{Counts, Kind};
+use super::cut::Cut;
 use super::map::{Map, MapError, Trust, guess};
 use super::sequencer::Stamped;
-use super::source::cut::{Cut, Span};
 use super::source::{Address, Read, Row, Source, SourceError};
+use super::span::Span;
 use servotwin::fit::{RecordError, TIME_UNIT};
 use servotwin::recording::with_suffix;
 use servotwin::study::Study;

@@ -13,12 +13,14 @@ mod bits;
 pub mod checkpoint;
 mod checkpoint_writer;
 pub mod counts;
+pub mod cut;
 pub mod doubts;
 pub mod intake;
 pub mod map;
 pub mod sequencer;
 pub mod sink;
 pub mod source;
+pub mod span;
 pub mod watchdog;
 
 pub use servotwin::observer::{Finding, Observation, Observer, Phase, State};
@@ -31,11 +33,13 @@ use map::Map;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
 use servotwin_io::document::Quantity;
-use sink::{Sample, Sink, SinkError, SinkLoss};
+use sink::{Sample, Sink, SinkError};
 use source::{Read, Row, Source, SourceError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use watchdog::{Notice, Silences, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time};
+use watchdog::{
+    Notice, Silences, SinkLoss, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time,
+};
 
 /// Why watching ended early.
 #[derive(Debug, thiserror::Error)]
@@ -451,7 +455,7 @@ impl Progress {
         let wrong = checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what);
         wrong
             .or_else(|| self.counts.wrong(width, expected.counted))
-            .or_else(|| self.sequencer.wrong(expected))
+            .or_else(|| self.sequencer.wrong(expected.period_s, width, expected.map.rules))
     }
 
     /// Counts a row.

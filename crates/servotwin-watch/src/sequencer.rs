@@ -16,7 +16,6 @@
 //!
 //! A sequencer holds at most `longest_gap_s + wait_s` of periods, whatever comes.
 
-use super::checkpoint::Expected;
 use super::counts::{Counts, Kind};
 use super::{LARGEST_COUNT, bits};
 use serde::{Deserialize, Serialize};
@@ -159,8 +158,7 @@ impl Sequencer {
 
     /// What is wrong with it as the sequencer of this map and period, if anything is: whatever comes later must neither
     /// overflow nor need more memory than [`Rules`] allow.
-    pub(super) fn wrong(&self, expected: &Expected) -> Option<&'static str> {
-        let (width, rules) = (expected.map.width(), expected.map.rules);
+    pub(super) fn wrong(&self, period_s: f64, width: usize, rules: Rules) -> Option<&'static str> {
         let is_sample = |sample: &Stamped| {
             sample.place <= LARGEST_COUNT
                 && sample.time_s.is_finite()
@@ -169,7 +167,7 @@ impl Sequencer {
         let is_waiting = |sample: &Stamped| sample.values.is_empty() || is_sample(sample);
         let mut waiting = self.grid.iter().flat_map(|grid| &grid.waiting);
         let checks = [
-            (self.period_s.to_bits() == expected.period_s.to_bits(), "the period"),
+            (self.period_s.to_bits() == period_s.to_bits(), "the period"),
             (self.rules == rules, "the rules of samples"),
             (self.width == width, "the number of inputs and sensors"),
             (waiting.all(is_waiting), "a sample that waits"),

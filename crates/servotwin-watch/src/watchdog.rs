@@ -7,10 +7,23 @@
 //! program itself stood still (a laptop that slept), the stream is not blamed: one look counts for [`LONGEST_CHECK`] at
 //! most.
 
-use super::sink::SinkLoss;
 use serde::Serialize;
 use servotwin::observer::{Phase, State};
 use std::time::{Duration, Instant, SystemTime};
+
+/// The losses of a sink.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SinkLoss {
+    /// The file, socket or stream.
+    pub sink: String,
+    /// How many samples and notices it did not get.
+    pub lost: u64,
+    /// Why it gets nothing any more, if it failed.
+    pub failure: Option<String>,
+    /// Whether the user wanted a file that is not complete now.
+    #[serde(skip)]
+    pub is_file: bool,
+}
 
 /// No look at the clock counts for more: between two checks a source is read for 0.2 s.
 const LONGEST_CHECK: Duration = Duration::from_millis(1000);

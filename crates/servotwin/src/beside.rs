@@ -13,19 +13,19 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Takes one value; NaN is missing.
+    /// Takes one finite value.
     pub fn take(&mut self, value: f64) {
         self.count += 1;
         self.sum += value;
         self.square += value * value;
     }
 
-    /// The mean of the squares; NaN without a value.
+    /// The mean of the squares; 0 without a value.
     pub fn mean_square(&self) -> f64 {
         self.square / self.count.max(1) as f64
     }
 
-    /// The variance; NaN without a value.
+    /// The variance; 0 without a value.
     pub fn variance(&self) -> f64 {
         (self.mean_square() - (self.sum / self.count.max(1) as f64).powi(2)).max(0.0)
     }

@@ -18,7 +18,7 @@ use servotwin::study::{Study, StudyError, Tolerance};
 use servotwin::system::System;
 use servotwin_model::spec::Unit;
 use servotwin_watch::map::Map;
-use servotwin_watch::source::cut::Span;
+use servotwin_watch::span::Span;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 

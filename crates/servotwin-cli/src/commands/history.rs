@@ -20,7 +20,7 @@ use servotwin::flight::told::{Told, told};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
 use servotwin_watch::map::Map;
-use servotwin_watch::source::cut::Span;
+use servotwin_watch::span::Span;
 use servotwin_watch::{Phase, State, WatchError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -2,12 +2,11 @@
 
 use super::campaign::{campaign, chosen, describe, named};
 use crate::failure::Failure;
+use crate::incomplete::Incomplete;
 use crate::{Global, stop};
-use servotwin::campaign::{Campaign, CampaignError, MissingParts, missing_parts};
+use servotwin::campaign::{Campaign, CampaignError, missing_parts};
 use servotwin::job::{Folder, manifest};
 use servotwin::study::{Setting, Study};
-use std::borrow::Cow;
-use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -99,101 +98,4 @@ fn incomplete(
         return failure;
     }
     Failure::PartsMissing(Box::new(report))
-}
-
-/// The parts that a merge lacks, with the line that runs them.
-#[derive(Debug)]
-pub struct Incomplete {
-    folder: PathBuf,
-    /// The scenario that was named to the merge.
-    setting: Option<String>,
-    /// The campaigns that lack shards, in words.
-    names: Vec<String>,
-    missing: MissingParts,
-}
-
-impl Incomplete {
-    fn to_json(&self) -> serde_json::Value {
-        let rows = self.missing.campaigns.iter().map(|rows| {
-            serde_json::json!({
-                "settings": rows.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
-                "training": rows.role == servotwin::study::Role::Training,
-                "missing": rows.missing,
-                "variants": rows.variants,
-                "parts": rows.parts,
-            })
-        });
-        serde_json::json!({
-            "of": self.missing.of,
-            "parts": self.missing.parts,
-            "campaigns": rows.collect::<Vec<_>>(),
-            "resubmit": self.resubmit(),
-        })
-    }
-
-    /// One shell line that runs what is missing.
-    fn resubmit(&self) -> String {
-        let MissingParts { of, parts, simulate_images, .. } = &self.missing;
-        let folder = quoted(&self.folder.to_string_lossy()).into_owned();
-        let mut command = format!("servotwin campaign {folder} --out {folder}");
-        if let Some(setting) = &self.setting {
-            command += &format!(" --setting {setting}");
-        }
-        if *simulate_images {
-            command += " --all";
-        }
-        match parts[..] {
-            [part] => format!("{command} --shards {part}/{of}"),
-            _ => {
-                let list: Vec<String> = parts.iter().map(usize::to_string).collect();
-                format!("for part in {}; do {command} --shards $part/{of}; done", list.join(" "))
-            }
-        }
-    }
-}
-
-impl fmt::Display for Incomplete {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let MissingParts { of, campaigns, damaged, .. } = &self.missing;
-        write!(out, "parts of the campaign are missing")?;
-        for (name, rows) in self.names.iter().zip(campaigns) {
-            let (missing, variants, parts) = (rows.missing, rows.variants, ranges(&rows.parts));
-            let part = if rows.parts.len() == 1 { "part" } else { "parts" };
-            write!(out, "\n  {name}: {missing} of {variants} rows, {part} {parts} of {of}")?;
-        }
-        if let Some(path) = damaged {
-            write!(out, "\n  {} is damaged and counts as missing", path.display())?;
-        }
-        write!(out, "\nresubmit: {}", self.resubmit())
-    }
-}
-
-/// Ascending numbers as an array of jobs is written: `2,5-7`.
-fn ranges(numbers: &[usize]) -> String {
-    let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
-        [first, .., last] => format!("{first}-{last}"),
-        _ => run.iter().map(usize::to_string).collect(),
-    });
-    runs.collect::<Vec<_>>().join(",")
-}
-
-/// A path as a POSIX shell reads it back.
-fn quoted(path: &str) -> Cow<'_, str> {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
-    match !path.is_empty() && path.chars().all(is_plain) {
-        true => path.into(),
-        false => format!("'{}'", path.replace('\'', "'\\''")).into(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_are_written_as_arrays_and_paths_as_a_shell_reads_them() {
-        assert_eq!(ranges(&[2, 5, 6, 7, 9, 10]), "2,5-7,9-10");
-        assert_eq!(quoted("/out/a-1"), "/out/a-1");
-        assert_eq!(quoted("it's $here"), "'it'\\''s $here'");
-    }
 }

@@ -47,7 +47,7 @@ use servotwin::table::{self, Table};
 use servotwin_watch::intake::{self, IntakeError};
 use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
-use servotwin_watch::source::cut::Span;
+use servotwin_watch::span::Span;
 use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@ use crate::render::{Grid, Side};
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::{Results, Subject};
 use servotwin::study::Study;
-use servotwin_report::lines::{self, OF_PAPER, PAPER};
-use servotwin_report::vocabulary::Vocabulary;
+use servotwin_report::lines::{self, OF_PAPER};
+use servotwin_report::vocabulary::{PAPER, Vocabulary};
 use servotwin_report::words::{of_count, percent, share};
 
 /// One table for trees and committee.

@@ -1,9 +1,9 @@
 //! What came out, on one screen: what to act on in one sentence each, the settings side by side, and apart
 //! from them the comparison with the seed paper.
 
-use crate::lines::{self, OF_PAPER, PAPER};
+use crate::lines::{self, OF_PAPER};
 use crate::page::{Grid, Page, Side};
-use crate::vocabulary::Vocabulary;
+use crate::vocabulary::{PAPER, Vocabulary};
 use crate::words::{NONE, number, percent, rate, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::Evaluation;

@@ -6,9 +6,8 @@ pub mod strip;
 pub mod threads;
 pub mod timeline;
 
-use super::watchdog::Notice;
+use super::watchdog::{Notice, SinkLoss};
 use mcap::Lost;
-use serde::Serialize;
 use servotwin::observer::Observation;
 use servotwin::shown::Shown;
 use servotwin::system::{Sensor, System};
@@ -81,20 +80,6 @@ pub trait Sink {
         self.flush()?;
         Ok(None)
     }
-}
-
-/// The losses of a sink.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct SinkLoss {
-    /// The file, socket or stream.
-    pub sink: String,
-    /// How many samples and notices it did not get.
-    pub lost: u64,
-    /// Why it gets nothing any more, if it failed.
-    pub failure: Option<String>,
-    /// Whether the user wanted a file that is not complete now.
-    #[serde(skip)]
-    pub is_file: bool,
 }
 
 /// Why a result cannot be written.

@@ -7,8 +7,8 @@
 //! A sink that fails is counted as failed from then on, and everything it would have got as lost.
 
 use super::mcap::Lost;
-use super::{Sample, Sink, SinkError, SinkLoss};
-use crate::watchdog::{Notice, WatchEvent};
+use super::{Sample, Sink, SinkError};
+use crate::watchdog::{Notice, SinkLoss, WatchEvent};
 use servotwin::observer::{Finding, Observation};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};

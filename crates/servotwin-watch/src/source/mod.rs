@@ -4,7 +4,6 @@
 //! the log. What cannot be read is a [`Flaw`], never an end: only a file or a connection that cannot
 //! be opened is an error.
 
-pub mod cut;
 pub mod frame;
 #[cfg(any(feature = "mf4", feature = "mat"))]
 mod groups;
@@ -22,6 +21,7 @@ mod table;
 pub mod udp;
 
 use super::counts::Kind;
+use crate::span::CutError;
 use servotwin_io::files::FileError;
 use servotwin_io::moment;
 use servotwin_io::nearest::nearest;
@@ -455,7 +455,7 @@ pub enum SourceError {
         most: usize,
     },
     /// Nothing of a log lies in the time that was asked for.
-    Cut(cut::CutError),
+    Cut(CutError),
     /// Columns that the map names are not there.
     Lacking {
         /// The log.

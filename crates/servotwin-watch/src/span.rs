@@ -1,7 +1,5 @@
 //! A part of a log by its times: from a moment, to a moment.
 
-use super::{Read, Row, Source, SourceError};
-use crate::map::Map;
 use servotwin::signal::Quantity;
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
@@ -94,7 +92,8 @@ impl Span {
         self.from.is_none() && self.to.is_none()
     }
 
-    fn is_of_kind(&self, first_s: f64) -> bool {
+    /// Whether its ends are of the same kind (date or time of day) as the first time of a log.
+    pub(super) fn is_of_kind(&self, first_s: f64) -> bool {
         let mut limits = [self.from, self.to].into_iter().flatten();
         limits.all(|limit| match limit {
             Limit::Behind(_) => true,
@@ -102,7 +101,8 @@ impl Span {
         })
     }
 
-    fn contains(&self, time_s: f64, first_s: f64) -> bool {
+    /// Whether a time lies in it.
+    pub(super) fn contains(&self, time_s: f64, first_s: f64) -> bool {
         let at = |limit| match limit {
             Limit::Behind(behind_s) => first_s + behind_s,
             Limit::At(at_s) => at_s,
@@ -111,81 +111,5 @@ impl Span {
         let rounding = 1e-6;
         self.from.is_none_or(|from| time_s >= at(from) - rounding)
             && self.to.is_none_or(|to| time_s <= at(to) + rounding)
-    }
-}
-
-/// A part of a source.
-pub struct Cut {
-    source: Box<dyn Source>,
-    log: String,
-    map: Map,
-    span: Span,
-    /// The first and the last time that came, s.
-    reach: Option<(f64, f64)>,
-    rows: u64,
-    cut: u64,
-    is_empty: bool,
-}
-
-impl Cut {
-    /// The part of a log whose times a map knows.
-    pub fn new(source: Box<dyn Source>, log: String, map: &Map, span: Span) -> Self {
-        let map = map.clone();
-        Cut { source, log, map, span, reach: None, rows: 0, cut: 0, is_empty: true }
-    }
-
-    /// Whether a row is in the part.
-    fn keeps(&mut self, row: &Row) -> Result<bool, SourceError> {
-        let time_s = self.map.time_s(row, self.rows);
-        self.rows += 1;
-        if !time_s.is_finite() {
-            return Ok(true);
-        }
-        let (first_s, _) = *self.reach.get_or_insert((time_s, time_s));
-        self.reach = Some((first_s, time_s));
-        if !self.span.is_of_kind(first_s) {
-            let (log, first) = (self.log.clone(), moment::shown(first_s));
-            return Err(SourceError::Cut(CutError::OtherKind { log, first }));
-        }
-        Ok(self.span.contains(time_s, first_s))
-    }
-}
-
-impl Source for Cut {
-    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
-        row.cut = 0;
-        let read = self.source.read(row)?;
-        match (&read, self.reach) {
-            (Read::Row, _) => {
-                if self.keeps(row)? {
-                    self.is_empty = false;
-                    row.cut = self.cut;
-                    return Ok(Read::Row);
-                }
-                self.cut += 1;
-                Ok(Read::Nothing)
-            }
-            (Read::End, Some((first_s, last_s))) if self.is_empty => {
-                let (log, reach) = (self.log.clone(), [first_s, last_s].map(moment::shown));
-                Err(SourceError::Cut(CutError::Empty { log, reach: reach.into() }))
-            }
-            (Read::Flawed(_), _) => {
-                self.rows += 1;
-                Ok(read)
-            }
-            _ => Ok(read),
-        }
-    }
-
-    fn counted(&self) -> &'static str {
-        self.source.counted()
-    }
-
-    fn is_live(&self) -> bool {
-        self.source.is_live()
-    }
-
-    fn share(&self) -> Option<f64> {
-        self.source.share()
     }
 }

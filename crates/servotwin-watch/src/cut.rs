@@ -1,0 +1,82 @@
+//! A source that keeps the part of a log between two times.
+
+use super::source::{Read, Row, Source, SourceError};
+use crate::map::Map;
+use crate::span::{CutError, Span};
+use servotwin_io::moment;
+
+/// A part of a source.
+pub struct Cut {
+    source: Box<dyn Source>,
+    log: String,
+    map: Map,
+    span: Span,
+    /// The first and the last time that came, s.
+    reach: Option<(f64, f64)>,
+    rows: u64,
+    cut: u64,
+    is_empty: bool,
+}
+
+impl Cut {
+    /// The part of a log whose times a map knows.
+    pub fn new(source: Box<dyn Source>, log: String, map: &Map, span: Span) -> Self {
+        let map = map.clone();
+        Cut { source, log, map, span, reach: None, rows: 0, cut: 0, is_empty: true }
+    }
+
+    /// Whether a row is in the part.
+    fn keeps(&mut self, row: &Row) -> Result<bool, SourceError> {
+        let time_s = self.map.time_s(row, self.rows);
+        self.rows += 1;
+        if !time_s.is_finite() {
+            return Ok(true);
+        }
+        let (first_s, _) = *self.reach.get_or_insert((time_s, time_s));
+        self.reach = Some((first_s, time_s));
+        if !self.span.is_of_kind(first_s) {
+            let (log, first) = (self.log.clone(), moment::shown(first_s));
+            return Err(SourceError::Cut(CutError::OtherKind { log, first }));
+        }
+        Ok(self.span.contains(time_s, first_s))
+    }
+}
+
+impl Source for Cut {
+    fn read(&mut self, row: &mut Row) -> Result<Read, SourceError> {
+        row.cut = 0;
+        let read = self.source.read(row)?;
+        match (&read, self.reach) {
+            (Read::Row, _) => {
+                if self.keeps(row)? {
+                    self.is_empty = false;
+                    row.cut = self.cut;
+                    return Ok(Read::Row);
+                }
+                self.cut += 1;
+                Ok(Read::Nothing)
+            }
+            (Read::End, Some((first_s, last_s))) if self.is_empty => {
+                let (log, reach) = (self.log.clone(), [first_s, last_s].map(moment::shown));
+                Err(SourceError::Cut(CutError::Empty { log, reach: reach.into() }))
+            }
+            (Read::Flawed(_), _) => {
+                self.rows += 1;
+                Ok(read)
+            }
+            _ => Ok(read),
+        }
+    }
+
+    fn counted(&self) -> &'static str {
+        self.source.counted()
+    }
+
+    fn is_live(&self) -> bool {
+        self.source.is_live()
+    }
+
+    fn share(&self) -> Option<f64> {
+        self.source.share()
+    }
+}
