@@ -120,7 +120,8 @@ fn keys_and_topics_of_hostile_logs_are_printed_escaped() {
     run(&["watch", &log, "--make-map", &map, "--json"]);
     run(&["watch", &log, "--map", &map]);
     fails(&["fit", &log]);
-    let plain = concat!(env!("CARGO_MANIFEST_DIR"), "/../servotwin/tests/foreign/log_plain.mcap");
+    let plain =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../servotwin-io/tests/foreign/log_plain.mcap");
     let mut bytes = fs::read(plain).unwrap();
     // Topics begin with ESC and a character that turns the direction instead of "rig/".
     let evil = "\u{1b}\u{202e}".as_bytes();

@@ -6,6 +6,7 @@ mod first_hour;
 mod fit;
 mod flights;
 mod hostile;
+mod house;
 mod live;
 mod paths;
 mod public_tables;
