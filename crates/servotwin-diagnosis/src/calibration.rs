@@ -79,7 +79,7 @@ impl<'a> Forecasts<'a> {
     /// are zero.
     pub fn with_weights(mut self, weights: &'a [f64]) -> Result<Self, Error> {
         same_length("weights", self.labels.len(), weights.len())?;
-        let is_wrong = |weight: &f64| !(0.0..=crate::data::LARGEST).contains(weight);
+        let is_wrong = |weight: &f64| !(0.0..=crate::error::LARGEST).contains(weight);
         if let Some(row) = weights.iter().position(is_wrong) {
             return Err(Error::WeightOutOfRange { row, weight: weights[row] });
         }

@@ -7,10 +7,7 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::error::{Error, same_length};
-
-/// No feature or weight may be larger, so that squares and their sums stay finite.
-pub const LARGEST: f64 = 1e100;
+use crate::error::{Error, LARGEST, same_length};
 
 /// A table of finite features (rows × features), one class label per row, and row weights.
 ///

@@ -3,7 +3,8 @@
 use alloc::string::String;
 use core::fmt;
 
-use crate::data::LARGEST;
+/// No feature or weight may be larger, so that squares and their sums stay finite.
+pub const LARGEST: f64 = 1e100;
 
 /// What can go wrong between a table of features and a trained model.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +23,7 @@ pub enum Error {
         /// The length that came.
         found: usize,
     },
-    /// A feature value is NaN, infinite, or larger than [`crate::data::LARGEST`].
+    /// A feature value is NaN, infinite, or larger than [`LARGEST`].
     NotFinite {
         /// Name of the feature column.
         column: String,
@@ -45,7 +46,7 @@ pub enum Error {
         /// Number of classes.
         classes: usize,
     },
-    /// A sample weight is negative, NaN, infinite, or larger than [`crate::data::LARGEST`].
+    /// A sample weight is negative, NaN, infinite, or larger than [`LARGEST`].
     WeightOutOfRange {
         /// Row, counted from zero.
         row: usize,

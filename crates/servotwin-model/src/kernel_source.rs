@@ -21,6 +21,7 @@ use crate::c_source::parameter_symbols;
 use crate::program::Program;
 use crate::scalar::Scalar;
 use crate::solver::Method;
+use crate::solver::kernels::{NUMBERS, input_bit};
 use crate::solver::tableau::Tableau;
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
 use alloc::collections::{BTreeMap, BTreeSet};
@@ -60,15 +61,6 @@ fn kernel(c: &mut String, function: Function) {
     let text = Text { expressions, stores: BTreeMap::new(), quiet: &Quiet::default(), part: None };
     text.statements(c, &[value.operand()]);
     line(c, format_args!("    return {};\n}}\n", text.operand(value.operand())));
-}
-
-/// What changes where a variant's constants or parameters do.
-pub(crate) const NUMBERS: u64 = 1 << 63;
-
-/// What changes where an external input does.
-pub(crate) fn input_bit(external: usize) -> u64 {
-    // Some share the last bit where there are very many: what is done too often does no harm.
-    1 << external.min(62)
 }
 
 /// What the quiet part of two evaluations is, and where each number of it stands.

@@ -1,7 +1,7 @@
 //! The best threshold of one feature.
 
 use super::criterion::Scan;
-use crate::data::LARGEST;
+use crate::error::LARGEST;
 
 /// The smallest differences of a feature that a sensor resolves. Zero allows everything.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

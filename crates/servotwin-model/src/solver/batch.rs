@@ -1,8 +1,8 @@
 //! The memory of a few variants side by side, and one step of them.
 
 use super::kernels::Functions;
+use super::kernels::{NUMBERS, input_bit};
 use super::tableau::Tableau;
-use crate::kernel_source::{NUMBERS, input_bit};
 use crate::program::Program;
 use crate::scalar::{Lanes, Work};
 use alloc::vec;

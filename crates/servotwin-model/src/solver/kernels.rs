@@ -16,6 +16,15 @@ type Factor = unsafe extern "C" fn(*const f64, *const f64, *mut f64);
 type Solve = unsafe extern "C" fn(*const f64, *const f64, *const f64, *const f64, *mut f64);
 type Sums = unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *mut f64);
 
+/// What changes where a variant's constants or parameters do.
+pub(crate) const NUMBERS: u64 = 1 << 63;
+
+/// What changes where an external input does.
+pub(crate) fn input_bit(external: usize) -> u64 {
+    // Some share the last bit where there are very many: what is done too often does no harm.
+    1 << external.min(62)
+}
+
 /// The functions of [`crate::kernel_source`] for arrays of so many lanes.
 #[derive(Debug)]
 pub struct Functions {

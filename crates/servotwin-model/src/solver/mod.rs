@@ -19,7 +19,7 @@ mod batch;
 mod course;
 mod ensemble;
 mod follow;
-mod kernels;
+pub(crate) mod kernels;
 pub mod tableau;
 mod trim;
 mod twin;

@@ -358,7 +358,7 @@ impl Step {
 
 /// Whether a threshold only asks whether there is a value at all.
 fn is_any_value(threshold: f64) -> bool {
-    threshold >= servotwin_diagnosis::data::LARGEST
+    threshold >= servotwin_diagnosis::error::LARGEST
 }
 
 /// The question of an inner node, answered with yes by the rows that go left.
