@@ -1,4 +1,4 @@
-"""Writes the golden files that the val_sklearn_* tests of servotwin-diagnosis compare with.
+"""Writes the golden files that the val_sklearn_* tests of servotwin-learning compare with.
 
 Run peers/setup.sh once, then: peers/.venv/bin/python peers/sklearn_classifiers.py
 

@@ -69,8 +69,8 @@ impl Diagnoser {
         let sensors = diagnoser.sensors.iter().enumerate();
         let lost = sensors.filter(|(place, _)| self.session.is_lost(*place));
         let command = |raised: diagnoser::Raised| {
-            let unit = names.actuators[raised.unit as usize].clone();
-            (unit, names.commands[raised.command as usize].clone())
+            let unit = names.actuators[raised.actuator as usize].clone();
+            (unit, names.actions[raised.action as usize].clone())
         };
         Outcome {
             sample: said.sample,

@@ -9,9 +9,10 @@ use servotwin::evaluation::model_file;
 use servotwin::figure::tree::{Node, Tree as Drawing};
 use servotwin::table::{Column, Table as Columns};
 use servotwin_diagnosis::Error;
-use servotwin_diagnosis::classifiers::{Classifier, Fit, Model as Trained, Scores, Settings};
-use servotwin_diagnosis::data::Samples;
+use servotwin_diagnosis::classifiers::{Classifier, Model as Trained, Scores};
 use servotwin_diagnosis::tree::Tree as Inner;
+use servotwin_learning::Samples;
+use servotwin_learning::classifiers::{Fit, Settings};
 use std::path::PathBuf;
 use std::sync::Arc;
 

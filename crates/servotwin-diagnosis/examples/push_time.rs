@@ -12,7 +12,7 @@ fn main() -> Result<(), servotwin_diagnosis::Error> {
     for fault in [None, Some(toy::Kind::Wear)] {
         let mut session = Session::new(toy::diagnoser())?;
         let mut flight = toy::Flight::new(1);
-        let fault = fault.map(|kind| toy::Fault { unit: 1, kind, size: 0.8 });
+        let fault = fault.map(|kind| toy::Fault { actuator: 1, kind, size: 0.8 });
         let mut times_us = Vec::with_capacity(SAMPLES);
         for _ in 0..SAMPLES {
             let (inputs, measured, twin) = flight.next(fault);
@@ -51,10 +51,10 @@ fn latency(kind: toy::Kind, size: f64, seed: u64) -> Option<usize> {
         let (inputs, measured, twin) = flight.next(None);
         session.push(&inputs, &measured, &twin);
     }
-    let fault = toy::Fault { unit: 1, kind, size };
+    let fault = toy::Fault { actuator: 1, kind, size };
     (1..=1000).find(|_| {
         let (inputs, measured, twin) = flight.next(Some(fault));
         let raised = session.push(&inputs, &measured, &twin).raised;
-        raised.is_some_and(|raised| (raised.unit, raised.command) == (1, kind.command()))
+        raised.is_some_and(|raised| (raised.actuator, raised.action) == (1, kind.action()))
     })
 }

@@ -3,8 +3,7 @@
 use alloc::string::String;
 use core::fmt;
 
-/// No feature or weight may be larger, so that squares and their sums stay finite.
-pub const LARGEST: f64 = 1e100;
+use crate::numeric::MAX_VALUE;
 
 /// What can go wrong between a table of features and a trained model.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +22,7 @@ pub enum Error {
         /// The length that came.
         found: usize,
     },
-    /// A feature value is NaN, infinite, or larger than [`LARGEST`].
+    /// A feature value is NaN, infinite, or larger than [`crate::numeric::MAX_VALUE`].
     NotFinite {
         /// Name of the feature column.
         column: String,
@@ -46,7 +45,7 @@ pub enum Error {
         /// Number of classes.
         classes: usize,
     },
-    /// A sample weight is negative, NaN, infinite, or larger than [`LARGEST`].
+    /// A sample weight is negative, NaN, infinite, or larger than [`crate::numeric::MAX_VALUE`].
     WeightOutOfRange {
         /// Row, counted from zero.
         row: usize,
@@ -108,7 +107,7 @@ impl fmt::Display for Error {
                 write!(out, "row {row}: label {label}, but there are {classes} classes")
             }
             Error::WeightOutOfRange { row, weight } => {
-                write!(out, "row {row}: weight {weight} is not between 0 and {LARGEST:e}")
+                write!(out, "row {row}: weight {weight} is not between 0 and {MAX_VALUE:e}")
             }
             Error::IndexOutOfRange { what, index, length } => {
                 write!(out, "{what} {index} is past the end ({length})")
@@ -127,8 +126,11 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
-/// Returns an error unless `holds`; for the range checks of settings.
-pub(crate) fn require(
+/// Checks the range of a setting.
+///
+/// # Errors
+/// [`Error::SettingOutOfRange`] unless `holds`.
+pub fn require(
     holds: bool,
     setting: &'static str,
     value: f64,
@@ -137,7 +139,15 @@ pub(crate) fn require(
     if holds { Ok(()) } else { Err(Error::SettingOutOfRange { setting, value, allowed }) }
 }
 
-/// Returns an error unless the two lengths agree.
-pub(crate) fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {
+/// Checks that two lengths agree.
+///
+/// # Errors
+/// [`Error::LengthMismatch`].
+pub fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {
     if expected == found { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
+}
+
+/// Checks a promise that the parts of a stored model make.
+pub(crate) fn require_sound(holds: bool, broken: &'static str) -> Result<(), Error> {
+    if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
 }

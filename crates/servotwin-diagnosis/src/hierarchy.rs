@@ -23,18 +23,14 @@
 //! **Healthy.** Where examples without a fault are given, A may answer that there is none; nothing
 //! is asked after that. So an alarm that a tolerance raised need not become a fault.
 
+use crate::calibration;
+use crate::classifiers::{Classifier, Model, Scores};
+use crate::error::{Error, require_sound, same_length};
 use alloc::format;
 use alloc::string::String;
-use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
-
-use crate::calibration;
-use crate::classifiers::{self, Classifier, Fit, Model, Scores};
-use crate::data::Samples;
-use crate::error::{Error, same_length};
-use crate::tree::Criterion;
 
 /// The word that a stored hierarchy begins with.
 pub const FORMAT: &str = "servotwin hierarchy 2";
@@ -52,7 +48,8 @@ pub enum Question {
     /// Which actuator the fault is in.
     Actuator,
     /// What is to be done with it.
-    Command,
+    #[serde(rename = "command")]
+    Action,
     /// What is broken there.
     Detail,
 }
@@ -66,7 +63,8 @@ pub struct Place {
     /// The actuator it is for; `None` for any.
     pub actuator: Option<u32>,
     /// The command whose details it tells apart; `None` for the stages above.
-    pub command: Option<u32>,
+    #[serde(rename = "command")]
+    pub action: Option<u32>,
 }
 
 impl Place {
@@ -74,9 +72,9 @@ impl Place {
     pub fn id(&self) -> String {
         let letter = match self.question {
             Question::Actuator => 'A',
-            Question::Command => 'B',
+            Question::Action => 'B',
             Question::Detail => {
-                let place = u32::from('C') + self.command.unwrap_or(0);
+                let place = u32::from('C') + self.action.unwrap_or(0);
                 char::from_u32(place).unwrap_or('?')
             }
         };
@@ -87,9 +85,9 @@ impl Place {
     }
 
     /// Whether a fault with this truth is one that the stage is asked about.
-    pub fn is_asked(&self, actuator: u32, command: u32) -> bool {
+    pub fn is_asked(&self, actuator: u32, action: u32) -> bool {
         self.actuator.is_none_or(|own| own == actuator)
-            && self.command.is_none_or(|own| own == command)
+            && self.action.is_none_or(|own| own == action)
     }
 
     /// The view that the stage reads for a fault in an actuator.
@@ -108,300 +106,10 @@ pub struct Names {
     /// The actuators; at least one.
     pub actuators: Vec<String>,
     /// The commands, most urgent first.
-    pub commands: Vec<String>,
+    #[serde(rename = "commands")]
+    pub actions: Vec<String>,
     /// The details.
     pub details: Vec<String>,
-}
-
-/// What is wrong with a row: places in [`Names`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Label {
-    /// The actuator; the number of actuators where nothing is wrong ([`Names::healthy`]).
-    pub actuator: u32,
-    /// The command; means nothing where nothing is wrong.
-    pub command: u32,
-    /// The detail; likewise.
-    pub detail: u32,
-}
-
-/// Rows to learn from or to test with: their features in every view, and their labels.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Examples {
-    names: Names,
-    /// For each actuator the columns that its stages may read.
-    read: Vec<Vec<usize>>,
-    /// The columns that no stage may read.
-    hidden: Vec<usize>,
-    /// Column-major features of all rows, one table per view.
-    views: Arc<Vec<Vec<f64>>>,
-    labels: Vec<Label>,
-    /// For each command the details that occur with it, ascending.
-    details: Vec<Vec<u32>>,
-}
-
-impl Examples {
-    /// Rows with column-major features in each view. `read` lists for each actuator the columns that
-    /// its stages may read: its own sensors', or also the others' and what compares them;
-    /// without views beyond the first nothing can be mirrored or pooled.
-    ///
-    /// # Errors
-    /// [`Error::LengthMismatch`], [`Error::IndexOutOfRange`] for a column, [`Error::LabelOutOfRange`].
-    pub fn new(
-        names: Names,
-        read: Vec<Vec<usize>>,
-        views: Vec<Vec<f64>>,
-        labels: Vec<Label>,
-    ) -> Result<Self, Error> {
-        same_length("columns to read", names.actuators.len(), read.len())?;
-        if views.len() != 1 {
-            same_length("views", names.actuators.len(), views.len())?;
-        }
-        let length = names.features.len();
-        for view in &views {
-            same_length("values", length * labels.len(), view.len())?;
-        }
-        check_columns(read.iter().flatten(), length)?;
-        check_labels(&names, &labels)?;
-        let details = details_of_commands(&names, &labels);
-        Ok(Examples { names, read, hidden: vec![], views: Arc::new(views), labels, details })
-    }
-
-    /// The names.
-    pub fn names(&self) -> &Names {
-        &self.names
-    }
-
-    /// The label of every row.
-    pub fn labels(&self) -> &[Label] {
-        &self.labels
-    }
-
-    /// Number of views: 1, or one per actuator.
-    pub fn views(&self) -> usize {
-        self.views.len()
-    }
-
-    /// Copies the features of a row in a view.
-    ///
-    /// # Panics
-    /// If there is no such view or row.
-    pub fn row_into(&self, view: usize, row: usize, out: &mut [f64]) {
-        let columns = self.views[view].chunks_exact(self.labels.len());
-        for (slot, column) in out.iter_mut().zip(columns) {
-            *slot = column[row];
-        }
-    }
-
-    /// The same rows with some of the feature columns only, in the order given.
-    ///
-    /// # Errors
-    /// [`Error::IndexOutOfRange`].
-    pub fn select_columns(&self, columns: &[usize]) -> Result<Self, Error> {
-        check_columns(columns.iter(), self.names.features.len())?;
-        let rows = self.labels.len();
-        let of_view = |view: &Vec<f64>| {
-            let mut values = Vec::with_capacity(columns.len() * rows);
-            for &column in columns {
-                values.extend_from_slice(&view[column * rows..(column + 1) * rows]);
-            }
-            values
-        };
-        let kept = |read: &Vec<usize>| -> Vec<usize> {
-            let place = |column: &usize| columns.iter().position(|kept| kept == column);
-            read.iter().filter_map(place).collect()
-        };
-        let features = columns.iter().map(|&c| self.names.features[c].clone());
-        let names = Names { features: features.collect(), ..self.names.clone() };
-        Ok(Examples {
-            names,
-            read: self.read.iter().map(kept).collect(),
-            hidden: kept(&self.hidden),
-            views: Arc::new(self.views.iter().map(of_view).collect()),
-            labels: self.labels.clone(),
-            details: self.details.clone(),
-        })
-    }
-
-    /// The same rows and behind them more, whose features `values` gives for each new row and view.
-    /// A new row has the label of the one that it is from.
-    ///
-    /// # Panics
-    /// If a row is not there, or has too few values.
-    pub fn extended<'v>(
-        &self,
-        origins: &[usize],
-        values: impl Fn(usize, usize) -> &'v [f64],
-    ) -> Self {
-        let rows = self.labels.len();
-        let of_view = |(view, old): (usize, &Vec<f64>)| {
-            let mut new = Vec::with_capacity(old.len() / rows * (rows + origins.len()));
-            for (column, old) in old.chunks_exact(rows).enumerate() {
-                new.extend_from_slice(old);
-                new.extend((0..origins.len()).map(|row| values(row, view)[column]));
-            }
-            new
-        };
-        let more = origins.iter().map(|&row| self.labels[row]);
-        Examples {
-            views: Arc::new(self.views.iter().enumerate().map(of_view).collect()),
-            labels: self.labels.iter().copied().chain(more).collect(),
-            names: self.names.clone(),
-            read: self.read.clone(),
-            hidden: self.hidden.clone(),
-            details: self.details.clone(),
-        }
-    }
-
-    /// Some of the rows, in the order given.
-    ///
-    /// # Panics
-    /// If there is no such row.
-    pub fn select_rows(&self, rows: &[usize]) -> Self {
-        let of_view = |view: &Vec<f64>| {
-            let columns = view.chunks_exact(self.labels.len().max(1));
-            columns.flat_map(|column| rows.iter().map(|&row| column[row])).collect()
-        };
-        let labels: Vec<Label> = rows.iter().map(|&row| self.labels[row]).collect();
-        Examples {
-            names: self.names.clone(),
-            read: self.read.clone(),
-            hidden: self.hidden.clone(),
-            views: Arc::new(self.views.iter().map(of_view).collect()),
-            details: details_of_commands(&self.names, &labels),
-            labels,
-        }
-    }
-
-    /// The same examples with other columns for the stages of each actuator.
-    ///
-    /// # Errors
-    /// [`Error::LengthMismatch`] and [`Error::IndexOutOfRange`].
-    pub fn reading(&self, read: Vec<Vec<usize>>) -> Result<Self, Error> {
-        same_length("columns to read", self.names.actuators.len(), read.len())?;
-        check_columns(read.iter().flatten(), self.names.features.len())?;
-        Ok(Examples { read, ..self.clone() })
-    }
-
-    /// The same examples with columns that no stage may read.
-    ///
-    /// # Errors
-    /// [`Error::IndexOutOfRange`].
-    pub fn hiding(&self, hidden: Vec<usize>) -> Result<Self, Error> {
-        check_columns(hidden.iter(), self.names.features.len())?;
-        Ok(Examples { hidden, ..self.clone() })
-    }
-
-    /// The classes a stage chooses from: places in the names that its question is about.
-    pub fn classes(&self, place: &Place) -> Vec<u32> {
-        match place.question {
-            Question::Actuator => {
-                let healthy = self.names.healthy();
-                let known = self.labels.iter().any(|label| label.actuator == healthy);
-                (0..healthy + u32::from(known)).collect()
-            }
-            Question::Command => (0..self.names.commands.len() as u32).collect(),
-            Question::Detail => self.details[place.command.unwrap_or(0) as usize].clone(),
-        }
-    }
-
-    /// The name of a class of a question.
-    ///
-    /// # Panics
-    /// If there is no such class.
-    pub fn class_name(&self, question: Question, class: u32) -> &str {
-        self.names.class_name(question, class)
-    }
-
-    /// The columns a stage may read.
-    pub fn columns(&self, place: &Place) -> Vec<usize> {
-        let mut columns: Vec<usize> = match place.question {
-            Question::Actuator => (0..self.names.features.len()).collect(),
-            _ => self.read[place.actuator.unwrap_or(0) as usize].clone(),
-        };
-        columns.retain(|column| !self.hidden.contains(column));
-        columns
-    }
-
-    /// Samples of a stage from those of the rows that it is asked about, each in its view, and with
-    /// `mirror` also in all others; `None` if there are none or nothing may be read. Beside each
-    /// sample stands the row it is from.
-    ///
-    /// # Errors
-    /// [`Error::NotFinite`] naming the column.
-    pub fn samples(
-        &self,
-        place: &Place,
-        rows: &[usize],
-        mirror: bool,
-    ) -> Result<Option<(Samples, Vec<usize>)>, Error> {
-        let columns = self.columns(place);
-        let asked = self.asked(place, rows, mirror);
-        if columns.is_empty() || asked.is_empty() {
-            return Ok(None);
-        }
-        let count = self.labels.len();
-        let mut values = Vec::with_capacity(columns.len() * asked.len());
-        for column in &columns {
-            let start = column * count;
-            values.extend(asked.iter().map(|&(row, view, _)| self.views[view][start + row]));
-        }
-        let names = columns.iter().map(|&c| self.names.features[c].clone());
-        let classes = self.classes(place);
-        let class_names =
-            classes.iter().map(|&class| self.class_name(place.question, class).into());
-        let labels = asked.iter().map(|&(_, _, label)| label).collect();
-        let samples =
-            Samples::from_columns(names.collect(), class_names.collect(), values, labels)?;
-        let origins = asked.iter().map(|&(row, _, _)| row).collect();
-        Ok(Some((samples, origins)))
-    }
-
-    /// Row, view and class (its place in [`Examples::classes`]) of every sample of a stage.
-    fn asked(&self, place: &Place, rows: &[usize], mirror: bool) -> Vec<(usize, usize, u32)> {
-        let classes = self.classes(place);
-        let mut asked = Vec::new();
-        for &row in rows {
-            let label = self.labels[row];
-            let is_healthy = label.actuator == self.names.healthy();
-            let asks_on = place.question != Question::Actuator;
-            if (is_healthy && asks_on) || !place.is_asked(label.actuator, label.command) {
-                continue;
-            }
-            if place.question == Question::Actuator {
-                let views = if mirror { self.views.len() } else { 1 };
-                let seen = |view| (row, view, self.names.seen_from(view as u32, label.actuator));
-                asked.extend((0..views).map(seen));
-                continue;
-            }
-            let class = match place.question {
-                Question::Detail => label.detail,
-                _ => label.command,
-            };
-            let local = classes.iter().position(|&known| known == class);
-            asked.extend(local.map(|class| (row, place.view(label.actuator), class as u32)));
-        }
-        asked
-    }
-
-    /// The stages of a hierarchy over these rows, A first.
-    pub fn places(&self, pool: bool) -> Vec<Place> {
-        let actuators = self.names.actuators.len() as u32;
-        let commands = self.names.commands.len() as u32;
-        let pooled = pool || actuators == 1;
-        let owners: Vec<Option<u32>> =
-            if pooled { vec![None] } else { (0..actuators).map(Some).collect() };
-        let place = |question, actuator, command| Place { question, actuator, command };
-        let mut places = Vec::new();
-        let first = place(Question::Actuator, None, None);
-        if self.classes(&first).len() > 1 {
-            places.push(first);
-        }
-        places.extend(owners.iter().map(|&k| place(Question::Command, k, None)));
-        for command in 0..commands {
-            places.extend(owners.iter().map(|&k| place(Question::Detail, k, Some(command))));
-        }
-        places
-    }
 }
 
 impl Names {
@@ -411,7 +119,7 @@ impl Names {
     }
 
     /// The place of an actuator in a view; health is the same in all.
-    fn seen_from(&self, view: u32, actuator: u32) -> u32 {
+    pub fn seen_from(&self, view: u32, actuator: u32) -> u32 {
         let actuators = self.healthy();
         if actuator == actuators { actuator } else { (actuator + actuators - view) % actuators }
     }
@@ -426,154 +134,10 @@ impl Names {
         }
         let names = match question {
             Question::Actuator => &self.actuators,
-            Question::Command => &self.commands,
+            Question::Action => &self.actions,
             Question::Detail => &self.details,
         };
         &names[class as usize]
-    }
-}
-
-fn check_columns<'c>(
-    mut columns: impl Iterator<Item = &'c usize>,
-    length: usize,
-) -> Result<(), Error> {
-    match columns.find(|&&column| column >= length) {
-        Some(&index) => Err(Error::IndexOutOfRange { what: "column", index, length }),
-        None => Ok(()),
-    }
-}
-
-fn check_labels(names: &Names, labels: &[Label]) -> Result<(), Error> {
-    let sizes = [&names.actuators, &names.commands, &names.details].map(Vec::len);
-    for (row, label) in labels.iter().enumerate().filter(|(_, l)| l.actuator != names.healthy()) {
-        let parts = [label.actuator, label.command, label.detail];
-        for (&label, &classes) in parts.iter().zip(&sizes) {
-            if label as usize >= classes {
-                return Err(Error::LabelOutOfRange { row, label, classes });
-            }
-        }
-    }
-    Ok(())
-}
-
-fn details_of_commands(names: &Names, labels: &[Label]) -> Vec<Vec<u32>> {
-    let of_command = |command| {
-        let mut details: Vec<u32> = labels
-            .iter()
-            .filter(|label| label.command == command && label.actuator != names.healthy())
-            .map(|label| label.detail)
-            .collect();
-        details.sort_unstable();
-        details.dedup();
-        details
-    };
-    (0..names.commands.len() as u32).map(of_command).collect()
-}
-
-/// How a hierarchy is trained.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// The classifier that finds the actuator.
-    pub actuator: classifiers::Settings,
-    /// The classifier that finds the command.
-    pub command: classifiers::Settings,
-    /// The classifier that finds the detail.
-    pub detail: classifiers::Settings,
-    /// Whether A also learns from the mirror images.
-    pub mirror: bool,
-    /// Whether the actuators share the stages below A.
-    pub pool: bool,
-}
-
-impl Default for Settings {
-    /// CART of depth 7 everywhere, mirrored and pooled.
-    fn default() -> Self {
-        let cart = classifiers::Settings::Cart(classifiers::cart::Settings {
-            criterion: Criterion::Gini,
-            max_depth: Some(7),
-            ..Default::default()
-        });
-        Settings {
-            actuator: cart.clone(),
-            command: cart.clone(),
-            detail: cart,
-            mirror: true,
-            pool: true,
-        }
-    }
-}
-
-impl Settings {
-    /// The same settings for every stage.
-    pub fn all(classifier: classifiers::Settings) -> Self {
-        Settings {
-            actuator: classifier.clone(),
-            command: classifier.clone(),
-            detail: classifier,
-            ..Default::default()
-        }
-    }
-
-    /// The classifier settings of a stage, with the resolutions and exclusions of those features
-    /// only that its samples have.
-    pub fn of_stage(&self, question: Question, samples: &Samples) -> classifiers::Settings {
-        let mut settings = match question {
-            Question::Actuator => &self.actuator,
-            Question::Command => &self.command,
-            Question::Detail => &self.detail,
-        }
-        .clone();
-        if let classifiers::Settings::Cart(cart) = &mut settings {
-            let known = |name: &String| samples.feature_names().contains(name);
-            cart.resolutions.retain(|limit| known(&limit.feature));
-            cart.excluded_features.retain(known);
-        }
-        settings
-    }
-
-    /// Trains every stage for which there are rows.
-    ///
-    /// # Errors
-    /// [`Error::NoSamples`] if there are no rows at all; what a classifier says;
-    /// [`Error::LengthMismatch`] if mirror or pool is asked for without views.
-    pub fn fit(&self, examples: &Examples, rows: &[usize]) -> Result<Hierarchy, Error> {
-        if self.mirror || self.pool {
-            same_length("views", examples.names.actuators.len(), examples.views())?;
-        }
-        let mut stages = Vec::new();
-        for place in examples.places(self.pool) {
-            stages.extend(self.fit_stage(examples, rows, &place)?);
-        }
-        if stages.is_empty() {
-            return Err(Error::NoSamples);
-        }
-        Ok(Hierarchy { format: FORMAT.into(), names: examples.names.clone(), stages })
-    }
-
-    /// Trains one stage; `None` if there is no row for it.
-    ///
-    /// # Errors
-    /// As [`Settings::fit`].
-    pub fn fit_stage(
-        &self,
-        examples: &Examples,
-        rows: &[usize],
-        place: &Place,
-    ) -> Result<Option<Stage>, Error> {
-        let Some((samples, _)) = examples.samples(place, rows, self.mirror)? else {
-            return Ok(None);
-        };
-        let model = self.of_stage(place.question, &samples).fit(&samples)?;
-        let columns = examples.columns(place);
-        Ok(Some(Stage {
-            id: place.id(),
-            place: *place,
-            columns: columns.into_iter().map(|column| column as u32).collect(),
-            classes: examples.classes(place),
-            model,
-            temperature: 1.0,
-        }))
     }
 }
 
@@ -672,7 +236,7 @@ pub struct Diagnosis {
     /// The actuator; `None` where nothing is wrong.
     pub actuator: Option<u32>,
     /// The command; `None` without an actuator, or if no stage was ever trained for it.
-    pub command: Option<u32>,
+    pub action: Option<u32>,
     /// The detail; `None` likewise.
     pub detail: Option<u32>,
     /// The probability that actuator and command are right: the product of the stages'.
@@ -683,8 +247,8 @@ pub struct Diagnosis {
 
 impl Diagnosis {
     /// What the flight control computer acts on.
-    pub fn action(&self) -> (Option<u32>, Option<u32>) {
-        (self.actuator, self.command)
+    pub fn actuator_and_action(&self) -> (Option<u32>, Option<u32>) {
+        (self.actuator, self.action)
     }
 }
 
@@ -702,9 +266,9 @@ pub struct Hierarchy {
 
 impl Hierarchy {
     /// The stage asked a question about an actuator and a command.
-    pub fn stage(&self, question: Question, actuator: u32, command: u32) -> Option<&Stage> {
+    pub fn stage(&self, question: Question, actuator: u32, action: u32) -> Option<&Stage> {
         self.stages.iter().find(|stage| {
-            stage.place.question == question && stage.place.is_asked(actuator, command)
+            stage.place.question == question && stage.place.is_asked(actuator, action)
         })
     }
 
@@ -736,15 +300,15 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) -> Result<Diagnosis, Error> {
         self.check_views(views)?;
-        let mut ask = |question, actuator, command| {
-            let stage = self.stage(question, actuator, command)?;
+        let mut ask = |question, actuator, action| {
+            let stage = self.stage(question, actuator, action)?;
             Some(stage.answer(views[stage.place.view(actuator)].as_ref(), scratch))
         };
         let sure = Answer { class: 0, probability: 1.0 };
         let first = ask(Question::Actuator, 0, 0).unwrap_or(sure);
         let mut said = Diagnosis {
             actuator: None,
-            command: None,
+            action: None,
             detail: None,
             confidence: first.probability,
             detail_confidence: 1.0,
@@ -753,10 +317,10 @@ impl Hierarchy {
             return Ok(said);
         }
         said.actuator = Some(first.class);
-        if let Some(command) = ask(Question::Command, first.class, 0) {
-            said.command = Some(command.class);
-            said.confidence *= command.probability;
-            if let Some(detail) = ask(Question::Detail, first.class, command.class) {
+        if let Some(action) = ask(Question::Action, first.class, 0) {
+            said.action = Some(action.class);
+            said.confidence *= action.probability;
+            if let Some(detail) = ask(Question::Detail, first.class, action.class) {
                 said.detail = Some(detail.class);
                 said.detail_confidence = detail.probability;
             }
@@ -786,12 +350,12 @@ impl Hierarchy {
         into: &mut [f64],
     ) -> Result<(), Error> {
         self.check_views(views)?;
-        let (actuators, commands) = (self.names.actuators.len(), self.names.commands.len());
-        same_length("probabilities", 1 + actuators * commands, into.len())?;
+        let (actuators, actions) = (self.names.actuators.len(), self.names.actions.len());
+        same_length("probabilities", 1 + actuators * actions, into.len())?;
         into.fill(0.0);
-        let place = |actuator: usize| 1 + actuator * commands;
+        let place = |actuator: usize| 1 + actuator * actions;
         match self.stage(Question::Actuator, 0, 0) {
-            None => into.iter_mut().skip(1).take(commands).for_each(|share| *share = 1.0),
+            None => into.iter_mut().skip(1).take(actions).for_each(|share| *share = 1.0),
             Some(stage) => {
                 let shares = stage.probabilities(views[0].as_ref(), scratch);
                 for (&class, &share) in stage.classes.iter().zip(shares) {
@@ -807,8 +371,8 @@ impl Hierarchy {
         }
         for actuator in 0..actuators {
             let own = &mut into[place(actuator)..place(actuator + 1)];
-            let Some(stage) = self.stage(Question::Command, actuator as u32, 0) else {
-                own.iter_mut().for_each(|share| *share /= commands as f64);
+            let Some(stage) = self.stage(Question::Action, actuator as u32, 0) else {
+                own.iter_mut().for_each(|share| *share /= actions as f64);
                 continue;
             };
             let of_actuator = own.first().copied().unwrap_or(0.0);
@@ -830,11 +394,11 @@ impl Hierarchy {
     pub fn detail<V: AsRef<[f64]>>(
         &self,
         views: &[V],
-        (actuator, command): (u32, u32),
+        (actuator, action): (u32, u32),
         scratch: &mut Scratch,
     ) -> Result<Option<Answer>, Error> {
         self.check_views(views)?;
-        let stage = self.stage(Question::Detail, actuator, command);
+        let stage = self.stage(Question::Detail, actuator, action);
         let answer =
             |stage: &Stage| stage.answer(views[stage.place.view(actuator)].as_ref(), scratch);
         Ok(stage.map(answer))
@@ -849,12 +413,12 @@ impl Hierarchy {
         views: &[V],
     ) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
         let diagnosis = self.diagnose(views, &mut self.scratch())?;
-        let Diagnosis { actuator, command, .. } = diagnosis;
-        let below = |question, command| self.stage(question, actuator?, command);
+        let Diagnosis { actuator, action, .. } = diagnosis;
+        let below = |question, action| self.stage(question, actuator?, action);
         let asked = [
             self.stage(Question::Actuator, 0, 0),
-            below(Question::Command, 0),
-            command.and_then(|command| below(Question::Detail, command)),
+            below(Question::Action, 0),
+            action.and_then(|action| below(Question::Detail, action)),
         ];
         let view = |stage: &Stage| views[stage.place.view(actuator.unwrap_or(0))].as_ref();
         let with_path = |stage: &'_ Stage| stage.path(view(stage));
@@ -868,28 +432,25 @@ impl Hierarchy {
     /// [`Error::CorruptModel`], [`Error::LengthMismatch`], [`Error::IndexOutOfRange`], and what
     /// [`Classifier::check`] says.
     pub fn check(&self) -> Result<(), Error> {
-        let holds = |holds, broken| {
-            if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
-        };
-        holds(self.format == FORMAT, "the format is another one")?;
-        holds(!self.names.actuators.is_empty(), "there is no actuator")?;
+        require_sound(self.format == FORMAT, "the format is another one")?;
+        require_sound(!self.names.actuators.is_empty(), "there is no actuator")?;
         for stage in &self.stages {
             stage.model.check()?;
             same_length("columns of a stage", stage.model.features(), stage.columns.len())?;
             same_length("classes of a stage", stage.model.classes(), stage.classes.len())?;
             let features = self.names.features.len() as u32;
             let known = stage.columns.iter().all(|&column| column < features);
-            holds(known, "a stage reads a feature that is not there")?;
+            require_sound(known, "a stage reads a feature that is not there")?;
             let names = match stage.place.question {
                 Question::Actuator => &self.names.actuators,
-                Question::Command => &self.names.commands,
+                Question::Action => &self.names.actions,
                 Question::Detail => &self.names.details,
             };
             // A has one class more: healthy.
             let count = names.len() + usize::from(stage.place.question == Question::Actuator);
             let known = stage.classes.iter().all(|&class| (class as usize) < count);
-            holds(known, "a stage decides a class that is not there")?;
-            holds(stage.temperature > 0.0, "a stage's temperature is not above zero")?;
+            require_sound(known, "a stage decides a class that is not there")?;
+            require_sound(stage.temperature > 0.0, "a stage's temperature is not above zero")?;
         }
         Ok(())
     }

@@ -12,22 +12,19 @@
 #![no_std]
 extern crate alloc;
 
+pub mod baseline;
 pub mod calibration;
 pub mod classifiers;
-pub mod data;
+pub mod conditional_band;
 pub mod diagnoser;
 pub mod error;
-pub mod evaluation;
 pub mod features;
-pub mod field;
 pub mod hierarchy;
-mod numeric;
+pub mod numeric;
 pub mod panel;
 pub mod random;
-pub mod reference;
 pub mod residual;
 pub mod sliding;
 pub mod tree;
 
-pub use data::Samples;
 pub use error::Error;

@@ -8,7 +8,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::error::Error;
+use crate::error::{Error, require_sound};
 use crate::hierarchy::{Diagnosis, Hierarchy, Scratch};
 
 /// The word that a stored panel begins with.
@@ -58,6 +58,17 @@ impl Default for Panel {
     }
 }
 
+/// The rule of the committee: trees and committee choose the same fault, and the committee's confidence reaches the
+/// least one, where one is set.
+pub fn agree<T: PartialEq>(
+    trees: T,
+    committee: T,
+    confidence: f64,
+    least_confidence: Option<f64>,
+) -> bool {
+    trees == committee && least_confidence.is_none_or(|least| confidence >= least)
+}
+
 /// What a panel says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
@@ -92,12 +103,19 @@ impl Panel {
         let [of_trees, of_committee] = scratch;
         let trees = self.trees.diagnose(views, of_trees)?;
         let committee = self.committee.diagnose(views, of_committee)?;
-        let sure = self.least_confidence.is_none_or(|least| committee.confidence >= least);
-        Ok(match sure && trees.action() == committee.action() {
-            true if committee.actuator.is_none() => Verdict::Healthy,
-            true => Verdict::Isolated(Diagnosis { confidence: committee.confidence, ..trees }),
-            false => Verdict::NotIsolated(committee),
-        })
+        let confidence = committee.confidence;
+        Ok(
+            match agree(
+                trees.actuator_and_action(),
+                committee.actuator_and_action(),
+                confidence,
+                self.least_confidence,
+            ) {
+                true if committee.actuator.is_none() => Verdict::Healthy,
+                true => Verdict::Isolated(Diagnosis { confidence, ..trees }),
+                false => Verdict::NotIsolated(committee),
+            },
+        )
     }
 
     /// Memory for [`Panel::diagnose`].
@@ -110,13 +128,13 @@ impl Panel {
     /// # Errors
     /// [`Error::CorruptModel`] and what [`Hierarchy::check`] says.
     pub fn check(&self) -> Result<(), Error> {
-        let holds = |holds, broken| {
-            if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
-        };
-        holds(self.format == FORMAT, "the format is another one")?;
-        holds(self.trees.names == self.committee.names, "trees and committee read other features")?;
+        require_sound(self.format == FORMAT, "the format is another one")?;
+        require_sound(
+            self.trees.names == self.committee.names,
+            "trees and committee read other features",
+        )?;
         let sound = |band: &SensorBand| band.half_width.is_finite() && band.half_width >= 0.0;
-        holds(self.bands.iter().all(sound), "a band is negative or not finite")?;
+        require_sound(self.bands.iter().all(sound), "a band is negative or not finite")?;
         self.trees.check()?;
         self.committee.check()
     }

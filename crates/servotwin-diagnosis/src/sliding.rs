@@ -211,9 +211,9 @@ impl Sliding {
     }
 
     /// The same, with residuals compared with a band that varies from sample to sample too.
-    pub fn within_a_field(self) -> Self {
+    pub fn within_a_conditional_band(self) -> Self {
         let spans: Vec<Span> = self.rings.iter().map(|ring| ring.span).collect();
-        Self::of(self.base.within_a_field(), self.base_samples, &spans)
+        Self::of(self.base.within_a_conditional_band(), self.base_samples, &spans)
     }
 
     fn of(empty: Window, base_samples: u32, spans: &[Span]) -> Self {

@@ -38,9 +38,9 @@ fn allocations(work: impl FnOnce()) -> u64 {
 #[test]
 fn a_session_allocates_nothing_at_work() {
     assert!(allocations(|| drop(Vec::<u8>::with_capacity(100))) > 0, "the counter counts");
-    let mut session = Session::new(toy::with_reference().into()).unwrap();
+    let mut session = Session::new(toy::with_baseline().into()).unwrap();
     let mut flight = toy::Flight::new(1000);
-    let fault = toy::Fault { unit: 1, kind: toy::Kind::Leak, size: 0.8 };
+    let fault = toy::Fault { actuator: 1, kind: toy::Kind::Leak, size: 0.8 };
     let count = allocations(|| {
         for k in 0..6000_u64 {
             let (mut inputs, mut measured, twin) = flight.next((k > 1000).then_some(fault));
@@ -58,5 +58,5 @@ fn a_session_allocates_nothing_at_work() {
     });
     assert_eq!(count, 0);
     let finding = session.outcome().finding;
-    assert!(matches!(finding, Finding::Detail { unit: 1, command: 0, .. }), "{finding:?}");
+    assert!(matches!(finding, Finding::Detail { actuator: 1, action: 0, .. }), "{finding:?}");
 }

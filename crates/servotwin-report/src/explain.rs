@@ -164,13 +164,13 @@ fn verdict(panel: &Panel, largest: &[f64], views: &[Vec<f64>]) -> Result<Verdict
     };
     let names = &panel.trees.names;
     let actuator = said.and_then(|said| said.actuator);
-    let command = said.and_then(|said| said.command);
+    let command = said.and_then(|said| said.action);
     Ok(Verdict {
         outcome,
         actuator: actuator
             .map(|actuator| names.actuators[actuator as usize].clone())
             .filter(|name| !name.is_empty()),
-        command: command.map(|command| names.commands[command as usize].clone()),
+        command: command.map(|command| names.actions[command as usize].clone()),
         confidence: said.map(|said| said.confidence),
     })
 }
@@ -221,7 +221,7 @@ fn answer(
     let said = stage.answer(row, &mut hierarchy.scratch()).class;
     let truth = match question {
         Question::Actuator => &truth[0],
-        Question::Command => &truth[1],
+        Question::Action => &truth[1],
         Question::Detail => &truth[2],
     };
     let (mut steps, mut purity) = (vec![], None);

@@ -7,8 +7,8 @@ use crate::vocabulary::Vocabulary;
 use crate::words::spoken;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::bands::Band;
+use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
-use servotwin::evaluation::score::Rate;
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
@@ -102,7 +102,7 @@ pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, S
         let finds = match (stage.question, &stage.command) {
             (Question::Actuator, _) if words.has_several() => words.unit().to_owned(),
             (Question::Actuator, _) => words.question(stage.question),
-            (Question::Command, _) => "command".into(),
+            (Question::Action, _) => "command".into(),
             (Question::Detail, Some(command)) => format!("details of “{}”", spoken(command)),
             (Question::Detail, None) => "details".into(),
         };

@@ -33,7 +33,7 @@ impl Looks {
         let place = |names: &[String]| names.iter().position(|known| known == name);
         let found = match question {
             Question::Actuator => place(&self.units).map(|place| Meaning::Unit(place).look()),
-            Question::Command => place(&self.commands).map(|place| Meaning::Command(place).look()),
+            Question::Action => place(&self.commands).map(|place| Meaning::Command(place).look()),
             Question::Detail => self.detail(name),
         };
         found.unwrap_or_else(|| Meaning::Plain(1).look())

@@ -127,7 +127,7 @@ impl Vocabulary {
         match question {
             Question::Actuator if self.has_several() => format!("the {}", self.unit),
             Question::Actuator => "healthy or faulty".into(),
-            Question::Command => "the command".into(),
+            Question::Action => "the command".into(),
             Question::Detail => "the detail".into(),
         }
     }
@@ -137,7 +137,7 @@ impl Vocabulary {
         match question {
             Question::Actuator if self.has_several() => format!("which {}?", self.unit),
             Question::Actuator => "is something wrong?".into(),
-            Question::Command => "what is to be done?".into(),
+            Question::Action => "what is to be done?".into(),
             Question::Detail => "what is broken?".into(),
         }
     }
@@ -208,7 +208,7 @@ mod tests {
         let one = of_units("unit", 1);
         let names = ["", "lane_1", "healthy"].map(|name| one.class(Question::Actuator, name));
         assert_eq!(names, ["faulty", "faulty", "healthy"]);
-        assert_eq!(one.class(Question::Command, "halt"), "halt");
+        assert_eq!(one.class(Question::Action, "halt"), "halt");
         assert_eq!(one.asks(Question::Actuator), "is something wrong?");
         let two = of_units("lane", 2);
         assert_eq!(two.class(Question::Actuator, "lane_1"), "lane_1");

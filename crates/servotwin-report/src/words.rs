@@ -1,6 +1,6 @@
 //! Numbers and names as a report shows them.
 
-use servotwin::evaluation::score::Rate;
+use servotwin::evaluation::metrics::Rate;
 
 pub use servotwin_io::text::{number, spoken};
 

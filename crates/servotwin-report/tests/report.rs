@@ -4,14 +4,14 @@ use servotwin::campaign::Comparison;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::ambiguity::Ambiguity;
 use servotwin::evaluation::detection::{Curve, Detection, Least};
+use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
-use servotwin::evaluation::score::Rate;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
 use servotwin::study::Study;
-use servotwin_diagnosis::field::{Covariate, Field, Source};
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
 use servotwin_report::page::Page;
 use servotwin_report::{ALL, Material, render, table};
 use std::collections::BTreeSet;
@@ -75,7 +75,7 @@ fn manifest() -> Manifest {
 
 /// A band of one sensor that is wider for a high load.
 fn band() -> BandMerit {
-    let field = Field {
+    let field = ConditionalBand {
         covariates: vec![Covariate {
             name: "load_factor".into(),
             source: Source::Input { input: 0 },
@@ -88,7 +88,7 @@ fn band() -> BandMerit {
         share: 0.05,
         calibrated_on: 39,
     };
-    let fixed = Field { covariates: vec![], factors: vec![vec![]], ..field.clone() };
+    let fixed = ConditionalBand { covariates: vec![], factors: vec![vec![]], ..field.clone() };
     BandMerit {
         setting: "fitted".into(),
         sensors: vec!["p_a_1".into()],

@@ -261,8 +261,8 @@ impl Flown<'_> {
         }
         let farthest = |sample: usize| {
             let mean = forces.iter().map(|rod| rod[sample]).sum::<f64>() / forces.len() as f64;
-            let beyond = forces.iter().map(|rod| rod[sample] - mean);
-            beyond.fold(0.0, |most: f64, one| if one.abs() > most.abs() { one } else { most })
+            let corrected = forces.iter().map(|rod| rod[sample] - mean);
+            corrected.fold(0.0, |most: f64, one| if one.abs() > most.abs() { one } else { most })
         };
         (forces.len() > 2).then(|| (0..record.time_s.len()).map(farthest).collect())
     }
@@ -393,8 +393,8 @@ impl Flown<'_> {
         for action in &self.with.actions {
             let names = self.diagnoser.names();
             let (unit, command) = (
-                &names.actuators[action.raised.unit as usize],
-                &names.commands[action.raised.command as usize],
+                &names.actuators[action.raised.actuator as usize],
+                &names.actions[action.raised.action as usize],
             );
             let after = action.time_s - onset_s;
             let of = if unit.is_empty() { String::new() } else { format!(" of {}", spoken(unit)) };
@@ -452,11 +452,11 @@ impl Flown<'_> {
             .actions
             .iter()
             .map(|action| {
-                let unit = &names.actuators[action.raised.unit as usize];
+                let unit = &names.actuators[action.raised.actuator as usize];
                 json!({
                     "time_s": action.time_s,
                     "unit": (!unit.is_empty()).then_some(unit),
-                    "command": names.commands[action.raised.command as usize],
+                    "command": names.actions[action.raised.action as usize],
                 })
             })
             .collect();

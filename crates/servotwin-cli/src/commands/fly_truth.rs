@@ -55,8 +55,8 @@ impl Said {
         let raised = &action.raised;
         Said {
             time_s: action.time_s,
-            actuator: names.actuators[raised.unit as usize].clone(),
-            action: names.commands[raised.command as usize].clone(),
+            actuator: names.actuators[raised.actuator as usize].clone(),
+            action: names.actions[raised.action as usize].clone(),
             component: raised.detail.map(|detail| names.details[detail as usize].clone()),
         }
     }
@@ -176,7 +176,7 @@ impl<'t> Verdict<'t> {
         let before = record.actions.iter().filter(|action| action.time_s < first_s);
         let names = diagnoser.names();
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
-        let dragged = off.map(|action| names.actuators[action.raised.unit as usize].clone());
+        let dragged = off.map(|action| names.actuators[action.raised.actuator as usize].clone());
         Verdict {
             judged: truths.iter().map(|truth| Judged::of(truth, record, diagnoser)).collect(),
             false_alarms: before.count(),

@@ -137,7 +137,9 @@ fn of_classifiers(options: &Options, label: &str, global: Global) -> Result<Stri
         warn(global, &judged.warnings);
     }
     let cart = list.iter().find(|settings| settings.kind() == Kind::Cart);
-    let cart = cart.cloned().unwrap_or_else(|| Kind::Cart.default_settings());
+    let cart = cart
+        .cloned()
+        .unwrap_or_else(|| servotwin_learning::classifiers::Settings::default_of(Kind::Cart));
     Ok(render(&TableMaterial {
         name: &name(&options.input),
         prepared: &prepared,

@@ -13,7 +13,8 @@ use servotwin::evaluation::model_file;
 use servotwin::evaluation::table_model::{GroupResult, Judged};
 use servotwin::job::{self, Folder, manifest};
 use servotwin::parallel::Workers;
-use servotwin_diagnosis::classifiers::{ALL, Kind, Settings};
+use servotwin_diagnosis::classifiers::{ALL, Kind};
+use servotwin_learning::classifiers::Settings;
 use servotwin_report::words::rate;
 use std::path::PathBuf;
 
@@ -78,7 +79,7 @@ impl Options {
 
     fn settings(&self) -> Result<Settings, Failure> {
         let chosen = default_classifiers().into_iter().find(|s| s.kind() == self.classifier.0);
-        let mut chosen = chosen.unwrap_or_else(|| self.classifier.0.default_settings());
+        let mut chosen = chosen.unwrap_or_else(|| Settings::default_of(self.classifier.0));
         match (&mut chosen, self.depth) {
             (Settings::Cart(cart), depth) => cart.max_depth = Some(depth.unwrap_or(7)),
             (_, None) => {}

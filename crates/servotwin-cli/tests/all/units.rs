@@ -203,7 +203,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
         let scenario = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: true };
         let record = closed_loop::fly(&scenario, &Arc::new(diagnoser), &[]).unwrap();
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
-        off.map(|action| action.raised.unit).collect::<Vec<_>>()
+        off.map(|action| action.raised.actuator).collect::<Vec<_>>()
     };
     assert_eq!(off(1), [1, 2]);
     assert_eq!(off(2), [1]);

@@ -1,12 +1,11 @@
 //! One linear function per class: what linear SVM, discriminant analysis and logistic regression
 //! have in common once trained.
 
-use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, same_length};
-use crate::numeric::{Standardiser, arg_max, dot, softmax};
+use crate::numeric::{arg_max, dot, softmax};
 
 /// `f_k(x) = w_k · x + b_k` for the classes that were trained; the largest wins.
 ///
@@ -14,44 +13,19 @@ use crate::numeric::{Standardiser, arg_max, dot, softmax};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinearFunctions {
-    features: usize,
-    classes: usize,
+    /// Number of features in a row.
+    pub features: usize,
+    /// Number of classes, those without training rows included.
+    pub classes: usize,
     /// Labels of the trained classes, ascending.
-    labels: Vec<u32>,
+    pub labels: Vec<u32>,
     /// Trained class-major: one weight per feature.
-    weights: Vec<f64>,
-    intercepts: Vec<f64>,
+    pub weights: Vec<f64>,
+    /// The intercept of each trained class.
+    pub intercepts: Vec<f64>,
 }
 
 impl LinearFunctions {
-    /// From weights for standardised features, one row of `features` per label.
-    pub(crate) fn from_standardised(
-        classes: usize,
-        labels: Vec<u32>,
-        standardiser: &Standardiser,
-        mut weights: Vec<f64>,
-        mut intercepts: Vec<f64>,
-    ) -> Self {
-        let features = standardiser.means.len();
-        for (weights, intercept) in weights.chunks_exact_mut(features).zip(&mut intercepts) {
-            for (weight, scale) in weights.iter_mut().zip(&standardiser.scales) {
-                *weight *= scale;
-            }
-            *intercept -= dot(weights, &standardiser.means);
-        }
-        LinearFunctions { features, classes, labels, weights, intercepts }
-    }
-
-    /// Number of features in a row.
-    pub fn features(&self) -> usize {
-        self.features
-    }
-
-    /// Number of classes, those without training rows included.
-    pub fn classes(&self) -> usize {
-        self.classes
-    }
-
     /// The weights of each trained class: (label, weights, intercept).
     pub fn functions(&self) -> impl Iterator<Item = (u32, &[f64], f64)> {
         let weights = self.weights.chunks_exact(self.features);
@@ -93,11 +67,4 @@ pub(crate) fn check_labels(labels: &[u32], classes: usize) -> Result<(), Error> 
     } else {
         Err(Error::CorruptModel { broken: "labels must be known classes" })
     }
-}
-
-/// The mirror image of a two-class problem: the first class's function is minus the second's.
-pub(crate) fn mirrored(weights: Vec<f64>, intercept: f64) -> (Vec<f64>, Vec<f64>) {
-    let mut both: Vec<f64> = weights.iter().map(|weight| -weight).collect();
-    both.extend(weights);
-    (both, vec![-intercept, intercept])
 }

@@ -1,16 +1,14 @@
 //! The classifiers, one file each, behind one trait.
 //!
-//! A classifier file holds `Settings` (serialisable, with defaults) that implement [`Fit`], and the
-//! `Model` it trains, which implements [`Classifier`]. To add one: write the file, declare it, and
-//! add one line to the list below; [`Kind`], [`ALL`], [`Settings`] and [`Model`] follow from it, and
-//! the contract tests take it in.
+//! A classifier file holds its trained `Model`, plain data that implements [`Classifier`]. The crate
+//! `servotwin-learning` trains it. To add one: write both files, declare them, and add one line to the
+//! list below and to the one there; the contract tests take it in.
 
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::data::Samples;
-use crate::error::{Error, same_length};
+use crate::error::Error;
 use crate::numeric::arg_max;
 
 pub mod adaboost;
@@ -23,7 +21,7 @@ pub mod mlp;
 pub mod naive_bayes;
 pub mod random_forest;
 
-mod linear;
+pub mod linear;
 
 /// What the scores of a classifier mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,19 +30,6 @@ pub enum Scores {
     Shares,
     /// Signed distances from each class's border; no common scale.
     Margins,
-}
-
-/// Settings from which a model is trained.
-pub trait Fit {
-    /// What is trained.
-    type Model: Classifier;
-
-    /// Trains a model. The same samples and settings give the same model bit for bit.
-    ///
-    /// # Errors
-    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless it
-    /// [learns from missing values](Kind::learns_from_missing), and what else the classifier says.
-    fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
 }
 
 /// A trained model.
@@ -125,39 +110,6 @@ macro_rules! classifiers {
             pub fn title(self) -> &'static str {
                 match self {
                     $(Kind::$kind => $title,)*
-                }
-            }
-
-            /// The settings a study starts from.
-            pub fn default_settings(self) -> Settings {
-                match self {
-                    $(Kind::$kind => Settings::$kind(Default::default()),)*
-                }
-            }
-        }
-
-        /// Settings of any classifier; in a file, `kind` names which.
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "kind", rename_all = "snake_case")]
-        pub enum Settings {
-            $(#[doc = $title] $kind($file::Settings),)*
-        }
-
-        impl Settings {
-            /// Which classifier they are for.
-            pub fn kind(&self) -> Kind {
-                match self {
-                    $(Settings::$kind(_) => Kind::$kind,)*
-                }
-            }
-        }
-
-        impl Fit for Settings {
-            type Model = Model;
-
-            fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-                match self {
-                    $(Settings::$kind(settings) => settings.fit(samples).map(Model::$kind),)*
                 }
             }
         }
@@ -264,27 +216,4 @@ impl Model {
             _ => vec![],
         }
     }
-
-    /// The predicted class of every row of a table.
-    ///
-    /// # Errors
-    /// [`Error::LengthMismatch`] if the table has another number of features.
-    pub fn predict(&self, samples: &Samples) -> Result<Vec<u32>, Error> {
-        predict(self, samples)
-    }
-}
-
-/// The class that a model predicts for every row of a table.
-///
-/// # Errors
-/// [`Error::LengthMismatch`] if the table has another number of features.
-pub fn predict(model: &impl Classifier, samples: &Samples) -> Result<Vec<u32>, Error> {
-    same_length("features", model.features(), samples.features())?;
-    let mut row_values = vec![0.0; samples.features()];
-    let mut scratch = vec![0.0; model.classes()];
-    let one = |row| {
-        samples.row_into(row, &mut row_values);
-        model.predict_with(&row_values, &mut scratch)
-    };
-    Ok((0..samples.rows()).map(one).collect())
 }

@@ -1,115 +1,30 @@
-//! Gaussian naive Bayes: every feature of every class is a normal distribution, independent of the
-//! others.
+//! Gaussian naive Bayes, trained.
 //!
-//! `log p(k, x) = log π_k − ½ Σ_j [log(2π v_kj) + (x_j − m_kj)² / v_kj]`.
-//! To every variance a share of the largest feature variance is added, as in scikit-learn's
-//! `GaussianNB`. The features should therefore have similar scales, which scaled residuals have.
+//! `log p(k, x) = log π_k − ½ Σ_j [log(2π v_kj) + (x_j − m_kj)² / v_kj]`
 
-use alloc::vec;
+use super::Classifier;
+use super::linear::check_labels;
+use crate::error::{Error, same_length};
+use crate::numeric::{arg_max, softmax};
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
-
-use super::linear::check_labels;
-use super::{Classifier, Fit};
-use crate::data::{PresentClasses, Samples};
-use crate::error::{Error, require, same_length};
-use crate::numeric::{mean_and_deviation, softmax};
-
-/// Settings of Gaussian naive Bayes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// This share of the largest feature variance is added to every variance; above 0.
-    pub variance_smoothing: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings { variance_smoothing: 1e-9 }
-    }
-}
 
 /// A trained Gaussian naive Bayes model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
-    features: usize,
-    classes: usize,
+    /// Number of features in a row.
+    pub features: usize,
+    /// Number of classes.
+    pub classes: usize,
     /// Labels of the trained classes, ascending.
-    labels: Vec<u32>,
+    pub labels: Vec<u32>,
     /// The part of the logarithm that does not depend on the features, for each trained class.
-    constants: Vec<f64>,
+    pub constants: Vec<f64>,
     /// Trained class-major: mean of each feature.
-    means: Vec<f64>,
+    pub means: Vec<f64>,
     /// Trained class-major: ½ / variance of each feature.
-    half_precisions: Vec<f64>,
-}
-
-impl Fit for Settings {
-    type Model = Model;
-
-    fn fit(&self, samples: &Samples) -> Result<Model, Error> {
-        samples.complete()?;
-        let smoothing = self.variance_smoothing;
-        require(smoothing.is_finite() && smoothing > 0.0, "variance_smoothing", smoothing, "> 0")?;
-        let (means, mut variances) = class_moments(samples);
-        let added = smoothing * largest_variance(samples);
-        // Features this small would otherwise be divided by zero.
-        let added = if added >= f64::MIN_POSITIVE { added } else { smoothing };
-        variances.iter_mut().for_each(|variance| *variance += added);
-        let present = PresentClasses::new(samples);
-        let log_prior = |class: usize| libm::log(present.weights[class] / present.total_weight());
-        let two_pi = 2.0 * core::f64::consts::PI;
-        let constants = variances.chunks_exact(samples.features()).enumerate();
-        Ok(Model {
-            features: samples.features(),
-            classes: samples.classes(),
-            constants: constants
-                .map(|(class, variances)| {
-                    let logs: f64 = variances.iter().map(|v| libm::log(two_pi * v)).sum();
-                    log_prior(class) - 0.5 * logs
-                })
-                .collect(),
-            labels: present.labels,
-            means,
-            half_precisions: variances.iter().map(|variance| 0.5 / variance).collect(),
-        })
-    }
-}
-
-/// The largest variance of a feature over all classes.
-fn largest_variance(samples: &Samples) -> f64 {
-    let variance = |feature| {
-        let (_, deviation) = mean_and_deviation(samples.column(feature), |row| samples.weight(row));
-        deviation * deviation
-    };
-    (0..samples.features()).map(variance).fold(0.0, f64::max)
-}
-
-/// Mean and variance of each feature in each present class, class-major.
-fn class_moments(samples: &Samples) -> (Vec<f64>, Vec<f64>) {
-    let present = PresentClasses::new(samples);
-    let features = samples.features();
-    let mut means = vec![0.0; present.len() * features];
-    let mut variances = means.clone();
-    for feature in 0..features {
-        let column = samples.column(feature);
-        for (row, value) in column.iter().enumerate() {
-            means[present.of_row[row] * features + feature] += samples.weight(row) * value;
-        }
-        for (class, weight) in present.weights.iter().enumerate() {
-            means[class * features + feature] /= weight;
-        }
-        for (row, value) in column.iter().enumerate() {
-            let place = present.of_row[row] * features + feature;
-            let distance = value - means[place];
-            variances[place] += samples.weight(row) * distance * distance;
-        }
-        for (class, weight) in present.weights.iter().enumerate() {
-            variances[class * features + feature] /= weight;
-        }
-    }
-    (means, variances)
+    pub half_precisions: Vec<f64>,
 }
 
 impl Model {
@@ -143,7 +58,7 @@ impl Classifier for Model {
 
     /// Compares logarithms; does not allocate and takes no exponential.
     fn predict_row(&self, row: &[f64]) -> u32 {
-        self.labels[crate::numeric::arg_max(self.log_densities(row))]
+        self.labels[arg_max(self.log_densities(row))]
     }
 
     fn predict_with(&self, row: &[f64], _scratch: &mut [f64]) -> u32 {

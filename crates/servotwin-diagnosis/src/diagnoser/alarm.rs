@@ -34,7 +34,7 @@ pub(super) struct Rules {
 
 impl Rules {
     pub fn new(settings: &Settings, names: &Names, period_s: f64) -> Self {
-        let switches_off = names.commands.iter().map(|c| settings.off_commands.contains(c));
+        let switches_off = names.actions.iter().map(|c| settings.off_actions.contains(c));
         Rules {
             hypotheses: Hypotheses::of(names),
             switches_off: switches_off.collect(),
@@ -43,19 +43,19 @@ impl Rules {
         }
     }
 
-    fn switches_off(&self, command: u32) -> bool {
-        self.switches_off[command as usize]
+    fn switches_off(&self, action: u32) -> bool {
+        self.switches_off[action as usize]
     }
 }
 
 impl Memory {
-    pub fn new(units: usize) -> Self {
+    pub fn new(actuators: usize) -> Self {
         Memory {
             raised: None,
             recovering_since: None,
-            is_off: vec![false; units],
-            was_claimed_off: vec![false; units],
-            is_inhibited: vec![false; units],
+            is_off: vec![false; actuators],
+            was_claimed_off: vec![false; actuators],
+            is_inhibited: vec![false; actuators],
         }
     }
 
@@ -79,20 +79,22 @@ impl Memory {
     /// off, enough others are on and were never to be switched off, and nothing is raised of another one: two failures
     /// within seconds are less likely than one that looks otherwise now.
     pub fn allows(&self, rules: &Rules, hypothesis: usize) -> bool {
-        let Some((unit, command)) = rules.hypotheses.split(hypothesis) else { return false };
-        if self.is_masked(unit) {
+        let Some((actuator, action)) = rules.hypotheses.split(hypothesis) else { return false };
+        if self.is_masked(actuator) {
             return false;
         }
-        let stays_on =
-            |other: &usize| *other != unit && !self.is_off[*other] && !self.was_claimed_off[*other];
+        let stays_on = |other: &usize| {
+            *other != actuator && !self.is_off[*other] && !self.was_claimed_off[*other]
+        };
         let others = (0..self.is_off.len()).filter(stays_on).count();
-        let is_another_raised = self.raised.is_some_and(|raised| raised.unit as usize != unit);
-        !rules.switches_off[command] || (others >= rules.least_on && !is_another_raised)
+        let is_another_raised =
+            self.raised.is_some_and(|raised| raised.actuator as usize != actuator);
+        !rules.switches_off[action] || (others >= rules.least_on && !is_another_raised)
     }
 
     /// Whether what is raised stays whatever comes: it switches off.
     pub fn is_latched(&self, rules: &Rules) -> bool {
-        self.raised.is_some_and(|raised| rules.switches_off(raised.command))
+        self.raised.is_some_and(|raised| rules.switches_off(raised.action))
     }
 
     /// Whether there is no evidence for what is raised any more.
@@ -102,19 +104,19 @@ impl Memory {
 
     /// The hypothesis that is raised.
     pub fn hypothesis(&self, rules: &Rules) -> Option<usize> {
-        self.raised.map(|r| rules.hypotheses.place(r.unit as usize, r.command as usize))
+        self.raised.map(|r| rules.hypotheses.place(r.actuator as usize, r.action as usize))
     }
 
     /// Raises a command that is allowed, or what is raised again; what is latched stays.
     pub fn raise(&mut self, rules: &Rules, new: Raised) {
-        let same = |old: &Raised| (old.unit, old.command) == (new.unit, new.command);
-        let hypothesis = rules.hypotheses.place(new.unit as usize, new.command as usize);
+        let same = |old: &Raised| (old.actuator, old.action) == (new.actuator, new.action);
+        let hypothesis = rules.hypotheses.place(new.actuator as usize, new.action as usize);
         if let Some(old) = self.raised.filter(same) {
             self.raised =
                 Some(Raised { detail: new.detail.or(old.detail), sample: old.sample, ..new });
         } else if !self.is_latched(rules) && self.allows(rules, hypothesis) {
             self.raised = Some(new);
-            self.was_claimed_off[new.unit as usize] |= rules.switches_off(new.command);
+            self.was_claimed_off[new.actuator as usize] |= rules.switches_off(new.action);
         }
         self.recovering_since = None;
     }
@@ -137,32 +139,32 @@ impl Memory {
     }
 
     /// Whether nothing is said of an actuator.
-    pub fn is_masked(&self, unit: usize) -> bool {
-        self.is_off[unit] || self.is_inhibited[unit]
+    pub fn is_masked(&self, actuator: usize) -> bool {
+        self.is_off[actuator] || self.is_inhibited[actuator]
     }
 
     /// An actuator is not judged from now on, or judged again.
-    pub fn inhibit(&mut self, unit: usize, is_inhibited: bool) {
-        self.is_inhibited[unit] = is_inhibited;
+    pub fn inhibit(&mut self, actuator: usize, is_inhibited: bool) {
+        self.is_inhibited[actuator] = is_inhibited;
         if is_inhibited {
-            self.drop_raised_of(unit);
+            self.drop_raised_of(actuator);
         }
     }
 
     /// An actuator was switched off.
-    pub fn switch_off(&mut self, unit: usize) {
-        (self.is_off[unit], self.was_claimed_off[unit]) = (true, true);
-        self.drop_raised_of(unit);
+    pub fn switch_off(&mut self, actuator: usize) {
+        (self.is_off[actuator], self.was_claimed_off[actuator]) = (true, true);
+        self.drop_raised_of(actuator);
     }
 
     /// An actuator is on, and may be switched off again.
-    pub fn release(&mut self, unit: usize) {
-        (self.is_off[unit], self.was_claimed_off[unit]) = (false, false);
-        self.drop_raised_of(unit);
+    pub fn release(&mut self, actuator: usize) {
+        (self.is_off[actuator], self.was_claimed_off[actuator]) = (false, false);
+        self.drop_raised_of(actuator);
     }
 
-    fn drop_raised_of(&mut self, unit: usize) {
-        if self.raised.is_some_and(|raised| raised.unit as usize == unit) {
+    fn drop_raised_of(&mut self, actuator: usize) {
+        if self.raised.is_some_and(|raised| raised.actuator as usize == actuator) {
             self.drop_raised();
         }
     }
@@ -183,7 +185,7 @@ mod tests {
         let names = Names {
             features: vec![],
             actuators: list(actuators),
-            commands: list(3),
+            actions: list(3),
             details: list(2),
         };
         let usual = Settings::usual(&names, &["0"]);
@@ -191,9 +193,9 @@ mod tests {
         Rules::new(&Settings { least_on, ..usual }, &names, 0.01)
     }
 
-    fn raised(unit: usize, command: usize, sample: u64) -> Raised {
-        let (unit, command) = (unit as u32, command as u32);
-        Raised { unit, command, detail: Some(1), sample, length: 0, confidence: 0.9 }
+    fn raised(actuator: usize, action: usize, sample: u64) -> Raised {
+        let (actuator, action) = (actuator as u32, action as u32);
+        Raised { actuator, action, detail: Some(1), sample, length: 0, confidence: 0.9 }
     }
 
     /// Anything is done in any order; only a release gives back what may be switched off. As many as must stay on
@@ -209,27 +211,27 @@ mod tests {
                 let mut memory = Memory::new(actuators);
                 let mut claimed = vec![false; actuators];
                 for sample in 0..400 {
-                    let unit = random.index(actuators);
+                    let actuator = random.index(actuators);
                     match random.index(8) {
                         // Switched off by another hand, or released, now and then.
-                        0 if memory.raised.is_some_and(|r| r.command == 0) => {
-                            memory.switch_off(memory.raised.unwrap().unit as usize);
+                        0 if memory.raised.is_some_and(|r| r.action == 0) => {
+                            memory.switch_off(memory.raised.unwrap().actuator as usize);
                         }
                         1 if random.unit() < 0.02 => {
-                            memory.release(unit);
-                            claimed[unit] = false;
+                            memory.release(actuator);
+                            claimed[actuator] = false;
                         }
                         2 => memory.hold(&rules, false, sample * 300),
-                        3 => memory.inhibit(unit, random.unit() < 0.5),
+                        3 => memory.inhibit(actuator, random.unit() < 0.5),
                         _ => {
                             let any = random.index(rules.hypotheses.count());
-                            if let Some((unit, command)) = rules.hypotheses.split(any) {
-                                memory.raise(&rules, raised(unit, command, sample));
+                            if let Some((actuator, action)) = rules.hypotheses.split(any) {
+                                memory.raise(&rules, raised(actuator, action, sample));
                             }
                         }
                     }
-                    if let Some(raised) = memory.raised.filter(|raised| raised.command == 0) {
-                        claimed[raised.unit as usize] = true;
+                    if let Some(raised) = memory.raised.filter(|raised| raised.action == 0) {
+                        claimed[raised.actuator as usize] = true;
                     }
                     let kept = claimed.iter().filter(|claimed| !**claimed).count();
                     assert!(kept >= least_on, "{actuators} actuators, seed {seed}");
@@ -293,7 +295,7 @@ mod tests {
         }
         assert!(memory.is_latched(&rules) && !memory.is_recovering());
         memory.raise(&rules, raised(0, 0, 10_000));
-        assert_eq!(memory.raised.unwrap().unit, 1);
+        assert_eq!(memory.raised.unwrap().actuator, 1);
         memory.switch_off(1);
         assert!(memory.raised.is_none() && !memory.allows(&rules, 4) && !memory.allows(&rules, 1));
         assert!(memory.allows(&rules, 2));

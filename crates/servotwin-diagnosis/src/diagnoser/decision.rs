@@ -69,8 +69,8 @@ impl Costs {
     /// `is_off` says of each command whether it switches off.
     pub fn usual(is_off: &[bool]) -> Self {
         let answer = |truth: usize, answer: usize| match answer.checked_sub(1) {
-            Some(command) if is_off[command] && truth == 0 => 10.0,
-            Some(command) if is_off[command] => 3.0,
+            Some(action) if is_off[action] && truth == 0 => 10.0,
+            Some(action) if is_off[action] => 3.0,
             _ => 1.0,
         };
         let all = 0..=is_off.len();
@@ -82,11 +82,11 @@ impl Costs {
         }
     }
 
-    fn check(&self, commands: usize) -> Result<(), Error> {
-        same_length("costs of truths", commands + 1, self.same_actuator.len())?;
-        same_length("costs of another actuator", commands, self.other_actuator.len())?;
+    fn check(&self, actions: usize) -> Result<(), Error> {
+        same_length("costs of truths", actions + 1, self.same_actuator.len())?;
+        same_length("costs of another actuator", actions, self.other_actuator.len())?;
         for row in &self.same_actuator {
-            same_length("costs of answers", commands + 1, row.len())?;
+            same_length("costs of answers", actions + 1, row.len())?;
         }
         let all = self.same_actuator.iter().flatten().chain(&self.other_actuator);
         let wrong = all.copied().find(|cost| !(*cost >= 0.0 && cost.is_finite()));
@@ -126,8 +126,8 @@ pub struct Settings {
     pub overlap_exponent: f64,
     /// The share of what deviates that actuators may have in common, above which it is like nothing
     /// known: one half is a fault of one of them, one is none.
-    #[serde(default = "most_alike")]
-    pub most_alike: f64,
+    #[serde(default = "max_common_mode", rename = "most_alike")]
+    pub max_common_mode: f64,
     /// The part of a limit from which an alarm is pending, and below which a raised one recovers.
     pub pending_share: f64,
     /// How long a raised alarm must have been recovering before it is over, in s.
@@ -140,7 +140,8 @@ pub struct Settings {
     /// How long measured values may be missing before there is no data, in s.
     pub no_data_after_s: f64,
     /// The commands that switch an actuator off.
-    pub off_commands: Vec<String>,
+    #[serde(rename = "off_commands")]
+    pub off_actions: Vec<String>,
     /// How many actuators must stay on, whatever is found: one of several, none of a single one, which may be
     /// stopped where its study says that it is.
     pub least_on: u32,
@@ -180,15 +181,15 @@ pub fn usual_least_on(actuators: usize) -> u32 {
     u32::from(actuators > 1)
 }
 
-fn most_alike() -> f64 {
+fn max_common_mode() -> f64 {
     0.9
 }
 
 impl Settings {
     /// Settings to begin with for these names; `off_commands` switch an actuator off.
-    pub fn usual(names: &Names, off_commands: &[&str]) -> Self {
+    pub fn usual(names: &Names, off_actions: &[&str]) -> Self {
         let is_off: Vec<bool> =
-            names.commands.iter().map(|c| off_commands.contains(&c.as_str())).collect();
+            names.actions.iter().map(|c| off_actions.contains(&c.as_str())).collect();
         Settings {
             false_alarms_per_h: 1e-3,
             wrong_isolation: 1e-3,
@@ -200,13 +201,13 @@ impl Settings {
             other_allowance_nats: 0.0,
             in_band_nats: 4.0,
             overlap_exponent: 0.5,
-            most_alike: most_alike(),
+            max_common_mode: max_common_mode(),
             pending_share: 0.5,
             recover_s: 5.0,
             least_detail_confidence: 0.5,
             settle_s: 1.0,
             no_data_after_s: 0.1,
-            off_commands: off_commands.iter().map(|&c| c.into()).collect(),
+            off_actions: off_actions.iter().map(|&c| c.into()).collect(),
             least_on: usual_least_on(names.actuators.len()),
         }
     }
@@ -227,15 +228,15 @@ impl Settings {
     /// # Errors
     /// [`Error::SettingOutOfRange`], [`Error::LengthMismatch`], [`Error::CorruptModel`].
     pub fn check(&self, names: &Names) -> Result<(), Error> {
-        self.costs.check(names.commands.len())?;
+        self.costs.check(names.actions.len())?;
         let rate = self.false_alarms_per_h;
         require(rate > 0.0 && rate <= 3600.0, "false_alarms_per_h", rate, "above 0, at most 3600")?;
         let share = self.wrong_isolation;
         require(share > 0.0 && share <= 1.0, "wrong_isolation", share, "above 0, at most 1")?;
         let clip = self.clip_nats;
         require(clip > 0.0 && clip <= 100.0, "clip_nats", clip, "above 0, at most 100")?;
-        let alike = self.most_alike;
-        require((0.5..=1.0).contains(&alike), "most_alike", alike, "0.5 to 1")?;
+        let common_mode = self.max_common_mode;
+        require((0.5..=1.0).contains(&common_mode), "most_alike", common_mode, "0.5 to 1")?;
         let part = self.pending_share;
         require(part > 0.0 && part < 1.0, "pending_share", part, "between 0 and 1")?;
         let numbers = [
@@ -253,10 +254,10 @@ impl Settings {
         for (name, value) in numbers {
             require((0.0..=1e6).contains(&value), name, value, "0 to 1,000,000")?;
         }
-        let units = names.actuators.len() as u32;
+        let actuators = names.actuators.len() as u32;
         let kept = f64::from(self.least_on);
-        require(self.least_on <= units, "least_on", kept, "at most the number of actuators")?;
-        let known = self.off_commands.iter().all(|c| names.commands.contains(c));
+        require(self.least_on <= actuators, "least_on", kept, "at most the number of actuators")?;
+        let known = self.off_actions.iter().all(|c| names.actions.contains(c));
         let broken = "a command that switches off is none of the commands";
         if known { Ok(()) } else { Err(Error::CorruptModel { broken }) }
     }
@@ -267,26 +268,26 @@ impl Settings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Hypotheses {
     pub actuators: usize,
-    pub commands: usize,
+    pub actions: usize,
 }
 
 impl Hypotheses {
     pub fn of(names: &Names) -> Self {
-        Hypotheses { actuators: names.actuators.len(), commands: names.commands.len() }
+        Hypotheses { actuators: names.actuators.len(), actions: names.actions.len() }
     }
 
     pub fn count(self) -> usize {
-        1 + self.actuators * self.commands
+        1 + self.actuators * self.actions
     }
 
     /// Actuator and command; `None` for health.
     pub fn split(self, hypothesis: usize) -> Option<(usize, usize)> {
         let place = hypothesis.checked_sub(1)?;
-        Some((place / self.commands, place % self.commands))
+        Some((place / self.actions, place % self.actions))
     }
 
-    pub fn place(self, actuator: usize, command: usize) -> usize {
-        1 + actuator * self.commands + command
+    pub fn place(self, actuator: usize, action: usize) -> usize {
+        1 + actuator * self.actions + action
     }
 
     /// The hypotheses of an actuator.
@@ -355,8 +356,8 @@ fn besides(
     is_off: &[bool],
     (claim, other): (usize, usize),
 ) -> f64 {
-    let Some((own, command)) = hypotheses.split(claim) else { return 0.0 };
-    let (of_off, of_other) = match is_off[command] {
+    let Some((own, action)) = hypotheses.split(claim) else { return 0.0 };
+    let (of_off, of_other) = match is_off[action] {
         true => (settings.off_allowance_nats, settings.other_allowance_nats),
         false => (0.0, 0.0),
     };
@@ -369,11 +370,11 @@ fn besides(
 
 fn cost(costs: &Costs, hypotheses: Hypotheses, truth: usize, answer: usize) -> f64 {
     match (hypotheses.split(truth), hypotheses.split(answer)) {
-        (Some((faulty, _)), Some((named, command))) if faulty != named => {
-            costs.other_actuator[command]
+        (Some((faulty, _)), Some((named, action))) if faulty != named => {
+            costs.other_actuator[action]
         }
         (truth, answer) => {
-            let class = |split: Option<(usize, usize)>| split.map_or(0, |(_, command)| command + 1);
+            let class = |split: Option<(usize, usize)>| split.map_or(0, |(_, action)| action + 1);
             costs.same_actuator[class(truth)][class(answer)]
         }
     }
@@ -522,7 +523,7 @@ mod tests {
         Names {
             features: vec![],
             actuators: list("a", 2),
-            commands: list("c", 3),
+            actions: list("c", 3),
             details: list("d", 1),
         }
     }
@@ -702,7 +703,7 @@ mod tests {
             Settings { pending_share: 1.0, ..good.clone() },
             Settings { recover_s: -1.0, ..good.clone() },
             Settings { least_on: 3, ..good.clone() },
-            Settings { off_commands: vec!["c9".into()], ..good.clone() },
+            Settings { off_actions: vec!["c9".into()], ..good.clone() },
             Settings { costs: Costs::usual(&[true]), ..good.clone() },
         ];
         for settings in bad {

@@ -14,24 +14,24 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::baseline;
+use crate::conditional_band::ConditionalBand;
 use crate::error::{Error, require};
 use crate::features::{self, Quantity, Sensors};
-use crate::field::Field;
 use crate::hierarchy::Names;
 use crate::panel::Panel;
-use crate::reference;
 use crate::sliding::Span;
 
 mod alarm;
-mod alike;
+mod common_mode;
 pub mod decision;
 pub mod environment;
-mod judge;
 pub mod novelty;
 mod outcome;
-mod presence;
+mod sensor_health;
 mod session;
 mod streams;
+mod window_classifier;
 
 pub use environment::{Environment, Invalid, Why};
 pub use novelty::Novelty;
@@ -53,7 +53,8 @@ pub struct Sensor {
     /// What it measures.
     pub quantity: Quantity,
     /// The actuator it belongs to, a place in the names; `None` for a sensor of the whole.
-    pub unit: Option<u32>,
+    #[serde(rename = "unit")]
+    pub actuator: Option<u32>,
     /// What its residual is divided by, in the sensor's SI unit.
     pub scale: f64,
     /// Standard deviation that noise and quantisation give a sample, in parts of scale.
@@ -77,8 +78,8 @@ pub struct Length {
     /// What the classes looked like in training.
     pub novelty: Novelty,
     /// Of windows of what residuals are beyond the reference; `None` of residuals as they are.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub relative: Option<decision::Allowances>,
+    #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
+    pub baseline_corrected: Option<decision::Allowances>,
 }
 
 /// Sensors, windows, bands, features, trees and the decision: enough to diagnose with.
@@ -96,11 +97,11 @@ pub struct Diagnoser {
     /// The window lengths, all with the same actuators, commands and details; the first is of residuals as they are.
     pub lengths: Vec<Length>,
     /// What the windows of lengths that are relative are beyond.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reference: Option<reference::Settings>,
+    #[serde(default, rename = "reference", skip_serializing_if = "Option::is_none")]
+    pub baseline: Option<baseline::Settings>,
     /// A band that depends on what is asked, instead of the bands of all lengths.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub field: Option<Field>,
+    #[serde(default, rename = "field", skip_serializing_if = "Option::is_none")]
+    pub conditional_band: Option<ConditionalBand>,
     /// When something is raised.
     pub decision: decision::Settings,
 }
@@ -119,7 +120,7 @@ impl Diagnoser {
         let seen = |s: &Sensor| features::Sensor {
             name: s.name.clone(),
             quantity: s.quantity,
-            unit: s.unit.map(|unit| unit as usize),
+            actuator: s.actuator.map(|actuator| actuator as usize),
             noise: s.noise,
             is_noisy: s.is_noisy,
             follows: s.follows.iter().map(|&(other, weight)| (other as usize, weight)).collect(),
@@ -140,10 +141,10 @@ impl Diagnoser {
 
     /// How many views of a row a length's novelty looks at.
     fn views_of_novelty(&self, length: &Length) -> usize {
-        let units = self.names().actuators.len();
-        let is_alike = self.sensors_seen().rotations(units).is_some();
+        let actuators = self.names().actuators.len();
+        let is_alike = self.sensors_seen().rotations(actuators).is_some();
         let learnt = !length.novelty.classes.is_empty();
-        if learnt && is_alike { units } else { 1 }
+        if learnt && is_alike { actuators } else { 1 }
     }
 
     /// A finding in words: `actuator_1 / shut_down / leak`.
@@ -152,17 +153,17 @@ impl Diagnoser {
         let name = |list: &[String], place: u32| {
             list.get(place as usize).map_or("?", String::as_str).into()
         };
-        let unit = |place| name(&names.actuators, place);
-        let command = |place| name(&names.commands, place);
+        let actuator = |place| name(&names.actuators, place);
+        let action = |place| name(&names.actions, place);
         let words: Vec<String> = match finding {
             Finding::Unjudged => alloc::vec!["not judged".into()],
             Finding::Healthy => alloc::vec![crate::hierarchy::HEALTHY.into()],
             Finding::Detected => alloc::vec!["detected, not isolated".into()],
             Finding::Unknown => alloc::vec!["unknown".into()],
-            Finding::Actuator { unit: u } => alloc::vec![unit(u)],
-            Finding::Command { unit: u, command: c } => alloc::vec![unit(u), command(c)],
-            Finding::Detail { unit: u, command: c, detail } => {
-                alloc::vec![unit(u), command(c), name(&names.details, detail)]
+            Finding::Actuator { actuator: u } => alloc::vec![actuator(u)],
+            Finding::Action { actuator: u, action: c } => alloc::vec![actuator(u), action(c)],
+            Finding::Detail { actuator: u, action: c, detail } => {
+                alloc::vec![actuator(u), action(c), name(&names.details, detail)]
             }
             Finding::EnvironmentInvalid { input, why } => {
                 let known = self.environment.inputs.get(input as usize);
@@ -194,48 +195,49 @@ impl Diagnoser {
         self.environment.check()?;
         self.lengths.iter().try_for_each(|length| self.check_length(length))?;
         self.check_sensors()?;
-        if let Some(field) = &self.field {
-            field.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
+        if let Some(band) = &self.conditional_band {
+            band.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
         }
         self.decision.check(self.names())?;
-        let is_plain = self.lengths[0].relative.is_none();
+        let is_plain = self.lengths[0].baseline_corrected.is_none();
         holds(is_plain, "the first window length is not of residuals as they are")?;
         streams::Streams::new(self).map(drop)?;
-        self.lengths.iter().try_for_each(|length| judge::Judge::new(self, length).map(drop))
+        self.lengths
+            .iter()
+            .try_for_each(|length| window_classifier::WindowClassifier::new(self, length).map(drop))
     }
 
     fn check_sensors(&self) -> Result<(), Error> {
-        let units = self.names().actuators.len();
+        let actuators = self.names().actuators.len();
         for sensor in &self.sensors {
             let (scale, noise) = (sensor.scale, sensor.noise);
             require(scale > 0.0 && scale.is_finite(), "scale", scale, "above 0")?;
             require((0.0..=1.0).contains(&noise), "noise", noise, "0 to 1 of scale")?;
-            let known = sensor.unit.is_none_or(|unit| (unit as usize) < units);
+            let known = sensor.actuator.is_none_or(|actuator| (actuator as usize) < actuators);
             holds(known, "a sensor belongs to an actuator that is not there")?;
             let is_sound = |&(other, weight): &(u32, f64)| {
                 (other as usize) < self.sensors.len() && weight.is_finite()
             };
             let follows = &sensor.follows;
-            let fits = follows.len() <= features::MOST_FOLLOWED && follows.iter().all(is_sound);
+            let fits = follows.len() <= features::MAX_FOLLOWED && follows.iter().all(is_sound);
             holds(fits, "a sensor follows one that is not there, or too many")?;
         }
         Ok(())
     }
 
     fn check_length(&self, length: &Length) -> Result<(), Error> {
-        let Length { panel, novelty, relative, .. } = length;
+        let Length { panel, novelty, baseline_corrected, .. } = length;
         panel.check()?;
-        relative.iter().try_for_each(decision::Allowances::check)?;
-        let of =
-            |names: &Names| [&names.actuators, &names.commands, &names.details].map(Vec::clone);
+        baseline_corrected.iter().try_for_each(decision::Allowances::check)?;
+        let of = |names: &Names| [&names.actuators, &names.actions, &names.details].map(Vec::clone);
         let names = &panel.trees.names;
         holds(of(names) == of(self.names()), "window lengths have other names")?;
-        holds(!names.commands.is_empty(), "there is no command")?;
+        holds(!names.actions.is_empty(), "there is no command")?;
         holds(panel.bands.len() == self.watched(), "window lengths have other bands")?;
         let fits = panel.bands.len() <= self.sensors.len();
         let same = panel.bands.iter().zip(&self.sensors).all(|(b, s)| b.sensor == s.name);
         holds(fits && same, "bands are not those of the first sensors")?;
-        novelty.check(names.commands.len(), names.features.len())
+        novelty.check(names.actions.len(), names.features.len())
     }
 }
 

@@ -19,21 +19,27 @@ pub enum Finding {
     /// Something is wrong with an actuator, and it is not sure what is to be done.
     Actuator {
         /// The actuator.
-        unit: u32,
+        #[serde(rename = "unit")]
+        actuator: u32,
     },
     /// What is to be done with an actuator.
-    Command {
+    #[serde(rename = "command")]
+    Action {
         /// The actuator.
-        unit: u32,
+        #[serde(rename = "unit")]
+        actuator: u32,
         /// The command.
-        command: u32,
+        #[serde(rename = "command")]
+        action: u32,
     },
     /// What is broken there.
     Detail {
         /// The actuator.
-        unit: u32,
+        #[serde(rename = "unit")]
+        actuator: u32,
         /// The command.
-        command: u32,
+        #[serde(rename = "command")]
+        action: u32,
         /// The detail.
         detail: u32,
     },
@@ -71,9 +77,11 @@ pub enum Alarm {
 #[serde(deny_unknown_fields)]
 pub struct Raised {
     /// The actuator.
-    pub unit: u32,
+    #[serde(rename = "unit")]
+    pub actuator: u32,
     /// The command.
-    pub command: u32,
+    #[serde(rename = "command")]
+    pub action: u32,
     /// What is broken, where trees and committee agree on it.
     pub detail: Option<u32>,
     /// The number of the sample with which it was raised.
@@ -106,12 +114,12 @@ impl Places {
         }
     }
 
-    fn has_unit(&self, unit: u32) -> bool {
-        (unit as usize) < self.hypotheses.actuators
+    fn has_actuator(&self, actuator: u32) -> bool {
+        (actuator as usize) < self.hypotheses.actuators
     }
 
-    fn has_command(&self, command: u32) -> bool {
-        (command as usize) < self.hypotheses.commands
+    fn has_action(&self, action: u32) -> bool {
+        (action as usize) < self.hypotheses.actions
     }
 
     pub fn has_detail(&self, detail: u32) -> bool {
@@ -128,8 +136,8 @@ pub(super) fn is_share(number: f64) -> bool {
 impl Raised {
     /// Whether a stored one names places that there are, and a sample that was.
     pub(super) fn fits(&self, places: &Places, samples: u64) -> bool {
-        places.has_unit(self.unit)
-            && places.has_command(self.command)
+        places.has_actuator(self.actuator)
+            && places.has_action(self.action)
             && self.detail.is_none_or(|detail| places.has_detail(detail))
             && self.sample <= samples
             && (self.length as usize) < places.lengths
@@ -141,12 +149,14 @@ impl Finding {
     fn fits(&self, places: &Places) -> bool {
         match *self {
             Finding::Unjudged | Finding::Healthy | Finding::Detected | Finding::Unknown => true,
-            Finding::Actuator { unit } => places.has_unit(unit),
-            Finding::Command { unit, command } => {
-                places.has_unit(unit) && places.has_command(command)
+            Finding::Actuator { actuator } => places.has_actuator(actuator),
+            Finding::Action { actuator, action } => {
+                places.has_actuator(actuator) && places.has_action(action)
             }
-            Finding::Detail { unit, command, detail } => {
-                places.has_unit(unit) && places.has_command(command) && places.has_detail(detail)
+            Finding::Detail { actuator, action, detail } => {
+                places.has_actuator(actuator)
+                    && places.has_action(action)
+                    && places.has_detail(detail)
             }
             Finding::EnvironmentInvalid { input, .. } => (input as usize) < places.inputs,
         }

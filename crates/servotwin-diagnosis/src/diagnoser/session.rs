@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::alarm::{self, Rules};
 use super::decision::{self, Evidence, Hypotheses, Limits};
 use super::environment::{self, Guard, Invalid, Why};
-use super::judge::{self, Judge};
 use super::outcome::{Alarm, Finding, Outcome, Places, Raised};
-use super::presence::{Patience, Presence};
-use super::streams::{Sample, StoredRelative, Streams};
+use super::sensor_health::{Patience, SensorHealth};
+use super::streams::{Sample, StoredBaselineCorrected, Streams};
+use super::window_classifier::{self, WindowClassifier};
 use super::{Diagnoser, LARGEST_COUNT, Length};
+use crate::conditional_band::{self, Here};
 use crate::error::{Error, same_length};
-use crate::field::{self, Here};
 use crate::hierarchy::Stage;
 use crate::random::Random;
 use crate::residual::Window;
@@ -41,8 +41,8 @@ struct Memory {
     has_judged: bool,
     is_taken_out: Vec<bool>,
     /// Of each sensor.
-    #[serde(default)]
-    presence: Vec<Presence>,
+    #[serde(default, rename = "presence")]
+    sensor_health: Vec<SensorHealth>,
     /// What each covariate of the field was made of in the last sample that was taken.
     #[serde(default)]
     asked: Vec<Option<f64>>,
@@ -50,7 +50,7 @@ struct Memory {
     /// Of each window length, here and below.
     evidence: Vec<Evidence>,
     /// Only in a stored state: at work the judges have it.
-    judged: Vec<judge::Memory>,
+    judged: Vec<window_classifier::Memory>,
     outcome: Outcome,
 }
 
@@ -62,8 +62,8 @@ pub struct State {
     memory: Memory,
     environment: environment::Memory,
     windows: sliding::Stored,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    relative: Option<StoredRelative>,
+    #[serde(default, rename = "relative", skip_serializing_if = "Option::is_none")]
+    baseline_corrected: Option<StoredBaselineCorrected>,
 }
 
 /// A diagnosis beside a running actuator.
@@ -74,7 +74,7 @@ pub struct Session {
     rules: Rules,
     patience: Patience,
     hypotheses: Hypotheses,
-    judges: Vec<Judge>,
+    classifiers: Vec<WindowClassifier>,
     /// How sure a decision must be, for each length.
     settings: Vec<decision::Settings>,
     /// What it takes to raise something, for each length.
@@ -107,19 +107,23 @@ impl Session {
     pub fn new(diagnoser: Arc<Diagnoser>) -> Result<Self, Error> {
         diagnoser.check()?;
         let names = diagnoser.names();
-        let (hypotheses, units) = (Hypotheses::of(names), names.actuators.len());
-        let judge = |length: &Length| Judge::new(&diagnoser, length);
-        let judges = diagnoser.lengths.iter().map(judge).collect::<Result<Vec<_>, _>>()?;
+        let (hypotheses, actuators) = (Hypotheses::of(names), names.actuators.len());
+        let classifier = |length: &Length| WindowClassifier::new(&diagnoser, length);
+        let classifiers =
+            diagnoser.lengths.iter().map(classifier).collect::<Result<Vec<_>, _>>()?;
         let memory = Memory {
             samples: 0,
             settling: 0,
             gap: 0,
             has_judged: false,
             is_taken_out: vec![false; diagnoser.sensors.len()],
-            presence: vec![Presence::default(); diagnoser.sensors.len()],
-            asked: vec![None; diagnoser.field.as_ref().map_or(0, |field| field.covariates.len())],
-            alarm: alarm::Memory::new(units),
-            evidence: vec![Evidence::new(hypotheses); judges.len()],
+            sensor_health: vec![SensorHealth::default(); diagnoser.sensors.len()],
+            asked: vec![
+                None;
+                diagnoser.conditional_band.as_ref().map_or(0, |band| band.covariates.len())
+            ],
+            alarm: alarm::Memory::new(actuators),
+            evidence: vec![Evidence::new(hypotheses); classifiers.len()],
             judged: Vec::new(),
             outcome: Outcome::first(),
         };
@@ -128,16 +132,16 @@ impl Session {
             rules: Rules::new(&diagnoser.decision, names, diagnoser.period_s),
             patience: patience(&diagnoser),
             hypotheses,
-            judges,
+            classifiers,
             settings: diagnoser.lengths.iter().map(|length| settings(&diagnoser, length)).collect(),
             limits: diagnoser.lengths.iter().map(|length| limits(&diagnoser, length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             streams: Streams::new(&diagnoser)?,
-            here: diagnoser.field.as_ref().map(Here::new),
+            here: diagnoser.conditional_band.as_ref().map(Here::new),
             memory,
             measured: vec![0.0; diagnoser.sensors.len()],
             stands_in: vec![false; diagnoser.sensors.len()],
-            is_masked: vec![false; units],
+            is_masked: vec![false; actuators],
             diagnoser,
         })
     }
@@ -193,8 +197,8 @@ impl Session {
 
     /// What is asked that lies farthest outside of what the field was learned from, by its name.
     pub fn farthest(&self) -> Option<&str> {
-        let (field, here) = (self.diagnoser.field.as_ref()?, self.here.as_ref()?);
-        Some(&field.farthest(&here.point)?.name)
+        let (band, here) = (self.diagnoser.conditional_band.as_ref()?, self.here.as_ref()?);
+        Some(&band.farthest(&here.point)?.name)
     }
 
     /// The diagnoser.
@@ -212,9 +216,9 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::IndexOutOfRange`], here and below.
-    pub fn switched_off(&mut self, unit: usize) -> Result<(), Error> {
-        self.check_unit(unit)?;
-        self.memory.alarm.switch_off(unit);
+    pub fn switched_off(&mut self, actuator: usize) -> Result<(), Error> {
+        self.check_unit(actuator)?;
+        self.memory.alarm.switch_off(actuator);
         self.restart();
         Ok(())
     }
@@ -224,9 +228,9 @@ impl Session {
     ///
     /// # Errors
     /// See [`Session::switched_off`].
-    pub fn release(&mut self, unit: usize) -> Result<(), Error> {
-        self.check_unit(unit)?;
-        self.memory.alarm.release(unit);
+    pub fn release(&mut self, actuator: usize) -> Result<(), Error> {
+        self.check_unit(actuator)?;
+        self.memory.alarm.release(actuator);
         self.restart();
         Ok(())
     }
@@ -235,9 +239,9 @@ impl Session {
     ///
     /// # Errors
     /// See [`Session::switched_off`].
-    pub fn inhibit(&mut self, unit: usize, is_inhibited: bool) -> Result<(), Error> {
-        self.check_unit(unit)?;
-        self.memory.alarm.inhibit(unit, is_inhibited);
+    pub fn inhibit(&mut self, actuator: usize, is_inhibited: bool) -> Result<(), Error> {
+        self.check_unit(actuator)?;
+        self.memory.alarm.inhibit(actuator, is_inhibited);
         self.restart();
         Ok(())
     }
@@ -256,13 +260,13 @@ impl Session {
     }
 
     /// Whether an actuator was switched off.
-    pub fn is_off(&self, unit: usize) -> bool {
-        self.memory.alarm.is_off.get(unit).copied().unwrap_or(false)
+    pub fn is_off(&self, actuator: usize) -> bool {
+        self.memory.alarm.is_off.get(actuator).copied().unwrap_or(false)
     }
 
     /// Whether a sensor's values have been missing for so long that the others are judged without it.
     pub fn is_lost(&self, sensor: usize) -> bool {
-        self.memory.presence.get(sensor).is_some_and(|presence| presence.is_lost())
+        self.memory.sensor_health.get(sensor).is_some_and(|sensor_health| sensor_health.is_lost())
     }
 
     /// The window of a length as it was judged last.
@@ -285,20 +289,20 @@ impl Session {
 
     /// The rows of features of a length's last window that left its bands, one for each view.
     pub fn features(&self, length: usize) -> &[Vec<f64>] {
-        self.judges[length].rows()
+        self.classifiers[length].rows()
     }
 
     /// The probability of each hypothesis by a length's committee in its last window: nothing wrong,
     /// then the commands actuator by actuator. All zero before the first.
-    pub fn probability(&self, length: usize, unit_and_command: Option<(usize, usize)>) -> f64 {
-        let place = unit_and_command.map_or(0, |(u, c)| self.hypotheses.place(u, c));
-        self.judges[length].probability(place)
+    pub fn probability(&self, length: usize, unit_and_action: Option<(usize, usize)>) -> f64 {
+        let place = unit_and_action.map_or(0, |(u, c)| self.hypotheses.place(u, c));
+        self.classifiers[length].probability(place)
     }
 
     /// The least evidence of a length for a command of an actuator against every other explanation,
     /// in parts of what it takes to raise it.
-    pub fn evidence(&self, length: usize, unit: usize, command: usize) -> f64 {
-        let claim = self.hypotheses.place(unit, command);
+    pub fn evidence(&self, length: usize, actuator: usize, action: usize) -> f64 {
+        let claim = self.hypotheses.place(actuator, action);
         self.memory.evidence[length].margin(claim, &self.limits[length])
     }
 
@@ -313,14 +317,14 @@ impl Session {
     /// # Errors
     /// As [`crate::hierarchy::Hierarchy::explain`].
     pub fn explain(&self, length: usize) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
-        self.diagnoser.lengths[length].panel.trees.explain(self.judges[length].rows())
+        self.diagnoser.lengths[length].panel.trees.explain(self.classifiers[length].rows())
     }
 
     /// Forgets everything, actuators that are off included. Does not allocate.
     pub fn reset(&mut self) {
         self.memory.alarm.clear();
         self.memory.is_taken_out.fill(false);
-        self.memory.presence.fill(Presence::default());
+        self.memory.sensor_health.fill(SensorHealth::default());
         self.clear_windows();
         self.guard.memory.clear();
         (self.memory.samples, self.memory.settling, self.memory.gap) = (0, 0, 0);
@@ -329,14 +333,14 @@ impl Session {
 
     /// Everything that is remembered, to be stored.
     pub fn save(&self) -> State {
-        let (windows, relative) = self.streams.store();
-        let judged = self.judges.iter().map(|judge| judge.memory.clone()).collect();
+        let (windows, baseline_corrected) = self.streams.store();
+        let judged = self.classifiers.iter().map(|classifier| classifier.memory.clone()).collect();
         State {
             format: FORMAT.into(),
             memory: Memory { judged, ..self.memory.clone() },
             environment: self.guard.memory.clone(),
             windows,
-            relative,
+            baseline_corrected,
         }
     }
 
@@ -355,16 +359,16 @@ impl Session {
     }
 
     fn try_restore(&mut self, state: &State) -> Result<(), Error> {
-        let State { format, memory, environment, windows, relative } = state;
+        let State { format, memory, environment, windows, baseline_corrected } = state;
         let places = Places::of(&self.diagnoser);
         let fits = format == FORMAT
-            && memory.evidence.len() == self.judges.len()
+            && memory.evidence.len() == self.classifiers.len()
             && memory.evidence.iter().all(|evidence| evidence.fits(self.hypotheses))
-            && memory.judged.len() == self.judges.len()
+            && memory.judged.len() == self.classifiers.len()
             && memory
                 .judged
                 .iter()
-                .zip(&self.judges)
+                .zip(&self.classifiers)
                 .all(|(judged, own)| own.fits(judged, &places))
             && memory.is_taken_out.len() == self.scales.len()
             && memory.asked.len() == self.memory.asked.len()
@@ -377,14 +381,15 @@ impl Session {
             let broken = "a number of the state is none that a diagnosis can have";
             return Err(Error::CorruptModel { broken });
         }
-        self.streams.restore(windows, relative.as_ref())?;
+        self.streams.restore(windows, baseline_corrected.as_ref())?;
         self.memory = memory.clone();
         // A state of before sensors could be lost.
-        self.memory.presence.resize(self.scales.len(), Presence::default());
+        self.memory.sensor_health.resize(self.scales.len(), SensorHealth::default());
         self.guard.memory = environment.clone();
-        for (judge, judged) in self.judges.iter_mut().zip(core::mem::take(&mut self.memory.judged))
+        for (classifier, judged) in
+            self.classifiers.iter_mut().zip(core::mem::take(&mut self.memory.judged))
         {
-            judge.memory = judged;
+            classifier.memory = judged;
         }
         Ok(())
     }
@@ -392,12 +397,12 @@ impl Session {
     /// Whether the numbers of a stored memory are such that a session may have written them.
     fn is_possible(&self, memory: &Memory, places: &Places) -> bool {
         let settling = self.settling_samples();
-        let sensors = memory.presence.len();
+        let sensors = memory.sensor_health.len();
         let of_before = sensors == 0;
         [memory.samples, memory.gap].iter().all(|count| *count <= LARGEST_COUNT)
             && memory.settling <= settling
             && (of_before || sensors == self.scales.len())
-            && memory.presence.iter().all(|presence| presence.fits(self.patience))
+            && memory.sensor_health.iter().all(|sensor_health| sensor_health.fits(self.patience))
             && memory.asked.iter().flatten().all(|asked| asked.is_finite())
             && memory.outcome.fits(places, memory.samples)
     }
@@ -427,7 +432,7 @@ impl Session {
         self.streams.clear();
         self.memory.asked.fill(None);
         self.memory.evidence.iter_mut().for_each(Evidence::clear);
-        self.judges.iter_mut().for_each(Judge::forget);
+        self.classifiers.iter_mut().for_each(WindowClassifier::forget);
         self.memory.has_judged = false;
     }
 
@@ -459,15 +464,15 @@ impl Session {
                 _ => Usable::Yes,
             };
             let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
-            let of_unit = |unit: u32| self.memory.alarm.is_masked(unit as usize);
-            let is_masked = self.memory.is_taken_out[place] || sensor.unit.is_some_and(of_unit);
-            let presence = &mut self.memory.presence[place];
+            let of_unit = |actuator: u32| self.memory.alarm.is_masked(actuator as usize);
+            let is_masked = self.memory.is_taken_out[place] || sensor.actuator.is_some_and(of_unit);
+            let sensor_health = &mut self.memory.sensor_health[place];
             if is_masked {
-                *presence = Presence::default();
+                *sensor_health = SensorHealth::default();
             } else if is_sound {
-                presence.notice(of(value) == Usable::Yes, self.patience);
+                sensor_health.notice(of(value) == Usable::Yes, self.patience);
             }
-            self.stands_in[place] = is_masked || presence.is_lost();
+            self.stands_in[place] = is_masked || sensor_health.is_lost();
             let value = if self.stands_in[place] {
                 let mut random = Random::stream(place as u64, self.memory.samples);
                 let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
@@ -489,7 +494,12 @@ impl Session {
 
     /// Counts the sensors that are lost. Where one has come back, what was seen without it counts no more.
     fn count_lost(&mut self) {
-        let lost = self.memory.presence.iter().filter(|presence| presence.is_lost()).count() as u32;
+        let lost = self
+            .memory
+            .sensor_health
+            .iter()
+            .filter(|sensor_health| sensor_health.is_lost())
+            .count() as u32;
         if lost < self.memory.outcome.lost {
             self.clear_windows();
         }
@@ -498,28 +508,30 @@ impl Session {
 
     /// Whether an actuator may be accused: all others that are judged have all their sensors. What stands in for a
     /// sensor always looks healthy, so that a fault of an actuator without one looks like a fault of its like.
-    fn is_comparable(&self, unit: usize) -> bool {
-        let is_out = self.memory.is_taken_out.iter().zip(&self.memory.presence);
+    fn is_comparable(&self, actuator: usize) -> bool {
+        let is_out = self.memory.is_taken_out.iter().zip(&self.memory.sensor_health);
         let mut sensors = self.diagnoser.sensors.iter().zip(is_out);
-        sensors.all(|(sensor, (is_taken_out, presence))| {
-            let is_masked = |unit: u32| self.memory.alarm.is_masked(unit as usize);
+        sensors.all(|(sensor, (is_taken_out, sensor_health))| {
+            let is_masked = |actuator: u32| self.memory.alarm.is_masked(actuator as usize);
             let is_elsewhere =
-                sensor.unit != Some(unit as u32) && !sensor.unit.is_some_and(is_masked);
-            !(is_elsewhere && (*is_taken_out || presence.is_lost()))
+                sensor.actuator != Some(actuator as u32) && !sensor.actuator.is_some_and(is_masked);
+            !(is_elsewhere && (*is_taken_out || sensor_health.is_lost()))
         })
     }
 
     /// Whether more than half of an actuator's sensors are lost, or of all: then the rest is not enough.
     fn is_blind(&self) -> bool {
-        let most_lost = |unit: Option<u32>| {
-            let sensors = self.diagnoser.sensors.iter().zip(&self.memory.presence);
-            let own = sensors.filter(|(sensor, _)| unit.is_none() || sensor.unit == unit);
-            let (count, lost) = own.fold((0, 0), |(count, lost), (_, presence)| {
-                (count + 1, lost + usize::from(presence.is_lost()))
+        let most_lost = |actuator: Option<u32>| {
+            let sensors = self.diagnoser.sensors.iter().zip(&self.memory.sensor_health);
+            let own =
+                sensors.filter(|(sensor, _)| actuator.is_none() || sensor.actuator == actuator);
+            let (count, lost) = own.fold((0, 0), |(count, lost), (_, sensor_health)| {
+                (count + 1, lost + usize::from(sensor_health.is_lost()))
             });
             2 * lost > count
         };
-        most_lost(None) || (0..self.is_masked.len()).any(|unit| most_lost(Some(unit as u32)))
+        most_lost(None)
+            || (0..self.is_masked.len()).any(|actuator| most_lost(Some(actuator as u32)))
     }
 
     /// A sample without usable values. A few are only counted; more, and the windows begin anew.
@@ -561,7 +573,7 @@ impl Session {
             stands_in: &self.stands_in,
             is_trusted: self.memory.outcome.alarm == Alarm::Normal,
         });
-        if has_new && self.judge(diagnoser).is_err() {
+        if has_new && self.classify_windows(diagnoser).is_err() {
             self.memory.outcome.counts.errors += 1;
             self.say(Finding::Unjudged, Alarm::Error);
         } else if has_new && self.memory.has_judged {
@@ -573,27 +585,29 @@ impl Session {
 
     /// Looks where in the field a sample is, and whether it is in it at all.
     fn ask(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
-        let (Some(field), Some(here)) = (&diagnoser.field, &mut self.here) else { return };
+        let (Some(band), Some(here)) = (&diagnoser.conditional_band, &mut self.here) else {
+            return;
+        };
         let period_s = diagnoser.period_s;
-        let sample = field::Sample { inputs, twin, scales: &self.scales, period_s };
-        here.go(field, &mut self.memory.asked, &sample);
-        self.memory.outcome.outside = field.outside(&here.point);
+        let sample = conditional_band::Sample { inputs, twin, scales: &self.scales, period_s };
+        here.go(band, &mut self.memory.asked, &sample);
+        self.memory.outcome.outside = band.outside(&here.point);
     }
 
     /// Judges every length's new window, if it is full.
-    fn judge(&mut self, diagnoser: &Diagnoser) -> Result<(), Error> {
+    fn classify_windows(&mut self, diagnoser: &Diagnoser) -> Result<(), Error> {
         let alarm = &self.memory.alarm;
-        for (unit, is_masked) in self.is_masked.iter_mut().enumerate() {
-            *is_masked = alarm.is_masked(unit);
+        for (actuator, is_masked) in self.is_masked.iter_mut().enumerate() {
+            *is_masked = alarm.is_masked(actuator);
         }
-        for (place, judge) in self.judges.iter_mut().enumerate() {
+        for (place, classifier) in self.classifiers.iter_mut().enumerate() {
             if !self.streams.has_ended(place) || !self.streams.is_full(place) {
                 continue;
             }
             let window = self.streams.window(place);
             let share = self.streams.share_of_newest(place);
             let length = &diagnoser.lengths[place];
-            let said = judge.judge(length, window, &self.is_masked, &self.stands_in)?;
+            let said = classifier.classify(length, window, &self.is_masked, &self.stands_in)?;
             let evidence = &mut self.memory.evidence[place];
             evidence.take(said, share, &self.settings[place], &self.limits[place]);
             self.memory.has_judged = true;
@@ -627,19 +641,19 @@ impl Session {
     }
 
     fn raised(&self, length: usize, claim: usize, least_detail_confidence: f64) -> Raised {
-        let (unit, command) = self.hypotheses.split(claim).unwrap_or_default();
+        let (actuator, action) = self.hypotheses.split(claim).unwrap_or_default();
         Raised {
-            unit: unit as u32,
-            command: command as u32,
-            detail: self.judges[length].detail(least_detail_confidence),
+            actuator: actuator as u32,
+            action: action as u32,
+            detail: self.classifiers[length].detail(least_detail_confidence),
             sample: self.memory.outcome.sample,
             length: length as u32,
-            confidence: self.judges[length].probability(claim),
+            confidence: self.classifiers[length].probability(claim),
         }
     }
 
     fn lengths(&self) -> core::ops::Range<usize> {
-        0..self.judges.len()
+        0..self.classifiers.len()
     }
 
     fn margin(&self, length: usize, claim: usize) -> f64 {
@@ -668,12 +682,12 @@ impl Session {
 
     fn may_raise(&self, diagnoser: &Diagnoser, length: usize, claim: usize) -> bool {
         let evidence = &self.memory.evidence[length];
-        let judge = &self.judges[length];
+        let classifier = &self.classifiers[length];
         let least = diagnoser.lengths[length].panel.least_confidence;
         let accused = self.hypotheses.split(claim).map(|(actuator, _)| actuator);
         self.memory.alarm.allows(&self.rules, claim)
-            && accused.is_none_or(|unit| self.is_comparable(unit))
-            && judge.agrees_on(claim, least)
+            && accused.is_none_or(|actuator| self.is_comparable(actuator))
+            && classifier.agrees_on(claim, least)
             && evidence.of_unknown(&self.limits[length]) < 1.0
             && !self.is_contradicted(length, claim)
     }
@@ -696,10 +710,10 @@ impl Session {
     /// What was found, and the length that found it.
     fn found(&self) -> (Finding, usize) {
         if let Some(raised) = self.memory.alarm.raised {
-            let (unit, command) = (raised.unit, raised.command);
+            let (actuator, action) = (raised.actuator, raised.action);
             let finding = match raised.detail {
-                Some(detail) => Finding::Detail { unit, command, detail },
-                None => Finding::Command { unit, command },
+                Some(detail) => Finding::Detail { actuator, action, detail },
+                None => Finding::Action { actuator, action },
             };
             return (finding, raised.length as usize);
         }
@@ -718,7 +732,7 @@ impl Session {
             let (evidence, limits) = evidence(length);
             evidence.of_change(limits)
         });
-        let first = self.lengths().find(|&length| self.judges[length].last().is_some());
+        let first = self.lengths().find(|&length| self.classifiers[length].last().is_some());
         match changed {
             Some(length) => (Finding::Detected, length),
             None => (Finding::Healthy, first.unwrap_or(0)),
@@ -729,18 +743,20 @@ impl Session {
     fn found_actuator(&self) -> Option<(Finding, usize)> {
         let mut found: Option<(usize, usize)> = None;
         for length in self.lengths() {
-            for unit in (0..self.hypotheses.actuators).filter(|&unit| self.is_comparable(unit)) {
+            for actuator in
+                (0..self.hypotheses.actuators).filter(|&actuator| self.is_comparable(actuator))
+            {
                 let evidence = &self.memory.evidence[length];
-                if evidence.margin_of_actuator(unit, &self.limits[length]) < 1.0 {
+                if evidence.margin_of_actuator(actuator, &self.limits[length]) < 1.0 {
                     continue;
                 }
-                if found.is_some_and(|(known, _)| known != unit) {
+                if found.is_some_and(|(known, _)| known != actuator) {
                     return None;
                 }
-                found = found.or(Some((unit, length)));
+                found = found.or(Some((actuator, length)));
             }
         }
-        found.map(|(unit, length)| (Finding::Actuator { unit: unit as u32 }, length))
+        found.map(|(actuator, length)| (Finding::Actuator { actuator: actuator as u32 }, length))
     }
 
     /// The alarm of what is raised, or that nothing is.
@@ -755,19 +771,19 @@ impl Session {
 
     fn tell(&mut self, (finding, length): (Finding, usize), is_pending: bool) {
         self.say(finding, self.own_alarm(is_pending));
-        let judge = &self.judges[length];
+        let classifier = &self.classifiers[length];
         let outcome = &mut self.memory.outcome;
         outcome.confidence = match finding {
-            Finding::Healthy => judge.probability(0),
-            Finding::Detected | Finding::Unknown => 1.0 - judge.probability(0),
-            Finding::Actuator { unit } => judge.probability_of_actuator(unit as usize),
-            Finding::Command { .. } | Finding::Detail { .. } => {
+            Finding::Healthy => classifier.probability(0),
+            Finding::Detected | Finding::Unknown => 1.0 - classifier.probability(0),
+            Finding::Actuator { actuator } => classifier.probability_of_actuator(actuator as usize),
+            Finding::Action { .. } | Finding::Detail { .. } => {
                 outcome.raised.map_or(0.0, |raised| raised.confidence)
             }
             Finding::Unjudged | Finding::EnvironmentInvalid { .. } => 0.0,
         };
         outcome.length = Some(length as u32);
-        if let Some(last) = judge.last() {
+        if let Some(last) = classifier.last() {
             outcome.worst_sensor = Some(last.worst.0 as u32);
             outcome.excess = last.worst.1;
         }
@@ -798,7 +814,7 @@ fn patience(diagnoser: &Diagnoser) -> Patience {
 
 /// The decision's settings as they are for a length.
 fn settings(diagnoser: &Diagnoser, length: &Length) -> decision::Settings {
-    match &length.relative {
+    match &length.baseline_corrected {
         Some(allowances) => diagnoser.decision.allowing(allowances),
         None => diagnoser.decision.clone(),
     }
@@ -807,8 +823,8 @@ fn settings(diagnoser: &Diagnoser, length: &Length) -> decision::Settings {
 fn limits(diagnoser: &Diagnoser, length: &Length) -> Limits {
     let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
     let hypotheses = Hypotheses::of(diagnoser.names());
-    let is_off = |command: &String| diagnoser.decision.off_commands.contains(command);
-    let is_off: Vec<bool> = diagnoser.names().commands.iter().map(is_off).collect();
+    let is_off = |action: &String| diagnoser.decision.off_actions.contains(action);
+    let is_off: Vec<bool> = diagnoser.names().actions.iter().map(is_off).collect();
     let settings = settings(diagnoser, length);
     Limits::new(&settings, hypotheses, &is_off, samples as f64 * diagnoser.period_s)
 }

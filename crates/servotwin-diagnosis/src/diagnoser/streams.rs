@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::Diagnoser;
+use crate::baseline::{self, Baseline};
 use crate::error::Error;
-use crate::reference::{self, Reference};
 use crate::residual::Window;
 use crate::sliding::{self, Sliding, Span};
 
@@ -25,8 +25,8 @@ pub(super) struct Sample<'s> {
 
 /// Windows beyond a reference.
 #[derive(Debug, Clone)]
-struct Relative {
-    reference: Reference,
+struct BaselineCorrected {
+    baseline: Baseline,
     sliding: Sliding,
     /// The measured values without the reference.
     measured: Vec<f64>,
@@ -38,14 +38,15 @@ pub(super) struct Streams {
     /// Of each length, whether it is relative and its place among those that are like it.
     places: Vec<(bool, usize)>,
     absolute: Sliding,
-    relative: Option<Relative>,
+    baseline_corrected: Option<BaselineCorrected>,
 }
 
 /// Stored [`Streams`] beside what the absolute ones are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct StoredRelative {
-    reference: reference::Stored,
+pub(super) struct StoredBaselineCorrected {
+    #[serde(rename = "reference")]
+    baseline: baseline::Stored,
     windows: sliding::Stored,
 }
 
@@ -53,19 +54,22 @@ impl Streams {
     /// Empty windows.
     ///
     /// # Errors
-    /// As [`Sliding::new`] and [`Reference::new`]; [`Error::CorruptModel`] where there are relative lengths and no
+    /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] where there are relative lengths and no
     /// reference, or the other way round.
     pub fn new(diagnoser: &Diagnoser) -> Result<Self, Error> {
-        let spans = |is_relative: bool| -> Vec<Span> {
+        let spans = |is_baseline_corrected: bool| -> Vec<Span> {
             let lengths = diagnoser.lengths.iter();
-            lengths.filter(|l| l.relative.is_some() == is_relative).map(|l| l.span).collect()
+            lengths
+                .filter(|l| l.baseline_corrected.is_some() == is_baseline_corrected)
+                .map(|l| l.span)
+                .collect()
         };
         let (sensors, watched) = (diagnoser.sensors.len(), diagnoser.watched());
         let absolute = Sliding::new(sensors, watched, &spans(false))?;
-        let relative = match (diagnoser.reference, &spans(true)[..]) {
+        let baseline_corrected = match (diagnoser.baseline, &spans(true)[..]) {
             (None, []) => None,
-            (Some(settings), spans @ [_, ..]) => Some(Relative {
-                reference: Reference::new(settings, sensors)?,
+            (Some(settings), spans @ [_, ..]) => Some(BaselineCorrected {
+                baseline: Baseline::new(settings, sensors)?,
                 sliding: Sliding::new(sensors, watched, spans)?,
                 measured: vec![0.0; sensors],
             }),
@@ -76,29 +80,37 @@ impl Streams {
         };
         let mut counts = [0; 2];
         let place = |length: &super::Length| {
-            let is_relative = length.relative.is_some();
-            let count = &mut counts[usize::from(is_relative)];
+            let is_baseline_corrected = length.baseline_corrected.is_some();
+            let count = &mut counts[usize::from(is_baseline_corrected)];
             *count += 1;
-            (is_relative, *count - 1)
+            (is_baseline_corrected, *count - 1)
         };
         let places = diagnoser.lengths.iter().map(place).collect();
-        let is_in_field = diagnoser.field.is_some();
-        let absolute = if is_in_field { absolute.within_a_field() } else { absolute };
-        Ok(Streams { places, absolute, relative })
+        let has_conditional_band = diagnoser.conditional_band.is_some();
+        let absolute =
+            if has_conditional_band { absolute.within_a_conditional_band() } else { absolute };
+        Ok(Streams { places, absolute, baseline_corrected })
     }
 
     /// Takes a sample; says whether it brought a window of any length. Does not allocate.
     pub fn add(&mut self, sample: &Sample) -> bool {
         let Sample { measured, twin, scales, half_widths, .. } = *sample;
         let has_absolute = self.absolute.add(measured, twin, scales, half_widths);
-        let has_relative = self.relative.as_mut().is_some_and(|relative| relative.add(sample));
+        let has_relative = self
+            .baseline_corrected
+            .as_mut()
+            .is_some_and(|baseline_corrected| baseline_corrected.add(sample));
         has_absolute || has_relative
     }
 
     fn of(&self, length: usize) -> (&Sliding, usize) {
-        let (is_relative, place) = self.places[length];
-        let relative = self.relative.as_ref().filter(|_| is_relative);
-        (relative.map_or(&self.absolute, |relative| &relative.sliding), place)
+        let (is_baseline_corrected, place) = self.places[length];
+        let baseline_corrected = self.baseline_corrected.as_ref().filter(|_| is_baseline_corrected);
+        (
+            baseline_corrected
+                .map_or(&self.absolute, |baseline_corrected| &baseline_corrected.sliding),
+            place,
+        )
     }
 
     /// As [`Sliding::has_ended`], here and below.
@@ -125,18 +137,19 @@ impl Streams {
     /// Forgets all samples, and the reference: what comes is another mode, or another specimen.
     pub fn clear(&mut self) {
         self.absolute.clear();
-        if let Some(relative) = &mut self.relative {
-            relative.reference.clear();
-            relative.sliding.clear();
+        if let Some(baseline_corrected) = &mut self.baseline_corrected {
+            baseline_corrected.baseline.clear();
+            baseline_corrected.sliding.clear();
         }
     }
 
-    pub fn store(&self) -> (sliding::Stored, Option<StoredRelative>) {
-        let relative = self.relative.as_ref().map(|relative| StoredRelative {
-            reference: relative.reference.store(),
-            windows: relative.sliding.store(),
-        });
-        (self.absolute.store(), relative)
+    pub fn store(&self) -> (sliding::Stored, Option<StoredBaselineCorrected>) {
+        let baseline_corrected =
+            self.baseline_corrected.as_ref().map(|baseline_corrected| StoredBaselineCorrected {
+                baseline: baseline_corrected.baseline.store(),
+                windows: baseline_corrected.sliding.store(),
+            });
+        (self.absolute.store(), baseline_corrected)
     }
 
     /// Takes over what was stored of the same lengths.
@@ -146,13 +159,13 @@ impl Streams {
     pub fn restore(
         &mut self,
         absolute: &sliding::Stored,
-        relative: Option<&StoredRelative>,
+        baseline_corrected: Option<&StoredBaselineCorrected>,
     ) -> Result<(), Error> {
         self.absolute.restore(absolute)?;
-        match (&mut self.relative, relative) {
+        match (&mut self.baseline_corrected, baseline_corrected) {
             (None, None) => Ok(()),
             (Some(own), Some(stored)) => {
-                own.reference.restore(&stored.reference)?;
+                own.baseline.restore(&stored.baseline)?;
                 own.sliding.restore(&stored.windows)
             }
             _ => Err(Error::CorruptModel { broken: "a stored state has another reference" }),
@@ -160,16 +173,16 @@ impl Streams {
     }
 }
 
-impl Relative {
+impl BaselineCorrected {
     fn add(&mut self, sample: &Sample) -> bool {
-        let is_settled = self.reference.is_settled();
+        let is_settled = self.baseline.is_settled();
         if !is_settled || sample.is_trusted {
-            self.reference.learn(sample.measured, sample.twin, sample.scales);
+            self.baseline.learn(sample.measured, sample.twin, sample.scales);
         }
         if !is_settled {
             return false;
         }
-        self.reference.subtract(sample.measured, sample.stands_in, &mut self.measured);
+        self.baseline.subtract(sample.measured, sample.stands_in, &mut self.measured);
         self.sliding.add(&self.measured, sample.twin, sample.scales, &[])
     }
 }

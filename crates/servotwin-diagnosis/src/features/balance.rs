@@ -20,8 +20,8 @@
 //! others.
 
 use super::{
-    Family, Feature, MOST_UNITS, Quantity, Sensors, Teaches, compared, correlation, log_deviation,
-    name_of, ratio,
+    Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, compared, correlation,
+    log_deviation, name_of, ratio,
 };
 use crate::residual::Window;
 use alloc::format;
@@ -35,13 +35,13 @@ const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantit
 
 /// Sensors with their weights: two pressures or the ram of each actuator.
 struct Weighted {
-    terms: [(usize, f64); 2 * MOST_UNITS],
+    terms: [(usize, f64); 2 * MAX_ACTUATORS],
     count: usize,
 }
 
 impl Weighted {
     fn of(terms: impl Iterator<Item = (usize, f64)>) -> Self {
-        let mut weighted = Weighted { terms: [(0, 0.0); 2 * MOST_UNITS], count: 0 };
+        let mut weighted = Weighted { terms: [(0, 0.0); 2 * MAX_ACTUATORS], count: 0 };
         for term in terms {
             weighted.terms[weighted.count] = term;
             weighted.count += 1;
@@ -75,12 +75,12 @@ fn covariance(window: &Window, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
 }
 
 /// What is added up, what fights, and what gapes, in words.
-fn words(units: &[usize], own: usize) -> [String; 3] {
-    if let [first, second] = units {
+fn words(actuators: &[usize], own: usize) -> [String; 3] {
+    if let [first, second] = actuators {
         let (k, l) = (first + 1, second + 1);
         return [format!("d{k} + d{l}"), format!("d{k} − d{l}"), format!("x{k} − x{l}")];
     }
-    let k = units[own] + 1;
+    let k = actuators[own] + 1;
     let less = |letter: &str| format!("{letter}{k} − mean of the other {letter}");
     ["the sum of all d".into(), less("d"), less("x")]
 }
@@ -95,20 +95,20 @@ impl Family for Balance {
     }
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        let units: Vec<usize> = sensors.with(&NEEDED).take(MOST_UNITS).collect();
+        let actuators: Vec<usize> = sensors.with(&NEEDED).take(MAX_ACTUATORS).collect();
         let mut features = Vec::new();
-        for own in 0..compared(units.len()) {
-            let [sum, fight, gap] = words(&units, own);
+        for own in 0..compared(actuators.len()) {
+            let [sum, fight, gap] = words(&actuators, own);
             let mut push = |name: String, unit, meaning: String| {
                 features.push(Feature {
                     name,
                     unit,
                     meaning,
-                    units: units.clone(),
+                    actuators: actuators.clone(),
                     teaches: Teaches::Everybody,
                 });
             };
-            let of = |name: &str| name_of(name, &units, own);
+            let of = |name: &str| name_of(name, &actuators, own);
             // All have one sum.
             let is_first = own == 0;
             if is_first {
@@ -137,9 +137,9 @@ impl Family for Balance {
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-        let (mut known, mut count) = ([[0; 3]; MOST_UNITS], 0);
-        for unit in sensors.with(&NEEDED).take(MOST_UNITS) {
-            known[count] = NEEDED.map(|quantity| sensors.find(quantity, unit).unwrap_or(0));
+        let (mut known, mut count) = ([[0; 3]; MAX_ACTUATORS], 0);
+        for actuator in sensors.with(&NEEDED).take(MAX_ACTUATORS) {
+            known[count] = NEEDED.map(|quantity| sensors.find(quantity, actuator).unwrap_or(0));
             count += 1;
         }
         for own in 0..compared(count) {

@@ -5,7 +5,7 @@
 //! second, of more each with the largest of the others.
 
 use super::{
-    Family, Feature, MOST_UNITS, Quantity, Sensors, Teaches, against, compared, contrast,
+    Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
     largest_other, log_deviation, name_of,
 };
 use crate::residual::Window;
@@ -33,15 +33,18 @@ impl Family for Comparison {
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let mut features = Vec::new();
         for (quantity, name) in quantities() {
-            let alike = sensors.alike(quantity);
-            let units = alike.units();
-            for own in 0..compared(units.len()) {
+            let like_sensors = sensors.like_sensors(quantity);
+            let actuators = like_sensors.actuators();
+            for own in 0..compared(actuators.len()) {
                 let mut push = |kind: &str, unit, meaning: &str| {
                     features.push(Feature {
-                        name: name_of(&format!("{kind}_{name}"), units, own),
+                        name: name_of(&format!("{kind}_{name}"), actuators, own),
                         unit,
-                        meaning: format!("{meaning} of {name}, actuator {}", against(units, own)),
-                        units: units.to_vec(),
+                        meaning: format!(
+                            "{meaning} of {name}, actuator {}",
+                            against(actuators, own)
+                        ),
+                        actuators: actuators.to_vec(),
                         teaches: Teaches::Everybody,
                     });
                 };
@@ -55,20 +58,23 @@ impl Family for Comparison {
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         for (quantity, _) in quantities() {
-            let alike = sensors.alike(quantity);
-            let alike = alike.sensors();
-            let (mut means, mut deviations) = ([0.0; MOST_UNITS], [0.0; MOST_UNITS]);
-            for (place, &sensor) in alike.iter().enumerate().filter(|_| alike.len() > 1) {
+            let like_sensors = sensors.like_sensors(quantity);
+            let like_sensors = like_sensors.sensors();
+            let (mut means, mut deviations) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
+            for (place, &sensor) in
+                like_sensors.iter().enumerate().filter(|_| like_sensors.len() > 1)
+            {
                 let noise = sensors.noise(&[(sensor, 1.0)]);
                 means[place] = window.mean(sensor).abs();
                 deviations[place] = log_deviation(window.covariance(sensor, sensor), noise);
             }
-            let (means, deviations) = (&means[..alike.len()], &deviations[..alike.len()]);
-            for own in 0..compared(alike.len()) {
+            let (means, deviations) =
+                (&means[..like_sensors.len()], &deviations[..like_sensors.len()]);
+            for own in 0..compared(like_sensors.len()) {
                 let other = largest_other(means, own);
                 let is_other = |place: &usize| *place != own && means[*place] == other;
-                let place = (0..alike.len()).find(is_other).unwrap_or(own);
-                let pair = [(alike[own], 1.0), (alike[place], 1.0)];
+                let place = (0..like_sensors.len()).find(is_other).unwrap_or(own);
+                let pair = [(like_sensors[own], 1.0), (like_sensors[place], 1.0)];
                 let error = sensors.error_of_mean(window, &pair);
                 values.push(means[own] - other);
                 values.push(contrast(means[own], other, error));

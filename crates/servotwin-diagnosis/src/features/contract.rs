@@ -5,19 +5,19 @@ use alloc::collections::BTreeSet;
 use alloc::format;
 
 fn two_actuators() -> Sensors {
-    actuators(2)
+    sensors_of(2)
 }
 
 /// What is no more special than the others: pressures, ram, spool, supply and return.
 const OF_A_UNIT: usize = 6;
 
-fn actuators(units: usize) -> Sensors {
+fn sensors_of(actuators: usize) -> Sensors {
     let mut sensors = Vec::new();
-    for unit in 0..units {
+    for actuator in 0..actuators {
         for (quantity, name) in
             Quantity::ALL.iter().filter(|(q, _)| !matches!(q, Quantity::Other | Quantity::Surface))
         {
-            let name = format!("{name}_{}", unit + 1);
+            let name = format!("{name}_{}", actuator + 1);
             // The first sensors of a unit are its pressures and its ram.
             let first = sensors.len() / OF_A_UNIT * OF_A_UNIT;
             let follows = match quantity {
@@ -27,7 +27,7 @@ fn actuators(units: usize) -> Sensors {
             sensors.push(Sensor {
                 name,
                 quantity: *quantity,
-                unit: Some(unit),
+                actuator: Some(actuator),
                 noise: 0.002,
                 is_noisy: true,
                 follows,
@@ -42,7 +42,7 @@ fn and_surface(mut sensors: Sensors) -> Sensors {
     sensors.0.push(Sensor {
         name: "x_s".into(),
         quantity: Quantity::Surface,
-        unit: None,
+        actuator: None,
         noise: 0.002,
         is_noisy: true,
         follows: alloc::vec![],
@@ -75,20 +75,20 @@ fn compute(family: &dyn Family, sensors: &Sensors, window: &Window) -> Vec<f64> 
 
 #[test]
 fn names_are_unique_and_values_as_many() {
-    for units in [1, 2, 3, MOST_UNITS] {
-        let sensors = and_surface(actuators(units));
+    for actuators in [1, 2, 3, MAX_ACTUATORS] {
+        let sensors = and_surface(sensors_of(actuators));
         let window = some_window(&sensors);
         let mut names = BTreeSet::new();
         for family in ALL {
             let features = family.features(&sensors);
             let compares = ["comparison", "balance", "vote"].contains(&family.name());
-            assert_eq!(features.is_empty(), units == 1 && compares, "{}", family.name());
+            assert_eq!(features.is_empty(), actuators == 1 && compares, "{}", family.name());
             let values = compute(*family, &sensors, &window).len();
-            assert_eq!(features.len(), values, "{} of {units}", family.name());
+            assert_eq!(features.len(), values, "{} of {actuators}", family.name());
             for f in features {
                 assert!(names.insert(f.name.clone()), "{} twice", f.name);
                 assert!(!f.meaning.is_empty() && !f.unit.is_empty());
-                assert!(f.units.iter().all(|&unit| unit < units));
+                assert!(f.actuators.iter().all(|&actuator| actuator < actuators));
             }
         }
     }
@@ -101,7 +101,7 @@ fn the_paper_has_thirty_six_features() {
 
 #[test]
 fn empty_and_healthy_windows_give_finite_numbers() {
-    let sensors = and_surface(actuators(3));
+    let sensors = and_surface(sensors_of(3));
     let n = sensors.0.len();
     let empty = Window::new(n);
     let mut healthy = Window::new(n);
@@ -118,7 +118,7 @@ fn empty_and_healthy_windows_give_finite_numbers() {
 
 #[test]
 fn no_family_is_inert() {
-    let sensors = and_surface(actuators(3));
+    let sensors = and_surface(sensors_of(3));
     let n = sensors.0.len();
     let disturbed = some_window(&sensors);
     let mut healthy = Window::new(n);
@@ -138,7 +138,7 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
     let sensors = Sensors(alloc::vec![Sensor {
         name: "flow".into(),
         quantity: Quantity::Other,
-        unit: Some(0),
+        actuator: Some(0),
         noise: 0.002,
         is_noisy: true,
         follows: alloc::vec![],
@@ -151,9 +151,9 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
 }
 
 /// A feature's name with every unit's number moved down by one place, the first one to the end.
-fn named_one_place_down(name: &str, units: usize) -> alloc::string::String {
+fn named_one_place_down(name: &str, actuators: usize) -> alloc::string::String {
     let word = |word: &str| match word.parse::<usize>() {
-        Ok(number) => format!("{}", (number + units - 2) % units + 1),
+        Ok(number) => format!("{}", (number + actuators - 2) % actuators + 1),
         Err(_) => word.into(),
     };
     name.split('_').map(word).collect::<Vec<_>>().join("_")
@@ -163,14 +163,14 @@ fn named_one_place_down(name: &str, units: usize) -> alloc::string::String {
 /// unit's other number.
 #[test]
 fn moving_three_actuators_round_moves_their_features_round() {
-    const UNITS: usize = 3;
-    let sensors = and_surface(actuators(UNITS));
+    const ACTUATORS: usize = 3;
+    let sensors = and_surface(sensors_of(ACTUATORS));
     let window = some_window(&sensors);
-    let moved = window.reordered(&sensors.rotated(UNITS, 1).unwrap());
+    let moved = window.reordered(&sensors.rotated(ACTUATORS, 1).unwrap());
     let names: Vec<_> = features(&sensors).into_iter().map(|feature| feature.name).collect();
     let (seen, from_second) = (values(&sensors, &window), values(&sensors, &moved));
     for (name, value) in names.iter().zip(&seen) {
-        let other = named_one_place_down(name, UNITS);
+        let other = named_one_place_down(name, ACTUATORS);
         let place = names.iter().position(|known| *known == other);
         let place = place.unwrap_or_else(|| panic!("{name} has no {other}"));
         let difference = (value - from_second[place]).abs();
@@ -181,28 +181,28 @@ fn moving_three_actuators_round_moves_their_features_round() {
 /// In every view another unit stands first, and all of them once.
 #[test]
 fn every_unit_stands_first_in_a_view_of_its_own() {
-    let sensors = and_surface(actuators(4));
+    let sensors = and_surface(sensors_of(4));
     let orders = sensors.rotations(4).unwrap();
-    let first: Vec<_> = orders.iter().map(|order| sensors.0[order[0]].unit).collect();
+    let first: Vec<_> = orders.iter().map(|order| sensors.0[order[0]].actuator).collect();
     assert_eq!(first, [Some(1), Some(2), Some(3)]);
     assert_eq!(two_actuators().rotations(2).unwrap(), [two_actuators().exchanged(0, 1).unwrap()]);
-    let mut unlike = actuators(3);
+    let mut unlike = sensors_of(3);
     unlike.0.pop();
     assert_eq!(unlike.rotations(3), None);
-    assert_eq!(actuators(1).rotations(1), Some(alloc::vec![]));
+    assert_eq!(sensors_of(1).rotations(1), Some(alloc::vec![]));
 }
 
 /// Each of three is compared with the others: only the one at fault stands out.
 #[test]
 fn of_three_actuators_the_one_that_deviates_stands_out() {
-    let sensors = and_surface(actuators(3));
+    let sensors = and_surface(sensors_of(3));
     let known = features(&sensors);
     for at_fault in 0..3 {
         let mut window = Window::new(sensors.0.len());
         for sample in 0..100 {
             let wave = libm::sin(f64::from(sample) * 0.3);
-            let size = |s: &Sensor| match s.unit {
-                Some(unit) if unit == at_fault => 0.2,
+            let size = |s: &Sensor| match s.actuator {
+                Some(actuator) if actuator == at_fault => 0.2,
                 Some(_) => 0.05,
                 None => 0.0,
             };
@@ -214,10 +214,10 @@ fn of_three_actuators_the_one_that_deviates_stands_out() {
         let values = values(&sensors, &window);
         let value =
             |name: &str| values[known.iter().position(|feature| feature.name == name).unwrap()];
-        for unit in 0..3 {
+        for actuator in 0..3 {
             for name in ["mean_excess_ram", "dev_excess_pressure_a", "mean_gap", "vote_contrast"] {
-                let value = value(&format!("{name}_{}", unit + 1));
-                assert_eq!(value > 0.0, unit == at_fault, "{name} of {unit}: {value}");
+                let value = value(&format!("{name}_{}", actuator + 1));
+                assert_eq!(value > 0.0, actuator == at_fault, "{name} of {actuator}: {value}");
             }
         }
     }
@@ -239,7 +239,7 @@ fn exchanging_actuators_turns_comparisons_round() {
 /// What a diagnosis relies on while it runs: room that was there is used, and the same numbers come.
 #[test]
 fn values_come_in_the_room_that_is_there() {
-    let sensors = and_surface(actuators(3));
+    let sensors = and_surface(sensors_of(3));
     let window = some_window(&sensors);
     let expected = values(&sensors, &window);
     let mut room = Vec::with_capacity(expected.len());

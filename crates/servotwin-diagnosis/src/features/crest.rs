@@ -33,7 +33,7 @@ impl Family for Crest {
                 "log10 of the largest magnitude of the residual of {} over its rms",
                 s.name
             ),
-            units: s.unit.into_iter().collect(),
+            actuators: s.actuator.into_iter().collect(),
             teaches: Teaches::TreesOfRecords,
         };
         sensors.0.iter().map(of_sensor).collect()
@@ -63,7 +63,7 @@ mod tests {
         let sensors = Sensors(alloc::vec![Sensor {
             name: "x_v1".into(),
             quantity: Quantity::Spool,
-            unit: Some(0),
+            actuator: Some(0),
             noise: NOISE,
             is_noisy: true,
             follows: alloc::vec![],

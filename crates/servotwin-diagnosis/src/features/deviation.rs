@@ -29,14 +29,14 @@ impl Family for Deviation {
                         "log10 of the standard deviation of the residual of {}",
                         s.name
                     ),
-                    units: s.unit.into_iter().collect(),
+                    actuators: s.actuator.into_iter().collect(),
                     teaches: Teaches::Everybody,
                 },
                 Feature {
                     name: format!("largest_{}", s.name),
                     unit: "of scale",
                     meaning: format!("largest magnitude of the residual of {}", s.name),
-                    units: s.unit.into_iter().collect(),
+                    actuators: s.actuator.into_iter().collect(),
                     teaches: Teaches::Nobody,
                 },
             ]

@@ -29,7 +29,7 @@ impl Family for Gain {
                 name: format!("{kind}_{}", s.name),
                 unit,
                 meaning: format!("{meaning} {}", s.name),
-                units: s.unit.into_iter().collect(),
+                actuators: s.actuator.into_iter().collect(),
                 teaches: Teaches::Everybody,
             };
             [

@@ -26,9 +26,10 @@ use crate::residual::Window;
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
+use core::fmt;
 use serde::{Deserialize, Serialize};
 
-pub use parity::MOST_FOLLOWED;
+pub use parity::MAX_FOLLOWED;
 pub use views::Views;
 
 /// What a sensor measures, where a family wants to know.
@@ -68,14 +69,14 @@ impl Quantity {
 }
 
 /// One sensor, as features see it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Sensor {
     /// The name that features are built from, e.g. `p_A1`.
     pub name: String,
     /// What it measures.
     pub quantity: Quantity,
-    /// Which of several like units it belongs to, from 0; `None` for a sensor of the whole.
-    pub unit: Option<usize>,
+    /// Which of several like actuators it belongs to, from 0; `None` for a sensor of the whole.
+    pub actuator: Option<usize>,
     /// Standard deviation that noise and quantisation give a sample, in parts of scale; zero
     /// where it is not known.
     pub noise: f64,
@@ -87,25 +88,40 @@ pub struct Sensor {
     pub stands_in: bool,
 }
 
+/// Fingerprints of stored campaigns are made of this text: the field keeps the name it had.
+impl fmt::Debug for Sensor {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_struct("Sensor")
+            .field("name", &self.name)
+            .field("quantity", &self.quantity)
+            .field("unit", &self.actuator)
+            .field("noise", &self.noise)
+            .field("is_noisy", &self.is_noisy)
+            .field("follows", &self.follows)
+            .field("stands_in", &self.stands_in)
+            .finish()
+    }
+}
+
 /// The sensors of a system, in the order of the window.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sensors(pub Vec<Sensor>);
 
 impl Sensors {
-    /// The first sensor of a quantity in a unit.
-    pub fn find(&self, quantity: Quantity, unit: usize) -> Option<usize> {
-        self.0.iter().position(|s| s.quantity == quantity && s.unit == Some(unit))
+    /// The first sensor of a quantity in an actuator.
+    pub fn find(&self, quantity: Quantity, actuator: usize) -> Option<usize> {
+        self.0.iter().position(|s| s.quantity == quantity && s.actuator == Some(actuator))
     }
 
     /// Number of units.
-    pub fn units(&self) -> usize {
-        self.0.iter().filter_map(|s| s.unit).max().map_or(0, |last| last + 1)
+    pub fn actuators(&self) -> usize {
+        self.0.iter().filter_map(|s| s.actuator).max().map_or(0, |last| last + 1)
     }
 
     /// The order of sensors with two units exchanged, for
     /// [`Window::reordered`]; `None` where their sensors do not correspond.
     pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
-        self.in_place_of(|unit| match unit {
+        self.in_place_of(|actuator| match actuator {
             u if u == a => b,
             u if u == b => a,
             u => u,
@@ -115,61 +131,67 @@ impl Sensors {
     /// The order of sensors with so many units moved round, for [`Window::reordered`]: unit `by` stands
     /// where the first one stood, the next one where the second stood, and so on. `None` where their sensors do not
     /// correspond.
-    pub fn rotated(&self, units: usize, by: usize) -> Option<Vec<usize>> {
-        self.in_place_of(|unit| (unit + by) % units)
+    pub fn rotated(&self, actuators: usize, by: usize) -> Option<Vec<usize>> {
+        self.in_place_of(|actuator| (actuator + by) % actuators)
     }
 
     /// The order of sensors in each view beyond the first, in which unit `k` stands first; `None` where the sensors
     /// of so many units do not correspond.
-    pub fn rotations(&self, units: usize) -> Option<Vec<Vec<usize>>> {
-        (1..units).map(|by| self.rotated(units, by)).collect()
+    pub fn rotations(&self, actuators: usize) -> Option<Vec<Vec<usize>>> {
+        (1..actuators).map(|by| self.rotated(actuators, by)).collect()
     }
 
     /// The order of sensors in which each is that of the unit that stands in place of its own.
     fn in_place_of(&self, other: impl Fn(usize) -> usize) -> Option<Vec<usize>> {
         let like = |sensor: &Sensor| {
-            let unit = sensor.unit.map(&other);
+            let actuator = sensor.actuator.map(&other);
             // The k-th sensor of a quantity corresponds to the k-th.
-            let same = |s: &&Sensor| s.quantity == sensor.quantity && s.unit == sensor.unit;
+            let same = |s: &&Sensor| s.quantity == sensor.quantity && s.actuator == sensor.actuator;
             let rank = self.0.iter().filter(same).position(|s| core::ptr::eq(s, sensor))?;
             let matching =
-                |(_, s): &(usize, &Sensor)| s.quantity == sensor.quantity && s.unit == unit;
+                |(_, s): &(usize, &Sensor)| s.quantity == sensor.quantity && s.actuator == actuator;
             self.0.iter().enumerate().filter(matching).nth(rank).map(|(i, _)| i)
         };
         self.0.iter().map(like).collect()
     }
 
     /// The sensors of a quantity, one of each unit that has it.
-    fn alike(&self, quantity: Quantity) -> Alike {
-        let mut alike = Alike { units: [0; MOST_UNITS], sensors: [0; MOST_UNITS], count: 0 };
-        let found = (0..self.units()).filter_map(|unit| Some((unit, self.find(quantity, unit)?)));
-        for (unit, sensor) in found.take(MOST_UNITS) {
-            (alike.units[alike.count], alike.sensors[alike.count]) = (unit, sensor);
-            alike.count += 1;
+    fn like_sensors(&self, quantity: Quantity) -> LikeSensors {
+        let mut like_sensors =
+            LikeSensors { actuators: [0; MAX_ACTUATORS], sensors: [0; MAX_ACTUATORS], count: 0 };
+        let found = (0..self.actuators())
+            .filter_map(|actuator| Some((actuator, self.find(quantity, actuator)?)));
+        for (actuator, sensor) in found.take(MAX_ACTUATORS) {
+            (
+                like_sensors.actuators[like_sensors.count],
+                like_sensors.sensors[like_sensors.count],
+            ) = (actuator, sensor);
+            like_sensors.count += 1;
         }
-        alike
+        like_sensors
     }
 
     /// Units that have a sensor of each of the quantities.
     fn with<'s>(&'s self, quantities: &'s [Quantity]) -> impl Iterator<Item = usize> + 's {
-        let complete = |&unit: &usize| quantities.iter().all(|&q| self.find(q, unit).is_some());
-        (0..self.units()).filter(complete)
+        let complete =
+            |&actuator: &usize| quantities.iter().all(|&q| self.find(q, actuator).is_some());
+        (0..self.actuators()).filter(complete)
     }
 }
 
 /// As many like units can be compared.
-pub const MOST_UNITS: usize = 16;
+pub const MAX_ACTUATORS: usize = 16;
 
 /// Like sensors of several units.
-struct Alike {
-    units: [usize; MOST_UNITS],
-    sensors: [usize; MOST_UNITS],
+struct LikeSensors {
+    actuators: [usize; MAX_ACTUATORS],
+    sensors: [usize; MAX_ACTUATORS],
     count: usize,
 }
 
-impl Alike {
-    fn units(&self) -> &[usize] {
-        &self.units[..self.count]
+impl LikeSensors {
+    fn actuators(&self) -> &[usize] {
+        &self.actuators[..self.count]
     }
 
     fn sensors(&self) -> &[usize] {
@@ -188,15 +210,15 @@ fn compared(count: usize) -> usize {
 }
 
 /// A feature's name for a comparison of one of these units: with its number where there are more than two.
-fn name_of(name: &str, units: &[usize], own: usize) -> String {
-    if units.len() > 2 { format!("{name}_{}", units[own] + 1) } else { name.into() }
+fn name_of(name: &str, actuators: &[usize], own: usize) -> String {
+    if actuators.len() > 2 { format!("{name}_{}", actuators[own] + 1) } else { name.into() }
 }
 
 /// Which comparison that is, in words.
-fn against(units: &[usize], own: usize) -> String {
-    match units {
+fn against(actuators: &[usize], own: usize) -> String {
+    match actuators {
         [first, second] => format!("{} against {}", first + 1, second + 1),
-        _ => format!("{} against the largest of the others", units[own] + 1),
+        _ => format!("{} against the largest of the others", actuators[own] + 1),
     }
 }
 
@@ -216,7 +238,7 @@ pub struct Feature {
     /// One sentence for people.
     pub meaning: String,
     /// The units (actuators) that the feature looks at.
-    pub units: Vec<usize>,
+    pub actuators: Vec<usize>,
     /// Who should learn from it.
     pub teaches: Teaches,
 }

@@ -20,20 +20,20 @@ impl Family for Moments {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let of_sensor = |s: &super::Sensor| {
-            let units: Vec<usize> = s.unit.into_iter().collect();
+            let actuators: Vec<usize> = s.actuator.into_iter().collect();
             [
                 Feature {
                     name: format!("mean_{}", s.name),
                     unit: "of scale",
                     meaning: format!("mean of the residual of {}", s.name),
-                    units: units.clone(),
+                    actuators: actuators.clone(),
                     teaches: Teaches::Everybody,
                 },
                 Feature {
                     name: format!("var_{}", s.name),
                     unit: "of scale²",
                     meaning: format!("variance of the residual of {}", s.name),
-                    units: units.clone(),
+                    actuators: actuators.clone(),
                     teaches: Teaches::Nobody,
                 },
                 Feature {
@@ -43,7 +43,7 @@ impl Family for Moments {
                         "1 if {} stays within ±3 % with a deviation below 1 %",
                         s.name
                     ),
-                    units,
+                    actuators,
                     teaches: Teaches::Nobody,
                 },
             ]

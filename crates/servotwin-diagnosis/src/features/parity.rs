@@ -28,14 +28,14 @@ use alloc::vec::Vec;
 pub struct Parity;
 
 /// As many sensors can be followed by one.
-pub const MOST_FOLLOWED: usize = 7;
+pub const MAX_FOLLOWED: usize = 7;
 
 /// A twin signal that moves less than this part of its scale gives no slope: q carries the noise of several sensors.
 const LEAST_DEVIATION: f64 = 1e-2;
 
 /// A sensor's parity residual as a combination of residuals, itself first.
 struct Relation {
-    terms: [(usize, f64); MOST_FOLLOWED + 1],
+    terms: [(usize, f64); MAX_FOLLOWED + 1],
     count: usize,
 }
 
@@ -62,8 +62,8 @@ impl Relation {
 fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ {
     let with = sensors.0.iter().enumerate().filter(|(_, sensor)| !sensor.follows.is_empty());
     with.map(|(place, sensor)| {
-        let mut terms = [(place, 1.0); MOST_FOLLOWED + 1];
-        let followed = sensor.follows.iter().take(MOST_FOLLOWED);
+        let mut terms = [(place, 1.0); MAX_FOLLOWED + 1];
+        let followed = sensor.follows.iter().take(MAX_FOLLOWED);
         let count = 1 + followed.len();
         for (term, &(other, weight)) in terms[1..].iter_mut().zip(followed) {
             *term = (other, -weight);
@@ -83,12 +83,12 @@ impl Family for Parity {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let of = |(place, relation): (usize, Relation)| {
-            let Sensor { name, unit, .. } = &sensors.0[place];
+            let Sensor { name, actuator, .. } = &sensors.0[place];
             let feature = |kind: &str, of_unit, meaning: &str| Feature {
                 name: format!("parity_{kind}_{name}"),
                 unit: of_unit,
                 meaning: meaning.replace("{}", &format!("the parity residual of {name}")),
-                units: unit.iter().copied().collect(),
+                actuators: actuator.iter().copied().collect(),
                 teaches: Teaches::Windows,
             };
             let mut features = vec![
@@ -144,7 +144,7 @@ mod tests {
         let sensor = |name: &str, quantity, follows: &[(usize, f64)]| Sensor {
             name: name.into(),
             quantity,
-            unit: Some(0),
+            actuator: Some(0),
             noise: NOISE,
             is_noisy: true,
             follows: follows.to_vec(),

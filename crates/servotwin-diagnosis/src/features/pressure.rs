@@ -29,13 +29,13 @@ impl Family for Pressure {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let mut features = Vec::new();
-        for unit in sensors.with(&NEEDED) {
+        for actuator in sensors.with(&NEEDED) {
             let mut push = |name: &str, in_unit, meaning: &str| {
                 features.push(Feature {
-                    name: format!("{name}_{}", unit + 1),
+                    name: format!("{name}_{}", actuator + 1),
                     unit: in_unit,
-                    meaning: format!("{meaning}, actuator {}", unit + 1),
-                    units: vec![unit],
+                    meaning: format!("{meaning}, actuator {}", actuator + 1),
+                    actuators: vec![actuator],
                     teaches: Teaches::Everybody,
                 });
             };
@@ -58,8 +58,9 @@ impl Family for Pressure {
     }
 
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-        for unit in sensors.with(&NEEDED) {
-            let [a, b, spool] = NEEDED.map(|q| sensors.find(q, unit).expect("a unit with all"));
+        for actuator in sensors.with(&NEEDED) {
+            let [a, b, spool] =
+                NEEDED.map(|q| sensors.find(q, actuator).expect("an actuator with all"));
             let (var_a, var_b) = (window.covariance(a, a), window.covariance(b, b));
             let both = window.covariance(a, b);
             let var_common = 0.25 * (var_a + var_b + 2.0 * both);

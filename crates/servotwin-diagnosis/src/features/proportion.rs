@@ -19,17 +19,19 @@ pub struct Proportion;
 
 /// The sensors of each unit, two at a time.
 fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let own = move |unit: usize, from: usize| {
+    let own = move |actuator: usize, from: usize| {
         let is_own = move |sensor: &usize| {
             let s = &sensors.0[*sensor];
-            s.unit == Some(unit) && !matches!(s.quantity, Quantity::Surface | Quantity::Other)
+            s.actuator == Some(actuator)
+                && !matches!(s.quantity, Quantity::Surface | Quantity::Other)
         };
         (from..sensors.0.len()).filter(is_own)
     };
-    let of_unit = move |unit| {
-        own(unit, 0).flat_map(move |first| own(unit, first + 1).map(move |second| (first, second)))
+    let of_actuator = move |actuator| {
+        own(actuator, 0)
+            .flat_map(move |first| own(actuator, first + 1).map(move |second| (first, second)))
     };
-    (0..sensors.units()).flat_map(of_unit)
+    (0..sensors.actuators()).flat_map(of_actuator)
 }
 
 impl Family for Proportion {
@@ -48,7 +50,7 @@ impl Family for Proportion {
                 name: format!("rms_{}_over_{}", a.name, b.name),
                 unit: "log10",
                 meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
-                units: a.unit.into_iter().collect(),
+                actuators: a.actuator.into_iter().collect(),
                 teaches: Teaches::Everybody,
             }
         };

@@ -5,7 +5,7 @@
 //! where all are large, that of the surface errs.
 
 use super::{
-    Family, Feature, MOST_UNITS, Quantity, Sensors, Teaches, against, compared, contrast,
+    Family, Feature, MAX_ACTUATORS, Quantity, Sensors, Teaches, against, compared, contrast,
     largest_other, log_deviation, name_of,
 };
 use crate::residual::Window;
@@ -17,8 +17,8 @@ use alloc::vec::Vec;
 pub struct Vote;
 
 /// The rams of all units, where there are several, and the surface.
-fn rams(sensors: &Sensors) -> Option<(super::Alike, usize)> {
-    let rams = sensors.alike(Quantity::Ram);
+fn rams(sensors: &Sensors) -> Option<(super::LikeSensors, usize)> {
+    let rams = sensors.like_sensors(Quantity::Ram);
     let surface = sensors.0.iter().position(|s| s.quantity == Quantity::Surface)?;
     (rams.count > 1).then_some((rams, surface))
 }
@@ -34,32 +34,38 @@ impl Family for Vote {
 
     fn features(&self, sensors: &Sensors) -> Vec<Feature> {
         let Some((rams, _)) = rams(sensors) else { return Vec::new() };
-        let units = rams.units();
-        let surface = if units.len() > 2 { "that of the surface" } else { "the third" };
+        let actuators = rams.actuators();
+        let surface = if actuators.len() > 2 { "that of the surface" } else { "the third" };
         let mut features = Vec::new();
-        for &unit in units {
-            let number = unit + 1;
+        for &actuator in actuators {
+            let number = actuator + 1;
             let mut push = |name: &str, in_unit, meaning: &str| {
                 features.push(Feature {
                     name: format!("{name}_{number}"),
                     unit: in_unit,
                     meaning: format!("{meaning} of ram sensor {number} from {surface}"),
-                    units: vec![unit],
+                    actuators: vec![actuator],
                     teaches: Teaches::Everybody,
                 });
             };
             push("mean_vote", "of scale", "mean disagreement");
             push("log_dev_vote", "log10 of scale", "log10 deviation of the disagreement");
         }
-        for own in 0..compared(units.len()) {
+        for own in 0..compared(actuators.len()) {
             let mut push = |name: &str, unit, meaning| {
-                let (name, units) = (name_of(name, units, own), units.to_vec());
-                features.push(Feature { name, unit, meaning, units, teaches: Teaches::Everybody });
+                let (name, actuators) = (name_of(name, actuators, own), actuators.to_vec());
+                features.push(Feature {
+                    name,
+                    unit,
+                    meaning,
+                    actuators,
+                    teaches: Teaches::Everybody,
+                });
             };
-            let rams = against(units, own);
-            let sensor = if units.len() > 2 { surface } else { "the third sensor" };
+            let rams = against(actuators, own);
+            let sensor = if actuators.len() > 2 { surface } else { "the third sensor" };
             push("vote_contrast", "1", format!("mean disagreement with {sensor}, ram {rams}"));
-            let meaning = match units.len() {
+            let meaning = match actuators.len() {
                 2 => "log10 ratio of the disagreements' deviations".into(),
                 _ => format!("log10 ratio of the disagreements' deviations, ram {rams}"),
             };
@@ -71,7 +77,7 @@ impl Family for Vote {
     fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
         let Some((rams, surface)) = rams(sensors) else { return };
         let rams = rams.sensors();
-        let (mut sizes, mut deviations) = ([0.0; MOST_UNITS], [0.0; MOST_UNITS]);
+        let (mut sizes, mut deviations) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
         for (place, &ram) in rams.iter().enumerate() {
             let mean = window.mean(ram) - window.mean(surface);
             let both = window.covariance(ram, surface);

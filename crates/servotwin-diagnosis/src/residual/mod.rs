@@ -13,11 +13,7 @@
 //! digits when a mean is large against its deviation. Windows that follow each
 //! other merge into one ([`Window::absorb`]).
 
-mod disturbed;
 mod merge;
-mod scaled;
-
-pub(crate) use scaled::LARGEST_OF_NOISE;
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,6 +21,8 @@ use alloc::vec::Vec;
 /// Half width of the band that a scaled residual may stay in: the paper's ε of
 /// equation (4), also the limit of the mean in equation (7).
 pub const BAND: f64 = 0.03;
+/// The largest of some thousand samples of noise, in standard deviations.
+pub const LARGEST_OF_NOISE: f64 = 4.0;
 /// Standard deviation of a scaled residual allowed by equation (7).
 pub const DEVIATION_BAND: f64 = 0.01;
 
@@ -103,7 +101,7 @@ impl Window {
     }
 
     /// The same, with residuals compared with a band that varies from sample to sample too.
-    pub fn within_a_field(self) -> Self {
+    pub fn within_a_conditional_band(self) -> Self {
         Self { excess: vec![0.0; self.watched], ..self }
     }
 
@@ -184,7 +182,8 @@ impl Window {
         self.mean[self.sensors + sensor]
     }
 
-    fn covariance_of(&self, a: usize, b: usize) -> f64 {
+    /// Covariance of two channels: residuals before twin signals.
+    pub fn covariance_of(&self, a: usize, b: usize) -> f64 {
         if self.count == 0 { 0.0 } else { self.moments[place(a, b)] / self.count as f64 }
     }
 
@@ -301,6 +300,21 @@ impl Window {
         self.moments.copy_from_slice(moments);
         self.excess.copy_from_slice(excess);
         true
+    }
+
+    /// The mean of a channel, to be changed: for windows as they might have been.
+    pub fn mean_mut(&mut self, channel: usize) -> &mut f64 {
+        &mut self.mean[channel]
+    }
+
+    /// The co-moment of two channels (covariance times number of samples), likewise.
+    pub fn co_moment_mut(&mut self, a: usize, b: usize) -> &mut f64 {
+        &mut self.moments[place(a, b)]
+    }
+
+    /// The largest |r'| of a residual, likewise.
+    pub fn largest_mut(&mut self, sensor: usize) -> &mut f64 {
+        &mut self.largest[sensor]
     }
 
     /// Forgets all samples. Does not allocate.

@@ -1,6 +1,7 @@
 //! The decision tree: flat arrays to walk, and what every node knows about itself.
 //!
-//! One tree serves CART, random forest and AdaBoost. [`Branches`] is all that prediction needs;
+//! One tree serves CART, random forest and AdaBoost. `servotwin-learning` grows it node by node. [`Branches`] is all
+//! that prediction needs;
 //! [`Tree`] adds the counts, impurities and rejected splits that explain it. Nodes are numbered in
 //! preorder: a node comes before its children and the left child follows its parent.
 //! A row goes left when its value is not above the threshold. A row without a value (NaN) goes where
@@ -9,32 +10,13 @@
 //!
 //! Source: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", 1984.
 
-mod binned;
-mod building;
-mod criterion;
-mod grow;
-mod histogram;
-mod presorted;
-mod prune;
 mod render;
-mod split;
 
 use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, same_length};
-use crate::numeric::arg_max;
-
-pub use criterion::Criterion;
-pub use prune::PruningStep;
-
-pub(crate) use binned::grow_binned;
-pub(crate) use building::{Growth, Rules};
-pub(crate) use grow::grow;
-pub(crate) use histogram::Bins;
-pub(crate) use presorted::Presorted;
-pub(crate) use split::{Limits, separate};
 
 /// In place of a feature: the node is a leaf.
 const LEAF: u32 = u32::MAX;
@@ -142,7 +124,8 @@ impl Branches {
         }
     }
 
-    pub(crate) fn push_leaf(&mut self, knows_missing: bool) -> usize {
+    /// Adds a leaf and returns its number; `knows_missing` must be the same for all nodes of a tree.
+    pub fn push_leaf(&mut self, knows_missing: bool) -> usize {
         if knows_missing {
             self.missing_left.push(false);
         }
@@ -153,15 +136,8 @@ impl Branches {
         self.len() - 1
     }
 
-    /// Makes a leaf ask a question.
-    pub(crate) fn ask(
-        &mut self,
-        node: usize,
-        feature: usize,
-        threshold: f64,
-        left: usize,
-        right: usize,
-    ) {
+    /// Makes a leaf ask a question, with these children.
+    pub fn ask(&mut self, node: usize, feature: usize, threshold: f64, left: usize, right: usize) {
         self.feature[node] = feature as u32;
         self.threshold[node] = threshold;
         self.left[node] = left as u32;
@@ -222,8 +198,26 @@ pub struct Tree {
     rejected: Vec<RejectedSplit>,
 }
 
+/// What a node knows when it is added to a tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewNode {
+    /// The class that it decides.
+    pub decision: u32,
+    /// Number of questions above it.
+    pub depth: usize,
+    /// Training rows of each class.
+    pub counts: Vec<u32>,
+    /// Training weight of each class.
+    pub weights: Vec<f64>,
+    /// Impurity.
+    pub impurity: f64,
+    /// Share of all training weight, as the impurity sees it.
+    pub share: f64,
+}
+
 impl Tree {
-    fn empty(features: usize, classes: usize) -> Self {
+    /// A tree without nodes.
+    pub fn new(features: usize, classes: usize) -> Self {
         Tree {
             features,
             classes,
@@ -237,6 +231,46 @@ impl Tree {
             share: vec![],
             rejected: vec![],
         }
+    }
+
+    /// Adds a leaf and returns its number; `knows_missing` must be the same for all nodes.
+    pub fn add_leaf(&mut self, node: NewNode, knows_missing: bool) -> usize {
+        self.decision.push(node.decision);
+        self.depth.push(node.depth as u32);
+        self.counts.extend(node.counts);
+        self.weights.extend(node.weights);
+        self.impurity.push(node.impurity);
+        self.decrease.push(0.0);
+        self.share.push(node.share);
+        self.branches.push_leaf(knows_missing)
+    }
+
+    /// Makes a leaf ask a question that decreases the impurity so much. [`Tree::set_child`] gives it its children.
+    pub fn ask(&mut self, node: usize, feature: usize, threshold: f64, decrease: f64) {
+        self.branches.feature[node] = feature as u32;
+        self.branches.threshold[node] = threshold;
+        self.decrease[node] = decrease;
+    }
+
+    /// Sets the left or right child of a node that asks a question.
+    pub fn set_child(&mut self, node: usize, is_right: bool, child: usize) {
+        let children = if is_right { &mut self.branches.right } else { &mut self.branches.left };
+        children[node] = child as u32;
+    }
+
+    /// Sets whether rows without a value go left at a node; for trees that know missing values.
+    pub fn set_missing_left(&mut self, node: usize, goes_left: bool) {
+        self.branches.missing_left[node] = goes_left;
+    }
+
+    /// Sets the threshold of a node that asks a question.
+    pub fn set_threshold(&mut self, node: usize, threshold: f64) {
+        self.branches.threshold[node] = threshold;
+    }
+
+    /// Notes a split that was better but implausible.
+    pub fn reject(&mut self, split: RejectedSplit) {
+        self.rejected.push(split);
     }
 
     /// Number of features in a row.
@@ -293,6 +327,11 @@ impl Tree {
     /// leaf.
     pub fn decrease(&self, node: usize) -> f64 {
         self.decrease[node]
+    }
+
+    /// Share of all training weight at a node, as the impurity sees it.
+    pub fn share(&self, node: usize) -> f64 {
+        self.share[node]
     }
 
     /// Share of the decided class among the weights at a node, in 0..=1.
@@ -390,25 +429,5 @@ impl Tree {
         } else {
             Err(Error::CorruptModel { broken: "tree leaves must decide known classes" })
         }
-    }
-}
-
-/// What a wrong decision costs: `costs[true class][decided class]`.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Costs(pub Vec<Vec<f64>>);
-
-impl Costs {
-    /// The class whose decision costs least for these class weights; of equal ones the lowest.
-    fn decide(&self, weights: &[f64]) -> usize {
-        let cost_of = |class: usize| -> f64 {
-            weights.iter().zip(&self.0).map(|(weight, row)| weight * row[class]).sum()
-        };
-        arg_max((0..weights.len()).map(|class| -cost_of(class)))
-    }
-
-    /// Sum of what can go wrong for each true class: the factors of the altered priors
-    /// (Breiman et al. 1984, section 4.4.3).
-    pub fn prior_factors(&self) -> Vec<f64> {
-        self.0.iter().map(|row| row.iter().sum()).collect()
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::toy::{self, Fault, Flight, KINDS, Kind, SENSORS};
 use proptest::prelude::*;
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
 use servotwin_diagnosis::diagnoser::{
     Alarm, Diagnoser, Finding, Invalid, Outcome, Raised, Session, State, Why,
 };
-use servotwin_diagnosis::field::{Covariate, Field, Source};
 use servotwin_diagnosis::random::Random;
 use std::sync::{Arc, OnceLock};
 
@@ -45,25 +45,25 @@ fn a_healthy_specimen_raises_nothing() {
 #[test]
 fn every_fault_raises_its_command_in_its_actuator() {
     for kind in KINDS {
-        for unit in 0..2 {
-            let (mut session, mut flight) = (session(), Flight::new(6000 + unit as u64));
+        for actuator in 0..2 {
+            let (mut session, mut flight) = (session(), Flight::new(6000 + actuator as u64));
             assert_eq!(fly(&mut session, &mut flight, None, 700).raised, None);
-            let fault = Fault { unit, kind, size: 0.9 };
+            let fault = Fault { actuator, kind, size: 0.9 };
             let (samples, raised) = raise(&mut session, &mut flight, fault).expect("raised");
-            let said = (raised.unit as usize, raised.command);
-            assert_eq!(said, (unit, kind.command()), "{fault:?}");
+            let said = (raised.actuator as usize, raised.action);
+            assert_eq!(said, (actuator, kind.action()), "{fault:?}");
             assert!(samples < 400, "{fault:?} after {samples} samples");
             let outcome = fly(&mut session, &mut flight, Some(fault), 300);
             let detail = KINDS.iter().position(|known| *known == kind).unwrap() as u32;
-            let (unit, command) = (unit as u32, kind.command());
-            assert_eq!(outcome.finding, Finding::Detail { unit, command, detail });
+            let (actuator, action) = (actuator as u32, kind.action());
+            assert_eq!(outcome.finding, Finding::Detail { actuator, action, detail });
             assert_eq!(outcome.alarm, Alarm::Raised);
             assert!(outcome.confidence > 0.5 && outcome.excess > 1.0, "{outcome:?}");
             let length = outcome.length.unwrap() as usize;
             let path = session.explain(length).unwrap();
             assert_eq!(path.len(), 3, "actuator, command, detail");
             let sensor = outcome.worst_sensor.unwrap();
-            assert_eq!(session.diagnoser().sensors[sensor as usize].unit, Some(unit));
+            assert_eq!(session.diagnoser().sensors[sensor as usize].actuator, Some(actuator));
         }
     }
 }
@@ -72,7 +72,7 @@ fn every_fault_raises_its_command_in_its_actuator() {
 fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
     for kind in KINDS {
         let (mut session, mut flight) = (session(), Flight::new(6100));
-        let fault = Fault { unit: 0, kind, size: 0.9 };
+        let fault = Fault { actuator: 0, kind, size: 0.9 };
         raise(&mut session, &mut flight, fault).expect("raised");
         let mut seen = vec![];
         for _ in 0..2000 {
@@ -82,7 +82,7 @@ fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
             }
         }
         let end = session.outcome();
-        if kind.command() == 0 {
+        if kind.action() == 0 {
             assert_eq!(seen, [Alarm::Raised]);
             assert!(end.raised.is_some());
             session.release(0).unwrap();
@@ -97,9 +97,9 @@ fn an_alarm_recovers_and_is_over_unless_it_switches_off() {
 #[test]
 fn after_one_actuator_is_off_the_other_is_diagnosed_and_never_switched_off() {
     let (mut session, mut flight) = (session(), Flight::new(6200));
-    let leak = |unit| Fault { unit, kind: Kind::Leak, size: 0.9 };
+    let leak = |actuator| Fault { actuator, kind: Kind::Leak, size: 0.9 };
     let (_, raised) = raise(&mut session, &mut flight, leak(0)).unwrap();
-    assert_eq!((raised.unit, raised.command), (0, 0));
+    assert_eq!((raised.actuator, raised.action), (0, 0));
     session.switched_off(0).unwrap();
     assert!(session.is_off(0) && session.outcome().raised.is_none());
     // What is off shows anything; the other is healthy.
@@ -110,13 +110,13 @@ fn after_one_actuator_is_off_the_other_is_diagnosed_and_never_switched_off() {
         let outcome = fly(&mut session, &mut flight, Some(leak(1)), 1);
         assert_eq!(outcome.raised, None);
     }
-    assert_eq!(session.outcome().finding, Finding::Actuator { unit: 1 });
+    assert_eq!(session.outcome().finding, Finding::Actuator { actuator: 1 });
     assert_eq!(session.outcome().alarm, Alarm::Pending);
     fly(&mut session, &mut flight, None, 1000);
     // What needs less is raised.
-    let wear = Fault { unit: 1, kind: Kind::Wear, size: 0.9 };
+    let wear = Fault { actuator: 1, kind: Kind::Wear, size: 0.9 };
     let (_, raised) = raise(&mut session, &mut flight, wear).unwrap();
-    assert_eq!((raised.unit, raised.command), (1, 2));
+    assert_eq!((raised.actuator, raised.action), (1, 2));
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn without_most_sensors_of_an_actuator_there_is_no_data() {
 fn a_sensor_that_went_silent_does_not_blind_the_others() {
     for value in [f64::NAN, 1e30] {
         let (mut session, mut flight) = (session(), Flight::new(6500));
-        let jam = Some(Fault { unit: 0, kind: Kind::Jam, size: 0.9 });
+        let jam = Some(Fault { actuator: 0, kind: Kind::Jam, size: 0.9 });
         fly(&mut session, &mut flight, None, 500);
         let lost = push(&mut session, &mut flight, None, (&[3], value), 500);
         assert_eq!((lost.finding, lost.lost), (Finding::Healthy, 1));
@@ -226,13 +226,13 @@ fn a_sensor_that_went_silent_does_not_blind_the_others() {
         assert!((1..=10).contains(&samples), "{:?}", lost.counts);
         let found = push(&mut session, &mut flight, jam, (&[3], value), 1000);
         let raised = found.raised.expect("the actuator's other sensors show the jam");
-        assert_eq!((raised.unit, raised.command), (0, Kind::Jam.command()));
+        assert_eq!((raised.actuator, raised.action), (0, Kind::Jam.action()));
     }
 }
 
 #[test]
 fn nobody_is_accused_beside_an_actuator_without_a_sensor() {
-    let jam = Some(Fault { unit: 1, kind: Kind::Jam, size: 0.9 });
+    let jam = Some(Fault { actuator: 1, kind: Kind::Jam, size: 0.9 });
     for is_taken_out in [false, true] {
         let (mut session, mut flight) = (session(), Flight::new(6500));
         session.take_out(3, is_taken_out).unwrap();
@@ -244,7 +244,7 @@ fn nobody_is_accused_beside_an_actuator_without_a_sensor() {
         session.take_out(3, false).unwrap();
         let back = fly(&mut session, &mut flight, jam, 1000);
         let raised = back.raised.expect("all sensors show the jam");
-        assert_eq!((raised.unit, raised.command, back.lost), (1, Kind::Jam.command(), 0));
+        assert_eq!((raised.actuator, raised.action, back.lost), (1, Kind::Jam.action(), 0));
         assert!(raised.sample > found.sample + 100 + 50, "by windows of all sensors: {raised:?}");
     }
 }
@@ -261,16 +261,16 @@ fn a_sensor_that_is_taken_out_may_be_missing() {
 fn an_inhibited_actuator_is_not_judged_and_the_other_is() {
     let (mut session, mut flight) = (session(), Flight::new(6600));
     session.inhibit(1, true).unwrap();
-    let jam = |unit| Fault { unit, kind: Kind::Jam, size: 0.9 };
+    let jam = |actuator| Fault { actuator, kind: Kind::Jam, size: 0.9 };
     let outcome = fly(&mut session, &mut flight, Some(jam(1)), 1500);
     assert_eq!((outcome.finding, outcome.raised), (Finding::Healthy, None));
     let (_, raised) = raise(&mut session, &mut flight, jam(0)).unwrap();
-    assert_eq!((raised.unit, raised.command), (0, 0));
+    assert_eq!((raised.actuator, raised.action), (0, 0));
 }
 
 #[test]
 fn a_stored_session_goes_on_to_the_bit() {
-    let fault = Fault { unit: 1, kind: Kind::Wear, size: 0.6 };
+    let fault = Fault { actuator: 1, kind: Kind::Wear, size: 0.6 };
     for stop in [3, 437, 1203, 1391] {
         let (mut one, mut flight, mut twin) = (session(), Flight::new(6700), Flight::new(6700));
         let at = |k: u64| (k > 1000).then_some(fault);
@@ -304,10 +304,10 @@ fn a_stored_diagnoser_is_the_same_and_a_broken_one_is_refused() {
         |d| d.lengths.clear(),
         |d| d.lengths[1].span.pane_samples = 7,
         |d| d.lengths[1].panel.bands[0].sensor = "another".into(),
-        |d| d.lengths[1].panel.trees.names.commands[0] = "another".into(),
+        |d| d.lengths[1].panel.trees.names.actions[0] = "another".into(),
         |d| d.lengths[0].novelty.classes.truncate(1),
         |d| d.sensors[0].scale = 0.0,
-        |d| d.sensors[0].unit = Some(9),
+        |d| d.sensors[0].actuator = Some(9),
         |d| d.sensors.truncate(3),
         |d| d.environment.inputs[0].largest = f64::NAN,
         |d| d.decision.least_on = 7,
@@ -350,7 +350,7 @@ proptest! {
             1..200,
         )
     ) {
-        let mut session = Session::new(toy::with_reference().into()).unwrap();
+        let mut session = Session::new(toy::with_baseline().into()).unwrap();
         for (inputs, measured, twin) in &rows {
             let outcome = session.push(inputs, measured, twin);
             prop_assert!(outcome.raised.is_none());
@@ -367,14 +367,14 @@ proptest! {
     #[test]
     fn both_actuators_are_never_switched_off(seed in any::<u64>()) {
         let mut random = Random::new(seed);
-        let session = Session::new(toy::with_reference().into());
+        let session = Session::new(toy::with_baseline().into());
         let (mut session, mut flight) = (session.unwrap(), Flight::new(random.next_u64()));
         let mut told_off = [false; 2];
         let mut faults = [None; 2];
         for _ in 0..40 {
-            for (unit, fault) in faults.iter_mut().enumerate() {
+            for (actuator, fault) in faults.iter_mut().enumerate() {
                 let kind = KINDS[random.index(KINDS.len())];
-                let drawn = Fault { unit, kind, size: random.between(0.2, 1.5) };
+                let drawn = Fault { actuator, kind, size: random.between(0.2, 1.5) };
                 *fault = (random.unit() < 0.6).then_some(drawn);
             }
             let loses = random.unit() < 0.1;
@@ -391,13 +391,13 @@ proptest! {
                     measured[5] = f64::NAN;
                 }
                 if let Some(raised) = session.push(&inputs, &measured, &twin).raised {
-                    told_off[raised.unit as usize] |= raised.command == 0;
+                    told_off[raised.actuator as usize] |= raised.action == 0;
                 }
                 prop_assert!(told_off != [true, true]);
             }
             match session.outcome().raised {
-                Some(raised) if carries_out && raised.command == 0 => {
-                    session.switched_off(raised.unit as usize).unwrap();
+                Some(raised) if carries_out && raised.action == 0 => {
+                    session.switched_off(raised.actuator as usize).unwrap();
                 }
                 _ if random.unit() < 0.1 => session.inhibit(0, random.unit() < 0.5).unwrap(),
                 _ => {}
@@ -426,19 +426,19 @@ fn the_last_of_three_actuators_is_never_switched_off() {
         let mut flight = Flight::<OF_THREE>::of(random.next_u64());
         let mut told_off = [false; 3];
         for _ in 0..20 {
-            let (unit, kind) = (random.index(3), KINDS[random.index(KINDS.len())]);
-            let fault = Fault { unit, kind, size: random.between(0.5, 1.5) };
+            let (actuator, kind) = (random.index(3), KINDS[random.index(KINDS.len())]);
+            let fault = Fault { actuator, kind, size: random.between(0.5, 1.5) };
             let fault = (random.unit() < 0.8).then_some(fault);
             for _ in 0..100 + random.index(200) {
                 let (inputs, measured, twin) = flight.next(fault);
                 if let Some(raised) = session.push(&inputs, &measured, &twin).raised {
-                    told_off[raised.unit as usize] |= raised.command == 0;
+                    told_off[raised.actuator as usize] |= raised.action == 0;
                 }
                 assert!(told_off != [true; 3], "seed {seed}");
             }
             match session.outcome().raised {
-                Some(raised) if random.unit() < 0.7 && raised.command == 0 => {
-                    session.switched_off(raised.unit as usize).unwrap();
+                Some(raised) if random.unit() < 0.7 && raised.action == 0 => {
+                    session.switched_off(raised.actuator as usize).unwrap();
                 }
                 _ => {}
             }
@@ -451,10 +451,12 @@ fn the_last_of_three_actuators_is_never_switched_off() {
 #[test]
 fn every_fault_of_three_actuators_raises_its_command_in_its_actuator() {
     let diagnoser = of_three();
-    for (kind, unit) in KINDS.into_iter().flat_map(|kind| (0..3).map(move |unit| (kind, unit))) {
+    for (kind, actuator) in
+        KINDS.into_iter().flat_map(|kind| (0..3).map(move |actuator| (kind, actuator)))
+    {
         let mut session = Session::new(diagnoser.clone()).unwrap();
-        let mut flight = Flight::<OF_THREE>::of(6000 + unit as u64);
-        let fault = Fault { unit, kind, size: 0.9 };
+        let mut flight = Flight::<OF_THREE>::of(6000 + actuator as u64);
+        let fault = Fault { actuator, kind, size: 0.9 };
         let mut push = |session: &mut Session, fault| {
             let (inputs, measured, twin) = flight.next(fault);
             session.push(&inputs, &measured, &twin).raised
@@ -463,13 +465,13 @@ fn every_fault_of_three_actuators_raises_its_command_in_its_actuator() {
             assert_eq!(push(&mut session, None), None);
         }
         let raised = (0..400).find_map(|_| push(&mut session, Some(fault)));
-        let raised = raised.map(|raised| (raised.unit as usize, raised.command));
-        assert_eq!(raised, Some((unit, kind.command())), "{fault:?}");
+        let raised = raised.map(|raised| (raised.actuator as usize, raised.action));
+        assert_eq!(raised, Some((actuator, kind.action())), "{fault:?}");
     }
 }
 
 /// A field that is as wide as the bands, times some factor, and that the temperature makes wider.
-fn field(width: f64, when_hot: f64) -> Field {
+fn conditional_band(width: f64, when_hot: f64) -> ConditionalBand {
     let diagnoser = toy::diagnoser();
     let bands = &diagnoser.lengths[0].panel.bands;
     let covariates = vec![Covariate {
@@ -478,7 +480,7 @@ fn field(width: f64, when_hot: f64) -> Field {
         edges: vec![310.0],
         range: (270.0, 320.0),
     }];
-    Field {
+    ConditionalBand {
         covariates,
         base: bands.iter().map(|band| band.half_width).collect(),
         factors: vec![vec![vec![1.0, when_hot]]; bands.len()],
@@ -488,16 +490,17 @@ fn field(width: f64, when_hot: f64) -> Field {
     }
 }
 
-fn session_in(field: Field) -> Session {
-    let diagnoser = Diagnoser { field: Some(field), ..(*toy::diagnoser()).clone() };
+fn session_in(band: ConditionalBand) -> Session {
+    let diagnoser = Diagnoser { conditional_band: Some(band), ..(*toy::diagnoser()).clone() };
     Session::new(Arc::new(diagnoser)).unwrap()
 }
 
 #[test]
 fn a_field_as_wide_as_the_bands_says_the_same_and_a_wide_one_hides_a_fault() {
-    let fault = Fault { unit: 1, kind: Kind::Bias, size: 0.9 };
+    let fault = Fault { actuator: 1, kind: Kind::Bias, size: 0.9 };
     let mut banded = session();
-    let (mut same, mut wide) = (session_in(field(1.0, 1.0)), session_in(field(1e3, 1.0)));
+    let (mut same, mut wide) =
+        (session_in(conditional_band(1.0, 1.0)), session_in(conditional_band(1e3, 1.0)));
     let mut flights = [Flight::new(6300), Flight::new(6300), Flight::new(6300)];
     for k in 0..1200 {
         let fault = (k >= 600).then_some(fault);
@@ -513,7 +516,7 @@ fn a_field_as_wide_as_the_bands_says_the_same_and_a_wide_one_hides_a_fault() {
 
 #[test]
 fn outside_of_what_the_field_was_learned_from_outcomes_are_marked() {
-    let mut session = session_in(field(1.0, 2.0));
+    let mut session = session_in(conditional_band(1.0, 2.0));
     let mut flight = Flight::new(6400);
     let mut push = |session: &mut Session, temperature: f64| {
         let (mut inputs, measured, twin) = flight.next(None);
@@ -529,7 +532,7 @@ fn outside_of_what_the_field_was_learned_from_outcomes_are_marked() {
     assert_eq!(session.half_widths().unwrap()[0], 2.0 * width);
     // Stored and restored it goes on to the bit.
     let text = serde_json::to_string(&session.save()).unwrap();
-    let mut other = session_in(field(1.0, 2.0));
+    let mut other = session_in(conditional_band(1.0, 2.0));
     other.restore(&serde_json::from_str::<State>(&text).unwrap()).unwrap();
     for _ in 0..200 {
         let (inputs, measured, twin) = flight.next(None);

@@ -4,8 +4,9 @@
 
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::features::{Feature, Sensors, Views, features};
-use servotwin_diagnosis::hierarchy::{Examples, Label, Names};
+use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::residual::Window;
+use servotwin_learning::hierarchy::{Examples, Label};
 
 /// Windows of one length as rows of features, with their labels.
 pub struct Lessons {
@@ -74,7 +75,7 @@ impl Lessons {
     fn own(&self, actuator: usize) -> Vec<usize> {
         let all = 0..self.features.len();
         let own: Vec<usize> =
-            all.clone().filter(|&column| self.features[column].units == [actuator]).collect();
+            all.clone().filter(|&column| self.features[column].actuators == [actuator]).collect();
         if own.is_empty() { all.collect() } else { own }
     }
 

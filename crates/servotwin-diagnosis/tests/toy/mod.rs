@@ -1,17 +1,16 @@
 //! Like actuators with four sensors each and one at the surface, their faults, and a diagnoser
 //! trained on recordings of them.
 
-use servotwin_diagnosis::classifiers;
+use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::environment::{Difference, Input};
-use servotwin_diagnosis::diagnoser::{
-    Diagnoser, Environment, FORMAT, Length, Novelty, Sensor, decision,
-};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Environment, FORMAT, Length, Sensor, decision};
 use servotwin_diagnosis::features::Quantity;
-use servotwin_diagnosis::hierarchy::{Label, Names, Settings};
+use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{self, Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
-use servotwin_diagnosis::reference;
 use servotwin_diagnosis::sliding::{Sliding, Span};
+use servotwin_learning::classifiers;
+use servotwin_learning::hierarchy::{Label, Settings};
 use std::sync::{Arc, OnceLock};
 
 mod lessons;
@@ -27,8 +26,8 @@ const BAND: f64 = 0.02;
 const SPANS: [Span; 2] =
     [Span { pane_samples: 10, panes: Some(5) }, Span { pane_samples: 50, panes: Some(4) }];
 
-pub const fn sensors_of(units: usize) -> usize {
-    4 * units + 1
+pub const fn sensors_of(actuators: usize) -> usize {
+    4 * actuators + 1
 }
 
 /// What is broken: the detail, each with its command.
@@ -47,7 +46,7 @@ pub enum Kind {
 pub const KINDS: [Kind; 4] = [Kind::Leak, Kind::Jam, Kind::Bias, Kind::Wear];
 
 impl Kind {
-    pub fn command(self) -> u32 {
+    pub fn action(self) -> u32 {
         match self {
             Kind::Leak | Kind::Jam => 0,
             Kind::Bias => 1,
@@ -58,7 +57,7 @@ impl Kind {
 
 #[derive(Clone, Copy, Debug)]
 pub struct Fault {
-    pub unit: usize,
+    pub actuator: usize,
     pub kind: Kind,
     pub size: f64,
 }
@@ -105,7 +104,7 @@ impl<const S: usize> Flight<S> {
             *value += tolerance;
         }
         if let Some(fault) = fault {
-            let own = &mut measured[4 * fault.unit..4 * fault.unit + 4];
+            let own = &mut measured[4 * fault.actuator..4 * fault.actuator + 4];
             match fault.kind {
                 Kind::Leak => {
                     own[2] -= fault.size * (0.2 + 0.1 * spool);
@@ -124,31 +123,31 @@ impl<const S: usize> Flight<S> {
     }
 }
 
-pub fn names(units: usize) -> Names {
+pub fn names(actuators: usize) -> Names {
     let list = |words: &[&str]| words.iter().map(|&word| word.into()).collect();
     Names {
         features: vec![],
-        actuators: (1..=units).map(|unit| format!("actuator_{unit}")).collect(),
-        commands: list(&COMMANDS),
+        actuators: (1..=actuators).map(|actuator| format!("actuator_{actuator}")).collect(),
+        actions: list(&COMMANDS),
         details: list(&["leak", "jam", "bias", "wear"]),
     }
 }
 
-fn sensors(units: usize) -> Vec<Sensor> {
+fn sensors(actuators: usize) -> Vec<Sensor> {
     let quantities = [Quantity::Ram, Quantity::Spool, Quantity::PressureA, Quantity::PressureB];
-    let sensor = |name: String, quantity, unit| Sensor {
+    let sensor = |name: String, quantity, actuator| Sensor {
         name,
         quantity,
-        unit,
+        actuator,
         scale: 1.0,
         noise: NOISE,
         is_noisy: true,
         follows: vec![],
     };
     let mut sensors = vec![];
-    for unit in 0..units as u32 {
+    for actuator in 0..actuators as u32 {
         for (place, &quantity) in quantities.iter().enumerate() {
-            sensors.push(sensor(format!("s{place}_{}", unit + 1), quantity, Some(unit)));
+            sensors.push(sensor(format!("s{place}_{}", actuator + 1), quantity, Some(actuator)));
         }
     }
     sensors.push(sensor("surface".into(), Quantity::Surface, None));
@@ -173,12 +172,12 @@ fn environment() -> Environment {
     }
 }
 
-fn label(fault: Option<Fault>, units: usize) -> Label {
+fn label(fault: Option<Fault>, actuators: usize) -> Label {
     match fault {
-        None => Label { actuator: units as u32, command: 0, detail: 0 },
-        Some(Fault { unit, kind, .. }) => {
+        None => Label { actuator: actuators as u32, action: 0, detail: 0 },
+        Some(Fault { actuator, kind, .. }) => {
             let detail = KINDS.iter().position(|known| *known == kind).unwrap() as u32;
-            Label { actuator: unit as u32, command: kind.command(), detail }
+            Label { actuator: actuator as u32, action: kind.action(), detail }
         }
     }
 }
@@ -188,14 +187,14 @@ fn fault_of(flight: u32) -> Option<Fault> {
     let mut random = Random::stream(5, u64::from(flight));
     let size = random.between(0.3, 1.0);
     let kind = KINDS.get(flight as usize % 6).copied();
-    kind.map(|kind| Fault { unit: 0, kind, size })
+    kind.map(|kind| Fault { actuator: 0, kind, size })
 }
 
 /// Windows that left their bands, by length.
-fn lessons<const S: usize>(empty: &Diagnoser, units: usize) -> Vec<Lessons> {
+fn lessons<const S: usize>(empty: &Diagnoser, actuators: usize) -> Vec<Lessons> {
     const FLIGHTS: u32 = 90;
     const ONSET: u64 = 150;
-    let new = || Lessons::new(empty.sensors_seen(), units).unwrap();
+    let new = || Lessons::new(empty.sensors_seen(), actuators).unwrap();
     let mut lessons = vec![new(), new()];
     for group in 0..FLIGHTS {
         let mut flight = Flight::<S>::of(u64::from(group));
@@ -209,7 +208,7 @@ fn lessons<const S: usize>(empty: &Diagnoser, units: usize) -> Vec<Lessons> {
                 let window = sliding.window(length);
                 let shows = window.largest_of_all() > BAND;
                 if sliding.has_ended(length) && sliding.is_full(length) && is_thin && shows {
-                    lessons.take(window, label(fault, units), group).unwrap();
+                    lessons.take(window, label(fault, actuators), group).unwrap();
                 }
             }
         }
@@ -217,8 +216,8 @@ fn lessons<const S: usize>(empty: &Diagnoser, units: usize) -> Vec<Lessons> {
     lessons
 }
 
-fn learn(span: Span, lessons: &Lessons, units: usize) -> Length {
-    let examples = lessons.examples(&names(units)).unwrap();
+fn learn(span: Span, lessons: &Lessons, actuators: usize) -> Length {
+    let examples = lessons.examples(&names(actuators)).unwrap();
     let rows: Vec<usize> = (0..examples.labels().len()).collect();
     let boosted = classifiers::boosted_trees::Settings {
         trees: 20,
@@ -230,13 +229,14 @@ fn learn(span: Span, lessons: &Lessons, units: usize) -> Length {
     let band = |s: Sensor| SensorBand { sensor: s.name, half_width: BAND };
     let panel = Panel {
         format: panel::FORMAT.into(),
-        bands: sensors(units).into_iter().take(4 * units).map(band).collect(),
+        bands: sensors(actuators).into_iter().take(4 * actuators).map(band).collect(),
         least_confidence: None,
         trees: Settings::default().fit(&examples, &rows).unwrap(),
         committee: boosted.fit(&examples, &rows).unwrap(),
     };
-    let novelty = Novelty::learn(&examples, &rows, lessons.groups(), 0.999).unwrap();
-    Length { span, panel, novelty, relative: None }
+    let novelty =
+        servotwin_learning::novelty::learn(&examples, &rows, lessons.groups(), 0.999).unwrap();
+    Length { span, panel, novelty, baseline_corrected: None }
 }
 
 /// A trained diagnoser; trained once for each test binary.
@@ -245,34 +245,34 @@ pub fn diagnoser() -> Arc<Diagnoser> {
     TRAINED.get_or_init(|| train::<SENSORS>(2)).clone()
 }
 
-pub const REFERENCE: reference::Settings =
-    reference::Settings { settle_samples: 205, memory_samples: 2000 };
+pub const BASELINE: baseline::Settings =
+    baseline::Settings { settle_samples: 205, memory_samples: 2000 };
 pub const ALLOWANCES: decision::Allowances =
     decision::Allowances { of_pairs_nats: 0.5, health_nats: 0.0, off_nats: 0.0, other_nats: 0.0 };
 
 /// The trained diagnoser, of short windows beyond a reference too: the third length.
-pub fn with_reference() -> Diagnoser {
+pub fn with_baseline() -> Diagnoser {
     let mut diagnoser = (*diagnoser()).clone();
-    let relative = Some(ALLOWANCES);
-    diagnoser.lengths.push(Length { relative, ..diagnoser.lengths[0].clone() });
-    diagnoser.reference = Some(REFERENCE);
+    let baseline_corrected = Some(ALLOWANCES);
+    diagnoser.lengths.push(Length { baseline_corrected, ..diagnoser.lengths[0].clone() });
+    diagnoser.baseline = Some(BASELINE);
     diagnoser
 }
 
 /// The same for another number of actuators; `S` is that of their sensors.
-pub fn train<const S: usize>(units: usize) -> Arc<Diagnoser> {
+pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
     let mut diagnoser = Diagnoser {
         format: FORMAT.into(),
         period_s: PERIOD_S,
-        sensors: sensors(units),
+        sensors: sensors(actuators),
         environment: environment(),
         lengths: vec![],
-        reference: None,
-        field: None,
-        decision: decision::Settings::usual(&names(units), &["shut_down"]),
+        baseline: None,
+        conditional_band: None,
+        decision: decision::Settings::usual(&names(actuators), &["shut_down"]),
     };
-    let lessons = lessons::<S>(&diagnoser, units);
+    let lessons = lessons::<S>(&diagnoser, actuators);
     let pairs = SPANS.iter().zip(&lessons);
-    diagnoser.lengths = pairs.map(|(&span, lessons)| learn(span, lessons, units)).collect();
+    diagnoser.lengths = pairs.map(|(&span, lessons)| learn(span, lessons, actuators)).collect();
     Arc::new(diagnoser)
 }

@@ -100,7 +100,7 @@ fn asks(stage: &Stage, words: &Vocabulary) -> String {
             words.unit(),
             words.paper(" (figure 9 of the seed paper)")
         ),
-        Question::Command => "what must be done".into(),
+        Question::Action => "what must be done".into(),
         Question::Detail => "what is broken, within one command".into(),
     }
 }

@@ -31,7 +31,7 @@ impl Section for Classifiers {
             }
             let holding = result.settings.comparison_holding;
             let words = material.words();
-            for (stage, question) in [("A", Question::Actuator), ("B", Question::Command)] {
+            for (stage, question) in [("A", Question::Actuator), ("B", Question::Action)] {
                 let asks = words.question(question);
                 // One unit alone is not asked for.
                 if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {

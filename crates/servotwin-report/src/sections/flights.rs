@@ -7,7 +7,7 @@ use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, chosen, number, rate, spoken, stacked};
 use crate::{Material, Section};
-use servotwin::evaluation::score::Rate;
+use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::{ClassMerit, Latency, Merit, STRONG};
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
@@ -371,7 +371,7 @@ fn latencies(merit: &Merit, looks: &Looks) -> Figure {
         let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
         lines = lines.with(
             Curve::new(spoken(&class.command), points)
-                .looking(looks.class(Question::Command, &class.command)),
+                .looking(looks.class(Question::Action, &class.command)),
         );
     }
     lines.draw()

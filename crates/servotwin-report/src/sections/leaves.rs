@@ -26,7 +26,7 @@ impl Section for Leaves {
     fn write(&self, material: &Material, page: &mut Page) {
         let units = data_features(material.study);
         let words = material.words();
-        let first = Place { question: Question::Actuator, actuator: None, command: None }.id();
+        let first = Place { question: Question::Actuator, actuator: None, action: None }.id();
         let class = |stage: &str, name| match stage == first {
             true => words.class(Question::Actuator, name),
             false => name,

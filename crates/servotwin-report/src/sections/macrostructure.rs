@@ -58,7 +58,7 @@ fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks
     let names = &hierarchy.names;
     // What a command asks for has its colour.
     let commands =
-        names.commands.iter().map(|name| (spoken(name), looks.class(Question::Command, name)));
+        names.actions.iter().map(|name| (spoken(name), looks.class(Question::Action, name)));
     let plain = [("decision", 0), ("residuals", 1), ("tree", 0)];
     let plain = plain.map(|(kind, place)| (kind.to_owned(), Meaning::Plain(place).look()));
     let (kinds, looks) = plain.into_iter().chain(commands).unzip();
@@ -93,13 +93,13 @@ fn add_actuator(
     let group = spoken(name);
     let own = |question, command| {
         let several = hierarchy.names.actuators.len() > 1;
-        Place { question, actuator: several.then_some(actuator), command }.id()
+        Place { question, actuator: several.then_some(actuator), action: command }.id()
     };
-    let command_id = own(Question::Command, None);
+    let command_id = own(Question::Action, None);
     let text = format!("{command_id}  command\n{}", accuracy(judged, &command_id));
     diagram.blocks.push(Block { layer: Some(2), ..Block::new(&command_id, &text, "tree", &group) });
     diagram.wires.push(arrow(first, &command_id));
-    for (command, title) in hierarchy.names.commands.iter().enumerate() {
+    for (command, title) in hierarchy.names.actions.iter().enumerate() {
         let Some(stage) = hierarchy.stage(Question::Detail, actuator, command as u32) else {
             continue;
         };

@@ -5,9 +5,9 @@ use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
 use crate::words::stacked;
 use crate::{Material, Section};
+use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin::evaluation::robustness::Cross;
-use servotwin::evaluation::score::Rate;
 use servotwin_plot::Figure;
 use servotwin_plot::value_map::ValueMap;
 

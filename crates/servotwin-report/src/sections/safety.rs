@@ -5,8 +5,8 @@ use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
 use crate::{Material, Section, hardest_first};
+use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{ALL, ProtocolResult};
-use servotwin::evaluation::score::Rate;
 use servotwin::job::results::SubjectResult;
 
 /// See the module.

@@ -8,8 +8,8 @@ use crate::words::{NONE, number, percent, rate, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::abstention::{Level, SHARES};
+use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::evaluation::score::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
@@ -222,7 +222,7 @@ fn seed_paper(material: &Material, page: &mut Page) {
     for (letter, title) in [("A", "actuator"), ("B", "command")] {
         let of = |stage: &str| OF_PAPER.iter().find(|known| known.0 == stage).map(|known| known.1);
         let accuracy =
-            |score: Option<&servotwin::evaluation::score::Score>| score.map(|s| s.accuracy);
+            |score: Option<&servotwin::evaluation::metrics::Score>| score.map(|s| s.accuracy);
         let values = [baseline, trees].map(|result| accuracy(result.stage(letter)));
         push(format!("{letter}  {title}"), of(letter), values);
     }

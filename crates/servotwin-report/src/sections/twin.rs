@@ -4,7 +4,7 @@ use crate::page::{Grid, Page, Side};
 use crate::words::{chosen, number, rate};
 use crate::{Material, Section};
 use servotwin::campaign::Comparison;
-use servotwin::evaluation::score::Rate;
+use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::band::BandMerit;
 use servotwin::study::Study;
 

@@ -169,7 +169,7 @@ fn targets(study: &Study) -> Vec<Target> {
             names: vec![key(&sensor.id), key(&sensor.label), key(signal)],
             unit: sensor.unit,
             role: own.map_or(Role::Other, |own| Role::Sensor(own.quantity)),
-            actuator: own.and_then(|own| own.unit).map(|unit| unit + 1),
+            actuator: own.and_then(|own| own.actuator).map(|unit| unit + 1),
             range: system.readable(place),
             default: None,
         }

@@ -5,12 +5,12 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::protocol::{Holding, Protocol, summary};
 use super::run::{Scope, run};
-use super::score::Rate;
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers;
-use servotwin_diagnosis::evaluation::Split;
-use servotwin_diagnosis::hierarchy::Settings;
+use servotwin_learning::classifiers;
+use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::metrics::Rate;
+use servotwin_learning::splits::Split;
 
 /// The depths of the depth curve.
 const DEPTHS: [usize; 4] = [3, 5, 7, 9];
@@ -116,7 +116,7 @@ fn variations(families: &[String], units: usize, settings: &Settings) -> Vec<Var
 
 /// Limits the depth of every CART tree.
 fn limit(settings: &mut Settings, depth: usize) {
-    for stage in [&mut settings.actuator, &mut settings.command, &mut settings.detail] {
+    for stage in [&mut settings.actuator, &mut settings.action, &mut settings.detail] {
         if let classifiers::Settings::Cart(cart) = stage {
             cart.max_depth = Some(depth);
         }

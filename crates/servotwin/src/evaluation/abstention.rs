@@ -3,9 +3,10 @@
 use super::data_set::DataSet;
 use super::protocol::trial;
 use super::run::{Outcome, first_error};
-use super::score::{Rate, Trial};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::Question;
+use servotwin_diagnosis::panel::agree;
+use servotwin_learning::metrics::{Rate, Trial};
 
 /// Shares of the least certain answers that are left out.
 pub const SHARES: [f64; 7] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2];
@@ -57,13 +58,17 @@ pub fn evaluate(
         order[..silent].iter().for_each(|&place| answered[place] = false);
         level(&|place| answered[place])
     };
-    let agrees = |place: usize| committee[place].said.action() == trees[place].said.action();
+    let agrees = |place: usize, least: Option<f64>| {
+        let [of_trees, of_committee] =
+            [trees, committee].map(|said| said[place].said.actuator_and_action());
+        agree(of_trees, of_committee, confidence(place), least)
+    };
     let sure = |place: usize| least.is_some_and(|least| confidence(place) >= least);
     Abstention {
         levels: SHARES.iter().map(share).collect(),
         fixed: least.map(|least| (least, level(&sure))),
-        agreement: level(&agrees),
-        both: least.map(|_| level(&|place| agrees(place) && sure(place))),
+        agreement: level(&|place| agrees(place, None)),
+        both: least.map(|_| level(&|place| agrees(place, least))),
     }
 }
 
@@ -81,10 +86,10 @@ fn level(
     let label = |outcome: &Outcome| data.examples.labels()[outcome.row];
     let is_right = |o: &Outcome| matches!(first_error(data, o), None | Some(Question::Detail));
     let wrong = |o: &Outcome| {
-        let shuts = o.said.command.is_some_and(|command| shutdowns.contains(&command));
+        let shuts = o.said.action.is_some_and(|command| shutdowns.contains(&command));
         shuts && o.said.actuator.is_some_and(|said| said != label(o).actuator)
     };
-    let needs = |place: usize| shutdowns.contains(&label(&outcomes[place]).command);
+    let needs = |place: usize| shutdowns.contains(&label(&outcomes[place]).action);
     let abstained = (0..outcomes.len()).map(|p| trial(data, outcomes[p].row, !answers(p)));
     Level {
         abstained: Rate::clustered(&abstained.collect::<Vec<_>>()),

@@ -9,10 +9,11 @@ use super::error::EvaluationError;
 use super::run::{self, Outcome, settled};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::calibration::Forecasts;
 use servotwin_diagnosis::classifiers::{Classifier, Scores};
-use servotwin_diagnosis::evaluation::{Split, grouped_k_fold};
-use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings, Stage};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
+use servotwin_learning::calibration::Forecasts;
+use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::splits::{Split, grouped_k_fold};
 use std::collections::BTreeMap;
 
 /// Folds of commands.
@@ -88,7 +89,7 @@ pub fn train(
     Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
 }
 
-/// The part of all rows that are less sure than [`sureness`].
+/// The part of all rows that are less sure than [`evidence_quantile`].
 const LESS_SURE: f64 = 0.6;
 
 /// What two of five rows of a fault say at least against health, in nats: the quantile of `ln((1 − p)/p)` over the faults
@@ -96,7 +97,7 @@ const LESS_SURE: f64 = 0.6;
 ///
 /// # Errors
 /// [`EvaluationError::NothingDetectable`] where nothing taught.
-pub fn sureness(
+pub fn evidence_quantile(
     data: &DataSet,
     hierarchy: &Hierarchy,
     lessons: Lessons,
@@ -105,7 +106,7 @@ pub fn sureness(
     let mut scratch = hierarchy.scratch();
     let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
     let names = &hierarchy.names;
-    let mut shares = vec![0.0; 1 + names.actuators.len() * names.commands.len()];
+    let mut shares = vec![0.0; 1 + names.actuators.len() * names.actions.len()];
     let mut nats = vec![];
     for &row in rows.iter().filter(|&&row| !data.rows[row].is_healthy) {
         for (view, values) in views.iter_mut().enumerate() {
@@ -145,13 +146,13 @@ fn collect(data: &DataSet, hierarchy: &Hierarchy, rows: &[usize], seen: &mut See
 fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
     let label = data.examples.labels()[row];
     let asks_on = stage.place.question != Question::Actuator;
-    let is_asked = stage.place.is_asked(label.actuator, label.command);
+    let is_asked = stage.place.is_asked(label.actuator, label.action);
     if !is_asked || (asks_on && data.rows[row].is_healthy) {
         return None;
     }
     let class = match stage.place.question {
         Question::Actuator => label.actuator,
-        Question::Command => label.command,
+        Question::Action => label.action,
         Question::Detail => label.detail,
     };
     stage.classes.iter().position(|known| *known == class).map(|class| class as u32)

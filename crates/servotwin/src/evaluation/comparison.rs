@@ -4,12 +4,14 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::protocol::{Holding, Protocol, trial};
 use super::run::settled;
-use super::score::{Prediction, Score, Trial};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Kind};
-use servotwin_diagnosis::evaluation::Split;
-use servotwin_diagnosis::hierarchy::{Place, Question, Settings};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, Kind};
+use servotwin_diagnosis::hierarchy::{Place, Question};
+use servotwin_learning::classifiers::{self, Fit};
+use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::metrics::{Prediction, Score, Trial};
+use servotwin_learning::splits::Split;
 
 /// Depth of the CART tree that is compared.
 const DEPTH: usize = 7;
@@ -38,7 +40,7 @@ struct Job<'a> {
 
 /// Every classifier with the settings that a study starts from; the tree with the paper's depth.
 pub fn default_classifiers() -> Vec<classifiers::Settings> {
-    let settings = |kind: &Kind| match kind.default_settings() {
+    let settings = |kind: &Kind| match classifiers::Settings::default_of(*kind) {
         classifiers::Settings::Cart(cart) => {
             classifiers::Settings::Cart(classifiers::cart::Settings {
                 max_depth: Some(DEPTH),
@@ -47,7 +49,7 @@ pub fn default_classifiers() -> Vec<classifiers::Settings> {
         }
         other => other,
     };
-    classifiers::ALL.iter().map(settings).collect()
+    ALL.iter().map(settings).collect()
 }
 
 /// Epochs of the perceptron where it is trained many times: as many as
@@ -135,7 +137,7 @@ fn test(
     };
     let model = job.settings.fit(&train)?;
     debug_assert_eq!(model.features(), test.features());
-    let predicted = model.predict(&test)?;
+    let predicted = classifiers::predict(&model, &test)?;
     let truth = test.labels().iter();
     let prediction = |((&row, &truth), said): ((&usize, &u32), u32)| {
         let Trial { cluster, kind, .. } = trial(data, row, false);

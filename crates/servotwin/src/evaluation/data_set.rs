@@ -17,7 +17,8 @@ use crate::study::{Role, Study};
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::Teaches;
-use servotwin_diagnosis::hierarchy::{Examples, HEALTHY, Label, Names};
+use servotwin_diagnosis::hierarchy::{HEALTHY, Names};
+use servotwin_learning::hierarchy::{Examples, Label};
 use std::sync::Arc;
 
 /// What an evaluation must know of a feature.
@@ -42,7 +43,7 @@ impl FeatureInfo {
         let info = |f: crate::campaign::DataFeature| FeatureInfo {
             name: f.feature.name,
             family: f.family.into(),
-            units: f.feature.units,
+            units: f.feature.actuators,
             unit: f.feature.unit.into(),
             teaches: f.feature.teaches,
         };
@@ -170,7 +171,7 @@ struct Origin<'t> {
 impl DataSet {
     /// Some commands by name, as places in the names of all; those that no row has are left out.
     pub fn commands(&self, names: &[String]) -> Vec<u32> {
-        let known = self.examples.names().commands.iter().enumerate();
+        let known = self.examples.names().actions.iter().enumerate();
         known.filter(|(_, name)| names.contains(name)).map(|(place, _)| place as u32).collect()
     }
 
@@ -556,7 +557,7 @@ fn names(
     Ok(Names {
         features: features.iter().map(|feature| feature.name.clone()).collect(),
         actuators: if all_known { units.to_vec() } else { found },
-        commands,
+        actions: commands,
         details: of("detail")?,
     })
 }
@@ -572,7 +573,7 @@ fn labels(origins: &[Origin], names: &Names) -> Result<Vec<Label>, EvaluationErr
             true => names.healthy(),
             false => place(&names.actuators, &actuators[row]),
         },
-        command: place(&names.commands, &commands[row]),
+        action: place(&names.actions, &commands[row]),
         detail: place(&names.details, &details[row]),
     };
     Ok((0..origins.len()).map(label).collect())

@@ -2,8 +2,8 @@
 
 use super::data_set::DataSet;
 use super::protocol::trial;
-use super::score::Rate;
 use serde::{Deserialize, Serialize};
+use servotwin_learning::metrics::Rate;
 
 /// Detection over a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,14 +1,13 @@
 //! Answers that change when every feature moves within its uncertainty.
 //!
 //! What a window holds is uncertain by the noise and quantisation of its sensors and by the solver's
-//! error ([`Window::disturbed`]). The judged windows are moved so, their features computed anew, and
+//! error ([`augmentation::disturbed`]). The judged windows are moved so, their features computed anew, and
 //! the answers compared. A question of a tree whose answer depends on what no sensor shows flips; one
 //! that can be defended does not.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
 use super::protocol::trial;
-use super::score::Rate;
 use crate::parallel::{self, Workers};
 use crate::signal::random::Random;
 use serde::{Deserialize, Serialize};
@@ -17,6 +16,8 @@ use servotwin_diagnosis::features::{self, Sensors};
 use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Stage};
 use servotwin_diagnosis::random::Random as Choices;
 use servotwin_diagnosis::residual::Window;
+use servotwin_learning::augmentation;
+use servotwin_learning::metrics::Rate;
 
 /// The least factor by which a fault is made weaker to learn from it, and the largest by which it is
 /// made stronger. Factors between are equally likely by their logarithms.
@@ -148,7 +149,7 @@ impl Moving<'_> {
                 true => None,
                 false => Some(&self.windows[specimens[choices.index(specimens.len())]]),
             };
-            let scaled = window.scaled(factor, specimen, &self.noise);
+            let scaled = augmentation::scaled(window, factor, specimen, &self.noise);
             Moved { window: self.disturbed(&scaled, draw, &mut errors), factor }
         };
         (0..self.draws).map(&mut one).collect()
@@ -161,7 +162,7 @@ impl Moving<'_> {
     fn disturbed(&self, window: &Window, draw: usize, errors: &mut Random) -> Window {
         let reach = self.reaches[(draw / ROUND).min(self.reaches.len() - 1)];
         let noise: Vec<f64> = self.noise.iter().map(|noise| noise * reach).collect();
-        window.disturbed(&noise, self.lasting * reach, &mut || errors.normal())
+        augmentation::disturbed(window, &noise, self.lasting * reach, &mut || errors.normal())
     }
 }
 
@@ -223,7 +224,7 @@ fn seen(
     let mut seen = Seen { row, changes: vec![], questions: vec![] };
     for rows in &moved {
         let again = ask(rows)?;
-        let is_other_action = again.action() != said.action();
+        let is_other_action = again.actuator_and_action() != said.actuator_and_action();
         let is_other_answer = is_other_action || again.detail != said.detail;
         seen.changes.push([again.actuator != said.actuator, is_other_action, is_other_answer]);
     }

@@ -4,8 +4,9 @@ use super::data_set::{DataSet, Lessons};
 use super::error::EvaluationError;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Settings, Stage};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Stage};
 use servotwin_diagnosis::tree::Tree;
+use servotwin_learning::hierarchy::Settings;
 use std::collections::BTreeMap;
 
 /// A leaf that does not hold one class only.

@@ -23,12 +23,12 @@ pub mod piece;
 pub mod protocol;
 pub mod robustness;
 pub mod run;
-pub mod score;
 pub mod table_model;
 pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo, Lessons};
 pub use error::{EvaluationError, UnknownClass};
+pub use servotwin_learning::metrics;
 
 use crate::parallel::Workers;
 use abstention::Abstention;
@@ -38,12 +38,14 @@ use flips::{Flips, Moving};
 use piece::Bench;
 use protocol::{Holding, Protocol, ProtocolResult};
 use run::{Outcome, first_error};
-use score::Rate;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers;
-use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Settings as Training};
+use servotwin_diagnosis::classifiers::{Kind, Model};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Question};
 use servotwin_diagnosis::residual::BAND;
-use servotwin_diagnosis::tree::Criterion;
+use servotwin_learning::classifiers;
+use servotwin_learning::hierarchy::Settings as Training;
+use servotwin_learning::metrics::Rate;
+use servotwin_learning::tree::Criterion;
 
 use crate::study::Role;
 
@@ -79,7 +81,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let boosted = classifiers::Kind::BoostedTrees.default_settings();
+        let boosted = classifiers::Settings::default_of(Kind::BoostedTrees);
         Settings {
             training: trees(Criterion::Entropy, 7),
             committee: Training::all(boosted),
@@ -385,7 +387,7 @@ fn baseline(
 }
 
 fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) -> StageSize {
-    let classifiers::Model::Cart(tree) = &stage.model else {
+    let Model::Cart(tree) = &stage.model else {
         return StageSize {
             stage: stage.id.clone(),
             nodes: None,
@@ -423,7 +425,7 @@ fn false_alarms(
     let said = |hierarchy: &Hierarchy| -> Result<(Rate, Rate), EvaluationError> {
         let outcomes = run::ask(data, hierarchy, &alarms)?;
         let faults = outcomes.iter().filter(|outcome| outcome.said.actuator.is_some()).count();
-        let shuts = |o: &&Outcome| o.said.command.is_some_and(|c| shutdowns.contains(&c));
+        let shuts = |o: &&Outcome| o.said.action.is_some_and(|c| shutdowns.contains(&c));
         let shutdowns = outcomes.iter().filter(shuts).count();
         Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
     };

@@ -19,14 +19,15 @@
 use super::data_set::{DataSet, Lessons, Row};
 use super::error::EvaluationError;
 use super::run::{Outcome, Scope, ask, first_error, run};
-use super::score::{Prediction, Rate, Score, Trial};
 use crate::parallel::Workers;
 use crate::study::Role;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::evaluation::{
+use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question};
+use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
+use servotwin_learning::splits::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
 };
-use servotwin_diagnosis::hierarchy::{Hierarchy, Place, Question, Settings};
 
 /// A way to hold rows out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -505,13 +506,13 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> Stag
     let prediction = |outcome: &Outcome| -> Option<Prediction> {
         let truth = data.examples.labels()[outcome.row];
         let row = &data.rows[outcome.row];
-        if row.is_healthy || !place.is_asked(truth.actuator, truth.command) {
+        if row.is_healthy || !place.is_asked(truth.actuator, truth.action) {
             return None;
         }
         let healthy = data.examples.names().healthy();
         let (truth, said) = match place.question {
             Question::Actuator => (truth.actuator, outcome.said.actuator.or(Some(healthy))),
-            Question::Command => (truth.command, outcome.command),
+            Question::Action => (truth.action, outcome.command),
             Question::Detail => (truth.detail, outcome.detail),
         };
         Some(Prediction {
@@ -528,7 +529,7 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<Outcome>], place: &Place) -> Stag
         id: place.id(),
         question: place.question,
         actuator: place.actuator.map(|actuator| names.actuators[actuator as usize].clone()),
-        command: place.command.map(|command| names.commands[command as usize].clone()),
+        command: place.action.map(|command| names.actions[command as usize].clone()),
         score: Score::of(class_names.collect(), &splits),
     }
 }
@@ -578,8 +579,7 @@ impl<'a> Counting<'a> {
             let counted = !(counts_once && row.reflected);
             !row.is_healthy && !row.is_detected() && counted && self.protocol.judges(self.data, row)
         });
-        let hidden =
-            hidden.into_iter().filter(|&row| self.shutdowns.contains(&labels[row].command));
+        let hidden = hidden.into_iter().filter(|&row| self.shutdowns.contains(&labels[row].action));
         let mut trials = missed.to_vec();
         trials.extend(hidden.map(|row| trial(self.data, row, true)));
         Some(Rate::clustered(&trials))
@@ -591,11 +591,11 @@ impl<'a> Counting<'a> {
     }
 
     fn shuts_down(&self, outcome: &Outcome) -> bool {
-        outcome.said.command.is_some_and(|command| self.shutdowns.contains(&command))
+        outcome.said.action.is_some_and(|command| self.shutdowns.contains(&command))
     }
 
     fn needs_shutdown(&self, outcome: &Outcome) -> bool {
-        self.shutdowns.contains(&self.data.examples.labels()[outcome.row].command)
+        self.shutdowns.contains(&self.data.examples.labels()[outcome.row].action)
     }
 
     fn safety(&self) -> Safety {

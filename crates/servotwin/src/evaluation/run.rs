@@ -7,10 +7,11 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use crate::parallel::{self, Workers};
 use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::evaluation::Split;
 use servotwin_diagnosis::hierarchy::{
-    Diagnosis, FORMAT, Hierarchy, Place, Question, Scratch, Settings, Stage,
+    Diagnosis, FORMAT, Hierarchy, Place, Question, Scratch, Stage,
 };
+use servotwin_learning::hierarchy::Settings;
+use servotwin_learning::splits::Split;
 use std::collections::BTreeMap;
 
 /// How much of the hierarchy is trained.
@@ -158,12 +159,12 @@ impl<'a> Asking<'a> {
         let truth = self.data.examples.labels()[row];
         let is_healthy = self.data.rows[row].is_healthy;
         let mut given = |question| {
-            let stage = self.hierarchy.stage(question, truth.actuator, truth.command)?;
+            let stage = self.hierarchy.stage(question, truth.actuator, truth.action)?;
             let view = views[stage.place.view(truth.actuator)];
             Some(stage.answer(view, &mut self.scratch).class)
         };
         let mut below = |question| if is_healthy { None } else { given(question) };
-        let (command, detail) = (below(Question::Command), below(Question::Detail));
+        let (command, detail) = (below(Question::Action), below(Question::Detail));
         Ok(Outcome { row, said, command, detail, confused_with: None })
     }
 }
@@ -184,7 +185,7 @@ fn trace(
         let mut values = vec![0.0; data.features.len()];
         for outcome in outcomes.iter_mut() {
             let truth = data.examples.labels()[outcome.row];
-            let asked = stage.place.is_asked(truth.actuator, truth.command);
+            let asked = stage.place.is_asked(truth.actuator, truth.action);
             if !asked || first_error(data, outcome) != Some(stage.place.question) {
                 continue;
             }
@@ -205,8 +206,8 @@ pub fn first_error(data: &DataSet, outcome: &Outcome) -> Option<Question> {
         Some(Question::Actuator)
     } else if data.rows[outcome.row].is_healthy {
         None
-    } else if outcome.said.command != Some(truth.command) {
-        Some(Question::Command)
+    } else if outcome.said.action != Some(truth.action) {
+        Some(Question::Action)
     } else if outcome.said.detail != Some(truth.detail) {
         Some(Question::Detail)
     } else {

@@ -228,15 +228,15 @@ impl<'f> Flight<'f> {
         self.done = Some(raised.sample);
         let names = self.runtime.session().diagnoser().names();
         let detail = raised.detail.map(|detail| names.details[detail as usize].as_str());
-        let command = &names.commands[raised.command as usize];
-        let unit = &names.actuators[raised.unit as usize];
+        let command = &names.actions[raised.action as usize];
+        let unit = &names.actuators[raised.actuator as usize];
         let study = self.scenario.study;
         let place = study.units.iter().position(|known| known == unit).unwrap_or(0);
         let reaction = study.reactions.of(place, command, detail);
         self.set.extend(reaction.inputs.iter().copied());
         self.overrides.extend(reaction.parameters.iter().copied());
         self.load(k as f64 * self.period_s);
-        self.runtime.follow(raised.unit as usize, &reaction)?;
+        self.runtime.follow(raised.actuator as usize, &reaction)?;
         Ok(Some(Action { time_s: k as f64 * self.period_s, raised, reaction }))
     }
 }

@@ -5,7 +5,7 @@
 //! is learned from further flights, one in each of many environments, from which nothing else is kept.
 
 use super::flown::{Flown, Observer};
-use super::lessons::{Beyond, Cut, Lesson, Lessons};
+use super::lessons::{BaselineCorrected, Cut, Lesson, Lessons};
 use super::plan::{Flight, Purpose};
 use super::windows::{self, Kind};
 use crate::campaign::CampaignError;
@@ -65,7 +65,7 @@ struct Seeking<'s> {
     /// Of residuals as they are.
     absolute: Sliding,
     /// And beyond a reference.
-    relative: Option<(Beyond, Sliding)>,
+    baseline_corrected: Option<(BaselineCorrected, Sliding)>,
     found: Vec<Lesson>,
 }
 
@@ -79,26 +79,31 @@ impl<'s> Seeking<'s> {
     ) -> Self {
         let scales = study.scales()[..study.base_sensors()].to_vec();
         let period_s = study.sample_period_s;
-        let sliding = |is_relative: bool| {
-            let own = kinds.iter().filter(|kind| kind.is_relative == is_relative);
+        let sliding = |is_baseline_corrected: bool| {
+            let own =
+                kinds.iter().filter(|kind| kind.is_baseline_corrected == is_baseline_corrected);
             let spans: Vec<Span> = own.map(|kind| windows::span(kind.window_s, period_s)).collect();
             Sliding::new(scales.len(), scales.len(), &spans).expect("usual windows")
         };
-        let reference = windows::reference(flights, setting, period_s);
-        let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), usize::MAX));
+        let baseline = windows::baseline(flights, setting, period_s);
+        let corrected =
+            baseline.map(|settings| BaselineCorrected::new(settings, scales.len(), usize::MAX));
         let absolute = sliding(false);
-        let relative = beyond.map(|beyond| (beyond, sliding(true)));
-        Seeking { kinds, bands, flight: None, scales, absolute, relative, found: vec![] }
+        let baseline_corrected = corrected.map(|corrected| (corrected, sliding(true)));
+        Seeking { kinds, bands, flight: None, scales, absolute, baseline_corrected, found: vec![] }
     }
 
     /// Keeps the newest window of a kind if it is new and leaves its band.
     fn look(&self, kind: usize, index: usize) -> Option<Lesson> {
-        let is_relative = self.kinds[kind].is_relative;
-        let sliding = match &self.relative {
-            Some((_, relative)) if is_relative => relative,
+        let is_baseline_corrected = self.kinds[kind].is_baseline_corrected;
+        let sliding = match &self.baseline_corrected {
+            Some((_, baseline_corrected)) if is_baseline_corrected => baseline_corrected,
             _ => &self.absolute,
         };
-        let place = self.kinds[..kind].iter().filter(|k| k.is_relative == is_relative).count();
+        let place = self.kinds[..kind]
+            .iter()
+            .filter(|k| k.is_baseline_corrected == is_baseline_corrected)
+            .count();
         if !sliding.has_ended(place) || !sliding.is_full(place) {
             return None;
         }
@@ -114,11 +119,11 @@ impl<'s> Seeking<'s> {
 impl Observer for Seeking<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
         let mut has_new = self.absolute.add(measured, twin, &self.scales, &[]);
-        if let Some((beyond, sliding)) = &mut self.relative {
-            let is_settled = beyond.reference.is_settled();
-            beyond.take(index, measured, twin, &self.scales);
+        if let Some((corrected, sliding)) = &mut self.baseline_corrected {
+            let is_settled = corrected.baseline.is_settled();
+            corrected.take(index, measured, twin, &self.scales);
             if is_settled {
-                has_new |= sliding.add(&beyond.measured, twin, &self.scales, &[]);
+                has_new |= sliding.add(&corrected.measured, twin, &self.scales, &[]);
             }
         }
         if has_new {

@@ -7,12 +7,12 @@
 use super::flown::{Flown, Observer};
 use super::lessons::MovingFlight;
 use super::plan::{self, Flight, Onset, Purpose};
-use crate::evaluation::score::{Rate, Trial};
 use crate::study::{FaultCase, Flights, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::panel::SensorBand;
+use servotwin_learning::metrics::{Rate, Trial};
 use std::sync::Arc;
 
 /// The rates of false alarms that are asked for beside the diagnoser's own, per hour.
@@ -302,11 +302,11 @@ impl Observer for Watching {
             }
         };
         for (session, story) in &mut self.sessions {
-            let before = story.raised.last().map(|raised| (raised.unit, raised.command));
+            let before = story.raised.last().map(|raised| (raised.actuator, raised.action));
             let outcome = session.push(inputs, measured, twin);
             let is_new = |raised: &Raised| raised.sample == outcome.sample;
             if let Some(raised) = outcome.raised.filter(is_new)
-                && before != Some((raised.unit, raised.command))
+                && before != Some((raised.actuator, raised.action))
             {
                 story.raised.push(raised);
             }
@@ -465,7 +465,7 @@ struct Judged<'j> {
 
 impl Judged<'_> {
     fn merit(&self, (setting, limit_s): (&str, f64), failed: u64) -> Merit {
-        let commands = &self.diagnoser.names().commands;
+        let commands = &self.diagnoser.names().actions;
         let mut classes = vec![];
         for least in [0.0, STRONG] {
             classes.extend(
@@ -519,12 +519,12 @@ impl Judged<'_> {
     }
 
     fn off_command(&self) -> Option<&str> {
-        self.diagnoser.decision.off_commands.first().map(String::as_str)
+        self.diagnoser.decision.off_actions.first().map(String::as_str)
     }
 
     fn is_off(&self, command: u32) -> bool {
-        let name = &self.diagnoser.names().commands[command as usize];
-        self.diagnoser.decision.off_commands.contains(name)
+        let name = &self.diagnoser.names().actions[command as usize];
+        self.diagnoser.decision.off_actions.contains(name)
     }
 
     fn fates(&self, session: usize, choice: impl Fn(&Flight) -> bool) -> Vec<Fate> {
@@ -541,8 +541,8 @@ impl Judged<'_> {
         let after = |sample: u64| sample as f64 * self.period_s - onset;
         let since = story.raised.iter().filter(|raised| after(raised.sample) >= 0.0);
         let judged = |raised: &&Raised| {
-            let is_unit = names.actuators[raised.unit as usize] == *unit;
-            (is_unit, is_unit && names.commands[raised.command as usize] == class.command)
+            let is_unit = names.actuators[raised.actuator as usize] == *unit;
+            (is_unit, is_unit && names.actions[raised.action as usize] == class.command)
         };
         let right = since.clone().find(|raised| judged(raised).1);
         let faults = &self.study.faults;
@@ -558,7 +558,7 @@ impl Judged<'_> {
             isolated_s: right.map(|raised| after(raised.sample)),
             first: since.clone().next().map(|raised| judged(&raised)),
             is_wrong_shutdown: story.raised.iter().any(|raised| {
-                self.is_off(raised.command) && !judged(&raised).0 && after(raised.sample) >= 0.0
+                self.is_off(raised.action) && !judged(&raised).0 && after(raised.sample) >= 0.0
             }),
         })
     }
@@ -620,7 +620,7 @@ impl Judged<'_> {
             let early = stories[session].raised.iter();
             for raised in early.filter(|r| (r.sample as f64 * self.period_s) < until_s) {
                 alarms += 1;
-                shutdowns += u64::from(self.is_off(raised.command));
+                shutdowns += u64::from(self.is_off(raised.action));
             }
         }
         let hours = seconds / 3600.0;

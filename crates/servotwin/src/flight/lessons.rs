@@ -16,8 +16,8 @@ use crate::signal::random::Random;
 use crate::study::{Flights, Setting, Study};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::baseline::{self, Baseline};
 use servotwin_diagnosis::features::{self, Sensors};
-use servotwin_diagnosis::reference::{self, Reference};
 use servotwin_diagnosis::residual::{BAND, Window};
 
 /// Windows after the onset: the first two end when so much of them shows the fault, the others
@@ -137,43 +137,44 @@ struct Cutter<'k> {
     cuts: Vec<Cut>,
     windows: Vec<Window>,
     scales: Vec<f64>,
-    beyond: Option<Beyond>,
+    corrected: Option<BaselineCorrected>,
 }
 
 /// What residuals are beyond the specimen's own. It learns until the fault begins, as a diagnosis does until it suspects
 /// something.
 #[derive(Clone)]
-pub(super) struct Beyond {
-    pub reference: Reference,
+pub(super) struct BaselineCorrected {
+    pub baseline: Baseline,
     onset: usize,
     stands_in: Vec<bool>,
     /// The measured values without the reference.
     pub measured: Vec<f64>,
 }
 
-impl Beyond {
-    pub fn new(settings: reference::Settings, sensors: usize, onset: usize) -> Self {
-        let reference = Reference::new(settings, sensors).expect("usual settings");
-        Self { reference, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
+impl BaselineCorrected {
+    pub fn new(settings: baseline::Settings, sensors: usize, onset: usize) -> Self {
+        let baseline = Baseline::new(settings, sensors).expect("usual settings");
+        Self { baseline, onset, stands_in: vec![false; sensors], measured: vec![0.0; sensors] }
     }
 
     pub fn take(&mut self, index: usize, measured: &[f64], twin: &[f64], scales: &[f64]) {
         if index < self.onset {
-            self.reference.learn(measured, twin, scales);
+            self.baseline.learn(measured, twin, scales);
         }
-        self.reference.subtract(measured, &self.stands_in, &mut self.measured);
+        self.baseline.subtract(measured, &self.stands_in, &mut self.measured);
     }
 }
 
 impl Observer for Cutter<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
-        if let Some(beyond) = &mut self.beyond {
-            beyond.take(index, measured, twin, &self.scales);
+        if let Some(corrected) = &mut self.corrected {
+            corrected.take(index, measured, twin, &self.scales);
         }
         for (cut, window) in self.cuts.iter().zip(&mut self.windows) {
             if (cut.from..cut.to).contains(&index) {
-                let beyond = self.beyond.as_ref().filter(|_| self.kinds[cut.kind].is_relative);
-                let measured = beyond.map_or(measured, |beyond| &beyond.measured);
+                let corrected =
+                    self.corrected.as_ref().filter(|_| self.kinds[cut.kind].is_baseline_corrected);
+                let measured = corrected.map_or(measured, |corrected| &corrected.measured);
                 window.add(measured, twin, &self.scales);
             }
         }
@@ -186,8 +187,8 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
     let scales = study.scales()[..study.base_sensors()].to_vec();
     let period_s = study.sample_period_s;
     let kinds = windows::kinds(flights, flown.setting);
-    let reference = windows::reference(flights, flown.setting, period_s);
-    let settled = reference.map_or(0, |reference| reference.settle_samples as usize);
+    let baseline = windows::baseline(flights, flown.setting, period_s);
+    let settled = baseline.map_or(0, |baseline| baseline.settle_samples as usize);
     let mut lessons = Lessons::default();
     flown.fly(
         &flown.which,
@@ -195,8 +196,9 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
             let cuts = cuts(&kinds, settled, flight, period_s);
             let windows = cuts.iter().map(|_| Window::new(scales.len())).collect();
             let onset = (flight.onset_s / period_s) as usize;
-            let beyond = reference.map(|settings| Beyond::new(settings, scales.len(), onset));
-            Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), beyond }
+            let corrected =
+                baseline.map(|settings| BaselineCorrected::new(settings, scales.len(), onset));
+            Cutter { kinds: &kinds, cuts, windows, scales: scales.clone(), corrected }
         },
         |flight, cutter, outcome| match outcome {
             Ok(work) if flown.is_on_the_move(flight, &work) => lessons.leave_out(flight),
@@ -237,9 +239,9 @@ fn cuts(kinds: &[Kind], settled: usize, flight: &Flight, period_s: f64) -> Vec<C
     let sample = |time_s: f64| (time_s / period_s).round() as usize;
     let mut random = Random::new(0x5eed << 32 | flight.number as u64);
     let mut cuts = vec![];
-    for (kind, &Kind { window_s: length_s, is_relative }) in kinds.iter().enumerate() {
+    for (kind, &Kind { window_s: length_s, is_baseline_corrected }) in kinds.iter().enumerate() {
         let samples = sample(length_s);
-        let first = if is_relative { settled } else { 0 };
+        let first = if is_baseline_corrected { settled } else { 0 };
         let mut cut = |end_s: f64, is_faulty: bool| {
             let to = sample(end_s);
             if to >= first + samples && end_s <= flight.duration_s {

@@ -8,13 +8,16 @@ use crate::evaluation::{
 use crate::parallel::{self, Workers};
 use crate::study::{Flights, Role, Setting, Study};
 use crate::table::Table;
-use servotwin_diagnosis::classifiers::{self, boosted_trees};
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::environment::{Environment, Input};
-use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Novelty, decision, novelty};
-use servotwin_diagnosis::hierarchy::{Names, Settings as Training};
+use servotwin_diagnosis::diagnoser::novelty::QUANTILE;
+use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, decision};
+use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
-use servotwin_diagnosis::tree::Criterion;
+use servotwin_learning::classifiers::{self, boosted_trees};
+use servotwin_learning::hierarchy::Settings as Training;
+use servotwin_learning::novelty;
+use servotwin_learning::tree::Criterion;
 
 /// An input may leave the range of the flights that were learned from by this part of its width.
 const MARGIN: f64 = 0.25;
@@ -47,7 +50,7 @@ const WITH_TOLERANCES_COST: f64 = 3e8;
 const LEFT_NATS: f64 = 2.0;
 
 /// The same in windows of what residuals are beyond the specimen's own, which tolerances show less in.
-const RELATIVE_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
+const BASELINE_CORRECTED_ALLOWANCES_NATS: (f64, f64) = (0.0, 2.0);
 
 /// The same against health beside a twin of the specimen, where the most was 0.02 with nothing at all.
 const NOISE_ALLOWANCE_NATS: f64 = 0.5;
@@ -65,8 +68,8 @@ const OTHER_ACTUATOR_NATS: f64 = 1.5;
 pub fn settings() -> Settings {
     let training = evaluation::trees(Criterion::Entropy, DEPTH);
     let committee = Training::all(classifiers::Settings::BoostedTrees(boosted_trees::Settings {
-        trees: boosted_trees::MOST_TREES,
-        max_depth: boosted_trees::DEEPEST,
+        trees: boosted_trees::MAX_TREES,
+        max_depth: boosted_trees::MAX_DEPTH,
         learning_rate: LEARNING_RATE,
         ..boosted_trees::Settings::default()
     }));
@@ -94,18 +97,24 @@ pub fn diagnoser(
         length(study, (kind, usual), tables, pools, workers)
     });
     let lengths: Vec<(Length, f64)> = lengths?.into_iter().collect::<Result<_, _>>()?;
-    let sureness = |is_relative: bool| {
-        let of = kinds.iter().zip(&lengths).filter(|(kind, _)| kind.is_relative == is_relative);
+    let evidence_quantile = |is_baseline_corrected: bool| {
+        let of = kinds
+            .iter()
+            .zip(&lengths)
+            .filter(|(kind, _)| kind.is_baseline_corrected == is_baseline_corrected);
         of.map(|(_, (_, nats))| *nats).fold(f64::INFINITY, f64::min)
     };
-    let (sureness, relative_sureness) = (sureness(false), sureness(true));
+    let (evidence_quantile, baseline_corrected_quantile) =
+        (evidence_quantile(false), evidence_quantile(true));
     let of = |(kind, (length, _)): (&Kind, (Length, f64))| Length {
-        relative: kind.is_relative.then(|| relative_allowances(relative_sureness)),
+        baseline_corrected: kind
+            .is_baseline_corrected
+            .then(|| baseline_corrected_allowances(baseline_corrected_quantile)),
         ..length
     };
     let lengths: Vec<Length> = kinds.iter().zip(lengths).map(of).collect();
     let names = &lengths[0].panel.trees.names;
-    let commands = names.commands.iter().map(String::as_str);
+    let commands = names.actions.iter().map(String::as_str);
     let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
     let diagnoser = Diagnoser {
         format: diagnoser::FORMAT.into(),
@@ -114,11 +123,11 @@ pub fn diagnoser(
         environment: environment(study, flights),
         decision: decision::Settings {
             least_on: study.least_on(),
-            ..decision(setting, names, &off, sureness)
+            ..decision(setting, names, &off, evidence_quantile)
         },
         lengths,
-        reference: windows::reference(flights, setting, study.sample_period_s),
-        field: None,
+        baseline: windows::baseline(flights, setting, study.sample_period_s),
+        conditional_band: None,
     };
     diagnoser.check()?;
     Ok(diagnoser)
@@ -134,19 +143,19 @@ fn decision(
     setting: Setting,
     names: &Names,
     off_commands: &[&str],
-    sureness: f64,
+    evidence_quantile: f64,
 ) -> decision::Settings {
     let mut settings = decision::Settings::usual(names, off_commands);
     settings.overlap_exponent = 0.0;
     settings.allowance_nats = PAIRS_NATS;
     settings.other_allowance_nats = OTHER_ACTUATOR_NATS;
-    let of_off = settings.costs.other_actuator.iter_mut().zip(&names.commands);
+    let of_off = settings.costs.other_actuator.iter_mut().zip(&names.actions);
     let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
     of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
     if setting.has_tolerances() {
         (settings.health_allowance_nats, settings.off_allowance_nats) =
-            allowed(ALLOWANCES_NATS, sureness);
-        let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.commands);
+            allowed(ALLOWANCES_NATS, evidence_quantile);
+        let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.actions);
         let of_others = of_healthy.filter(|(_, name)| !off_commands.contains(&name.as_str()));
         of_others.for_each(|(cost, _)| *cost = WITH_TOLERANCES_COST);
     } else {
@@ -156,13 +165,13 @@ fn decision(
 }
 
 /// What is taken off against health, and besides where a command switches off, so that enough is left.
-fn allowed((of_any, of_off): (f64, f64), sureness: f64) -> (f64, f64) {
-    let most = (sureness - LEFT_NATS).max(0.0);
+fn allowed((of_any, of_off): (f64, f64), evidence_quantile: f64) -> (f64, f64) {
+    let most = (evidence_quantile - LEFT_NATS).max(0.0);
     (of_any.min(most), of_off.min(most) - of_any.min(most))
 }
 
-fn relative_allowances(sureness: f64) -> Allowances {
-    let (health_nats, off_nats) = allowed(RELATIVE_ALLOWANCES_NATS, sureness);
+fn baseline_corrected_allowances(evidence_quantile: f64) -> Allowances {
+    let (health_nats, off_nats) = allowed(BASELINE_CORRECTED_ALLOWANCES_NATS, evidence_quantile);
     Allowances { of_pairs_nats: 0.0, health_nats, off_nats, other_nats: OTHER_ACTUATOR_NATS }
 }
 
@@ -192,10 +201,11 @@ fn length(
     let committee = committee::train(&data.for_committee()?, &settings.committee, &known, workers)?;
     let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
-    let sureness = committee::sureness(&data, &committee.hierarchy, settings.committee_lessons)?;
+    let evidence_quantile =
+        committee::evidence_quantile(&data, &committee.hierarchy, settings.committee_lessons)?;
     let length = Length {
         span: windows::span(kind.window_s, study.sample_period_s),
-        novelty: Novelty::learn(&data.examples, &known, &groups, novelty::QUANTILE)?,
+        novelty: novelty::learn(&data.examples, &known, &groups, QUANTILE)?,
         panel: Panel {
             bands: bands.unwrap_or_default().into_iter().map(band).collect(),
             least_confidence: committee.least_confidence,
@@ -203,9 +213,9 @@ fn length(
             committee: committee.hierarchy,
             ..Panel::default()
         },
-        relative: None,
+        baseline_corrected: None,
     };
-    Ok((length, sureness))
+    Ok((length, evidence_quantile))
 }
 
 fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
@@ -213,7 +223,7 @@ fn sensors(study: &Study) -> Vec<diagnoser::Sensor> {
     let sensor = |(seen, scale): (&servotwin_diagnosis::features::Sensor, f64)| diagnoser::Sensor {
         name: seen.name.clone(),
         quantity: seen.quantity,
-        unit: seen.unit.map(|unit| unit as u32),
+        actuator: seen.actuator.map(|unit| unit as u32),
         scale,
         noise: seen.noise,
         is_noisy: seen.is_noisy,

@@ -80,7 +80,7 @@ impl<'s> Watcher<'s> {
         }
         let names = diagnoser.names();
         let off = (0..names.actuators.len()).map(|unit| {
-            let commands = names.commands.iter().map(|c| study.reactions.of(unit, c, None));
+            let commands = names.actions.iter().map(|c| study.reactions.of(unit, c, None));
             commands
                 .into_iter()
                 .find(|r| r.switches_off && !r.inputs.is_empty())
@@ -149,7 +149,7 @@ impl<'s> Watcher<'s> {
         self.outside_for =
             if is_outside { self.longest } else { self.outside_for.saturating_sub(1) };
         let said = |o: &Outcome| {
-            (o.finding, o.alarm, o.raised.map(|r| (r.unit, r.command, r.detail)), o.lost)
+            (o.finding, o.alarm, o.raised.map(|r| (r.actuator, r.action, r.detail)), o.lost)
         };
         let is_new = was_outside != (self.outside_for > 0);
         if is_new || self.last.as_ref().map(said) != Some(said(&outcome)) {
@@ -168,9 +168,11 @@ impl<'s> Watcher<'s> {
             Found::Unjudged => (State::NoData, None, None, None),
             Found::Healthy => (State::Healthy, None, None, None),
             Found::Detected => (State::Detected, None, None, None),
-            Found::Actuator { unit } => (State::Detected, Some(unit), None, None),
-            Found::Command { unit, command } => (State::Isolated, Some(unit), Some(command), None),
-            Found::Detail { unit, command, detail } => {
+            Found::Actuator { actuator: unit } => (State::Detected, Some(unit), None, None),
+            Found::Action { actuator: unit, action: command } => {
+                (State::Isolated, Some(unit), Some(command), None)
+            }
+            Found::Detail { actuator: unit, action: command, detail } => {
                 (State::Isolated, Some(unit), Some(command), Some(detail))
             }
             Found::Unknown => (State::Unknown, None, None, None),
@@ -183,12 +185,12 @@ impl<'s> Watcher<'s> {
         if let (Some(sensor), Some(length)) = (outcome.worst_sensor, outcome.length) {
             let window_s = self.window_s(length as usize);
             let sensor = &self.diagnoser.sensors[sensor as usize].name;
-            let beyond = match self.diagnoser.lengths[length as usize].relative {
+            let corrected = match self.diagnoser.lengths[length as usize].baseline_corrected {
                 Some(_) => ", beyond what it was in health",
                 None => "",
             };
             evidence.push(format!(
-                "{sensor} is {:.1} times its band away from the twin{beyond}, in the last {window_s} s",
+                "{sensor} is {:.1} times its band away from the twin{corrected}, in the last {window_s} s",
                 outcome.excess
             ));
         }
@@ -218,7 +220,7 @@ impl<'s> Watcher<'s> {
             },
             actuator: unit.map(|unit| unit + 1),
             unit: unit.map(|unit| self.units[unit as usize].clone()),
-            command: command.map_or(String::new(), |c| name(&names.commands, c)),
+            command: command.map_or(String::new(), |c| name(&names.actions, c)),
             detail: detail.map_or(String::new(), |d| name(&names.details, d)),
             confidence: outcome.confidence,
             evidence,

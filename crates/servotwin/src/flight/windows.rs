@@ -1,7 +1,7 @@
 //! Which windows a diagnosis at work looks at.
 
 use crate::study::{Flights, Plants, Setting};
-use servotwin_diagnosis::reference;
+use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::sliding::Span;
 
 /// A window is judged so often while it passes.
@@ -20,39 +20,36 @@ pub struct Kind {
     /// Their length, s.
     pub window_s: f64,
     /// Whether they are of what residuals are beyond a reference.
-    pub is_relative: bool,
+    pub is_baseline_corrected: bool,
 }
 
 /// The kinds that are looked at in a setting: of residuals as they are, and where specimens differ from their twins the
 /// shortest also of what they are beyond the specimen's own. A longer one would hold a single sudden motion, which every
 /// specimen answers in its own way, in all of its panes, and counting it five times is how healthy ones are shut down.
 pub fn kinds(flights: &Flights, setting: Setting) -> Vec<Kind> {
-    let absolute = flights.windows_s.iter().map(|&window_s| Kind { window_s, is_relative: false });
-    let relative = Kind { window_s: shortest_s(flights), is_relative: true };
-    absolute.chain(is_relative(setting).then_some(relative)).collect()
+    let absolute =
+        flights.windows_s.iter().map(|&window_s| Kind { window_s, is_baseline_corrected: false });
+    let baseline_corrected = Kind { window_s: shortest_s(flights), is_baseline_corrected: true };
+    absolute.chain(is_baseline_corrected(setting).then_some(baseline_corrected)).collect()
 }
 
 fn shortest_s(flights: &Flights) -> f64 {
     flights.windows_s.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-fn is_relative(setting: Setting) -> bool {
+fn is_baseline_corrected(setting: Setting) -> bool {
     setting.plants() == Plants::Specimens
 }
 
 /// What windows are beyond, where any are.
-pub fn reference(
-    flights: &Flights,
-    setting: Setting,
-    period_s: f64,
-) -> Option<reference::Settings> {
+pub fn baseline(flights: &Flights, setting: Setting, period_s: f64) -> Option<baseline::Settings> {
     let pane = span(shortest_s(flights), period_s).pane_samples;
     let settle_s = SETTLE_S.min(SETTLE_SHARE * flights.onset_s[0]);
     // Half a pane later than the others, so that no sample brings windows of both.
     let panes = (settle_s / period_s) as u32 / pane;
     let settle_samples = (panes * pane + pane / 2).max(1);
     let memory_samples = ((MEMORY_S / period_s) as u32).max(settle_samples);
-    is_relative(setting).then_some(reference::Settings { settle_samples, memory_samples })
+    is_baseline_corrected(setting).then_some(baseline::Settings { settle_samples, memory_samples })
 }
 
 /// The panes of windows of a length.
@@ -72,14 +69,15 @@ mod tests {
         let flights = study.flights().unwrap().unwrap();
         for setting in Setting::ALL {
             let kinds = kinds(&flights, setting);
-            let reference = reference(&flights, setting, study.sample_period_s);
-            let relative: Vec<bool> = kinds.iter().map(|kind| kind.is_relative).collect();
+            let baseline = baseline(&flights, setting, study.sample_period_s);
+            let baseline_corrected: Vec<bool> =
+                kinds.iter().map(|kind| kind.is_baseline_corrected).collect();
             match setting {
-                Setting::Realistic => assert_eq!(relative, [false, false, true]),
-                _ => assert_eq!(relative, [false, false], "{}", setting.name()),
+                Setting::Realistic => assert_eq!(baseline_corrected, [false, false, true]),
+                _ => assert_eq!(baseline_corrected, [false, false], "{}", setting.name()),
             }
-            assert_eq!(reference.is_some(), setting == Setting::Realistic);
-            assert!(reference.is_none_or(|reference| reference.check().is_ok()));
+            assert_eq!(baseline.is_some(), setting == Setting::Realistic);
+            assert!(baseline.is_none_or(|baseline| baseline.check().is_ok()));
         }
     }
 
@@ -89,9 +87,9 @@ mod tests {
         let usual = study.flights().unwrap().unwrap();
         for (earliest_s, samples) in [(5.0, 405), (50.0, 405), (1.5, 125), (0.01, 5)] {
             let flights = Flights { onset_s: [earliest_s, 60.0], ..usual.clone() };
-            let reference = reference(&flights, Setting::Realistic, 0.01).unwrap();
-            assert_eq!(reference.settle_samples, samples, "{earliest_s}");
-            assert_eq!(reference.memory_samples, 6000);
+            let baseline = baseline(&flights, Setting::Realistic, 0.01).unwrap();
+            assert_eq!(baseline.settle_samples, samples, "{earliest_s}");
+            assert_eq!(baseline.memory_samples, 6000);
         }
     }
 }

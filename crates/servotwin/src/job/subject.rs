@@ -7,9 +7,9 @@ use crate::evaluation::{self, Settings};
 use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
 use crate::study::{Plants, Setting, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers;
-use servotwin_diagnosis::hierarchy::Settings as Training;
-use servotwin_diagnosis::tree::Criterion;
+use servotwin_learning::classifiers;
+use servotwin_learning::hierarchy::Settings as Training;
+use servotwin_learning::tree::Criterion;
 
 /// A data set, and whether the extra sensor is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -168,7 +168,7 @@ fn set<T>(value: &mut T, asked: Option<T>) {
 
 /// The classifiers of all stages.
 fn stages(training: &mut Training) -> [&mut classifiers::Settings; 3] {
-    [&mut training.actuator, &mut training.command, &mut training.detail]
+    [&mut training.actuator, &mut training.action, &mut training.detail]
 }
 
 fn grown(stage: &mut classifiers::Settings, Growing { criterion, depth, leaf_rows }: Growing) {

@@ -3,8 +3,8 @@
 use super::*;
 use crate::evaluation::data_set::Lessons;
 use crate::evaluation::run::{self, Scope};
-use servotwin_diagnosis::evaluation::Split;
-use servotwin_diagnosis::tree::Criterion;
+use servotwin_learning::splits::Split;
+use servotwin_learning::tree::Criterion;
 
 /// The share of answers that are right end to end in four folds of the training commands, for trees of each
 /// criterion and depth, learned with healthy specimens that nearly leave a band and with those that do: `FOLDER=out SUBJECT=fitted cargo test --release measure_trees -- --ignored`.

@@ -18,7 +18,7 @@ use super::Setting;
 use super::reader::{Noted, Reader};
 use crate::document::Place;
 use serde::Deserialize;
-use servotwin_diagnosis::tree::Criterion;
+use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
 
 /// The words for [`Criterion`].

@@ -2,8 +2,8 @@
 
 use super::{FORMAT, evaluating};
 use crate::format::{Key, Value, may, must};
-use servotwin_diagnosis::classifiers::boosted_trees::{DEEPEST, MOST_TREES};
-use servotwin_diagnosis::features::{MOST_UNITS, Quantity};
+use servotwin_diagnosis::features::{MAX_ACTUATORS, Quantity};
+use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 
 const ANY: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
 /// Upper limit on specimens, to catch typing errors.
@@ -148,8 +148,8 @@ static COMPARISON: [Key; 2] = [
 ];
 
 static COMMITTEE: [Key; 4] = [
-    may("trees", Value::Whole(1.0, MOST_TREES as f64), "trees at each stage of the hierarchy"),
-    may("depth", Value::Whole(1.0, DEEPEST as f64), "questions on the longest path"),
+    may("trees", Value::Whole(1.0, MAX_TREES as f64), "trees at each stage of the hierarchy"),
+    may("depth", Value::Whole(1.0, MAX_DEPTH as f64), "questions on the longest path"),
     may("learning_rate", Value::Number(1e-3, 1.0, ""), "factor on the contribution of each tree"),
     may(
         "feature_share",
@@ -175,7 +175,7 @@ static FLIGHTS: [Key; 13] = [
     may("unit_parameters", Value::Names(0, &Value::Range), "ranges of parameters of every unit"),
     may(
         "least_on",
-        Value::Whole(0.0, MOST_UNITS as f64),
+        Value::Whole(0.0, MAX_ACTUATORS as f64),
         "units that always stay on; default 1, or 0 for one unit",
     ),
     must("learn", Value::Table(&SIZE), "number of flights for training"),

@@ -42,7 +42,7 @@ use crate::system::{System, SystemError};
 use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::decision::usual_least_on;
-use servotwin_diagnosis::features::{MOST_FOLLOWED, MOST_UNITS, Quantity, Sensor, Sensors};
+use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
@@ -519,8 +519,8 @@ fn repetitions(root: &[Entry], mistakes: &mut Collector<Mistake>) {
     {
         mistakes.note(&whole.value_at(), Mistake::WholeBesideUnits);
     }
-    if let Some(surplus) = units.get(MOST_UNITS) {
-        let allowed = format!("at most {MOST_UNITS}");
+    if let Some(surplus) = units.get(MAX_ACTUATORS) {
+        let allowed = format!("at most {MAX_ACTUATORS}");
         let (field, value) = ("number of units".into(), units.len() as f64);
         mistakes.note(&surplus.value_at(), Mistake::OutOfRange { field, value, allowed });
     }
@@ -652,7 +652,7 @@ impl Reader<'_> {
             let sensor = Sensor {
                 name,
                 quantity: Quantity::Surface,
-                unit: None,
+                actuator: None,
                 noise,
                 is_noisy: true,
                 follows: vec![],
@@ -696,7 +696,7 @@ impl Reader<'_> {
         Ok(Sensor {
             name,
             quantity: *quantity,
-            unit,
+            actuator: unit,
             noise,
             is_noisy: true,
             follows: vec![],
@@ -710,8 +710,8 @@ impl Reader<'_> {
             let id = &self.system.sensors[measured[place]].id;
             let Some(text) = self.text.sensors.get(id) else { continue };
             let at = Place::of(&["sensors", id, "follows"]);
-            let (count, few) = (text.follows.len(), text.follows.len() <= MOST_FOLLOWED);
-            let _ = self.range(&at, count as f64, few, format!("at most {MOST_FOLLOWED} others"));
+            let (count, few) = (text.follows.len(), text.follows.len() <= MAX_FOLLOWED);
+            let _ = self.range(&at, count as f64, few, format!("at most {MAX_FOLLOWED} others"));
             let follow = |(id, &weight): (&String, &f64)| {
                 self.follow(&at, measured, place, (id, weight)).ok()
             };

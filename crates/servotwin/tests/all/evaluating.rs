@@ -3,8 +3,8 @@
 use servotwin::evaluation::Settings;
 use servotwin::job::Subject;
 use servotwin::study::{Setting, Study};
-use servotwin_diagnosis::classifiers::Settings as Classifier;
-use servotwin_diagnosis::tree::Criterion;
+use servotwin_learning::classifiers::Settings as Classifier;
+use servotwin_learning::tree::Criterion;
 
 /// The paper's study, which has every setting, with a section.
 fn study(section: &str) -> Study {
@@ -55,12 +55,12 @@ fn what_is_said_changes_that_and_nothing_else() {
         assert_eq!(!asked.classifiers.is_empty(), is_compared, "{subject:?}");
         expected.classifiers = asked.classifiers.clone();
         let committee = &mut expected.committee;
-        for stage in [&mut committee.actuator, &mut committee.command, &mut committee.detail] {
+        for stage in [&mut committee.actuator, &mut committee.action, &mut committee.detail] {
             let Classifier::BoostedTrees(boosted) = stage else { panic!("{stage:?}") };
             boosted.trees = 5;
         }
         let trees = &mut expected.training;
-        for stage in [&mut trees.actuator, &mut trees.command, &mut trees.detail] {
+        for stage in [&mut trees.actuator, &mut trees.action, &mut trees.detail] {
             let Classifier::Cart(tree) = stage else { panic!("{stage:?}") };
             if setting == Setting::Noise {
                 tree.criterion = Criterion::Gini;

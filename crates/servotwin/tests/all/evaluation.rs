@@ -1,6 +1,6 @@
 //! The evaluation on a made-up campaign whose answers are known.
 
-use servotwin::evaluation::committee::sureness;
+use servotwin::evaluation::committee::evidence_quantile;
 use servotwin::evaluation::data_set::Row;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{
@@ -123,7 +123,9 @@ fn settings() -> Settings {
     Settings {
         holding: few,
         comparison_holding: few,
-        classifiers: [Kind::Cart, Kind::NaiveBayes].map(Kind::default_settings).into(),
+        classifiers: [Kind::Cart, Kind::NaiveBayes]
+            .map(servotwin_learning::classifiers::Settings::default_of)
+            .into(),
         shutdowns: vec!["shut_down".into()],
         ..Settings::default()
     }
@@ -162,7 +164,7 @@ fn evaluated_with(data: &DataSet, settings: &Settings, threads: usize) -> (Evalu
     (evaluation, trained)
 }
 
-fn share(rate: Option<servotwin::evaluation::score::Rate>) -> f64 {
+fn share(rate: Option<servotwin::evaluation::metrics::Rate>) -> f64 {
     rate.and_then(|rate| rate.share).unwrap()
 }
 
@@ -196,13 +198,13 @@ fn a_committee_is_as_sure_as_the_faults_that_taught_it() {
     let data = with_training(0.01);
     let trained = train(&data, &settings(), &[0, 0], Workers::new(1)).unwrap();
     let (committee, lessons) = (&trained.committee.hierarchy, settings().committee_lessons);
-    let of_all = sureness(&data, committee, lessons).unwrap();
+    let of_all = evidence_quantile(&data, committee, lessons).unwrap();
     let is_weak = |row: &Row| row.own_intensity < 0.25;
     let weak = data.without(|row| !row.is_healthy && !is_weak(row));
-    let of_weak = sureness(&weak, committee, lessons).unwrap();
+    let of_weak = evidence_quantile(&weak, committee, lessons).unwrap();
     assert!(of_weak < of_all && of_all > 3.0, "{of_weak} {of_all}");
     let healthy = data.without(|row| row.role == Role::Training && !row.is_healthy);
-    let nothing = sureness(&healthy, committee, lessons);
+    let nothing = evidence_quantile(&healthy, committee, lessons);
     assert!(matches!(nothing, Err(EvaluationError::NothingDetectable { faults: 0 })));
 }
 

@@ -226,7 +226,7 @@ fn a_strong_fault_is_switched_off_and_the_other_actuator_never_is() {
     let alone = fly(vec![(2.0, fault(second))]);
     let off = |record: &Record| {
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
-        off.map(|action| action.raised.unit).collect::<Vec<_>>()
+        off.map(|action| action.raised.actuator).collect::<Vec<_>>()
     };
     assert_eq!(off(&alone), [1]);
     let both =

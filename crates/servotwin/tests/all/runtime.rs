@@ -11,8 +11,8 @@ use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{Finding, Observer, Phase, State};
 use servotwin::parallel::Workers;
 use servotwin::study::Setting;
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Source};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::field::{Covariate, Field, Source};
 use servotwin_model::lanes::Level;
 use servotwin_model::signal::Piecewise;
 use std::sync::Arc;
@@ -153,7 +153,7 @@ fn of_a_flight_that_is_over_the_most_is_told_that_was_said() {
 fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_shows_it() {
     let load = study().system.network().inputs.iter().position(|i| i.id == "load_factor").unwrap();
     let bands = &diagnoser().lengths[0].panel.bands;
-    let field = Field {
+    let field = ConditionalBand {
         covariates: vec![Covariate {
             name: "load_factor".into(),
             source: Source::Input { input: load as u32 },
@@ -166,7 +166,8 @@ fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_s
         share: 0.05,
         calibrated_on: 19,
     };
-    let diagnoser = Arc::new(Diagnoser { field: Some(field), ..(**diagnoser()).clone() });
+    let diagnoser =
+        Arc::new(Diagnoser { conditional_band: Some(field), ..(**diagnoser()).clone() });
     let mut watcher = Watcher::new(study(), diagnoser).unwrap();
     let mut inputs: Vec<f64> =
         study().system.network().inputs.iter().map(|input| input.default).collect();

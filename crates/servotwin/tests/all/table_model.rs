@@ -12,8 +12,9 @@ use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::evaluation::{EvaluationError, comparison, model_file};
 use servotwin::parallel::Workers;
 use servotwin::table::{self, Column, Table};
-use servotwin_diagnosis::classifiers::{Classifier, Kind, Settings};
+use servotwin_diagnosis::classifiers::{Classifier, Kind};
 use servotwin_diagnosis::residual::Window;
+use servotwin_learning::classifiers::Settings;
 use std::io::BufReader;
 use std::path::PathBuf;
 
@@ -90,7 +91,7 @@ fn liu_windows_say_about_as_much_as_single_samples() {
                     unreachable!("the settings of a forest")
                 };
                 let settings = Settings::RandomForest(
-                    servotwin_diagnosis::classifiers::random_forest::Settings { seed, ..forest },
+                    servotwin_learning::classifiers::random_forest::Settings { seed, ..forest },
                 );
                 let selection = Selection { label: "mode".into(), ..Selection::default() };
                 let prepared = prepare(table.clone(), None, &selection).unwrap();
@@ -357,7 +358,7 @@ fn intervals_over_groups_are_wider_where_groups_differ() {
     let judged = judge(&table, &selection("class"), Kind::Cart, folds);
     let (grouped, plain) = (
         judged.score.accuracy,
-        servotwin::evaluation::score::Rate::new(judged.score.accuracy.count, 400),
+        servotwin::evaluation::metrics::Rate::new(judged.score.accuracy.count, 400),
     );
     assert!(grouped.high - grouped.low > 2.0 * (plain.high - plain.low), "{grouped:?} {plain:?}");
     assert_eq!(judged.groups.len(), 10);
@@ -620,7 +621,7 @@ fn as_float32(table: &Table) -> Table {
 #[test]
 fn a_threshold_finer_than_float32_is_warned_of_and_others_hold_for_float32() {
     let free = |kind: Kind| match classifier(kind) {
-        Settings::Cart(cart) => Settings::Cart(servotwin_diagnosis::classifiers::cart::Settings {
+        Settings::Cart(cart) => Settings::Cart(servotwin_learning::classifiers::cart::Settings {
             max_depth: None,
             ..cart
         }),

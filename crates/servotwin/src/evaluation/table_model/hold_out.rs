@@ -4,7 +4,7 @@ use super::Prepared;
 use super::error::TableModelError;
 use crate::evaluation::EvaluationError;
 use servotwin_diagnosis::Error;
-use servotwin_diagnosis::evaluation::{Split, grouped_k_fold, stratified_k_fold};
+use servotwin_learning::splits::{Split, grouped_k_fold, stratified_k_fold};
 
 /// How rows of a table are held out.
 #[derive(Debug, Clone, Copy, PartialEq)]

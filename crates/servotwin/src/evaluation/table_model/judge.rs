@@ -3,12 +3,13 @@
 
 use super::{HoldOut, Prepared};
 use crate::evaluation::EvaluationError;
-use crate::evaluation::score::{Rate, Score};
 use crate::parallel::{self, Workers};
 use serde::Serialize;
-use servotwin_diagnosis::Samples;
-use servotwin_diagnosis::classifiers::{self, Classifier, Model};
-use servotwin_diagnosis::evaluation::{Split, cluster_bootstrap};
+use servotwin_diagnosis::classifiers::{Classifier, Model};
+use servotwin_learning::Samples;
+use servotwin_learning::classifiers;
+use servotwin_learning::metrics::{Confusion, Rate, Score, cluster_bootstrap};
+use servotwin_learning::splits::Split;
 
 /// How often groups are drawn again for an interval.
 const RESAMPLES: usize = 2000;
@@ -103,34 +104,19 @@ impl Prepared {
     /// The results of predictions, split by split.
     pub(super) fn judged(&self, splits: &[Vec<Said>], baseline: Option<Baseline>) -> Judged {
         let all: Vec<Said> = splits.concat();
-        let score = self.score(splits, &all);
+        let mut confusion = Confusion::new(self.samples.classes());
+        all.iter().for_each(|&(_, truth, said)| confusion.count(truth, Some(said)));
+        // Wilson's interval, or where there are groups an interval over these.
+        let per_split = splits.iter().map(|split| Rate::of(split, is_right).share).collect();
+        let names = self.samples.class_names().to_vec();
+        let score = Score::new(names, self.rate(&all), &confusion, per_split);
         Judged {
-            classes: self.of_classes(&score, &all),
+            classes: self.of_classes(&confusion, &all),
             groups: self.of_groups(&all),
             intervals_over_groups: self.groups.is_some(),
             baseline,
             warnings: self.warnings.clone(),
             score,
-        }
-    }
-
-    /// The score, with Wilson's interval, or where there are groups an interval over these.
-    fn score(&self, splits: &[Vec<Said>], all: &[Said]) -> Score {
-        let classes = self.samples.class_names().to_vec();
-        let mut confusion = vec![vec![0; classes.len()]; classes.len()];
-        all.iter().for_each(|&(_, truth, said)| confusion[truth as usize][said as usize] += 1);
-        let recalls = confusion.iter().enumerate().filter_map(|(class, row)| {
-            let of: u64 = row.iter().sum();
-            Rate::new(row[class], of).share
-        });
-        let recalls: Vec<f64> = recalls.collect();
-        let mean = recalls.iter().sum::<f64>() / recalls.len() as f64;
-        Score {
-            accuracy: self.rate(all),
-            balanced_accuracy: (!recalls.is_empty()).then_some(mean),
-            per_split: splits.iter().map(|split| Rate::of(split, is_right).share).collect(),
-            confusion,
-            classes,
         }
     }
 
@@ -149,14 +135,13 @@ impl Prepared {
         Rate { low, high, ..plain }
     }
 
-    fn of_classes(&self, score: &Score, all: &[Said]) -> Vec<ClassResult> {
-        let names = score.classes.iter().enumerate();
+    fn of_classes(&self, confusion: &Confusion, all: &[Said]) -> Vec<ClassResult> {
+        let names = self.samples.class_names().iter().enumerate();
         let result = |(class, name): (usize, &String)| {
             let of_class: Vec<Said> =
                 all.iter().filter(|(_, truth, _)| *truth as usize == class).copied().collect();
-            let said: u64 = score.confusion.iter().map(|row| row[class]).sum();
-            let precision = (said > 0).then(|| score.confusion[class][class] as f64 / said as f64);
-            ClassResult { class: name.clone(), recall: self.rate(&of_class), precision }
+            let (recall, precision) = (self.rate(&of_class), confusion.precision(class));
+            ClassResult { class: name.clone(), recall, precision }
         };
         names.map(result).collect()
     }

@@ -28,8 +28,10 @@ use crate::table::{Origin, Table};
 use columns::{choose, encode};
 use hold_out::Side;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{self, Classifier, Fit, Model, Scores};
-use servotwin_diagnosis::{Error, Samples};
+use servotwin_diagnosis::Error;
+use servotwin_diagnosis::classifiers::{Classifier, Model, Scores};
+use servotwin_learning::Samples;
+use servotwin_learning::classifiers::{self, Fit};
 
 /// The word that a stored table model begins with.
 pub const FORMAT: &str = "servotwin classifier 2";

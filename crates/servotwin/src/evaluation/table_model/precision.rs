@@ -1,8 +1,8 @@
 //! Thresholds between values that 32-bit numbers cannot tell apart.
 
 use super::{Prepared, TableModel};
-use servotwin_diagnosis::Samples;
 use servotwin_diagnosis::tree::Tree;
+use servotwin_learning::Samples;
 use std::collections::BTreeMap;
 
 /// Rows of 32-bit numbers that lie as near to a threshold on their way as such numbers resolve, by the feature. Whether

@@ -7,9 +7,9 @@ use super::{Coded, FORMAT, Groups, Input, Judged, Prepared, Selection, TableMode
 use crate::evaluation::EvaluationError;
 use crate::table::{Column, Table};
 use serde::Serialize;
-use servotwin_diagnosis::Samples;
 use servotwin_diagnosis::classifiers::{Classifier, Model};
 use servotwin_diagnosis::tree::Tree;
+use servotwin_learning::Samples;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Judges a trained classifier with a table; the intervals are over groups where there are some.
@@ -358,7 +358,7 @@ impl Step {
 
 /// Whether a threshold only asks whether there is a value at all.
 fn is_any_value(threshold: f64) -> bool {
-    threshold >= servotwin_diagnosis::error::LARGEST
+    threshold >= servotwin_diagnosis::numeric::MAX_VALUE
 }
 
 /// The question of an inner node, answered with yes by the rows that go left.

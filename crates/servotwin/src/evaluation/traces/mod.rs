@@ -263,7 +263,7 @@ impl TraceStudy {
             Ok(Sensor {
                 name,
                 quantity: *quantity,
-                unit,
+                actuator: unit,
                 noise: 0.0,
                 is_noisy: false,
                 follows: vec![],

@@ -7,8 +7,8 @@
 
 use super::*;
 use crate::ensemble::Rows;
-use crate::evaluation::score::Rate;
 use crate::study::{Calibration, FaultCase};
+use servotwin_learning::metrics::Rate;
 
 fn setting(name: &str, default: usize) -> usize {
     std::env::var(name).map_or(default, |value| value.parse().expect("a number"))

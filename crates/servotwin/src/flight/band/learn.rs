@@ -2,7 +2,7 @@
 //! [`super`].
 
 use super::BandError;
-use servotwin_diagnosis::field::{Covariate, Field};
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate};
 
 /// Rounds in which factors are fitted one after the other.
 const ROUNDS: usize = 8;
@@ -35,7 +35,7 @@ impl Trace {
     }
 
     /// max |r|/s over all samples and sensors.
-    pub fn score(&self, field: &Field) -> f64 {
+    pub fn score(&self, field: &ConditionalBand) -> f64 {
         let mut most: f64 = 0.0;
         for (point, residuals) in self.samples(field.covariates.len(), field.base.len()) {
             let bins = field.bins(point);
@@ -47,13 +47,13 @@ impl Trace {
     }
 
     /// Whether it leaves the band.
-    pub fn leaves(&self, field: &Field) -> bool {
+    pub fn leaves(&self, field: &ConditionalBand) -> bool {
         self.score(field) > field.scale
     }
 }
 
 /// s of a sensor in some bins.
-fn size_in(field: &Field, sensor: usize, bins: &[usize]) -> f64 {
+fn size_in(field: &ConditionalBand, sensor: usize, bins: &[usize]) -> f64 {
     let factors = field.factors[sensor].iter().zip(bins);
     factors.fold(field.base[sensor], |s, (factors, &bin)| s * factors[bin])
 }
@@ -102,7 +102,7 @@ pub fn learn(
     learning: &[Trace],
     calibration: &[Trace],
     share: f64,
-) -> Result<Field, BandError> {
+) -> Result<ConditionalBand, BandError> {
     let flights = calibration.len();
     let place = place_of(share, flights);
     if place > flights || place == 0 {
@@ -110,7 +110,7 @@ pub fn learn(
         return Err(BandError::TooFew { flights, needed });
     }
     let neutral = covariates.iter().map(|c| vec![1.0; c.edges.len() + 1]).collect();
-    let mut field = Field {
+    let mut field = ConditionalBand {
         covariates,
         base: vec![1.0; sensors],
         factors: vec![neutral; sensors],
@@ -128,7 +128,7 @@ pub fn learn(
 }
 
 /// s of a sensor.
-fn fit(field: &mut Field, sensor: usize, learning: &[Trace]) {
+fn fit(field: &mut ConditionalBand, sensor: usize, learning: &[Trace]) {
     let (width, sensors) = (field.covariates.len(), field.base.len());
     // For each flight the bins of its samples and the squares of their residuals.
     let squares = |trace: &Trace| -> Vec<(Vec<usize>, f64)> {
@@ -168,7 +168,7 @@ fn fit(field: &mut Field, sensor: usize, learning: &[Trace]) {
 mod tests {
     use super::*;
     use crate::signal::random::Random;
-    use servotwin_diagnosis::field::Source;
+    use servotwin_diagnosis::conditional_band::Source;
 
     /// Flights whose residual grows with the size of what is asked, and with their specimen.
     fn flights(count: usize, seed: u64) -> Vec<Trace> {

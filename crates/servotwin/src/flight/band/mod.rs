@@ -11,7 +11,7 @@
 //! World, 2005). Exchangeable are flights, not samples: every calibration flight has an environment and a specimen of
 //! its own, none of which s was learned from.
 //!
-//! [`Field::outside`] says how far a point lies outside of all that s was learned from: there nothing is promised.
+//! [`ConditionalBand::outside`] says how far a point lies outside of all that s was learned from: there nothing is promised.
 //!
 //! A diagnoser with a field ([`Diagnoser::field`]) has it instead of its bands.
 
@@ -27,10 +27,10 @@ use crate::parallel::Workers;
 use crate::signal::random::Random;
 use crate::study::{Flights, Setting, Study};
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, Sample, Source};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
-use servotwin_diagnosis::field::{Covariate, Field, Sample, Source};
 use servotwin_model::solver::Statistics;
 use std::borrow::Cow;
 use std::fmt;
@@ -119,9 +119,9 @@ pub struct BandMerit {
     /// How long the flights were, s.
     pub duration_s: f64,
     /// The field.
-    pub field: Field,
+    pub field: ConditionalBand,
     /// The band with the same promise that is the same everywhere.
-    pub fixed: Field,
+    pub fixed: ConditionalBand,
     /// Healthy flights that were neither learned from nor calibrated with.
     pub healthy: usize,
     /// How many of them leave the field, and the fixed band.
@@ -218,7 +218,7 @@ impl BandMerit {
         if !watched.map(|sensor| &sensor.name).eq(&self.sensors) {
             return Err(Error::CorruptModel { broken: "the field is of other sensors" });
         }
-        diagnoser.field = Some(self.field.clone());
+        diagnoser.conditional_band = Some(self.field.clone());
         diagnoser.check()?;
         Ok(diagnoser)
     }

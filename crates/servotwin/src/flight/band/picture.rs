@@ -3,7 +3,7 @@
 use super::BandMerit;
 use crate::figure::value_map::ValueMap;
 use crate::shown::Shown;
-use servotwin_diagnosis::field::Source;
+use servotwin_diagnosis::conditional_band::Source;
 use servotwin_io::text::{number, spoken};
 use servotwin_model::network::Network;
 

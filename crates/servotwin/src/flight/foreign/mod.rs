@@ -229,9 +229,9 @@ impl Heard {
             Finding::Unknown => self.unknown = true,
             Finding::EnvironmentInvalid { .. } => self.environment_invalid = true,
             Finding::Detected => self.other = true,
-            Finding::Actuator { unit }
-            | Finding::Command { unit, .. }
-            | Finding::Detail { unit, .. } => {
+            Finding::Actuator { actuator: unit }
+            | Finding::Action { actuator: unit, .. }
+            | Finding::Detail { actuator: unit, .. } => {
                 let is_right = is_concerned(unit as usize);
                 self.actuator |= is_right;
                 self.other |= !is_right;
@@ -247,10 +247,10 @@ impl Observer for Listening {
         let outcome = self.session.push(&self.touched.inputs, &self.touched.measured, twin);
         let is_late = index as u64 >= self.onset;
         if let Some(raised) = outcome.raised {
-            let unit = raised.unit as usize;
+            let unit = raised.actuator as usize;
             let is_guilty = is_late && self.at_fault.contains(&unit);
             let is_misinformed = is_late && self.misinformed.contains(&unit);
-            let is_off = self.is_off[raised.command as usize];
+            let is_off = self.is_off[raised.action as usize];
             // What was raised before the onset was raised of a healthy one, and may stay.
             let is_new_off = is_off && raised.sample == outcome.sample;
             self.off_at_fault |= is_off && is_guilty;
@@ -262,7 +262,7 @@ impl Observer for Listening {
                 self.at_fault.contains(&unit) || self.misinformed.contains(&unit)
             });
             self.first_word = self.first_word.or(is_word.then_some(index as u64));
-            let raised = outcome.raised.map(|raised| (raised.unit as usize, raised.command));
+            let raised = outcome.raised.map(|raised| (raised.actuator as usize, raised.action));
             self.first = self.first.or(raised);
         }
     }
@@ -315,9 +315,9 @@ pub fn judge(
     let told = Cow::Owned(told);
     let flown = Flown::planned(study, told, plan, lot, setting, workers)?;
     let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
-    let commands = diagnoser.names().commands.iter();
+    let commands = diagnoser.names().actions.iter();
     let is_off: Vec<bool> =
-        commands.map(|command| diagnoser.decision.off_commands.contains(command)).collect();
+        commands.map(|command| diagnoser.decision.off_actions.contains(command)).collect();
     let case = |flight: &Flight| &cases[flight.number - FIRST];
     let onset = |flight: &Flight| (flight.onset_s / flown.period_s()).ceil() as usize;
     let mut ended = vec![];

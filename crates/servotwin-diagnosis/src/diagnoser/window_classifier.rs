@@ -1,0 +1,227 @@
+//! What the trees and the committee of one window length say about a window.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::common_mode::CommonMode;
+use super::decision::{Hypotheses, IsNovel, Said};
+use super::outcome::{Places, is_share};
+use super::{Diagnoser, Length};
+use crate::error::Error;
+use crate::features::Views;
+use crate::hierarchy::{Diagnosis, Scratch};
+use crate::panel::{SensorBand, agree};
+use crate::residual::Window;
+
+/// One window length at work: what it needs to judge a window, and what it said of the last one.
+#[derive(Debug, Clone)]
+pub(super) struct WindowClassifier {
+    hypotheses: Hypotheses,
+    views: Views,
+    of_trees: Scratch,
+    of_committee: Scratch,
+    pub memory: Memory,
+    common_mode: CommonMode,
+    max_common_mode: f64,
+    share_of_known: f64,
+    in_band_share: f64,
+}
+
+/// What is remembered of the last window.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Memory {
+    /// Of each hypothesis.
+    probabilities: Vec<f64>,
+    last: Option<Judgement>,
+}
+
+/// What was said of a window.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Judgement {
+    /// The sensor whose residual is largest in parts of its band, and that size.
+    pub worst: (usize, f64),
+    /// The hypothesis that the trees decide on; `None` where every residual is in its band.
+    pub of_trees: Option<usize>,
+    /// The detail that they decide on.
+    pub detail_of_trees: Option<u32>,
+    /// The likeliest hypothesis.
+    pub likeliest: usize,
+    /// Detail of the likeliest hypothesis, as the committee sees it, with its probability.
+    pub detail: Option<(u32, f64)>,
+    /// Whether it is like nothing that was trained on.
+    pub is_novel: bool,
+}
+
+impl Judgement {
+    fn fits(&self, places: &Places) -> bool {
+        let is_hypothesis = |place: usize| place < places.hypotheses.count();
+        self.worst.0 < places.sensors
+            && self.worst.1.is_finite()
+            && self.of_trees.is_none_or(is_hypothesis)
+            && self.detail_of_trees.is_none_or(|detail| places.has_detail(detail))
+            && is_hypothesis(self.likeliest)
+            && self
+                .detail
+                .is_none_or(|(detail, share)| places.has_detail(detail) && is_share(share))
+    }
+}
+
+impl WindowClassifier {
+    pub fn new(diagnoser: &Diagnoser, length: &Length) -> Result<Self, Error> {
+        let (trees, committee) = (&length.panel.trees, &length.panel.committee);
+        let views = trees.views().max(committee.views()).max(diagnoser.views_of_novelty(length));
+        let hypotheses = Hypotheses::of(&trees.names);
+        let odds = libm::exp(-diagnoser.decision.in_band_nats);
+        Ok(WindowClassifier {
+            hypotheses,
+            views: Views::new(diagnoser.sensors_seen(), &trees.names.features, views)?,
+            of_trees: trees.scratch(),
+            of_committee: committee.scratch(),
+            memory: Memory { probabilities: vec![0.0; hypotheses.count()], last: None },
+            common_mode: CommonMode::new(&diagnoser.sensors_seen(), diagnoser.watched()),
+            max_common_mode: diagnoser.decision.max_common_mode,
+            share_of_known: 1.0 - length.novelty.quantile,
+            in_band_share: 1.0 / (1.0 + odds),
+        })
+    }
+
+    pub fn forget(&mut self) {
+        self.memory.probabilities.fill(0.0);
+        self.memory.last = None;
+    }
+
+    /// Whether a stored memory is of as many hypotheses, and names places that there are.
+    pub fn fits(&self, memory: &Memory, places: &Places) -> bool {
+        memory.probabilities.len() == self.hypotheses.count()
+            && memory.probabilities.iter().all(|share| is_share(*share))
+            && memory.last.is_none_or(|last| last.fits(places))
+    }
+
+    pub fn last(&self) -> Option<&Judgement> {
+        self.memory.last.as_ref()
+    }
+
+    /// The rows of features of the last window that left its bands, one for each view.
+    pub fn rows(&self) -> &[Vec<f64>] {
+        self.views.rows()
+    }
+
+    pub fn probability(&self, hypothesis: usize) -> f64 {
+        self.memory.probabilities[hypothesis]
+    }
+
+    pub fn probability_of_actuator(&self, actuator: usize) -> f64 {
+        self.memory.probabilities[self.hypotheses.of_actuator(actuator)].iter().sum()
+    }
+
+    /// Judges a window; actuators that are masked are not among the answers, and what stands in the place of a sensor
+    /// says nothing of others. Does not allocate.
+    ///
+    /// # Errors
+    /// What the hierarchies say of rows that do not fit them: never after [`Diagnoser::check`].
+    pub fn classify(
+        &mut self,
+        length: &Length,
+        window: &Window,
+        is_masked: &[bool],
+        stands_in: &[bool],
+    ) -> Result<Said<'_>, Error> {
+        let worst = worst(window, &length.panel.bands);
+        let mut said = Judgement {
+            worst,
+            of_trees: None,
+            detail_of_trees: None,
+            likeliest: 0,
+            detail: None,
+            is_novel: false,
+        };
+        let Memory { probabilities, last } = &mut self.memory;
+        if worst.1 <= 1.0 {
+            probabilities.fill(0.0);
+            probabilities[0] = self.in_band_share;
+            *last = Some(said);
+            return Ok(Said::InBand);
+        }
+        self.views.stand_in(stands_in);
+        let rows = self.views.compute(window)?;
+        let (trees, committee) = (&length.panel.trees, &length.panel.committee);
+        let of_trees = trees.diagnose(rows, &mut self.of_trees)?;
+        said.of_trees = Some(place(self.hypotheses, of_trees));
+        said.detail_of_trees = of_trees.detail;
+        committee.probabilities_into(rows, &mut self.of_committee, probabilities)?;
+        mask(probabilities, self.hypotheses, is_masked);
+        said.likeliest = crate::numeric::arg_max(probabilities.iter().copied());
+        let fault = self.hypotheses.split(said.likeliest);
+        if let Some((actuator, action)) = fault.map(|(a, c)| (a as u32, c as u32)) {
+            let detail = committee.detail(rows, (actuator, action), &mut self.of_committee)?;
+            said.detail = detail.map(|answer| (answer.class, answer.probability));
+        }
+        let view = fault.map_or(0, |(actuator, _)| actuator).min(rows.len() - 1);
+        let action = fault.map(|(_, action)| action as u32);
+        let common_mode = fault.map_or(0.0, |(actuator, _)| {
+            self.common_mode.share(actuator, window, &length.panel.bands)
+        });
+        said.is_novel =
+            common_mode > self.max_common_mode || length.novelty.score(action, &rows[view]) > 1.0;
+        *last = Some(said);
+        let novelty = IsNovel { novel: said.is_novel, share_of_known: self.share_of_known };
+        Ok(Said::Probabilities(probabilities, novelty))
+    }
+
+    /// Whether trees and committee agree on a hypothesis, the committee is sure enough, and the
+    /// window is like something known.
+    pub fn agrees_on(&self, hypothesis: usize, least_confidence: Option<f64>) -> bool {
+        let Some(last) = self.last() else { return false };
+        let committee = Some(last.likeliest);
+        agree(last.of_trees, committee, self.probability(hypothesis), least_confidence)
+            && last.likeliest == hypothesis
+            && !last.is_novel
+    }
+
+    /// The detail of the last window where trees and committee agree on it.
+    pub fn detail(&self, least_confidence: f64) -> Option<u32> {
+        let last = self.last()?;
+        let (detail, probability) = last.detail?;
+        let agreed = agree(last.detail_of_trees, Some(detail), probability, Some(least_confidence));
+        agreed.then_some(detail)
+    }
+}
+
+/// The hypothesis that trees decide on: health also where they know an actuator and no command.
+fn place(hypotheses: Hypotheses, said: Diagnosis) -> usize {
+    let fault = said.actuator.zip(said.action);
+    fault.map_or(0, |(actuator, action)| hypotheses.place(actuator as usize, action as usize))
+}
+
+/// The sensor whose residual is largest in parts of its band, and that size. A field is the band where there is one. A
+/// band of nothing is left by any residual.
+fn worst(window: &Window, bands: &[SensorBand]) -> (usize, f64) {
+    const LEAST_BAND: f64 = 1e-12;
+    let size = |(sensor, band): (usize, &SensorBand)| {
+        (sensor, window.largest(sensor) / band.half_width.max(LEAST_BAND))
+    };
+    let larger = |a: (usize, f64), b: (usize, f64)| if b.1 > a.1 { b } else { a };
+    match window.excess() {
+        Some(excess) => excess.iter().copied().enumerate().fold((0, 0.0), larger),
+        None => bands.iter().enumerate().map(size).fold((0, 0.0), larger),
+    }
+}
+
+/// Takes masked actuators out of the probabilities.
+fn mask(probabilities: &mut [f64], hypotheses: Hypotheses, is_masked: &[bool]) {
+    if !is_masked.contains(&true) {
+        return;
+    }
+    for actuator in (0..hypotheses.actuators).filter(|&actuator| is_masked[actuator]) {
+        probabilities[hypotheses.of_actuator(actuator)].fill(0.0);
+    }
+    let sum: f64 = probabilities.iter().sum();
+    if sum > 0.0 {
+        probabilities.iter_mut().for_each(|p| *p /= sum);
+    } else {
+        probabilities[0] = 1.0;
+    }
+}

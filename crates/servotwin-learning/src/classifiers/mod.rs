@@ -1,0 +1,102 @@
+//! Training of the classifiers, one file each, behind one trait.
+//!
+//! A file holds `Settings` (serializable, with defaults) that implement [`Fit`]. To add one: write the file, declare it,
+//! and add one line to the list below.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::samples::Samples;
+use servotwin_diagnosis::classifiers::{Classifier, Kind, Model};
+use servotwin_diagnosis::error::{Error, same_length};
+
+pub mod adaboost;
+pub mod boosted_trees;
+pub mod cart;
+pub mod linear_discriminant;
+pub mod linear_svm;
+pub mod logistic_regression;
+pub mod mlp;
+pub mod naive_bayes;
+pub mod random_forest;
+
+mod linear;
+
+/// Settings from which a model is trained.
+pub trait Fit {
+    /// What is trained.
+    type Model: Classifier;
+
+    /// Trains a model. The same samples and settings give the same model bit for bit.
+    ///
+    /// # Errors
+    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless it
+    /// [learns from missing values](Kind::learns_from_missing), and what else the classifier says.
+    fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
+}
+
+macro_rules! classifiers {
+    ($($file:ident $kind:ident,)*) => {
+        /// Settings of any classifier; in a file, `kind` names which.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "kind", rename_all = "snake_case")]
+        #[expect(missing_docs, reason = "each variant is named like its `Kind`")]
+        pub enum Settings {
+            $($kind($file::Settings),)*
+        }
+
+        impl Settings {
+            /// The settings of a classifier that a study starts from.
+            pub fn default_of(kind: Kind) -> Self {
+                match kind {
+                    $(Kind::$kind => Settings::$kind(Default::default()),)*
+                }
+            }
+
+            /// Which classifier they are for.
+            pub fn kind(&self) -> Kind {
+                match self {
+                    $(Settings::$kind(_) => Kind::$kind,)*
+                }
+            }
+        }
+
+        impl Fit for Settings {
+            type Model = Model;
+
+            fn fit(&self, samples: &Samples) -> Result<Model, Error> {
+                match self {
+                    $(Settings::$kind(settings) => settings.fit(samples).map(Model::$kind),)*
+                }
+            }
+        }
+    };
+}
+
+classifiers! {
+    linear_svm LinearSvm,
+    cart Cart,
+    mlp Mlp,
+    naive_bayes NaiveBayes,
+    random_forest RandomForest,
+    linear_discriminant LinearDiscriminant,
+    adaboost Adaboost,
+    logistic_regression LogisticRegression,
+    boosted_trees BoostedTrees,
+}
+
+/// The class that a model predicts for every row of a table.
+///
+/// # Errors
+/// [`Error::LengthMismatch`] if the table has another number of features.
+pub fn predict(model: &impl Classifier, samples: &Samples) -> Result<Vec<u32>, Error> {
+    same_length("features", model.features(), samples.features())?;
+    let mut row_values = vec![0.0; samples.features()];
+    let mut scratch = vec![0.0; model.classes()];
+    let predict_row = |row| {
+        samples.row_into(row, &mut row_values);
+        model.predict_with(&row_values, &mut scratch)
+    };
+    Ok((0..samples.rows()).map(predict_row).collect())
+}

@@ -1,0 +1,26 @@
+//! Training of the models that `servotwin-diagnosis` runs.
+//!
+//! `no_std` with `alloc`. From the bottom up: [`samples`] holds validated training samples, [`tree`] grows the decision
+//! trees of CART, random forest and AdaBoost, [`classifiers`] trains all classifiers behind one trait, [`calibration`]
+//! fits what their probabilities are worth, [`splits`] and [`metrics`] judge them, [`hierarchy`] trains the trees that
+//! follow each other from the actuator to the detail, [`novelty`] learns what training looked like, [`augmentation`]
+//! makes windows as they might have been.
+//!
+//! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the same samples and
+//! settings give the same model bit for bit.
+#![no_std]
+extern crate alloc;
+
+pub mod augmentation;
+pub mod calibration;
+pub mod classifiers;
+pub mod hierarchy;
+pub mod metrics;
+pub mod novelty;
+mod numeric;
+pub mod samples;
+pub mod splits;
+pub mod tree;
+
+pub use samples::Samples;
+pub use servotwin_diagnosis::Error;

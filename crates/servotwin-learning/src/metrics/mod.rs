@@ -1,0 +1,9 @@
+//! How good predictions are: counts of right and wrong ones, and shares with their intervals.
+
+mod confusion;
+mod rate;
+mod score;
+
+pub use confusion::Confusion;
+pub use rate::{Rate, Trial, cluster_bootstrap, wilson_interval};
+pub use score::{Prediction, Score};

@@ -1,0 +1,279 @@
+//! Shares with their intervals.
+//!
+//! Rows are not independent: one fault at one intensity is flown in many cases, and neighboring intensities of one kind
+//! are alike. So intervals come from a bootstrap that draws whole clusters (a kind at an intensity), and a wider one
+//! from drawing whole kinds ([`cluster_bootstrap`]). Shares of independent cases have Wilson's interval.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use servotwin_diagnosis::random::Random;
+
+/// Standard deviations of a normal distribution that hold 95 % of it.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// Resamples of a bootstrap.
+const RESAMPLES: usize = 1000;
+
+/// Its seed.
+const SEED: u64 = 1;
+
+/// A share of cases with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Rate {
+    /// How many.
+    pub count: u64,
+    /// Of how many.
+    pub of: u64,
+    /// The share; `None` of nothing.
+    pub share: Option<f64>,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// The interval with whole kinds of fault as clusters, where there are such.
+    pub by_kind: Option<(f64, f64)>,
+}
+
+/// One case of a share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trial {
+    /// Kind of fault and intensity.
+    pub cluster: u32,
+    /// Kind of fault.
+    pub kind: u32,
+    /// Whether what is counted happened.
+    pub holds: bool,
+}
+
+impl Rate {
+    /// A share of independent cases.
+    pub fn new(count: u64, of: u64) -> Self {
+        let (low, high) = wilson_interval(count, of, NORMAL_95);
+        let share = (of > 0).then(|| count as f64 / of as f64);
+        Rate { count, of, share, low, high, by_kind: None }
+    }
+
+    /// A share of cases that hang together in clusters.
+    pub fn clustered(trials: &[Trial]) -> Self {
+        let count = trials.iter().filter(|trial| trial.holds).count() as u64;
+        let plain = Rate::new(count, trials.len() as u64);
+        let (low, high) = interval(trials, |trial| trial.cluster);
+        Rate { low, high, by_kind: Some(interval(trials, |trial| trial.kind)), ..plain }
+    }
+
+    /// The share of a test that holds.
+    pub fn of<T>(items: &[T], holds: impl Fn(&T) -> bool) -> Self {
+        let count = items.iter().filter(|item| holds(item)).count();
+        Rate::new(count as u64, items.len() as u64)
+    }
+}
+
+fn interval(trials: &[Trial], cluster: impl Fn(&Trial) -> u32) -> (f64, f64) {
+    let clusters: Vec<u32> = trials.iter().map(cluster).collect();
+    let holds: Vec<f64> = trials.iter().map(|t| f64::from(u8::from(t.holds))).collect();
+    cluster_bootstrap(&clusters, &holds, &vec![1.0; trials.len()], RESAMPLES, SEED)
+}
+
+/// Wilson's interval for a share of which `successes` out of `trials` were seen, at `z` standard
+/// deviations (1.96 for 95 %); the whole range 0 to 1 without trials.
+///
+/// Source: Wilson, Journal of the American Statistical Association 22, 1927.
+pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
+    if trials == 0 {
+        return (0.0, 1.0);
+    }
+    let n = trials as f64;
+    let p = successes as f64 / n;
+    let widening = 1.0 + z * z / n;
+    let middle = (p + z * z / (2.0 * n)) / widening;
+    let half = z * libm::sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n)) / widening;
+    ((middle - half).max(0.0), (middle + half).min(1.0))
+}
+
+/// 95 % interval of a share `Σ count / Σ of` whose rows come in clusters that are not independent:
+/// whole clusters are drawn again with replacement, `resamples` times, and the interval holds the
+/// middle 95 % of the shares (percentile bootstrap). Row `i` belongs to `clusters[i]`, brings
+/// `count[i]` successes of `of[i]` trials. The same numbers and seed give the same bits; the order of
+/// the rows does not matter where sums are exact.
+///
+/// Clusters without trials are left out, for they say nothing. Where all clusters have one share (every
+/// trial succeeded, none did, or there is one cluster only) drawing again cannot show what was never seen:
+/// the interval is then Wilson's, with a trial per cluster, as it would be if the rows of a cluster stood or
+/// fell together, of the numbers of successes on both sides of the share. So it is the whole range without
+/// clusters, and wide for a single one.
+///
+/// Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13; drawing
+/// clusters: Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8.
+///
+/// # Panics
+/// Unless `clusters`, `count` and `of` have one length.
+pub fn cluster_bootstrap(
+    clusters: &[u32],
+    count: &[f64],
+    of: &[f64],
+    resamples: usize,
+    seed: u64,
+) -> (f64, f64) {
+    assert!(clusters.len() == count.len() && count.len() == of.len(), "one entry per row");
+    let sums = cluster_sums(clusters, count, of);
+    let (successes, trials) =
+        sums.iter().fold((0.0, 0.0), |(count, of), cluster| (count + cluster.0, of + cluster.1));
+    let number = sums.len() as u64;
+    if sums.iter().all(|(count, of)| count * trials == successes * of) {
+        let whole = if number > 0 { number as f64 * (successes / trials) } else { 0.0 };
+        let wilson = |successes: f64| wilson_interval(successes as u64, number, NORMAL_95);
+        return (wilson(libm::floor(whole)).0, wilson(libm::ceil(whole)).1);
+    }
+    if resamples == 0 {
+        return (0.0, 1.0);
+    }
+    let mut random = Random::new(seed);
+    let mut resampled = || {
+        let drawn = sums.iter().map(|_| sums[random.index(sums.len())]);
+        let (count, of) = drawn.fold((0.0, 0.0), |(c, o), (count, of)| (c + count, o + of));
+        count / of
+    };
+    let mut shares: Vec<f64> = (0..resamples).map(|_| resampled()).collect();
+    shares.sort_by(f64::total_cmp);
+    (quantile(&shares, 0.025), quantile(&shares, 0.975))
+}
+
+/// The sums of every cluster that has trials, in ascending order of the clusters.
+fn cluster_sums(clusters: &[u32], count: &[f64], of: &[f64]) -> Vec<(f64, f64)> {
+    let mut sums = alloc::collections::BTreeMap::new();
+    for ((&cluster, &count), &of) in clusters.iter().zip(count).zip(of) {
+        let sum: &mut (f64, f64) = sums.entry(cluster).or_default();
+        *sum = (sum.0 + count, sum.1 + of);
+    }
+    sums.into_values().filter(|(_, of)| *of > 0.0).collect()
+}
+
+/// A quantile of ascending values, between two of them linearly.
+fn quantile(ascending: &[f64], share: f64) -> f64 {
+    let place = share * (ascending.len() - 1) as f64;
+    let below = place as usize;
+    let above = (below + 1).min(ascending.len() - 1);
+    ascending[below] + (place - below as f64) * (ascending[above] - ascending[below])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wilson_of_known_values() {
+        // Newcombe 1998, table I: 81 of 263, 15 of 148 and 0 of 20 at 95 %.
+        let z = NORMAL_95;
+        for (successes, trials, low, high) in
+            [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)]
+        {
+            let interval = wilson_interval(successes, trials, z);
+            assert!((interval.0 - low).abs() < 5e-5 && (interval.1 - high).abs() < 5e-5);
+        }
+        assert_eq!(wilson_interval(0, 0, z), (0.0, 1.0));
+    }
+
+    /// Rows in clusters of `size`, a share `share` of which succeed; `together` makes all rows of a
+    /// cluster agree.
+    fn clustered(number: u32, size: u32, share: f64, together: bool) -> (Vec<u32>, Vec<f64>) {
+        let mut random = Random::new(5);
+        let mut rows = (vec![], vec![]);
+        for cluster in 0..number {
+            let common = random.unit();
+            for _ in 0..size {
+                let own = random.unit();
+                rows.0.push(cluster);
+                rows.1.push(f64::from((if together { common } else { own }) < share));
+            }
+        }
+        rows
+    }
+
+    #[test]
+    fn rows_that_agree_within_clusters_count_once() {
+        // 100 clusters of 25 rows: independent rows make an interval of 2500 trials, rows that
+        // stand and fall together one of 100 trials, five times as wide.
+        for (together, trials) in [(false, 2500), (true, 100)] {
+            let (clusters, count) = clustered(100, 25, 0.8, together);
+            let of = vec![1.0; count.len()];
+            let share = count.iter().sum::<f64>() / count.len() as f64;
+            let (low, high) = cluster_bootstrap(&clusters, &count, &of, 4000, 1);
+            let successes = libm::round(share * trials as f64) as u64;
+            let expected = wilson_interval(successes, trials, NORMAL_95);
+            let ratio = (high - low) / (expected.1 - expected.0);
+            assert!((0.8..1.25).contains(&ratio), "together {together}: {ratio}");
+            assert!(low < share && share < high);
+        }
+    }
+
+    #[test]
+    fn the_interval_holds_the_truth_about_as_often_as_it_says() {
+        // 400 experiments of 60 clusters of unequal size whose own shares scatter around 0.7.
+        let mut held = 0;
+        for experiment in 0..400 {
+            let mut random = Random::stream(9, experiment);
+            let (mut clusters, mut count, mut of) = (vec![], vec![], vec![]);
+            for cluster in 0..60 {
+                let share = random.between(0.4, 1.0);
+                for _ in 0..5 + random.index(10) {
+                    clusters.push(cluster);
+                    count.push(f64::from(random.unit() < share));
+                    of.push(1.0);
+                }
+            }
+            let (low, high) = cluster_bootstrap(&clusters, &count, &of, 300, experiment);
+            held += u32::from(low <= 0.7 && 0.7 <= high);
+        }
+        assert!((360..=395).contains(&held), "{held} of 400");
+    }
+
+    #[test]
+    fn what_was_never_seen_is_not_excluded() {
+        let clusters = [3, 3, 8, 8, 1, 1, 7];
+        let of = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0];
+        assert_eq!(
+            cluster_bootstrap(&clusters, &[0.0; 7], &of, 100, 0),
+            wilson_interval(0, 3, NORMAL_95)
+        );
+        assert_eq!(
+            cluster_bootstrap(&clusters, &of, &of, 100, 0),
+            wilson_interval(3, 3, NORMAL_95)
+        );
+        assert_eq!(cluster_bootstrap(&[], &[], &[], 100, 0), (0.0, 1.0));
+        assert_eq!(cluster_bootstrap(&[4, 4], &[1.0, 0.0], &[1.0, 1.0], 100, 0), (0.0, 1.0));
+        // Three clusters that are all half right.
+        let half = [1.0, 0.0, 1.0, 0.0, 1.0, 0.0];
+        let (low, high) = cluster_bootstrap(&[1, 1, 2, 2, 3, 3], &half, &[1.0; 6], 100, 0);
+        assert!(low < 0.1 && high > 0.9, "{low} to {high}");
+    }
+
+    #[test]
+    fn the_order_of_rows_does_not_matter_but_the_seed_does() {
+        let (clusters, mut count) = clustered(20, 3, 0.6, true);
+        // Shares that hardly ever coincide.
+        (0..count.len()).for_each(|row| count[row] *= 1.0 - row as f64 / 256.0);
+        let of = vec![1.0; count.len()];
+        let there = cluster_bootstrap(&clusters, &count, &of, 500, 2);
+        let reversed = |list: &[f64]| list.iter().rev().copied().collect::<Vec<f64>>();
+        let back: Vec<u32> = clusters.iter().rev().copied().collect();
+        assert_eq!(cluster_bootstrap(&back, &reversed(&count), &of, 500, 2), there);
+        assert_ne!(cluster_bootstrap(&clusters, &count, &of, 500, 3), there);
+    }
+
+    #[test]
+    fn an_interval_is_as_wide_as_its_clusters_are_few() {
+        let trial =
+            |k: u32| Trial { cluster: k / 10, kind: k / 100, holds: !(k / 10).is_multiple_of(3) };
+        let trials: Vec<Trial> = (0..400).map(trial).collect();
+        let rate = Rate::clustered(&trials);
+        let alone = Rate::new(rate.count, rate.of);
+        assert!(rate.high - rate.low > 2.0 * (alone.high - alone.low), "{rate:?} {alone:?}");
+        assert!(rate.low < 0.67 && rate.high > 0.67);
+        // Nothing seen in forty clusters is not nothing seen in 400 cases.
+        let none = trials.iter().map(|t| Trial { holds: false, ..*t }).collect::<Vec<_>>();
+        assert_eq!(Rate::clustered(&none).high, Rate::new(0, 40).high);
+        assert_eq!(Rate::new(0, 0).share, None);
+    }
+}

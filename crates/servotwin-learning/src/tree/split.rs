@@ -1,0 +1,270 @@
+//! The best threshold of one feature.
+
+use super::criterion::Scan;
+use servotwin_diagnosis::numeric::MAX_VALUE;
+
+/// The smallest differences of a feature that a sensor resolves. Zero allows everything.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Limits {
+    /// The two values on both sides of a threshold must differ by at least this.
+    pub gap: f64,
+    /// A threshold must be at least this far from zero.
+    pub magnitude: f64,
+}
+
+impl Limits {
+    pub fn allow(self, threshold: f64, gap: f64) -> bool {
+        gap >= self.gap && libm::fabs(threshold) >= self.magnitude
+    }
+
+    /// Whether two neighbouring values lie where all thresholds around them are
+    /// allowed. A first allowed threshold next to forbidden ones does not.
+    fn allow_around(self, lower: f64, upper: f64) -> bool {
+        let far = 4.0 * self.magnitude;
+        self.gap == 0.0 && (self.magnitude == 0.0 || lower >= far || upper <= -far)
+    }
+}
+
+/// A way to split a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Candidate {
+    pub feature: usize,
+    pub threshold: f64,
+    pub gap: f64,
+    /// The gap over the range of the feature's values at the node.
+    pub margin: f64,
+    /// Larger is better; comparable within one node.
+    pub score: f64,
+    /// Which way rows without a value go; `None` where the node has none.
+    pub missing_left: Option<bool>,
+}
+
+/// Scores that differ by less than this part are the same: they were summed in
+/// another order.
+const SAME_SCORE: f64 = 1e-12;
+
+impl Candidate {
+    /// The least score that may be as good.
+    pub fn worth(&self) -> f64 {
+        self.score - SAME_SCORE * libm::fabs(self.score)
+    }
+
+    /// Better; or as good with a wider margin, because a threshold in a wide gap
+    /// is the one that unseen rows are likeliest to respect; or as good and as
+    /// wide with a lower feature.
+    pub fn beats(&self, other: &Option<Candidate>) -> bool {
+        other.as_ref().is_none_or(|other| {
+            let nearly = SAME_SCORE * libm::fabs(other.score);
+            let same = libm::fabs(self.score - other.score) <= nearly;
+            match same {
+                true if self.margin == other.margin => self.feature < other.feature,
+                true => self.margin > other.margin,
+                false => self.score > other.score,
+            }
+        })
+    }
+}
+
+/// What one feature offers at a node.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Offer {
+    /// The best split that the limits allow; of equally good ones the one in the widest gap.
+    pub allowed: Option<Candidate>,
+    /// The best split that they forbid, if it is better than those allowed before it.
+    pub forbidden: Option<Candidate>,
+}
+
+/// The rows of a node and how they count.
+pub(crate) struct NodeRows<'a> {
+    /// Rows in ascending order of the feature.
+    pub sorted: &'a [u32],
+    /// The feature's value of every row of the samples.
+    pub column: &'a [f64],
+    /// Label of every row of the samples.
+    pub labels: &'a [u32],
+    /// Weight of every row of the samples, as the impurity sees it.
+    pub weights: &'a [f64],
+}
+
+impl NodeRows<'_> {
+    /// How many rows have a value of the feature: the first ones.
+    fn known(&self) -> usize {
+        let is_missing = |&row: &u32| self.column[row as usize].is_nan();
+        match self.sorted.last().is_some_and(is_missing) {
+            true => self.sorted.partition_point(|row| !is_missing(row)),
+            false => self.sorted.len(),
+        }
+    }
+
+    /// Whether no other row shares the value of the one at a place in the order.
+    fn is_single(&self, place: usize) -> bool {
+        let value = |place: usize| self.sorted.get(place).map(|&row| self.column[row as usize]);
+        value(place + 1) != value(place)
+    }
+
+    fn move_left<S: Scan>(&self, row: u32, scan: &mut S) {
+        let row = row as usize;
+        scan.move_left(self.labels[row] as usize, self.weights[row]);
+    }
+}
+
+/// The number that separates two neighboring values: their middle, or the lower one where the
+/// middle is rounded up to the upper one.
+///
+/// Rows may come back as 32-bit numbers. Where these still differ, the number separates them, too.
+pub(crate) fn separate(lower: f64, upper: f64) -> f64 {
+    let middle = lower / 2.0 + upper / 2.0;
+    let threshold = if lower <= middle && middle < upper { middle } else { lower };
+    let (short_lower, short_upper) = (f64::from(lower as f32), f64::from(upper as f32));
+    let is_safe = short_lower <= threshold && threshold < short_upper;
+    // The larger of the two is below both upper values, because rounding keeps the order.
+    if is_safe || short_lower >= short_upper { threshold } else { lower.max(short_lower) }
+}
+
+/// The threshold of the question whether there is a value at all: no number is above it.
+const ANY_VALUE: f64 = MAX_VALUE;
+
+/// Tries every threshold of a feature, and where the node has rows without a value, every threshold
+/// with them on either side, and the question whether there is a value. `totals` are the node's
+/// weights. What lets all rows go the same way is not tried; at least two values or one and a missing
+/// one are there.
+pub(crate) fn best_of_feature<S: Scan>(
+    rows: &NodeRows,
+    feature: usize,
+    min_rows: usize,
+    limits: Limits,
+    totals: &[f64],
+    scan: &mut S,
+) -> Offer {
+    let known = rows.known();
+    let missing = rows.sorted.len() - known;
+    scan.restart(totals);
+    let mut offer = Offer::default();
+    if missing == 0 {
+        try_thresholds(rows, known, None, feature, min_rows, limits, scan, &mut offer);
+        return offer;
+    }
+    try_thresholds(rows, known, Some(false), feature, min_rows, limits, scan, &mut offer);
+    if known >= min_rows && missing >= min_rows {
+        // The scan has left the last value on the right.
+        scan.restart(totals);
+        rows.sorted[..known].iter().for_each(|&row| rows.move_left(row, scan));
+        let (threshold, score) = (ANY_VALUE, scan.score());
+        let (gap, margin, missing_left) = (f64::MAX, 1.0, Some(false));
+        let given = Candidate { feature, threshold, gap, margin, score, missing_left };
+        if given.beats(&offer.allowed) {
+            offer.allowed = Some(given);
+        }
+    }
+    scan.restart(totals);
+    rows.sorted[known..].iter().for_each(|&row| rows.move_left(row, scan));
+    try_thresholds(rows, known, Some(true), feature, min_rows, limits, scan, &mut offer);
+    offer
+}
+
+/// Tries every threshold of a feature that can be the best. Between two values whose rows all have
+/// one class it cannot: impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992), also
+/// with the same rows without a value on one side throughout. `scan` must have been started with the
+/// node's weights, and those rows moved to the left if they go there.
+#[expect(clippy::too_many_arguments, reason = "the innermost loop of all training")]
+fn try_thresholds<S: Scan>(
+    rows: &NodeRows,
+    known: usize,
+    missing_left: Option<bool>,
+    feature: usize,
+    min_rows: usize,
+    limits: Limits,
+    scan: &mut S,
+    offer: &mut Offer,
+) {
+    if known < 2 {
+        return;
+    }
+    let missing = rows.sorted.len() - known;
+    // Rows that are on a side before any value is.
+    let (left_before, right_before) =
+        if missing_left == Some(true) { (missing, 0) } else { (0, missing) };
+    let may_skip = min_rows <= 1;
+    let value_at = |place: usize| rows.column[rows.sorted[place] as usize];
+    let range = value_at(known - 1) - value_at(0);
+    let mut worth = match &offer.allowed {
+        Some(best) => best.worth(),
+        None => f64::NEG_INFINITY,
+    };
+    let mut value = rows.column[rows.sorted[0] as usize];
+    // Past this many rows on the left, too few are on the right.
+    let needed = min_rows.saturating_sub(right_before).max(1);
+    let last = known + 1 - needed.min(known);
+    // Whether all rows of the current value have one class.
+    let mut is_pure = true;
+    for (left, pair) in (1..last).zip(rows.sorted[..known].windows(2)) {
+        let (row, next_row) = (pair[0] as usize, pair[1] as usize);
+        scan.move_left(rows.labels[row] as usize, rows.weights[row]);
+        let next = rows.column[next_row];
+        let same_class = rows.labels[row] == rows.labels[next_row];
+        if next > value {
+            let lower = core::mem::replace(&mut value, next);
+            let skipped = may_skip
+                && is_pure
+                && same_class
+                && rows.is_single(left)
+                && limits.allow_around(lower, next);
+            is_pure = true;
+            if skipped || left + left_before < min_rows {
+                continue;
+            }
+            let score = scan.score();
+            // First the comparison that nearly all thresholds fail.
+            if score >= worth {
+                let (threshold, gap) = (separate(lower, next), next - lower);
+                let margin = gap / range;
+                let candidate = Candidate { feature, threshold, gap, margin, score, missing_left };
+                if limits.allow(threshold, gap) {
+                    if candidate.beats(&offer.allowed) {
+                        worth = candidate.worth();
+                        offer.allowed = Some(candidate);
+                    }
+                } else if candidate.beats(&offer.forbidden) {
+                    offer.forbidden = Some(candidate);
+                }
+            }
+        } else {
+            is_pure &= same_class;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::separate;
+
+    #[test]
+    fn threshold_separates_any_two_values() {
+        let pairs = [
+            (1.0, 2.0, 1.5),
+            (1.0, 1.0_f64.next_up(), 1.0),
+            (1.0_f64.next_up(), 1.0_f64.next_up().next_up(), 1.0_f64.next_up()),
+            (f64::MIN, f64::MAX, 0.0),
+            (0.0, 5e-324, 0.0),
+            (-5e-324, 0.0, -5e-324),
+            (f64::MAX.next_down(), f64::MAX, f64::MAX.next_down()),
+        ];
+        for (lower, upper, expected) in pairs {
+            assert_eq!(separate(lower, upper), expected, "{lower:e} {upper:e}");
+        }
+    }
+
+    #[test]
+    fn a_threshold_separates_what_32_bit_numbers_still_tell_apart() {
+        let step = 2.0_f64.powi(-25); // Of 32-bit numbers between 1/4 and 1/2.
+        for (lower, upper) in [(0.49, 1.1), (0.45, 1.4), (-0.3, 0.55), (0.51, 0.6), (0.1, 0.2)] {
+            let (lower, upper) = (0.4375 + lower * step, 0.4375 + upper * step);
+            let (short_lower, short_upper) = (f64::from(lower as f32), f64::from(upper as f32));
+            let threshold = separate(lower, upper);
+            assert!(lower <= threshold && threshold < upper, "{lower:e} {upper:e}");
+            if short_lower < short_upper {
+                assert!(short_lower <= threshold && threshold < short_upper, "{lower:e} {upper:e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Splits are complete, disjoint, seeded, and keep what they promise.
+
+use proptest::prelude::*;
+use servotwin_diagnosis::classifiers::Kind;
+use servotwin_learning::classifiers::Settings;
+use servotwin_learning::metrics::*;
+use servotwin_learning::splits::*;
+
+fn check_partition(splits: &[Split], rows: usize) {
+    let mut tested = vec![0; rows];
+    for split in splits {
+        let mut all = [split.train.clone(), split.test.clone()].concat();
+        all.sort_unstable();
+        assert_eq!(all, (0..rows).collect::<Vec<_>>());
+        assert!(!split.test.is_empty() && !split.train.is_empty());
+        split.test.iter().for_each(|&row| tested[row] += 1);
+    }
+    assert!(tested.iter().all(|&times| times == 1));
+}
+
+proptest! {
+    #[test]
+    fn stratified_folds(labels in prop::collection::vec(0u32..4, 6..60), folds in 2usize..6, seed: u64) {
+        let splits = stratified_k_fold(&labels, folds, seed).unwrap();
+        check_partition(&splits, labels.len());
+        for class in 0..4 {
+            let count = |split: &Split| split.test.iter().filter(|&&r| labels[r] == class).count();
+            let counts: Vec<usize> = splits.iter().map(count).collect();
+            prop_assert!(counts.iter().max().unwrap() - counts.iter().min().unwrap() <= 1);
+        }
+        prop_assert_eq!(splits, stratified_k_fold(&labels, folds, seed).unwrap());
+    }
+
+    #[test]
+    fn grouped_folds(groups in prop::collection::vec(0u32..9, 40..80), folds in 2usize..4, seed: u64) {
+        let splits = grouped_k_fold(&groups, folds, seed).unwrap();
+        check_partition(&splits, groups.len());
+        for split in &splits {
+            let shared = split.train.iter().any(|&a| split.test.iter().any(|&b| groups[a] == groups[b]));
+            prop_assert!(!shared);
+        }
+    }
+
+    #[test]
+    fn held_out(rows in 2usize..100, share in 0.01f64..0.99, seed: u64) {
+        let split = hold_out(rows, share, seed).unwrap();
+        let expected = ((rows as f64 * share).round() as usize).clamp(1, rows - 1);
+        prop_assert_eq!(split.test.len(), expected);
+        prop_assert_eq!(split.train.len() + split.test.len(), rows);
+        prop_assert!(split.test.iter().all(|row| !split.train.contains(row)));
+    }
+}
+
+#[test]
+fn groups_left_out_one_by_one() {
+    let splits = leave_one_group_out(&[7, 3, 7, 5]).unwrap();
+    check_partition(&splits, 4);
+    assert_eq!(
+        splits.iter().map(|s| s.test.clone()).collect::<Vec<_>>(),
+        [vec![1], vec![3], vec![0, 2]]
+    );
+}
+
+#[test]
+fn repeats_differ_but_come_again() {
+    let splits = repeated_hold_out(30, HELD_OUT, 4, 1).unwrap();
+    assert!(splits.iter().all(|split| split.test.len() == 10));
+    assert_ne!(splits[0], splits[1]);
+    assert_eq!(splits, repeated_hold_out(30, HELD_OUT, 4, 1).unwrap());
+}
+
+#[test]
+fn too_little_to_split_is_an_error() {
+    assert!(hold_out(1, 0.5, 0).is_err());
+    assert!(hold_out(10, 1.0, 0).is_err());
+    assert!(stratified_k_fold(&[0, 1], 3, 0).is_err());
+    assert!(stratified_k_fold(&[0, 1], 1, 0).is_err());
+    assert!(grouped_k_fold(&[0, 0, 0, 1], 3, 0).is_err());
+    assert!(leave_one_group_out(&[2, 2]).is_err());
+}
+
+#[test]
+fn cross_validation_counts_every_row_once() {
+    let samples = crate::tables::clouds(60, 1);
+    let splits = stratified_k_fold(samples.labels(), 5, 0).unwrap();
+    let tables = cross_validate(&Settings::default_of(Kind::Cart), &samples, &splits).unwrap();
+    assert_eq!(tables.iter().map(Confusion::total).sum::<u64>(), 60);
+    assert!(tables.iter().all(|table| table.accuracy() == Some(1.0)));
+}

@@ -1,0 +1,53 @@
+//! Samples for the tests: golden tables, and small made-up ones.
+
+use servotwin_diagnosis::random::Random;
+use servotwin_learning::Samples;
+
+/// Records of a golden file after its `#` header, with the names of the columns.
+pub fn golden(file: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let path = format!("{}/../../golden/{file}", env!("CARGO_MANIFEST_DIR"));
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).unwrap();
+    let names = reader.headers().unwrap().iter().map(String::from).collect();
+    let records = reader.records().map(|r| r.unwrap().iter().map(String::from).collect());
+    (names, records.collect())
+}
+
+/// A golden table and the fold of each row.
+pub fn golden_table(name: &str) -> (Samples, Vec<usize>) {
+    let (mut names, records) = golden(&format!("sklearn_{name}.csv"));
+    let features = names.len() - 2;
+    names.truncate(features);
+    let values: Vec<f64> = records
+        .iter()
+        .flat_map(|r| r[..features].iter().map(|v| v.parse::<f64>().unwrap()))
+        .collect();
+    let labels: Vec<u32> = records.iter().map(|r| r[features].parse().unwrap()).collect();
+    let folds = records.iter().map(|r| r[features + 1].parse().unwrap()).collect();
+    let classes = labels.iter().max().unwrap() + 1;
+    let class_names = (0..classes).map(|class| class.to_string()).collect();
+    (Samples::from_rows(names, class_names, &values, labels).unwrap(), folds)
+}
+
+/// Samples from rows, with numbered features and classes.
+pub fn samples(rows: &[&[f64]], labels: &[u32]) -> Samples {
+    let names = (0..rows[0].len()).map(|feature| format!("x{feature}")).collect();
+    let classes = labels.iter().max().unwrap() + 1;
+    let class_names = (0..classes).map(|class| format!("c{class}")).collect();
+    Samples::from_rows(names, class_names, &rows.concat(), labels.to_vec()).unwrap()
+}
+
+/// Three well separated clouds in four features; the features have different scales.
+pub fn clouds(rows: usize, seed: u64) -> Samples {
+    let mut random = Random::new(seed);
+    let centres = [[0.0, 0.0, 5.0, 1.0], [60.0, 0.4, -5.0, 1.2], [-60.0, 0.9, 5.5, -3.0]];
+    let labels: Vec<u32> = (0..rows as u32).map(|row| row % 3).collect();
+    let scales = [10.0, 0.1, 1.0, 0.5];
+    let values: Vec<Vec<f64>> = labels
+        .iter()
+        .map(|&label| {
+            let centre = centres[label as usize].iter().zip(scales);
+            centre.map(|(middle, scale)| middle + scale * random.between(-1.0, 1.0)).collect()
+        })
+        .collect();
+    samples(&values.iter().map(Vec::as_slice).collect::<Vec<_>>(), &labels)
+}
