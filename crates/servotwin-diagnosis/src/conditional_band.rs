@@ -1,10 +1,10 @@
-//! A band that depends on what is asked of the actuator: how large a healthy residual may be at this command and its
-//! rate, this load, these pressures, with the spool going this way.
+//! A band that depends on the operating point: how large a healthy residual may be at this command and its rate, this
+//! load, these pressures and this direction of the spool.
 //!
 //! (CB1)  |r_i| ≤ q s_i(u),  s_i(u) = s_i0 Π_j m_ij(u_j)
 //!
-//! Each covariate u_j multiplies the size s of a sensor's scaled residual by a factor for each of its bins. Where the
-//! numbers come from, and what they promise, is told where they are learned (`servotwin::flight::band`).
+//! Each covariate u_j multiplies the size s of a sensor's scaled residual by a factor for each of its bins.
+//! `servotwin::flight::band` learns the numbers and documents what they promise.
 
 use alloc::string::String;
 use alloc::vec;
@@ -16,7 +16,7 @@ use crate::error::{Error, require, require_sound};
 /// A spool that moves less than this part of its scale in a sample stands still.
 const STILL: f64 = 1e-3;
 
-/// What a covariate is made of. Inputs and sensors are numbered as a diagnoser does.
+/// How a covariate is computed. Inputs and sensors have the diagnoser's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Source {
@@ -65,7 +65,7 @@ impl Source {
     }
 }
 
-/// What covariates are made of.
+/// The values that covariates are computed from.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'s> {
     /// The inputs, SI.
@@ -78,17 +78,17 @@ pub struct Sample<'s> {
     pub period_s: f64,
 }
 
-/// Something that a band depends on.
+/// A quantity that a band depends on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Covariate {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// What it is made of.
     pub source: Source,
     /// Where its bins meet, ascending.
     pub edges: Vec<f64>,
-    /// The range that was learned from.
+    /// The range of the training data.
     pub range: (f64, f64),
 }
 
@@ -97,14 +97,14 @@ impl Covariate {
         self.edges.iter().take_while(|edge| value >= **edge).count()
     }
 
-    /// How far a value lies outside of what was learned from, in parts of its range; 0 inside.
+    /// Distance of a value from the range of the training data, in parts of that range; 0 inside.
     pub fn outside(&self, value: f64) -> f64 {
         let (low, high) = self.range;
         (low - value).max(value - high).max(0.0) / (high - low).max(f64::MIN_POSITIVE)
     }
 }
 
-/// A band.
+/// A band as a product of factors, one for each covariate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConditionalBand {
@@ -131,7 +131,7 @@ impl ConditionalBand {
         })
     }
 
-    /// How large the scaled residual of a sensor may be at a point.
+    /// Half width of the band of a sensor at a point, in parts of the sensor's scale.
     pub fn half_width(&self, sensor: usize, point: &[f64]) -> f64 {
         self.scale * self.size(sensor, point)
     }
@@ -141,7 +141,7 @@ impl ConditionalBand {
         self.covariates.iter().zip(point).map(|(covariate, &value)| covariate.bin(value)).collect()
     }
 
-    /// How far a point lies outside of what was learned from, in parts of the ranges; 0 inside.
+    /// Largest distance of a point from the ranges of the training data, in parts of the ranges; 0 inside.
     pub fn outside(&self, point: &[f64]) -> f64 {
         let off = self.covariates.iter().zip(point).map(|(covariate, &u)| covariate.outside(u));
         off.fold(0.0, f64::max)
@@ -154,7 +154,7 @@ impl ConditionalBand {
         (farthest.0 > 0.0).then_some(farthest.1)
     }
 
-    /// Checks that it is sound and of so many watched sensors, all sensors, and inputs.
+    /// Checks the numbers, and that they fit so many watched sensors, sensors and inputs.
     ///
     /// # Errors
     /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`].
@@ -186,7 +186,7 @@ impl ConditionalBand {
     }
 }
 
-/// A field beside a running actuator: the point of the newest sample, and how wide the band is there.
+/// The band at the newest sample: the point and the half widths there.
 #[derive(Debug, Clone)]
 pub(crate) struct Here {
     pub point: Vec<f64>,

@@ -1,14 +1,11 @@
-//! From residuals to a diagnosis: learning and running classifiers of faults.
+//! From residuals to a diagnosis: the code that runs beside an actuator.
 //!
-//! `no_std` with `alloc`. What is here, from the bottom up:
-//! [`data`] holds validated training samples, [`tree`] the decision tree that CART, random forest
-//! and AdaBoost share, [`classifiers`] the classifiers behind one trait, [`calibration`] what their
-//! probabilities are worth, [`evaluation`] the splits and scores they are judged with, [`hierarchy`]
-//! the trees that follow each other from the actuator to the detail, [`diagnoser`] all of it beside a
-//! running actuator, sample by sample.
+//! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, [`features`] computes a row
+//! of numbers from it, [`classifiers`] runs trained models behind one trait, [`hierarchy`] asks the trees that follow
+//! each other from the actuator to the detail, [`panel`] joins bands, trees and committee, and [`diagnoser`] does all of
+//! this sample by sample. The crate `servotwin-learning` trains the models.
 //!
-//! Everything is deterministic: seeds are explicit settings, ties go to the lowest index, and the
-//! same samples and settings give the same model bit for bit.
+//! Everything is deterministic: ties go to the lowest index, and the same samples give the same answers bit for bit.
 #![no_std]
 extern crate alloc;
 

@@ -1,8 +1,8 @@
-//! The panel: bands, the nine trees and the committee together, as one answer.
+//! The panel joins bands, the nine trees and the committee to one answer.
 //!
-//! Nothing is said while every residual stays in its band. The trees give the answer that can be
-//! explained; the committee must agree on actuator and command, and be sure enough, or the fault
-//! counts as detected but not isolated.
+//! While every residual stays in its band, the answer is healthy. Otherwise the trees give the answer that can be
+//! explained. If the committee chooses another actuator or action, or is not sure enough, the fault counts as detected
+//! but not isolated.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -41,7 +41,7 @@ pub struct Panel {
 }
 
 impl Default for Panel {
-    /// A panel that knows nothing.
+    /// An untrained panel.
     fn default() -> Self {
         let empty = || Hierarchy {
             format: crate::hierarchy::FORMAT.into(),
@@ -69,12 +69,12 @@ pub fn agree<T: PartialEq>(
     trees == committee && least_confidence.is_none_or(|least| confidence >= least)
 }
 
-/// What a panel says.
+/// The answer of a panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
     /// Every residual is in its band, or trees and committee agree that nothing is wrong.
     Healthy,
-    /// Something is wrong, but it is not sure what: what the committee would say.
+    /// A residual left its band, but trees and committee do not isolate a fault: the answer of the committee.
     NotIsolated(Diagnosis),
     /// Trees and committee agree on actuator and command.
     Isolated(Diagnosis),
@@ -87,7 +87,7 @@ impl Panel {
         largest.iter().zip(&self.bands).any(|(size, band)| *size > band.half_width)
     }
 
-    /// What the panel says about a row, given in every view.
+    /// The answer of the panel for a row, given in every view.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].

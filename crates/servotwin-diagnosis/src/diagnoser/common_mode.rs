@@ -1,8 +1,7 @@
-//! Whether what deviates is common to several actuators, and so the fault of none.
+//! Common mode: a deviation that several actuators share is the fault of none of them.
 //!
-//! Where the twin is driven by a wrong command, like sensors of all actuators deviate alike: a tree that
-//! never saw this takes a side by chance. With r the residuals of like sensors of actuators k and l in
-//! parts of their bands,
+//! If the twin gets a wrong command, the same sensors of all actuators deviate alike. A tree that never saw this picks an
+//! actuator by chance. With r the residuals of corresponding sensors of actuators k and l in parts of their bands,
 //!
 //! ```text
 //! share = Σ E(r_k + r_l)² / (Σ E(r_k + r_l)² + Σ E(r_k − r_l)²)

@@ -1,17 +1,17 @@
-//! Which sensors have gone silent, so that the others go on being judged without them.
+//! Health of sensors: the diagnosis continues without a sensor that delivers no values.
 
 use serde::{Deserialize, Serialize};
 
-/// Whether a sensor's values come.
+/// Whether a sensor delivers values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SensorHealth {
     is_lost: bool,
-    /// Samples in a row that say otherwise.
+    /// Consecutive samples that contradict `is_lost`.
     against: u64,
 }
 
-/// How long it takes to believe that a sensor is gone, and that it is there again, in samples.
+/// Number of consecutive samples after which a sensor counts as lost, and as back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Patience {
     pub until_lost: u64,
@@ -19,7 +19,7 @@ pub(super) struct Patience {
 }
 
 impl SensorHealth {
-    /// Takes notice of whether a sample had a usable value.
+    /// Counts a sample with or without a usable value.
     pub fn notice(&mut self, is_there: bool, patience: Patience) {
         if is_there != self.is_lost {
             self.against = 0;
@@ -36,7 +36,7 @@ impl SensorHealth {
         self.is_lost
     }
 
-    /// Whether a stored one can have been written with this patience.
+    /// Whether a stored state is possible with this patience.
     pub fn fits(self, patience: Patience) -> bool {
         self.against < if self.is_lost { patience.until_back } else { patience.until_lost }
     }

@@ -1,4 +1,4 @@
-//! What the trees and the committee of one window length say about a window.
+//! The classifier of one window length: bands, trees and committee judge a window.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -14,7 +14,7 @@ use crate::hierarchy::{Diagnosis, Scratch};
 use crate::panel::{SensorBand, agree};
 use crate::residual::Window;
 
-/// One window length at work: what it needs to judge a window, and what it said of the last one.
+/// Memory to judge windows of one length, and the judgement of the last one.
 #[derive(Debug, Clone)]
 pub(super) struct WindowClassifier {
     hypotheses: Hypotheses,
@@ -28,7 +28,7 @@ pub(super) struct WindowClassifier {
     in_band_share: f64,
 }
 
-/// What is remembered of the last window.
+/// The stored result of the last window.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Memory {
@@ -37,7 +37,7 @@ pub(super) struct Memory {
     last: Option<Judgement>,
 }
 
-/// What was said of a window.
+/// The judgement of a window.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Judgement {
@@ -51,7 +51,7 @@ pub(super) struct Judgement {
     pub likeliest: usize,
     /// Detail of the likeliest hypothesis, as the committee sees it, with its probability.
     pub detail: Option<(u32, f64)>,
-    /// Whether it is like nothing that was trained on.
+    /// Whether the window is unlike all training data.
     pub is_novel: bool,
 }
 
