@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const FAULTS: &str = "Faults: ";
 /// A longer index is no index any more.
-const MAX_INDEX_LINES: usize = 130;
+const MAX_INDEX_LINES: usize = 150;
 
 fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
