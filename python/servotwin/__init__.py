@@ -6,13 +6,21 @@
 >>> run.units["p_a_1_pa"]
 'Pa'
 
-Numbers are in SI units, and the name of every column ends in its unit. `servotwin.estimators` has the
-classifiers for scikit-learn, `servotwin.distributed` campaigns on Dask.
+A study simulates every fault, trains the diagnosis, judges it, and writes a report:
+
+>>> results = servotwin.Study().run("out")  # doctest: +SKIP
+>>> results.table("noise").to_pandas()  # doctest: +SKIP
+>>> results.trees["noise"]["A"]  # doctest: +SKIP
+>>> results.report()  # doctest: +SKIP
+
+Numbers are in SI units, and the name of every column ends in its unit. `servotwin.estimators` has
+classifiers for scikit-learn, and `servotwin.distributed` runs campaigns on Dask.
 """
 
 from ._servotwin import (
     Diagnoser,
     Outcome,
+    Results,
     Study,
     System,
     Table,
@@ -59,6 +67,7 @@ __all__ = [
     "Outcome",
     "Ran",
     "Report",
+    "Results",
     "RunError",
     "StageError",
     "Study",

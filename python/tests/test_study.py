@@ -72,6 +72,33 @@ def test_the_data_set_has_labels_and_features(folder, study):
         servotwin.data_set(folder, "nois")
 
 
+def test_a_whole_run_gives_the_bytes_of_the_stages_and_its_results(study, folder, tmp_path):
+    told = []
+    results = study.run(tmp_path, progress=lambda *now: told.append(now))
+    assert {what for what, _, _ in told} > {"simulating ideal and noise"}
+    run, staged = contents(tmp_path), contents(folder)
+    data_sets = [name for name in staged if str(name).startswith(("dataset", "panel", "hierarchy"))]
+    assert data_sets and all(run[name] == staged[name] for name in data_sets)
+    assert results.evaluation == json.loads((tmp_path / "evaluation.json").read_text())
+    assert results.flights == json.loads((tmp_path / "flights.json").read_text())
+    assert results.table("noise") == servotwin.data_set(tmp_path, "noise")
+    assert list(results.trees) == ["ideal", "noise", "realistic"]
+    written = servotwin.trees(tmp_path / "hierarchy-noise.json")
+    assert results.trees["noise"]["A"].nodes == written["A"].nodes
+    assert results.diagnoser("noise").to_json() == servotwin.Diagnoser(tmp_path / "diagnoser-noise.json").to_json()
+    assert results.report().path == tmp_path / "report.html"
+    assert "<iframe" in results.report()._repr_html_()
+    again = pickle.loads(pickle.dumps(servotwin.Results(tmp_path)))
+    assert (again.folder, repr(again)) == (tmp_path, repr(results))
+    with pytest.raises(servotwin.InputError, match="no scenario 'nois'"):
+        results.table("nois")
+
+
+def test_a_folder_without_results_is_refused(study, tmp_path):
+    with pytest.raises(servotwin.StageError):
+        servotwin.Results(tmp_path)
+
+
 def test_stages_run_again_give_the_same_bytes(folder, study, tmp_path):
     before = contents(folder)
     assert {"evaluation.json", "report.html", "manifest.json"} <= set(before)
