@@ -19,6 +19,7 @@ classifiers for scikit-learn, and `servotwin.distributed` runs campaigns on Dask
 
 from ._servotwin import (
     Diagnoser,
+    Fitted,
     Outcome,
     Results,
     Study,
@@ -27,8 +28,10 @@ from ._servotwin import (
     Tree,
     Twin,
     __version__,
+    fit_record,
     simulate,
     simulate_many,
+    watch,
 )
 from .errors import (
     Error,
@@ -60,6 +63,7 @@ __all__ = [
     "Diagnoser",
     "Error",
     "FileError",
+    "Fitted",
     "InputError",
     "MissingFileError",
     "Mistake",
@@ -82,6 +86,7 @@ __all__ = [
     "evaluate",
     "feature_columns",
     "features",
+    "fit_record",
     "flights",
     "merge",
     "report",
@@ -89,4 +94,5 @@ __all__ = [
     "simulate_many",
     "train",
     "trees",
+    "watch",
 ]

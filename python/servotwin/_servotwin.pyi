@@ -12,6 +12,7 @@ from .types import Between, Method, Path, Progress, Signal, Variant
 __all__ = [
     "Desk",
     "Diagnoser",
+    "Fitted",
     "Model",
     "Outcome",
     "Results",
@@ -26,6 +27,7 @@ __all__ = [
     "evaluation_pieces",
     "feature_columns",
     "fit",
+    "fit_record",
     "flight_pieces",
     "fly_all",
     "fly_foreign",
@@ -46,6 +48,7 @@ __all__ = [
     "study_of",
     "tasks",
     "train_folder",
+    "watch",
     "write_report",
 ]
 
@@ -276,6 +279,25 @@ class Diagnoser:
     def switched_off(self, actuator: str) -> None: ...
     def release(self, actuator: str) -> None: ...
     def restart(self) -> None: ...
+
+def watch(study: Study, diagnoser: Diagnoser, log: Table) -> Table: ...
+
+@final
+class Fitted:
+    """A fit of the twin to a record."""
+
+    @property
+    def is_update(self) -> bool: ...
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def findings(self) -> list[str]: ...
+    @property
+    def system_text(self) -> Optional[str]: ...
+    @property
+    def parameters(self) -> Table: ...
+
+def fit_record(study: Study, log: Table, *, threads: Optional[int] = None) -> Fitted: ...
 
 @final
 class Tree:

@@ -239,7 +239,7 @@ class CommitteeClassifier(_Classifier):
         The number of groups of values, 2 to 256, between which thresholds lie.
     random_state : int, RandomState or None
         The seed that draws the features of each tree; None draws another one in each fit.
-    trees, feature_share, seed
+    trees, feature_share, seed : optional
         Deprecated names of `n_estimators`, `max_features` and `random_state`.
 
     Attributes

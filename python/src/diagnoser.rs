@@ -77,6 +77,11 @@ impl Diagnoser {
         Ok(Diagnoser { session: Session::new(Arc::new(diagnoser))? })
     }
 
+    /// A copy of what was trained.
+    pub fn trained(&self) -> diagnoser::Diagnoser {
+        (**self.session.diagnoser()).clone()
+    }
+
     fn outcome(&self) -> Outcome {
         let (diagnoser, said) = (self.session.diagnoser(), self.session.outcome());
         let names = diagnoser.names();

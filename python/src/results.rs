@@ -7,8 +7,8 @@ use crate::model::{Tree, stage_trees};
 use crate::study::{Study, scenario};
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::job::{JobError, StudyEvent, StudyResults, StudyRun};
 use servotwin::campaign::Campaign;
+use servotwin::job::{JobError, StudyEvent, StudyResults, StudyRun};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

@@ -124,6 +124,7 @@ impl Table {
         self.inner.row_count()
     }
 
+    /// The names of the columns, as a mapping has them.
     fn keys(&self) -> Vec<&str> {
         self.columns()
     }
