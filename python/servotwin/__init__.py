@@ -6,21 +6,32 @@
 >>> run.units["p_a_1_pa"]
 'Pa'
 
-Numbers are in SI units, and the name of every column ends in its unit. `servotwin.estimators` has the
-classifiers for scikit-learn, `servotwin.distributed` campaigns on Dask.
+A study simulates every fault, trains the diagnosis, judges it, and writes a report:
+
+>>> results = servotwin.Study().run("out")  # doctest: +SKIP
+>>> results.table("noise").to_pandas()  # doctest: +SKIP
+>>> results.trees["noise"]["A"]  # doctest: +SKIP
+>>> results.report()  # doctest: +SKIP
+
+Numbers are in SI units, and the name of every column ends in its unit. `servotwin.estimators` has
+classifiers for scikit-learn, and `servotwin.distributed` runs campaigns on Dask.
 """
 
 from ._servotwin import (
     Diagnoser,
+    Fitted,
     Outcome,
+    Results,
     Study,
     System,
     Table,
     Tree,
     Twin,
     __version__,
+    fit_record,
     simulate,
     simulate_many,
+    watch,
 )
 from .errors import (
     Error,
@@ -52,6 +63,7 @@ __all__ = [
     "Diagnoser",
     "Error",
     "FileError",
+    "Fitted",
     "InputError",
     "MissingFileError",
     "Mistake",
@@ -59,6 +71,7 @@ __all__ = [
     "Outcome",
     "Ran",
     "Report",
+    "Results",
     "RunError",
     "StageError",
     "Study",
@@ -73,6 +86,7 @@ __all__ = [
     "evaluate",
     "feature_columns",
     "features",
+    "fit_record",
     "flights",
     "merge",
     "report",
@@ -80,4 +94,5 @@ __all__ = [
     "simulate_many",
     "train",
     "trees",
+    "watch",
 ]

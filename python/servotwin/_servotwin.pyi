@@ -1,3 +1,4 @@
+import pathlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Optional, Union, final
 
@@ -5,13 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import Mistake
+from .study import Report
 from .types import Between, Method, Path, Progress, Signal, Variant
 
 __all__ = [
     "Desk",
     "Diagnoser",
+    "Fitted",
     "Model",
     "Outcome",
+    "Results",
     "Study",
     "System",
     "Table",
@@ -23,6 +27,7 @@ __all__ = [
     "evaluation_pieces",
     "feature_columns",
     "fit",
+    "fit_record",
     "flight_pieces",
     "fly_all",
     "fly_foreign",
@@ -36,12 +41,14 @@ __all__ = [
     "read_trees",
     "run_calibration",
     "run_campaign",
+    "run_study",
     "run_task",
     "simulate",
     "simulate_many",
     "study_of",
     "tasks",
     "train_folder",
+    "watch",
     "write_report",
 ]
 
@@ -83,7 +90,7 @@ class Table:
 
 @final
 class System:
-    """A system that can be simulated; without a file the aileron with two actuators."""
+    """A system of components that can be simulated."""
 
     def __new__(cls, path: Optional[Path] = None) -> System: ...
     @staticmethod
@@ -113,7 +120,7 @@ class System:
 
 @final
 class Twin:
-    """One system, stepped from sample to sample by its user."""
+    """A virtual twin that is stepped beside an actuator, one sample at a time."""
 
     def __new__(
         cls,
@@ -180,7 +187,7 @@ def simulate_many(
 
 @final
 class Study:
-    """A study that can be run; without a file the paper's of the aileron."""
+    """A study: faults, intensities and operating cases."""
 
     def __new__(cls, path: Optional[Path] = None) -> Study: ...
     @staticmethod
@@ -197,10 +204,36 @@ class Study:
     def cases(self) -> list[str]: ...
     @property
     def faults(self) -> Table: ...
+    def run(
+        self,
+        out: Path,
+        *,
+        fitted: bool = False,
+        replace: bool = False,
+        threads: Optional[int] = None,
+        progress: Union[bool, Progress, None] = None,
+    ) -> Results: ...
+
+@final
+class Results:
+    """The results of a study, in its output folder."""
+
+    def __new__(cls, out: Path) -> Results: ...
+    @property
+    def folder(self) -> pathlib.Path: ...
+    @property
+    def evaluation(self) -> dict[str, Any]: ...
+    @property
+    def flights(self) -> Optional[dict[str, Any]]: ...
+    @property
+    def trees(self) -> dict[str, dict[str, Tree]]: ...
+    def table(self, name: str = "noise") -> Table: ...
+    def diagnoser(self, name: str = "realistic") -> Diagnoser: ...
+    def report(self) -> Report: ...
 
 @final
 class Outcome:
-    """What is said after a sample."""
+    """The diagnosis after a sample."""
 
     @property
     def sample(self) -> int: ...
@@ -221,7 +254,7 @@ class Outcome:
 
 @final
 class Diagnoser:
-    """A diagnosis with its memory; what is pickled is the diagnosis before its first sample."""
+    """A diagnosis that watches an actuator, sample by sample."""
 
     def __new__(cls, path: Path) -> Diagnoser: ...
     @staticmethod
@@ -246,6 +279,25 @@ class Diagnoser:
     def switched_off(self, actuator: str) -> None: ...
     def release(self, actuator: str) -> None: ...
     def restart(self) -> None: ...
+
+def watch(study: Study, diagnoser: Diagnoser, log: Table) -> Table: ...
+
+@final
+class Fitted:
+    """A fit of the twin to a record."""
+
+    @property
+    def is_update(self) -> bool: ...
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def findings(self) -> list[str]: ...
+    @property
+    def system_text(self) -> Optional[str]: ...
+    @property
+    def parameters(self) -> Table: ...
+
+def fit_record(study: Study, log: Table, *, threads: Optional[int] = None) -> Fitted: ...
 
 @final
 class Tree:
@@ -288,6 +340,14 @@ def fit(
     weights: Optional[npt.ArrayLike] = None,
 ) -> Model: ...
 def read_trees(path: Path) -> list[tuple[str, Tree]]: ...
+def run_study(
+    study: Study,
+    out: Path,
+    fitted: bool = False,
+    replace: bool = False,
+    threads: Optional[int] = None,
+    progress: Optional[Progress] = None,
+) -> Results: ...
 def run_campaign(
     study: Study,
     out: Path,

@@ -1,8 +1,8 @@
 """Campaigns, evaluations and flights on Dask, on any storage that fsspec knows.
 
-A piece's files depend on nothing but the study, so whoever computes them, and however often, the bytes are
-those of one machine. A worker that is lost loses the pieces that it was working on, and others do them; what
-is in the storage already is taken over. Needs `distributed` and `fsspec`.
+The files of a piece depend only on the study, so the bytes are those of one machine. If a worker is lost,
+others compute its pieces. Pieces that are already in the storage are not computed again. This module needs
+`distributed` and `fsspec`.
 """
 
 from __future__ import annotations
@@ -41,11 +41,30 @@ def campaign(
     storage_options: Optional[dict[str, Any]] = None,
     progress: Union[bool, Progress] = True,
 ) -> list[Ran]:
-    """Simulate every fault in every case on the workers of `client`, into the folder `out`.
+    """Simulate every fault in every operating case on the workers of a client.
 
-    `out` is a folder or an address that fsspec knows, such as "s3://bucket/study", and every worker
-    must reach it. `threads` is for each piece, 1 without it, as a worker has as many pieces at a time
-    as it has threads. A campaign that was interrupted, scheduler and all, goes on when it is called again.
+    An interrupted campaign resumes where it stopped, also with another scheduler.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    client : distributed.Client
+        The client.
+    out : str
+        A folder, or an address that fsspec knows, such as "s3://bucket/study"; every worker must reach it.
+    settings : list of str, optional
+        The scenarios; "ideal", "noise" and "realistic" by default.
+    threads : int, optional
+        The threads of each piece; 1 by default, because a worker computes one piece on each of its threads.
+    storage_options : dict, optional
+        Options for fsspec.
+    progress : bool or callable
+        As in `servotwin.campaign`.
+
+    Returns
+    -------
+    list of Ran
     """
     options = storage_options or {}
     tasks = _native.tasks(study, settings)
@@ -69,10 +88,28 @@ def evaluate(
     storage_options: Optional[dict[str, Any]] = None,
     progress: Union[bool, Progress] = True,
 ) -> dict[str, Any]:
-    """Judge what was trained in the folder `out`, each protocol of each setting on a worker of `client`.
+    """Judge a trained folder, each protocol of each scenario on a worker of a client.
 
-    Gives what `evaluation.json` holds. Workers read the data sets, the shards and what was trained where
-    `servotwin.campaign` and `servotwin.train` have left it; from a storage each makes a copy.
+    Workers read data sets, shards and trained files where `servotwin.campaign` and `servotwin.train` have left
+    them; each worker copies them from a storage.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        The client.
+    out : str
+        The folder or address of a trained campaign.
+    threads : int, optional
+        The threads of each piece; 1 by default.
+    storage_options : dict, optional
+        Options for fsspec.
+    progress : bool or callable
+        As in `servotwin.evaluate`.
+
+    Returns
+    -------
+    dict
+        The content of `evaluation.json`.
     """
     options = storage_options or {}
     store = _Store(out, options)
@@ -113,9 +150,29 @@ def flights(
     storage_options: Optional[dict[str, Any]] = None,
     progress: Union[bool, Progress] = True,
 ) -> dict[str, Any]:
-    """Learn and judge in flights, those of each environment on a worker of `client`.
+    """Train and judge in flights, those of each environment on a worker of a client.
 
-    Gives what `flights.json` holds. Trees are trained where the call is made, with `threads`.
+    Parameters
+    ----------
+    study : Study
+        The study.
+    client : distributed.Client
+        The client.
+    out : str
+        The output folder or address.
+    full : bool
+        Whether to fly the full sizes of the study.
+    threads : int, optional
+        The threads of each piece; 1 by default.
+    storage_options : dict, optional
+        Options for fsspec.
+    progress : bool or callable
+        As in `servotwin.flights`.
+
+    Returns
+    -------
+    dict
+        The content of `flights.json`.
     """
     options = storage_options or {}
     store = _Store(out, options)

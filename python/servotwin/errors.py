@@ -1,4 +1,4 @@
-"""What can go wrong: every exception keeps the place and the allowed range, where there are any."""
+"""Exceptions of servotwin. Each keeps the place in the file and the allowed range, where there are any."""
 
 from __future__ import annotations
 
@@ -6,7 +6,25 @@ from typing import Any, NamedTuple, Optional
 
 
 class Mistake(NamedTuple):
-    """A mistake at its place in a file; lines and columns count from 1."""
+    """A mistake at its place in a file.
+
+    Attributes
+    ----------
+    file : str
+        The file.
+    line, column : int
+        The place, from 1.
+    width : int
+        The number of characters that are wrong.
+    message : str
+        The mistake.
+    help : str, optional
+        The remedy.
+    range : tuple of float, optional
+        The least and the largest number allowed, in SI.
+    allowed : str, optional
+        The allowed values, in words.
+    """
 
     file: str
     line: int
@@ -19,18 +37,25 @@ class Mistake(NamedTuple):
 
 
 class Error(Exception):
-    """Anything that servotwin refuses."""
+    """The base of all errors of servotwin.
+
+    Attributes
+    ----------
+    file : str, optional
+        The file that is wrong.
+    line, column : int, optional
+        The place in it, from 1.
+    range : tuple of float, optional
+        The least and the largest number allowed, in SI.
+    allowed : str, optional
+        The allowed values, in words.
+    """
 
     file: Optional[str] = None
-    """The file that is wrong."""
     line: Optional[int] = None
-    """The line in it, from 1."""
     column: Optional[int] = None
-    """The column in the line, from 1."""
     range: Optional[tuple[float, float]] = None
-    """The least and the largest number allowed, in SI."""
     allowed: Optional[str] = None
-    """What is allowed, in words."""
 
     def __init__(self, message: str, **details: Any) -> None:
         super().__init__(message)
@@ -41,18 +66,33 @@ class Error(Exception):
 
 
 class MistakesError(Error, ValueError):
-    """A file has mistakes."""
+    """A file has mistakes.
+
+    Attributes
+    ----------
+    mistakes : list of Mistake
+        All mistakes, if the file was read to its end.
+    """
 
     mistakes: list[Mistake] = []
-    """All of them, where the file was read to its end."""
 
 
 class InputError(Error, ValueError):
-    """A value is not as it must be."""
+    """A value is not allowed."""
 
 
 class UnknownNameError(Error, ValueError):
-    """A name that the system does not have."""
+    """The system has no such name.
+
+    Attributes
+    ----------
+    given : str
+        The name.
+    nearest : str, optional
+        A known name that is spelled alike.
+    known : list of str
+        All known names.
+    """
 
     given: str = ""
     nearest: Optional[str] = None
@@ -68,14 +108,22 @@ class MissingFileError(FileError, FileNotFoundError):
 
 
 class RunError(Error, RuntimeError):
-    """The solver could not go on."""
+    """The solver cannot continue.
+
+    Attributes
+    ----------
+    time_s : float, optional
+        The simulated time at which it stopped, s.
+    state : str, optional
+        The state that it could not integrate.
+    """
 
     time_s: Optional[float] = None
     state: Optional[str] = None
 
 
 class StageError(Error, RuntimeError):
-    """A stage of a study cannot be done: what it needs is missing or does not fit."""
+    """A stage of a study cannot run: an input is missing or does not fit."""
 
 
 def _remade(kind: type[Error], message: str, details: dict[str, Any]) -> Error:

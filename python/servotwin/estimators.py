@@ -1,16 +1,18 @@
-"""Classifiers with scikit-learn's interface: the toolkit's CART, its committee, and hierarchies.
+"""Classifiers with scikit-learn's interface: CART, committee and hierarchies.
 
-They stand in a `Pipeline`, in `cross_validate` and in `GridSearchCV`, and pass `check_estimator`.
-Needs scikit-learn.
+They work in a `Pipeline`, in `cross_validate` and in `GridSearchCV`, and pass `check_estimator`.
+This module needs scikit-learn.
 """
 
 from __future__ import annotations
 
 import json
+import warnings
 from typing import Any, Optional
 
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin, clone  # type: ignore[import-untyped, unused-ignore]
+from sklearn.utils import check_random_state  # type: ignore[import-untyped, unused-ignore]
 from sklearn.utils.multiclass import check_classification_targets  # type: ignore[import-untyped, unused-ignore]
 from sklearn.utils.validation import check_is_fitted, validate_data  # type: ignore[import-untyped, unused-ignore]
 
@@ -20,7 +22,7 @@ __all__ = ["CartClassifier", "CommitteeClassifier", "HierarchyClassifier"]
 
 
 def _weights(sample_weight: Any, X: Any) -> Any:
-    """A weight that is not negative for every row; None for none."""
+    """A weight for every row, not negative; None for none."""
     if sample_weight is None:
         return None
     # Not public, but what scikit-learn's own estimators call.
@@ -30,7 +32,7 @@ def _weights(sample_weight: Any, X: Any) -> Any:
 
 
 class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """What the compiled classifiers share."""
+    """The base of the compiled classifiers."""
 
     _allows_missing = False
 
@@ -41,7 +43,21 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         return "allow-nan" if self._allows_missing else True
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Any:
-        """Learn from rows of features, their classes, and the rows' weights."""
+        """Learn from rows of features and their classes.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            The features.
+        y : array_like of shape (n_samples,)
+            The classes.
+        sample_weight : array_like of shape (n_samples,), optional
+            The weights of the rows.
+
+        Returns
+        -------
+        self
+        """
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_all_finite=self._finite())
         check_classification_targets(y)
         self.classes_, labels = np.unique(y, return_inverse=True)
@@ -67,12 +83,33 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         )
 
     def predict_proba(self, X: Any) -> Any:
-        """A share for every class, in the order of `classes_`."""
+        """Return the probability of every class.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            The features.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_classes)
+            In the order of `classes_`.
+        """
         rows = self._rows(X)
         return self.model_.scores(rows)
 
     def predict(self, X: Any) -> Any:
-        """The class of every row."""
+        """Return the class of every row.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            The features.
+
+        Returns
+        -------
+        ndarray of shape (n_samples,)
+        """
         rows = self._rows(X)
         return self.classes_[self.model_.predict(rows)]
 
@@ -85,18 +122,40 @@ class _Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 class CartClassifier(_Classifier):
     """A decision tree that asks for no difference finer than a feature is known.
 
+    Values may be missing (NaN).
+
     Parameters
     ----------
-    criterion: "gini" or "entropy".
-    max_depth: the most questions above a leaf; None for no limit.
-    resolutions: for features by name (x0, x1, … where rows have no names) the least difference of
-        two values that a question may tell apart, or a pair of this and of the least distance of a
-        threshold from zero.
-    max_bins: thresholds between so many groups of values, 2 to 256, which takes a fraction of the
-        time; None for all.
-    costs: what each decision costs, a row for each true class.
+    criterion : {"gini", "entropy"}
+        The impurity that a question decreases.
+    max_depth : int, optional
+        The largest number of questions above a leaf; no limit by default.
+    min_samples_split : int
+        The least number of rows of a node that is split.
+    min_samples_leaf : int
+        The least number of rows of a leaf.
+    min_impurity_decrease : float
+        The least decrease of impurity of a split.
+    max_bins : int, optional
+        The number of groups of values, 2 to 256, between which thresholds lie. Fewer are faster; all
+        values by default.
+    ccp_alpha : float
+        The cost of a leaf in pruning.
+    resolutions : dict, optional
+        For a feature by name (x0, x1, … where rows have no names) the least difference of two values
+        that a question may separate, or a pair of this and of the least distance of a threshold from
+        zero.
+    costs : array_like, optional
+        The cost of each decision, one row for each true class.
 
-    The others are those of scikit-learn's trees. Values may be missing (NaN).
+    Attributes
+    ----------
+    classes_ : ndarray
+        The classes.
+    tree_ : Tree
+        The tree as data, which a notebook draws.
+    feature_importances_ : ndarray
+        The share of each feature in the decrease of impurity.
     """
 
     _allows_missing = True
@@ -151,7 +210,7 @@ class CartClassifier(_Classifier):
 
     @property
     def feature_importances_(self) -> Any:
-        """What each feature has contributed to the decrease of impurity."""
+        """The share of each feature in the decrease of impurity."""
         return self.tree_.importances
 
     def _repr_svg_(self) -> Optional[str]:
@@ -159,44 +218,101 @@ class CartClassifier(_Classifier):
         return svg
 
 
+_DEPRECATED = "deprecated"
+"""The value of a parameter under its old name that nobody has given."""
+
+
 class CommitteeClassifier(_Classifier):
-    """Gradient-boosted shallow trees: at most 64 of depth 6, so that they can still be looked at."""
+    """Gradient-boosted shallow trees, few enough to be inspected.
+
+    Parameters
+    ----------
+    n_estimators : int
+        The number of rounds of boosting, at most 64.
+    max_depth : int
+        The largest number of questions above a leaf, at most 6.
+    learning_rate : float
+        The share of each tree's answer that is added.
+    max_features : float
+        The share of the features that each tree may use.
+    max_bins : int
+        The number of groups of values, 2 to 256, between which thresholds lie.
+    random_state : int, RandomState or None
+        The seed that draws the features of each tree; None draws another one in each fit.
+    trees, feature_share, seed : optional
+        Deprecated names of `n_estimators`, `max_features` and `random_state`.
+
+    Attributes
+    ----------
+    classes_ : ndarray
+        The classes.
+    """
 
     def __init__(
         self,
         *,
-        trees: int = 60,
+        n_estimators: int = 60,
         max_depth: int = 4,
         learning_rate: float = 0.15,
-        feature_share: float = 0.3,
+        max_features: float = 0.3,
         max_bins: int = 64,
-        seed: int = 0,
+        random_state: Any = 0,
+        trees: Any = _DEPRECATED,
+        feature_share: Any = _DEPRECATED,
+        seed: Any = _DEPRECATED,
     ) -> None:
-        self.trees = trees
+        self.n_estimators = n_estimators
         self.max_depth = max_depth
         self.learning_rate = learning_rate
-        self.feature_share = feature_share
+        self.max_features = max_features
         self.max_bins = max_bins
+        self.random_state = random_state
+        self.trees = trees
+        self.feature_share = feature_share
         self.seed = seed
 
+    def _given(self, name: str, old: str) -> Any:
+        """The value of a parameter, which may have its old name."""
+        value = getattr(self, old)
+        if isinstance(value, str) and value == _DEPRECATED:
+            return getattr(self, name)
+        warnings.warn(f"'{old}' is deprecated, use '{name}'", DeprecationWarning, stacklevel=4)
+        return value
+
     def _settings(self) -> dict[str, Any]:
+        seed = self._given("random_state", "seed")
+        if not isinstance(seed, (int, np.integer)):
+            seed = check_random_state(seed).randint(np.iinfo(np.int32).max)
         return {
             "kind": "boosted_trees",
-            "trees": self.trees,
+            "trees": self._given("n_estimators", "trees"),
             "max_depth": self.max_depth,
             "learning_rate": self.learning_rate,
-            "feature_share": self.feature_share,
+            "feature_share": self._given("max_features", "feature_share"),
             "max_bins": self.max_bins,
-            "seed": self.seed,
+            "seed": int(seed),
         }
 
 
 class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """A classifier for every question of a hierarchy, such as actuator / command / detail.
+    """A classifier for every question of a hierarchy, such as actuator / action / component.
 
-    Classes are texts whose parts are separated by `separator`; classes that are no texts are
-    one question. The probability of a class is the product along its way, and what is predicted is
-    the likeliest answer to every question, one after the other.
+    The parts of a class are separated by `separator`; classes that are no texts are one question. The
+    probability of a class is the product along its path.
+
+    Parameters
+    ----------
+    estimator : estimator, optional
+        The classifier of each question; a `CartClassifier` of depth 7 by default.
+    separator : str
+        The text between the parts of a class.
+
+    Attributes
+    ----------
+    classes_ : ndarray
+        The classes.
+    stages_ : dict
+        The answers and the trained classifier of each question, by the answers above it.
     """
 
     def __init__(self, estimator: Any = None, *, separator: str = "/") -> None:
@@ -207,7 +323,21 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         return tuple(label.split(self.separator)) if isinstance(label, str) else (label,)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Any:
-        """Learn every question from the rows that it is asked about."""
+        """Learn every question from the rows that it concerns.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            The features.
+        y : array_like of shape (n_samples,)
+            The classes.
+        sample_weight : array_like of shape (n_samples,), optional
+            The weights of the rows.
+
+        Returns
+        -------
+        self
+        """
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_all_finite="allow-nan")
         check_classification_targets(y)
         self.classes_, labels = np.unique(y, return_inverse=True)
@@ -230,7 +360,18 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def predict_proba(self, X: Any) -> Any:
-        """A share for every class, in the order of `classes_`."""
+        """Return the probability of every class.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            The features.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_classes)
+            In the order of `classes_`.
+        """
         check_is_fitted(self, "stages_")
         X = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite="allow-nan")
         return self._shares(X)
@@ -249,7 +390,17 @@ class HierarchyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         return np.column_stack([known[path] for path in self._paths])
 
     def predict(self, X: Any) -> Any:
-        """The likeliest answer to every question, one after the other."""
+        """Return the class of every row: the likeliest answer to one question after the other.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            The features.
+
+        Returns
+        -------
+        ndarray of shape (n_samples,)
+        """
         check_is_fitted(self, "stages_")
         X = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite="allow-nan")
         said = np.zeros(len(X), dtype=int)

@@ -1,8 +1,8 @@
-"""The stages of the main job over folders: campaign, features, train, evaluate, flights, report.
+"""The stages of a study over folders: campaign, features, train, evaluate, flights, report.
 
-Each reads what the one before has left in the folder, as the commands of the same names do, and writes
-the same bytes. `progress` is True for a bar of tqdm (where it is installed), False for none, or a function
-of what is being done, how much is done and how much there is.
+`Study.run` runs them all. Each stage reads what the earlier ones left in the folder, as the command of the
+same name does, and writes the same bytes. `progress` is True for a bar of tqdm (where it is installed), False
+for none, or a function of the task, the amount done and the whole amount.
 """
 
 from __future__ import annotations
@@ -19,24 +19,56 @@ from .types import Path, Progress
 
 
 class Ran(NamedTuple):
-    """What a campaign has done in some settings."""
+    """The outcome of a campaign in some scenarios.
+
+    Attributes
+    ----------
+    settings : list of str
+        The scenarios.
+    training : bool
+        Whether these are the training commands.
+    variants : int
+        The number of variants.
+    resumed : int
+        The number of variants that an earlier run had simulated.
+    failed : list of (str, int, str)
+        Scenario, variant and reason of each variant that could not be simulated to its end.
+    """
 
     settings: list[str]
     training: bool
     variants: int
     resumed: int
     failed: list[tuple[str, int, str]]
-    """Variants that could not be finished: setting, variant, reason."""
 
 
 class Report(NamedTuple):
-    """A report's file; a notebook shows it."""
+    """A report, which a notebook shows.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        The HTML file.
+    """
 
     path: _Path
 
     def _repr_html_(self) -> str:
         page = html.escape(self.path.read_text(encoding="utf-8"), quote=True)
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 40em; border: 0"></iframe>'
+
+
+def _run(
+    study: _native.Study,
+    out: Path,
+    fitted: bool,
+    replace: bool,
+    threads: Optional[int],
+    progress: Union[bool, Progress, None],
+) -> _native.Results:
+    """`Study.run` with its progress."""
+    with told(True if progress is None else progress) as show:
+        return _native.run_study(study, os.fspath(out), fitted, replace, threads, show)
 
 
 def campaign(
@@ -48,10 +80,28 @@ def campaign(
     part: Optional[str] = None,
     progress: Union[bool, Progress] = True,
 ) -> list[Ran]:
-    """Simulate every fault in every case into the data sets of a folder.
+    """Simulate every fault in every operating case into the data sets of a folder.
 
-    A campaign that was interrupted goes on where it was. With `part`, such as "3/100", only that
-    part is simulated, and `merge` makes the data sets when all parts have ended.
+    An interrupted campaign resumes where it stopped.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    out : path
+        The output folder.
+    settings : list of str, optional
+        The scenarios; "ideal", "noise" and "realistic" by default.
+    threads : int, optional
+        The number of threads; all processors by default.
+    part : str, optional
+        A part such as "3/100". When all parts have ended, `merge` makes the data sets.
+    progress : bool or callable
+        See the module.
+
+    Returns
+    -------
+    list of Ran
     """
     with told(progress) as show:
         done = _native.run_campaign(study, os.fspath(out), settings, threads, part, show)
@@ -64,13 +114,40 @@ def merge(
     settings: Optional[list[str]] = None,
     progress: Union[bool, Progress] = True,
 ) -> list[Ran]:
-    """Join the parts of a campaign to data sets: the bytes of a campaign in one go."""
+    """Join the parts of a campaign to data sets, with the bytes of a whole campaign.
+
+    Parameters
+    ----------
+    out : path
+        The folder of all parts.
+    settings : list of str, optional
+        The scenarios; "ideal", "noise" and "realistic" by default.
+    progress : bool or callable
+        See the module.
+
+    Returns
+    -------
+    list of Ran
+    """
     with told(progress) as show:
         return [Ran(*one) for one in _native.merge_shards(os.fspath(out), settings, show)]
 
 
 def features(out: Path, *, progress: Union[bool, Progress] = True) -> list[_Path]:
-    """Compute the features of a folder anew, without simulating; gives the files."""
+    """Compute the features of a folder again, without simulating.
+
+    Parameters
+    ----------
+    out : path
+        The folder of a campaign.
+    progress : bool or callable
+        See the module.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The data sets.
+    """
     with told(progress) as show:
         return [_Path(file) for file in _native.make_features(os.fspath(out), show)]
 
@@ -78,7 +155,22 @@ def features(out: Path, *, progress: Union[bool, Progress] = True) -> list[_Path
 def train(
     out: Path, *, threads: Optional[int] = None, progress: Union[bool, Progress] = True
 ) -> dict[str, _Path]:
-    """Train trees and committee for every data set of a folder; gives their files."""
+    """Train trees and committee for every data set of a folder.
+
+    Parameters
+    ----------
+    out : path
+        The folder of a campaign.
+    threads : int, optional
+        The number of threads; all processors by default.
+    progress : bool or callable
+        See the module.
+
+    Returns
+    -------
+    dict of pathlib.Path
+        The file of each scenario.
+    """
     with told(progress) as show:
         trained = _native.train_folder(os.fspath(out), threads, show)
     return {subject: _Path(file) for subject, file in trained}
@@ -87,7 +179,22 @@ def train(
 def evaluate(
     out: Path, *, threads: Optional[int] = None, progress: Union[bool, Progress] = True
 ) -> dict[str, Any]:
-    """Judge what was trained under every protocol; gives what `evaluation.json` holds."""
+    """Judge the trained diagnosis under every protocol.
+
+    Parameters
+    ----------
+    out : path
+        The folder of a trained campaign.
+    threads : int, optional
+        The number of threads; all processors by default.
+    progress : bool or callable
+        See the module.
+
+    Returns
+    -------
+    dict
+        The content of `evaluation.json`.
+    """
     with told(progress) as show:
         text = _native.evaluate_folder(os.fspath(out), threads, show)
     results: dict[str, Any] = json.loads(text)
@@ -102,9 +209,25 @@ def flights(
     threads: Optional[int] = None,
     progress: Union[bool, Progress] = True,
 ) -> dict[str, Any]:
-    """Learn and judge in flights in which faults begin; gives what `flights.json` holds.
+    """Train a diagnoser for each scenario in flights, and judge it in other flights.
 
-    Writes a `diagnoser-….json` for every setting. `full` are the full sizes of the study.
+    Parameters
+    ----------
+    study : Study
+        The study.
+    out : path
+        The output folder; it receives a `diagnoser-SCENARIO.json` for each scenario.
+    full : bool
+        Whether to fly the full sizes of the study.
+    threads : int, optional
+        The number of threads; all processors by default.
+    progress : bool or callable
+        See the module.
+
+    Returns
+    -------
+    dict
+        The content of `flights.json`.
     """
     with told(progress) as show:
         text = _native.fly_all(study, os.fspath(out), full, threads, show)
@@ -113,24 +236,69 @@ def flights(
 
 
 def report(out: Path) -> Report:
-    """Write the report of a folder that was evaluated."""
+    """Write the report of an evaluated folder.
+
+    Parameters
+    ----------
+    out : path
+        The folder.
+
+    Returns
+    -------
+    Report
+    """
     return Report(_Path(_native.write_report(os.fspath(out))))
 
 
 def data_set(out: Path, setting: str = "noise", *, training: bool = False) -> _native.Table:
-    """The data set of a setting: labels and features, a row for each variant."""
+    """Read the data set of a scenario: labels and features, one row for each variant.
+
+    Parameters
+    ----------
+    out : path
+        The folder of a campaign.
+    setting : str
+        The scenario: "ideal", "noise", "fitted" or "realistic".
+    training : bool
+        Whether to read the variants under the training commands.
+
+    Returns
+    -------
+    Table
+    """
     return _native.data_set(os.fspath(out), setting, training)
 
 
 def feature_columns(table: Any) -> list[str]:
-    """The columns of a data set that a classifier may learn from: its features in all views.
+    """Return the columns of a data set that a classifier may learn from.
 
-    `table` is a `Table`, a data frame, or anything else with `columns`. Labels, intensities (`i:FAULT`),
-    `grade`, numbers of variants and what detection found are not among them, because they hold the answer.
+    Labels, intensities (`i:FAULT`), `grade`, numbers of variants and the results of the detection are not
+    among them, because they hold the answer.
+
+    Parameters
+    ----------
+    table : Table or data frame
+        A data set, or anything else with `columns`.
+
+    Returns
+    -------
+    list of str
+        The features in all views.
     """
     return _native.feature_columns([str(name) for name in table.columns])
 
 
 def trees(path: Path) -> dict[str, _native.Tree]:
-    """The trees of a `hierarchy-….json`, by the names of their stages."""
+    """Read the trees of a hierarchy.
+
+    Parameters
+    ----------
+    path : path
+        A `hierarchy-SCENARIO.json`.
+
+    Returns
+    -------
+    dict of Tree
+        The trees by the letters of their stages.
+    """
     return dict(_native.read_trees(os.fspath(path)))

@@ -1,4 +1,4 @@
-"""What arguments may be."""
+"""Types of arguments."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Path = Union[str, "os.PathLike[str]"]
 """A file or folder."""
 
 Signal = Union[str, float, Sequence[float], "npt.NDArray[np.float64]"]
-"""An input: a text as on the command line, a constant in SI, or its value at every sample."""
+"""An input: a text as on the command line, a constant in SI, or its values at every sample."""
 
 Progress = Callable[[str, int, int], Any]
-"""Called with what is being done, how much of it is done, and how much there is."""
+"""Called with the task, the amount done and the whole amount."""
 
 Method = Literal["rodas3", "rodas4p2", "rodas5p", "rk4"]
 """A method of the solver."""
 
 Between = Literal["hold", "line", "cubic"]
-"""How an input goes from sample to sample."""
+"""How an input moves between two samples."""
 
 
 class Variant(TypedDict, total=False):
-    """A run that differs from others: every entry may be left out."""
+    """A variant of a run; every entry is optional."""
 
     inputs: dict[str, Signal]
     faults: dict[str, float]

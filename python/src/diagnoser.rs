@@ -12,24 +12,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// What is said after a sample.
+/// The diagnosis after a sample, which `Diagnoser.push` returns.
 #[pyclass(frozen, module = "servotwin", get_all)]
 pub struct Outcome {
-    /// Number of the sample, from 0.
+    /// The number of the sample, from 0.
     sample: u64,
-    /// What was found, in words: `actuator_1 / shut_down / leak`.
+    /// The finding in words: `actuator_1 / shut_down / leak`.
     finding: String,
     /// The state of the alarm.
     alarm: &'static str,
-    /// The command that is raised: (actuator, command).
+    /// The raised action as (actuator, action), or None.
     raised: Option<(String, String)>,
     /// The probability of the finding.
     confidence: f64,
-    /// The sensor whose residual is largest in parts of its band.
+    /// The sensor with the largest residual relative to its band, or None.
     worst_sensor: Option<String>,
-    /// That size.
+    /// The size of this residual, relative to its band.
     excess: f64,
-    /// The sensors without which is judged, because their values are missing.
+    /// The sensors whose values are missing; the diagnosis does without them.
     lost: Vec<String>,
 }
 
@@ -41,7 +41,20 @@ impl Outcome {
     }
 }
 
-/// A diagnosis with its memory; what is pickled is the diagnosis before its first sample.
+/// A diagnosis that watches an actuator, sample by sample.
+///
+/// A pickled diagnoser is in the state before its first sample.
+///
+/// Parameters
+/// ----------
+/// path : path
+///     A `diagnoser-SCENARIO.json` that `servotwin.flights` or a study has written.
+///
+/// Examples
+/// --------
+/// >>> diagnoser = servotwin.Diagnoser("out/diagnoser-realistic.json")  # doctest: +SKIP
+/// >>> diagnoser.push(inputs, measured, expected).finding  # doctest: +SKIP
+/// 'healthy'
 #[pyclass(module = "servotwin")]
 pub struct Diagnoser {
     session: Session,
@@ -59,8 +72,14 @@ fn word(alarm: Alarm) -> &'static str {
 }
 
 impl Diagnoser {
-    fn fresh(diagnoser: diagnoser::Diagnoser) -> Result<Self, Failure> {
+    /// A diagnoser before its first sample.
+    pub fn fresh(diagnoser: diagnoser::Diagnoser) -> Result<Self, Failure> {
         Ok(Diagnoser { session: Session::new(Arc::new(diagnoser))? })
+    }
+
+    /// A copy of what was trained.
+    pub fn trained(&self) -> diagnoser::Diagnoser {
+        (**self.session.diagnoser()).clone()
     }
 
     fn outcome(&self) -> Outcome {
@@ -96,22 +115,47 @@ impl Diagnoser {
 
 #[pymethods]
 impl Diagnoser {
-    /// Reads a diagnoser that `servotwin flights` has written.
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let diagnoser = py.detach(|| model_file::read_diagnoser(path)).map_err(Failure::from)?;
         Ok(Self::fresh(diagnoser)?)
     }
 
-    /// From the JSON of a diagnoser.
+    /// Read a diagnoser from its JSON.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     The content of a `diagnoser-SCENARIO.json`.
+    ///
+    /// Returns
+    /// -------
+    /// Diagnoser
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
         let diagnoser = serde_json::from_str(text).map_err(Failure::value)?;
         Ok(Self::fresh(diagnoser)?)
     }
 
-    /// Takes one sample: inputs of the system, measured values (NaN: missing), those of the twin. Other lengths are a
-    /// ValueError.
+    /// Judge one sample.
+    ///
+    /// Parameters
+    /// ----------
+    /// inputs : sequence of float
+    ///     The inputs of the system, in the order of `inputs`, SI.
+    /// measured : sequence of float
+    ///     The measured values, in the order of `sensors`, SI. NaN means missing.
+    /// expected : sequence of float
+    ///     The values of the twin, in the order of `sensors`, SI.
+    ///
+    /// Returns
+    /// -------
+    /// Outcome
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If a sequence has another length.
     fn push(
         &mut self,
         inputs: Vec<f64>,
@@ -123,7 +167,17 @@ impl Diagnoser {
         Ok(self.outcome())
     }
 
-    /// Takes the rows of arrays; a table with what is said after each.
+    /// Judge the rows of arrays.
+    ///
+    /// Parameters
+    /// ----------
+    /// inputs, measured, expected : array_like of shape (n_samples, n_columns)
+    ///     As for `push`, one row for each sample.
+    ///
+    /// Returns
+    /// -------
+    /// Table
+    ///     The outcome after each row.
     fn run(
         &mut self,
         py: Python<'_>,
@@ -203,24 +257,38 @@ impl Diagnoser {
         self.outcome()
     }
 
-    /// An actuator is off: its sensors tell nothing any more.
+    /// Report that an actuator is off; its sensors are ignored from now on.
+    ///
+    /// Parameters
+    /// ----------
+    /// actuator : str
+    ///     One of `actuators`.
     fn switched_off(&mut self, actuator: &str) -> PyResult<()> {
         let unit = self.unit(actuator)?;
         Ok(self.session.switched_off(unit).map_err(Failure::from)?)
     }
 
-    /// An actuator is on again, and judged.
+    /// Report that an actuator is on again; it is judged from now on.
+    ///
+    /// Parameters
+    /// ----------
+    /// actuator : str
+    ///     One of `actuators`.
     fn release(&mut self, actuator: &str) -> PyResult<()> {
         let unit = self.unit(actuator)?;
         Ok(self.session.release(unit).map_err(Failure::from)?)
     }
 
-    /// What follows has nothing to do with what was; what is off stays off.
+    /// Forget all samples, as after a gap in the log. Actuators that are off stay off.
     fn restart(&mut self) {
         self.session.restart();
     }
 
-    /// The diagnoser as JSON.
+    /// Return the diagnoser as JSON.
+    ///
+    /// Returns
+    /// -------
+    /// str
     fn to_json(&self) -> String {
         serde_json::to_string(&**self.session.diagnoser()).expect("a diagnoser is JSON")
     }

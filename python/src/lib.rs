@@ -10,6 +10,8 @@ mod errors;
 mod long;
 mod model;
 mod pieces;
+mod record;
+mod results;
 mod simulate;
 mod study;
 mod system;
@@ -28,6 +30,8 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Table>()?;
     module.add_class::<twin::Twin>()?;
     module.add_class::<study::Study>()?;
+    module.add_class::<results::Results>()?;
+    module.add_class::<record::Fitted>()?;
     module.add_class::<diagnoser::Diagnoser>()?;
     module.add_class::<diagnoser::Outcome>()?;
     module.add_class::<model::Model>()?;
@@ -35,6 +39,9 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<pieces::Desk>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)?;
+    module.add_function(wrap_pyfunction!(results::run_study, module)?)?;
+    module.add_function(wrap_pyfunction!(record::watch, module)?)?;
+    module.add_function(wrap_pyfunction!(record::fit_record, module)?)?;
     module.add_function(wrap_pyfunction!(study::run_campaign, module)?)?;
     module.add_function(wrap_pyfunction!(study::tasks, module)?)?;
     module.add_function(wrap_pyfunction!(study::run_calibration, module)?)?;

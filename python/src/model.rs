@@ -10,6 +10,7 @@ use servotwin::figure::tree::{Node, Tree as Drawing};
 use servotwin::table::{Column, Table as Columns};
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::classifiers::{Classifier, Model as Trained, Scores};
+use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::tree::Tree as Inner;
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::{Fit, Settings};
@@ -138,7 +139,10 @@ impl Model {
     }
 }
 
-/// A decision tree as data.
+/// A decision tree as data, which a notebook draws.
+///
+/// `Results.trees` and `servotwin.trees` return trees of a study, `CartClassifier.tree_` that of a
+/// classifier.
 #[pyclass(frozen, module = "servotwin")]
 pub struct Tree {
     inner: Inner,
@@ -150,6 +154,11 @@ pub struct Tree {
 #[pyfunction]
 pub fn read_trees(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Tree)>> {
     let hierarchy = py.detach(|| model_file::read_hierarchy(path)).map_err(Failure::from)?;
+    Ok(stage_trees(&hierarchy))
+}
+
+/// The trees of a hierarchy, by the names of their stages.
+pub fn stage_trees(hierarchy: &Hierarchy) -> Vec<(String, Tree)> {
     let names = &hierarchy.names;
     let trees = hierarchy.stages.iter().filter_map(|stage| {
         let Trained::Cart(tree) = &stage.model else { return None };
@@ -158,7 +167,7 @@ pub fn read_trees(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Tree)>
         let classes = stage.classes.iter().map(class).collect();
         Some((stage.id.clone(), Tree { inner: tree.clone(), features, classes }))
     });
-    Ok(trees.collect())
+    trees.collect()
 }
 
 impl Tree {
@@ -193,14 +202,14 @@ impl Tree {
         self.classes.clone()
     }
 
-    /// The most questions above a leaf.
+    /// The largest number of questions above a leaf.
     #[getter]
     fn depth(&self) -> usize {
         self.inner.depth()
     }
 
-    /// Every node: what it asks, where answers lead, what it decides. Of a leaf `feature` is empty,
-    /// `left` and `right` are -1.
+    /// One row per node: its question, the nodes below it, and its decision. A leaf has an empty
+    /// `feature`, and -1 in `left` and `right`.
     #[getter]
     fn nodes(&self) -> Table {
         let tree = &self.inner;
@@ -229,7 +238,7 @@ impl Tree {
         Columns::from_columns(columns).expect("different names, one length").into()
     }
 
-    /// What each feature has contributed to the decrease of impurity.
+    /// The share of each feature in the decrease of impurity.
     #[getter]
     fn importances<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let shares = self.inner.importances();
@@ -264,7 +273,7 @@ impl Tree {
         Ok((make, arguments).into_pyobject(slf.py())?.into_any())
     }
 
-    /// What `pickle` calls.
+    /// Called by `pickle`.
     #[staticmethod]
     fn _from_json(text: &str, features: Vec<String>, classes: Vec<String>) -> PyResult<Self> {
         let inner: Inner = serde_json::from_str(text).map_err(Failure::value)?;

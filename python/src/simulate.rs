@@ -142,7 +142,51 @@ fn run(
     Ok(tables?)
 }
 
-/// Simulates a system from rest.
+/// Simulate a system from its steady state.
+///
+/// Parameters
+/// ----------
+/// system : System
+///     The system.
+/// inputs : dict, optional
+///     For each input a text as on the command line ("step:size=5deg"), a constant in SI, or an array
+///     with its value at every sample.
+/// faults : dict of float, optional
+///     Intensities from 0 to 1 by the ids of faults.
+/// parameters : dict of float, optional
+///     Values in SI by the ids of parameters.
+/// duration_s : float
+///     The simulated time, s.
+/// sample_period_s : float
+///     The time from sample to sample, s.
+/// record : sequence of str, optional
+///     The recorded quantities; inputs that move and sensors by default.
+/// method : str
+///     The method of the solver: "rodas4p2", "rodas3", "rodas5p" or "rk4".
+/// tolerance : float, optional
+///     The allowed error of a step, in parts of a state's scale.
+/// step_s : float, optional
+///     A fixed step instead of error control, s; "rk4" needs one.
+///
+/// Returns
+/// -------
+/// Table
+///     The time and one column for each recorded quantity, SI.
+///
+/// Raises
+/// ------
+/// UnknownNameError
+///     If the system has no such input, fault, parameter or quantity.
+/// InputError
+///     If a value is out of range.
+/// RunError
+///     If the solver cannot continue.
+///
+/// Examples
+/// --------
+/// >>> run = servotwin.simulate(servotwin.System(), inputs={"command": "step:size=2deg"}, duration_s=0.5)
+/// >>> run.units["p_a_1_pa"]
+/// 'Pa'
 #[pyfunction]
 #[pyo3(signature = (
     system, *, inputs = None, faults = None, parameters = None, duration_s = 5.0,
@@ -174,7 +218,35 @@ pub fn simulate(
     Ok(tables.pop().expect("one run gives one table"))
 }
 
-/// Simulates variants side by side: lanes on all threads.
+/// Simulate variants of a system in lanes, on all threads.
+///
+/// Parameters
+/// ----------
+/// system : System
+///     The system.
+/// variants : sequence of dict
+///     Each has the optional keys `inputs`, `faults` and `parameters`, as for `simulate`.
+/// duration_s : float
+///     The simulated time, s.
+/// sample_period_s : float
+///     The time from sample to sample, s.
+/// record : sequence of str, optional
+///     The recorded quantities; inputs that move and sensors by default.
+/// method : str
+///     The method of the solver: "rodas4p2", "rodas3", "rodas5p" or "rk4".
+/// tolerance : float, optional
+///     The allowed error of a step, in parts of a state's scale.
+/// step_s : float, optional
+///     A fixed step instead of error control, s; "rk4" needs one.
+/// threads : int, optional
+///     The number of threads; all processors by default. The results do not depend on it.
+/// progress : callable, optional
+///     Called with the task, the amount done and the whole amount.
+///
+/// Returns
+/// -------
+/// list of Table
+///     One for each variant.
 #[pyfunction]
 #[pyo3(signature = (
     system, variants, *, duration_s = 5.0, sample_period_s = 0.01, record = None,

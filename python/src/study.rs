@@ -15,7 +15,22 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A study that can be run; without a file the paper's of the aileron.
+/// A study: faults, intensities and operating cases, and how the diagnosis is trained and judged.
+///
+/// Parameters
+/// ----------
+/// path : path, optional
+///     A study file, or the name of a built-in study; the study of the aileron by default.
+///
+/// Raises
+/// ------
+/// MistakesError
+///     If the file has mistakes.
+///
+/// Examples
+/// --------
+/// >>> results = servotwin.Study().run("out")  # doctest: +SKIP
+/// >>> results.table("noise").to_pandas()  # doctest: +SKIP
 #[pyclass(frozen, module = "servotwin")]
 pub struct Study {
     /// The study.
@@ -47,7 +62,6 @@ impl Study {
 
 #[pymethods]
 impl Study {
-    /// The study in a file, or a built-in one by its name.
     #[new]
     #[pyo3(signature = (path = None))]
     fn new(py: Python<'_>, path: Option<PathBuf>) -> PyResult<Self> {
@@ -59,7 +73,20 @@ impl Study {
         Ok(Study::made(inner.map_err(Failure::from)?, shown))
     }
 
-    /// Reads a study from a text; a system that it names as a file is looked for beside `path`.
+    /// Read a study from a text.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     The content of a study file.
+    /// path : str
+    ///     The name of the file in mistakes; a relative path of the system starts from its folder.
+    /// system : str, optional
+    ///     The content of a system file, instead of the system that the study names.
+    ///
+    /// Returns
+    /// -------
+    /// Study
     #[staticmethod]
     #[pyo3(signature = (text, path = "study.toml", system = None))]
     fn parse(py: Python<'_>, text: &str, path: &str, system: Option<&str>) -> PyResult<Self> {
@@ -101,7 +128,7 @@ impl Study {
         self.inner.cases.iter().map(|case| case.name.as_str()).collect()
     }
 
-    /// Every fault with every intensity, and what is to be done.
+    /// Every fault with every intensity, and the actuator that has it.
     #[getter]
     fn faults(&self) -> Table {
         let faults = &self.inner.faults;
@@ -117,6 +144,46 @@ impl Study {
             Column::new("intensity", "", intensity),
         ];
         Columns::from_columns(columns).expect("different names, one length").into()
+    }
+
+    /// Run the whole study: simulate, train, evaluate, and write the report.
+    ///
+    /// An interrupted study resumes where it stopped, and writes the same bytes.
+    ///
+    /// Parameters
+    /// ----------
+    /// out : path
+    ///     The output folder.
+    /// fitted : bool
+    ///     Whether to simulate the scenario "fitted", too.
+    /// replace : bool
+    ///     Whether to remove the results of another study from the folder.
+    /// threads : int, optional
+    ///     The number of threads; all processors by default. The results do not depend on it.
+    /// progress : bool or callable
+    ///     True for a bar of tqdm, False for none, or a function of the task, the amount done and the
+    ///     whole amount.
+    ///
+    /// Returns
+    /// -------
+    /// Results
+    ///
+    /// Raises
+    /// ------
+    /// StageError
+    ///     If the folder belongs to another study, or a stage fails.
+    #[pyo3(signature = (out, *, fitted = false, replace = false, threads = None, progress = None))]
+    fn run<'py>(
+        slf: &Bound<'py, Self>,
+        out: PathBuf,
+        fitted: bool,
+        replace: bool,
+        threads: Option<usize>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        // The bar of progress is Python's.
+        let run = slf.py().import("servotwin.study")?.getattr("_run")?;
+        run.call1((slf, out, fitted, replace, threads, progress))
     }
 
     fn __repr__(&self) -> String {
@@ -135,14 +202,18 @@ impl Study {
 fn chosen(settings: Option<Vec<String>>) -> Result<Vec<Setting>, Failure> {
     let usual = || Setting::ALL.into_iter().filter(|setting| setting.is_usual()).collect();
     let Some(names) = settings else { return Ok(usual()) };
-    names.iter().map(|name| setting(name)).collect()
+    names.iter().map(|name| scenario(name)).collect()
 }
 
-fn setting(name: &str) -> Result<Setting, Failure> {
+/// A scenario by its name.
+///
+/// # Errors
+/// There is none of this name.
+pub fn scenario(name: &str) -> Result<Setting, Failure> {
     let found = Setting::ALL.into_iter().find(|setting| setting.name() == name);
     found.ok_or_else(|| {
         let known = Setting::ALL.map(Setting::name).join(", ");
-        Failure::value(format!("there is no setting '{name}'; there are {known}"))
+        Failure::value(format!("there is no scenario '{name}'; there are {known}"))
     })
 }
 
@@ -174,7 +245,8 @@ fn planned<'s>(
     }
 }
 
-fn name(role: Role, settings: &[Setting]) -> String {
+/// The title of a campaign's progress.
+pub fn name(role: Role, settings: &[Setting]) -> String {
     let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
     let training = if role == Role::Training { ", training commands" } else { "" };
     format!("simulating {}{training}", names.join(" and "))
@@ -439,7 +511,7 @@ pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
 #[pyfunction]
 #[pyo3(signature = (out, setting = "noise", training = false))]
 pub fn data_set(py: Python<'_>, out: PathBuf, setting: &str, training: bool) -> PyResult<Table> {
-    let path = Folder::new(out).data_set(self::setting(setting)?, role(training));
+    let path = Folder::new(out).data_set(scenario(setting)?, role(training));
     let table = py.detach(|| servotwin::table::read(path)).map_err(Failure::from)?;
     Ok(table.into())
 }

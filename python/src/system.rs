@@ -12,7 +12,17 @@ use servotwin_report::schematic;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A system that can be simulated; without a file the aileron with two actuators.
+/// A system of components that can be simulated.
+///
+/// Parameters
+/// ----------
+/// path : path, optional
+///     A system file, or the name of a built-in system; the aileron with two actuators by default.
+///
+/// Raises
+/// ------
+/// MistakesError
+///     If the file has mistakes.
 #[pyclass(frozen, module = "servotwin")]
 pub struct System {
     /// The compiled system.
@@ -52,7 +62,6 @@ fn symbol(unit: Unit) -> String {
 
 #[pymethods]
 impl System {
-    /// The system in a file; the built-in aileron with two actuators without one.
     #[new]
     #[pyo3(signature = (path = None))]
     fn new(py: Python<'_>, path: Option<PathBuf>) -> PyResult<Self> {
@@ -65,7 +74,16 @@ impl System {
         }
     }
 
-    /// Reads a system file, or a built-in system by its name.
+    /// Read a system file, or a built-in system by its name.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    ///     The file or the name.
+    ///
+    /// Returns
+    /// -------
+    /// System
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let read = || -> Result<Self, Failure> {
@@ -75,14 +93,35 @@ impl System {
         Ok(py.detach(read)?)
     }
 
-    /// Reads a system from a text; `path` is only shown in mistakes.
+    /// Read a system from a text.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     The content of a system file.
+    /// path : str
+    ///     The name of the file in mistakes.
+    ///
+    /// Returns
+    /// -------
+    /// System
     #[staticmethod]
     #[pyo3(signature = (text, path = "system.toml"))]
     fn parse(py: Python<'_>, text: &str, path: &str) -> PyResult<Self> {
         Ok(py.detach(|| Self::parsed(text, path))?)
     }
 
-    /// Every mistake of a system file; an empty list if it is right.
+    /// Return every mistake of a system file.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    ///     The file.
+    ///
+    /// Returns
+    /// -------
+    /// list of Mistake
+    ///     Empty if the file is right.
     #[staticmethod]
     fn check<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Vec<Bound<'py, PyAny>>> {
         match py.detach(|| Inner::read(&path)) {
@@ -112,7 +151,7 @@ impl System {
         &self.inner.text
     }
 
-    /// The components: id, kind, summary.
+    /// The components: id, kind and summary.
     #[getter]
     fn components(&self) -> Table {
         let lines = Lines(self.inner.network().components.iter().collect());
@@ -174,7 +213,12 @@ impl System {
         ])
     }
 
-    /// Components, states at rest, inputs, sensors and eigenvalues, SI.
+    /// Describe the system at its steady state.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     Components, states, inputs, sensors and eigenvalues, SI.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let text = py.detach(|| -> Result<String, Failure> {
             Ok(rest::describe(&self.inner, &rest::of(&self.inner)?).to_string())

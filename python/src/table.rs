@@ -20,6 +20,18 @@ pub struct Drawing {
 }
 
 /// Named columns of one length with their units.
+///
+/// `table[name]` is a NumPy array that shares the table's memory. pandas, Polars, pyarrow and DuckDB
+/// read a table through the Arrow C interface, without copies.
+///
+/// Parameters
+/// ----------
+/// columns : mapping
+///     Arrays by name, such as a dict or a data frame.
+/// units : dict of str, optional
+///     The units of the columns.
+/// metadata : dict of str, optional
+///     Notes about the whole table.
 #[pyclass(frozen, module = "servotwin", mapping)]
 pub struct Table {
     /// The columns.
@@ -43,7 +55,6 @@ type Part<'py> = (String, String, &'static str, Bound<'py, PyAny>);
 
 #[pymethods]
 impl Table {
-    /// A table from a mapping of names to arrays, such as a data frame.
     #[new]
     #[pyo3(signature = (columns, units = None, metadata = None))]
     fn make(
@@ -63,14 +74,28 @@ impl Table {
         Ok(table.into())
     }
 
-    /// Reads a .parquet or .csv file.
+    /// Read a table.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    ///     A `.parquet` or `.csv` file.
+    ///
+    /// Returns
+    /// -------
+    /// Table
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let table = py.detach(|| tables::read(path)).map_err(Failure::from)?;
         Ok(table.into())
     }
 
-    /// Writes a .parquet or .csv file, whole or not at all.
+    /// Write the table, whole or not at all.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    ///     A `.parquet` or `.csv` file.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         Ok(py.detach(|| tables::write(path, &self.inner)).map_err(Failure::from)?)
     }
@@ -81,7 +106,7 @@ impl Table {
         self.inner.names().collect()
     }
 
-    /// The SI unit of every column, empty for pure numbers and texts.
+    /// The SI unit of every column; empty for pure numbers and texts.
     #[getter]
     fn units(&self) -> BTreeMap<&str, &str> {
         self.inner.columns().iter().map(|c| (c.name.as_str(), c.unit.as_str())).collect()
@@ -99,6 +124,7 @@ impl Table {
         self.inner.row_count()
     }
 
+    /// The names of the columns, as a mapping has them.
     fn keys(&self) -> Vec<&str> {
         self.columns()
     }
@@ -145,7 +171,11 @@ impl Table {
         arrow::schema(py, &self.inner)
     }
 
-    /// A pandas data frame.
+    /// Return a pandas data frame.
+    ///
+    /// Returns
+    /// -------
+    /// pandas.DataFrame
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let columns = PyDict::new(py);
         for (place, name) in self.inner.names().enumerate() {
@@ -156,12 +186,20 @@ impl Table {
         py.import("pandas")?.call_method("DataFrame", (columns,), Some(&options))
     }
 
-    /// A Polars data frame.
+    /// Return a Polars data frame.
+    ///
+    /// Returns
+    /// -------
+    /// polars.DataFrame
     fn to_polars<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("polars")?.call_method1("DataFrame", (slf,))
     }
 
-    /// A pyarrow table.
+    /// Return a pyarrow table.
+    ///
+    /// Returns
+    /// -------
+    /// pyarrow.Table
     fn to_arrow<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("pyarrow")?.call_method1("table", (slf,))
     }
@@ -213,7 +251,7 @@ impl Table {
         Ok((make, arguments).into_pyobject(py)?.into_any())
     }
 
-    /// What `pickle` calls.
+    /// Called by `pickle`.
     #[staticmethod]
     fn _from_parts(
         parts: Vec<(String, String, String, Bound<'_, PyAny>)>,

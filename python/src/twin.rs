@@ -29,7 +29,28 @@ self_cell!(
     }
 );
 
-/// A virtual twin in real time.
+/// A virtual twin that is stepped beside an actuator, one sample at a time.
+///
+/// Parameters
+/// ----------
+/// system : System
+///     The system.
+/// sample_period_s : float
+///     The time from sample to sample, s.
+/// record : sequence of str, optional
+///     The quantities that `step` returns; the sensors by default.
+/// between : dict of str, optional
+///     How an input moves between two samples: "hold", "line" or "cubic".
+/// faults : dict of float, optional
+///     Intensities from 0 to 1 by the ids of faults.
+/// parameters : dict of float, optional
+///     Values in SI by the ids of parameters.
+/// method : str
+///     The method of the solver: "rodas4p2", "rodas3" or "rodas5p".
+/// tolerance : float, optional
+///     The allowed error of a step, in parts of a state's scale.
+/// step_s : float, optional
+///     A fixed step instead of error control, s.
 #[pyclass(module = "servotwin")]
 pub struct Twin {
     running: Running,
@@ -174,7 +195,17 @@ impl Twin {
         })
     }
 
-    /// Finds the rest at constant inputs, which is sample 0.
+    /// Find the steady state at constant inputs, which is sample 0.
+    ///
+    /// Parameters
+    /// ----------
+    /// inputs : dict or sequence of float, optional
+    ///     The inputs in SI; defaults of the system otherwise.
+    ///
+    /// Returns
+    /// -------
+    /// tuple of float
+    ///     The recorded values, in the order of `record`.
     #[pyo3(signature = (inputs = None))]
     fn settle<'py>(
         &mut self,
@@ -190,8 +221,22 @@ impl Twin {
         PyTuple::new(py, &self.values)
     }
 
-    /// Goes on to the next sample, where the inputs are these; gives what is recorded there. The
-    /// first call finds the rest.
+    /// Advance to the next sample. The first call finds the steady state.
+    ///
+    /// Parameters
+    /// ----------
+    /// inputs : dict or sequence of float
+    ///     The inputs at the next sample in SI; a dict may name only those that change.
+    ///
+    /// Returns
+    /// -------
+    /// tuple of float
+    ///     The recorded values, in the order of `record`.
+    ///
+    /// Raises
+    /// ------
+    /// RunError
+    ///     If the solver cannot continue.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
@@ -202,8 +247,17 @@ impl Twin {
         PyTuple::new(py, &self.values)
     }
 
-    /// Steps through the rows of an array, a column for each input; gives a table of what is recorded
-    /// at each.
+    /// Step through the rows of an array.
+    ///
+    /// Parameters
+    /// ----------
+    /// inputs : array_like of shape (n_samples, n_inputs)
+    ///     The inputs in SI, in the order of `inputs`.
+    ///
+    /// Returns
+    /// -------
+    /// Table
+    ///     The recorded values at each sample.
     fn run(&mut self, py: Python<'_>, inputs: &Bound<'_, PyAny>) -> PyResult<Table> {
         let (values, shape) = array::numbers(inputs)?;
         let width = self.knots.len();
@@ -233,7 +287,14 @@ impl Twin {
         Ok(Table::new(table, Some(Drawing { title, recorded })))
     }
 
-    /// Puts other faults and parameters in; they hold from the next sample on.
+    /// Change faults and parameters from the next sample on.
+    ///
+    /// Parameters
+    /// ----------
+    /// faults : dict of float, optional
+    ///     Intensities from 0 to 1 by the ids of faults.
+    /// parameters : dict of float, optional
+    ///     Values in SI by the ids of parameters.
     #[pyo3(signature = (faults = None, parameters = None))]
     fn load(
         &mut self,
@@ -254,31 +315,36 @@ impl Twin {
         self.system().network().inputs.iter().map(|input| input.id.as_str()).collect()
     }
 
-    /// What `step` gives, in its order.
+    /// The quantities that `step` returns, in its order.
     #[getter]
     fn record(&self) -> Vec<&str> {
         self.recorded.iter().map(|one| one.name.as_str()).collect()
     }
 
-    /// What was recorded last.
+    /// The values that were recorded last.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.values)
     }
 
-    /// The number of the sample that it stands on; `None` before the first.
+    /// The number of the current sample; None before the first.
     #[getter]
     fn sample(&self) -> Option<u64> {
         self.is_settled.then(|| self.running.borrow_dependent().sample())
     }
 
-    /// Time since rest, s; `None` before the first sample.
+    /// The time since the steady state, s; None before the first sample.
     #[getter]
     fn time_s(&self) -> Option<f64> {
         self.is_settled.then(|| self.running.borrow_dependent().time_s())
     }
 
-    /// Everything that it remembers, to go on later with the same bits; can be pickled.
+    /// Return the state of the twin, from which `restore` continues with the same bits.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     Can be pickled.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         if !self.is_settled {
             return Err(Failure::value("the twin stands on no sample yet").into());
@@ -299,7 +365,12 @@ impl Twin {
         Ok(saved)
     }
 
-    /// Goes on from what a twin of the same system, parameters and settings remembered.
+    /// Continue from a saved state.
+    ///
+    /// Parameters
+    /// ----------
+    /// saved : dict
+    ///     The state that `save` of a twin with the same system, parameters and settings returned.
     fn restore(&mut self, saved: &Bound<'_, PyDict>) -> PyResult<()> {
         let entry = |name: &str| -> PyResult<Bound<'_, PyAny>> {
             let missing = || Failure::value(format!("what was saved has no '{name}'"));

@@ -18,9 +18,28 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from servotwin.estimators import CartClassifier, CommitteeClassifier, HierarchyClassifier
 
 
-@parametrize_with_checks([CartClassifier(), CommitteeClassifier(trees=20), HierarchyClassifier()])
+@parametrize_with_checks([CartClassifier(), CommitteeClassifier(n_estimators=20), HierarchyClassifier()])
 def test_scikit_learns_own_checks(estimator, check):
     check(estimator)
+
+
+def test_old_names_of_parameters_warn_and_give_the_same_model():
+    X, y = load_iris(return_X_y=True)
+    new = CommitteeClassifier(n_estimators=5, max_features=0.5, random_state=3).fit(X, y)
+    with pytest.warns(DeprecationWarning, match="'trees' is deprecated, use 'n_estimators'"):
+        old = CommitteeClassifier(trees=5, feature_share=0.5, seed=3).fit(X, y)
+    assert old.model_.to_json() == new.model_.to_json()
+    other = CommitteeClassifier(n_estimators=5, max_features=0.5, random_state=4).fit(X, y)
+    assert other.model_.to_json() != new.model_.to_json()
+
+
+def test_a_random_state_of_numpy_draws_the_seed():
+    X, y = load_iris(return_X_y=True)
+    drawn = [
+        CommitteeClassifier(n_estimators=5, random_state=np.random.RandomState(1)).fit(X, y).model_.to_json()
+        for _ in range(2)
+    ]
+    assert drawn[0] == drawn[1]
 
 
 def test_they_stand_in_pipelines_and_searches():

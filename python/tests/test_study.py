@@ -72,6 +72,60 @@ def test_the_data_set_has_labels_and_features(folder, study):
         servotwin.data_set(folder, "nois")
 
 
+def test_a_whole_run_gives_the_bytes_of_the_stages_and_its_results(study, folder, tmp_path):
+    told = []
+    results = study.run(tmp_path, progress=lambda *now: told.append(now))
+    assert {what for what, _, _ in told} > {"simulating ideal and noise"}
+    run, staged = contents(tmp_path), contents(folder)
+    data_sets = [name for name in staged if str(name).startswith(("dataset", "panel", "hierarchy"))]
+    assert data_sets and all(run[name] == staged[name] for name in data_sets)
+    assert results.evaluation == json.loads((tmp_path / "evaluation.json").read_text())
+    assert results.flights == json.loads((tmp_path / "flights.json").read_text())
+    assert results.table("noise").to_arrow() == servotwin.data_set(tmp_path, "noise").to_arrow()
+    assert list(results.trees) == ["ideal", "noise", "realistic"]
+    written = servotwin.trees(tmp_path / "hierarchy-noise.json")
+    assert str(results.trees["noise"]["A"]) == str(written["A"])
+    assert results.diagnoser("noise").to_json() == servotwin.Diagnoser(tmp_path / "diagnoser-noise.json").to_json()
+    log = servotwin.simulate(
+        study.system,
+        inputs={"command": "noise:rms=3deg,bandwidth=1Hz,seed=9"},
+        sample_period_s=results.diagnoser("noise").sample_period_s,
+        duration_s=3,
+    )
+    found = servotwin.watch(study, results.diagnoser("noise"), log)
+    assert found.columns[:3] == ["time_s", "state", "phase"]
+    assert found["time_s"][0] == 0 and found["state"][0] == "no data"
+    assert results.report().path == tmp_path / "report.html"
+    assert "<iframe" in results.report()._repr_html_()
+    again = pickle.loads(pickle.dumps(servotwin.Results(tmp_path)))
+    assert (again.folder, repr(again)) == (tmp_path, repr(results))
+    with pytest.raises(servotwin.InputError, match="no scenario 'nois'"):
+        results.table("nois")
+
+
+def test_a_record_is_fitted():
+    study = servotwin.Study("spring_actuator")
+    options = {"inputs": {"command": "noise:rms=4deg,bandwidth=1Hz,seed=5"}, "duration_s": 10}
+    true_n = 540.0
+    record = servotwin.simulate(
+        study.system, parameters={"cylinder.coulomb_friction_n": true_n}, **options
+    )
+    fitted = servotwin.fit_record(study, record)
+    table = fitted.parameters
+    place = list(table["name"]).index("cylinder.coulomb_friction_n")
+    assert abs(table["value"][place] - true_n) < 3 * table["standard_error"][place]
+    assert fitted.is_update and fitted.verdict.startswith("healthy") and not fitted.findings
+    assert "coulomb_friction_n" in fitted.system_text
+    short = servotwin.simulate(study.system, duration_s=1)
+    with pytest.raises(servotwin.InputError):
+        servotwin.fit_record(study, short)
+
+
+def test_a_folder_without_results_is_refused(study, tmp_path):
+    with pytest.raises(servotwin.StageError):
+        servotwin.Results(tmp_path)
+
+
 def test_stages_run_again_give_the_same_bytes(folder, study, tmp_path):
     before = contents(folder)
     assert {"evaluation.json", "report.html", "manifest.json"} <= set(before)

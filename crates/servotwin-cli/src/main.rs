@@ -23,8 +23,8 @@ mod stop;
 use clap::{Parser, Subcommand};
 use commands::{
     band, campaign, check, completions, components, describe, evaluate, explain, faults, features,
-    fit, flights, fly, history, init, man, merge, predict, report, schema, simulate, study, train,
-    watch,
+    fit, flights, fly, history, init, man, merge, predict, report, results, schema, simulate,
+    study, train, watch,
 };
 use failure::Failure;
 use paths::Paths;
@@ -73,6 +73,7 @@ enum Command {
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
     Report(report::Options),
+    Results(results::Options),
     Explain(explain::Options),
     Describe(describe::Options),
     Check(check::Options),
@@ -124,6 +125,7 @@ impl Command {
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),
             Command::Report(options) => report::run(options, global),
+            Command::Results(options) => results::run(options, global),
             Command::Describe(options) => describe::run(options, global),
             Command::Check(options) => check::run(options, global),
             Command::Components(options) => components::run(options, global),

@@ -10,6 +10,7 @@ pub mod excerpt;
 pub mod explain;
 pub mod lines;
 mod looks;
+pub mod measured;
 pub mod page;
 pub mod schematic;
 mod sections;

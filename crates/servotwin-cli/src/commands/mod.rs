@@ -23,6 +23,7 @@ pub mod merge;
 pub mod predict;
 mod progress;
 pub mod report;
+pub mod results;
 pub mod schema;
 pub mod simulate;
 pub mod study;

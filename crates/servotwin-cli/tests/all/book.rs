@@ -26,7 +26,7 @@ fn page(name: &str) -> String {
 }
 
 /// The blocks of a page: what stands behind the fence, and the text.
-fn blocks(page: &str) -> Vec<(String, String)> {
+pub(super) fn blocks(page: &str) -> Vec<(String, String)> {
     let mut blocks = vec![];
     let mut open: Option<(String, String)> = None;
     for line in page.lines() {
@@ -41,7 +41,7 @@ fn blocks(page: &str) -> Vec<(String, String)> {
 }
 
 /// The commands of a block; a line that ends in a backslash goes on in the next.
-fn commands(text: &str) -> Vec<String> {
+pub(super) fn commands(text: &str) -> Vec<String> {
     let joined = text.replace("\\\n", " ");
     let line = |line: &str| line.split(" #").next().unwrap_or("").trim().to_owned();
     joined.lines().map(line).filter(|line| !line.is_empty()).collect()
@@ -70,7 +70,7 @@ fn run_line(folder: &Folder, line: &str) -> String {
 }
 
 /// What a command cannot be without: of one that takes minutes it is asked whether it is understood.
-fn is_understood(folder: &Folder, line: &str) {
+pub(super) fn is_understood(folder: &Folder, line: &str) {
     let words: Vec<&str> = line.split_whitespace().collect();
     if words[0] != "servotwin" {
         return;

@@ -11,6 +11,7 @@ mod live;
 mod paths;
 mod public_tables;
 mod reading;
+mod readme;
 mod study;
 mod tables;
 mod units;

@@ -122,6 +122,43 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     report_is_sound(&String::from_utf8(first[Path::new("report.html")].clone()).unwrap());
     explains(&whole);
     shows_its_data(&whole);
+    lists_its_results(&whole);
+}
+
+/// The page of results holds every rate of the JSON, each with its count, and changes nothing in the folder.
+fn lists_its_results(out: &str) {
+    let before = contents(Path::new(out));
+    let page = stdout(&run(&["results", out]));
+    let json = run(&["results", out, "--json"]);
+    assert_same(&before, &contents(Path::new(out)));
+    assert!(
+        page.starts_with("# Measured results\n") && page.contains("study tiny --fitted"),
+        "{page}"
+    );
+    let measured: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    let scenarios: Vec<_> = measured["variants"].as_array().unwrap().iter().collect();
+    let titles = ["ideal", "noise", "fitted", "realistic", "realistic, third stroke sensor"];
+    assert_eq!(scenarios.iter().map(|s| &s["scenario"]).collect::<Vec<_>>(), titles);
+    let flights = measured["flights"].as_array().unwrap();
+    assert_eq!(flights.len(), 2);
+    let mut rates = 0;
+    for rate in scenarios.into_iter().chain(flights).flat_map(|s| s["rates"].as_array().unwrap()) {
+        let cell = format!("), {} of {} |", rate["count"], rate["of"]);
+        assert!(page.contains(&cell), "{rate}");
+        assert!(page.contains(rate["measure"].as_str().unwrap()), "{rate}");
+        rates += 1;
+    }
+    assert!(rates > 50, "{rates}");
+    let evaluation = std::fs::read_to_string(format!("{out}/evaluation.json")).unwrap();
+    let evaluation: serde_json::Value = serde_json::from_str(&evaluation).unwrap();
+    let detected = &evaluation["subjects"][1]["evaluation"]["detection"]["detected"];
+    let cell = format!("), {} of {} |", detected["count"], detected["of"]);
+    assert!(page.contains(&format!(
+        "| fault detected | {:.2} %",
+        100.0 * detected["share"].as_f64().unwrap()
+    )));
+    assert!(page.contains(&cell), "{cell}");
+    fails(&["results", &format!("{out}/nowhere")], 3, "nowhere");
 }
 
 /// Figure 8: what it shows stands in the data set, and a screen of 700 pixels shows all of it.

@@ -90,8 +90,8 @@ pub struct StudyResults {
     pub evaluation: Results,
     /// The results of the flights; `None` for a study without flights.
     pub flights: Option<FlightResults>,
-    /// No other process writes into the folder while somebody has the results in hand.
-    _hold: Hold,
+    /// No other process writes into the folder while the caller of [`Study::run`] holds the results.
+    _hold: Option<Hold>,
 }
 
 impl Study {
@@ -149,7 +149,7 @@ impl<'r> StudyRun<'r> {
         };
         let evaluation = self.evaluate()?;
         self.check()?;
-        Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: hold })
+        Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: Some(hold) })
     }
 
     fn check(&self) -> Result<(), JobError> {
@@ -199,6 +199,17 @@ impl<'r> StudyRun<'r> {
 }
 
 impl StudyResults {
+    /// Reads the results that a study has left in its output folder. Other processes may write there meanwhile.
+    ///
+    /// # Errors
+    /// The folder has no evaluated study, or a file of it is damaged.
+    pub fn read(out: impl AsRef<Path>) -> Result<Self, JobError> {
+        let folder = Folder::new(out.as_ref());
+        folder.read_study()?;
+        let (evaluation, flights) = (Results::read(&folder)?, flights::results(&folder)?);
+        Ok(StudyResults { folder, evaluation, flights, _hold: None })
+    }
+
     /// The output folder.
     pub fn folder(&self) -> &Folder {
         &self.folder

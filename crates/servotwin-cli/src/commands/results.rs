@@ -1,0 +1,33 @@
+//! `servotwin results`: the measured results of a study as one page.
+
+use crate::Global;
+use crate::failure::Failure;
+use crate::render::json;
+use serde_json::json;
+use servotwin::job::{Folder, Results, flights};
+use servotwin_report::measured::Measured;
+use std::path::PathBuf;
+
+/// Write the measured results of a study to standard output, as Markdown.
+///
+/// Every share stands with its count and its 95 % interval. Reads evaluation.json, and flights.json
+/// if it exists. Nothing on the page depends on the machine.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The output folder of an evaluated study.
+    #[arg(default_value = "out")]
+    folder: PathBuf,
+}
+
+/// The text for standard output.
+pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let folder = Folder::new(&options.folder);
+    let study = folder.read_study()?;
+    let results = Results::read(&folder)?;
+    let flights = flights::results(&folder)?;
+    let measured = Measured::new(&study, &results, flights.as_ref());
+    Ok(match global.json {
+        true => json(&json!(measured)),
+        false => measured.markdown(),
+    })
+}

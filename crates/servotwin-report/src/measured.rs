@@ -1,0 +1,348 @@
+//! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the figures
+//! of merit of the flights, each with its count and interval.
+//!
+//! The page holds nothing that depends on the machine, so that the same study gives the same page everywhere.
+
+use crate::lines::{self, Measure, Who};
+use crate::vocabulary::Vocabulary;
+use crate::words::{NONE, begun, chosen, number, percent, spoken};
+use serde::Serialize;
+use servotwin::evaluation::Evaluation;
+use servotwin::evaluation::metrics::Rate;
+use servotwin::evaluation::protocol::Protocol;
+use servotwin::flight::foreign::ForeignMerit;
+use servotwin::flight::judge::{ClassMerit, HealthyMerit, Merit, STRONG};
+use servotwin::job::Results;
+use servotwin::job::flights::FlightResults;
+use servotwin::study::Study;
+
+/// The measured results of a study.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Measured {
+    /// The study's name.
+    pub study: String,
+    /// The version of servotwin that reads the results.
+    pub version: &'static str,
+    /// The commands that measure the same again.
+    pub commands: Vec<String>,
+    /// The scenarios of the campaign.
+    pub variants: Vec<MeasuredScenario>,
+    /// The scenarios of the flights; none for a study without flights.
+    pub flights: Vec<MeasuredFlights>,
+}
+
+/// What was measured of the variants of a scenario.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MeasuredScenario {
+    /// The scenario and its sensors.
+    pub scenario: String,
+    /// The measures, those of detection first.
+    pub rates: Vec<MeasuredRate>,
+}
+
+/// One measure.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MeasuredRate {
+    /// What is counted.
+    pub measure: String,
+    /// The part of the diagnosis that answers: bands, trees or committee.
+    pub by: &'static str,
+    /// How rows were held out.
+    pub protocol: String,
+    /// The share with its count and 95 % interval.
+    #[serde(flatten)]
+    pub rate: Rate,
+}
+
+/// What was measured of the flights of a scenario.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MeasuredFlights {
+    /// The scenario.
+    pub scenario: String,
+    /// Flights with a fault.
+    pub flights: u64,
+    /// Shares with their count and 95 % interval.
+    pub rates: Vec<MeasuredRate>,
+    /// Strong faults by the action that they call for.
+    pub actions: Vec<ClassMerit>,
+    /// Flights without a fault, and the time before faults.
+    pub healthy: HealthyMerit,
+}
+
+/// A share of independent cases, unless there are none.
+fn counted(count: u64, of: u64) -> Option<Rate> {
+    (of > 0).then(|| Rate::new(count, of))
+}
+
+impl Measured {
+    /// Collects the results of a study.
+    pub fn new(study: &Study, results: &Results, flights: Option<&FlightResults>) -> Self {
+        let words = Vocabulary::of(study);
+        let variants = results.subjects.iter().map(|result| MeasuredScenario {
+            scenario: result.title.clone(),
+            rates: of_variants(&result.evaluation, &words),
+        });
+        let of_flights = |flights: &FlightResults| {
+            let merits = flights.merits.iter();
+            let foreign =
+                |merit: &Merit| flights.foreign.iter().find(|f| f.setting == merit.setting);
+            merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), &words)).collect()
+        };
+        Measured {
+            study: study.name.clone(),
+            version: env!("CARGO_PKG_VERSION"),
+            commands: commands(results, flights),
+            variants: variants.collect(),
+            flights: flights.map_or_else(Vec::new, of_flights),
+        }
+    }
+
+    /// The page as Markdown.
+    pub fn markdown(&self) -> String {
+        let mut page = format!(
+            "# Measured results\n\n\
+             These numbers come from simulated faults of simulated actuators, not from hardware.\n\
+             `servotwin results` wrote this page from the results of the study `{}`; do not edit it.\n\
+             Version {} gives the same numbers on every machine with these commands:\n\n\
+             ```sh long\n{}\n```\n\n{TERMS}",
+            self.study,
+            self.version,
+            self.commands.join("\n"),
+        );
+        for scenario in &self.variants {
+            page += &format!("\n## Variants, scenario {}\n", scenario.scenario);
+            page += &rate_tables(&scenario.rates);
+        }
+        for flights in &self.flights {
+            page += &flights.markdown();
+        }
+        page
+    }
+}
+
+/// Cases that no protocol holds out.
+const ALL: &str = "all variants";
+
+/// How to read the tables.
+const TERMS: &str = "\
+An interval covers 95 %.\n\
+Cases of one fault are not independent, so the intervals of faults come from a bootstrap over clusters (kind of fault × \
+intensity).\n\
+Shares without such clusters, as of healthy specimens, have Wilson's interval.\n\
+The trees always answer, and the committee may stay silent.\n";
+
+/// The commands that measure the same results.
+fn commands(results: &Results, flights: Option<&FlightResults>) -> Vec<String> {
+    let study = &results.study;
+    let has_fitted =
+        results.subjects.iter().any(|result| result.subject == servotwin::job::Subject::Fitted);
+    let fitted = if has_fitted { " --fitted" } else { "" };
+    let mut commands = vec![];
+    if flights.is_some_and(|flights| flights.is_full) {
+        commands.push(format!("servotwin flights {study} --full --out out"));
+    }
+    commands.push(format!("servotwin study {study}{fitted} --out out"));
+    commands.push("servotwin results out".into());
+    commands
+}
+
+/// The measures of a scenario: what is detected, then trees and committee under each protocol.
+fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate> {
+    let mut rates = vec![];
+    let mut push = |measure: &str, by, protocol: &str, rate: Option<Rate>| {
+        if let Some(rate) = rate.filter(|rate| rate.of > 0) {
+            let (measure, protocol) = (measure.to_owned(), protocol.to_owned());
+            rates.push(MeasuredRate { measure, by, protocol, rate });
+        }
+    };
+    push("fault detected", "bands", ALL, Some(evaluation.detection.detected));
+    let healthy = evaluation.false_alarms.as_ref();
+    push("healthy specimen alarms", "bands", ALL, healthy.map(|healthy| healthy.alarms));
+    if words.has_off() {
+        let measure = format!("healthy specimen {}", words.switched_off());
+        push(&measure, Who::Trees.title(), ALL, healthy.map(|healthy| healthy.tree_shutdowns));
+        let committee = healthy.map(|healthy| healthy.committee_shutdowns);
+        push(&measure, Who::Committee.title(), ALL, committee);
+    }
+    let measures: Vec<Measure> =
+        lines::right(words).into_iter().chain(lines::safety(words)).collect();
+    for protocol in protocols(evaluation) {
+        for measure in &measures {
+            for who in Who::ALL {
+                let result = who.under(evaluation, protocol);
+                push(&measure.title, who.title(), protocol.title(), result.and_then(measure.rate));
+            }
+        }
+    }
+    rates
+}
+
+/// The hardest protocol of all that were possible, and the one that also holds the fault out.
+fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
+    let headline = evaluation.headline().map(|result| result.protocol);
+    let held_out = evaluation.protocol(Protocol::NewCommandAndFault).map(|result| result.protocol);
+    headline.into_iter().chain(held_out).collect()
+}
+
+impl MeasuredFlights {
+    fn new(merit: &Merit, foreign: Option<&ForeignMerit>, words: &Vocabulary) -> Self {
+        let strong = merit.classes.iter().filter(|class| class.intensities[0] >= STRONG);
+        let actions = strong.filter(|class| class.flown > 0).cloned().collect();
+        MeasuredFlights {
+            scenario: merit.setting.clone(),
+            flights: merit.flights,
+            rates: of_flights(merit, foreign, words),
+            actions,
+            healthy: merit.healthy.clone(),
+        }
+    }
+
+    fn markdown(&self) -> String {
+        let HealthyMerit { hours, alarms, shutdowns, alarms_per_h_upper, .. } = self.healthy;
+        let mut page = format!(
+            "\n## Flights, scenario {}\n\nA fault begins in {} flights.\n",
+            self.scenario, self.flights
+        );
+        if hours > 0.0 {
+            page += &format!(
+                "In {hours:.1} hours without a fault the diagnosis raised {alarms} false alarms, {shutdowns} of them shutdowns.\n\
+                 The rate of false alarms is at most {} in 1,000 hours, with a confidence of 95 %.\n",
+                number(1000.0 * alarms_per_h_upper)
+            );
+        }
+        page += &rate_tables(&self.rates);
+        if !self.actions.is_empty() {
+            page += &action_table(&self.actions);
+        }
+        page
+    }
+}
+
+/// The shares that flights have counted.
+fn of_flights(
+    merit: &Merit,
+    foreign: Option<&ForeignMerit>,
+    words: &Vocabulary,
+) -> Vec<MeasuredRate> {
+    let mut rates = vec![];
+    let mut push = |measure: String, faults: &str, rate: Option<Rate>| {
+        if let Some(rate) = rate.filter(|rate| rate.of > 0) {
+            rates.push(MeasuredRate {
+                measure,
+                by: "diagnosis",
+                protocol: faults.to_owned(),
+                rate,
+            });
+        }
+    };
+    if words.has_off() {
+        let faults =
+            format!("{} faults of intensity {STRONG} and more that become visible", words.off());
+        let limit = format!("within {} s", chosen(merit.limit_s));
+        let since = Some(merit.in_time_since_visible);
+        push(format!("isolated {limit} of becoming visible"), &faults, since);
+        push(format!("isolated {limit} of the onset"), &faults, Some(merit.in_time));
+        push(format!("visible {limit} of the onset"), &faults, Some(merit.visible_in_time));
+    }
+    let (unit, off) = (words.unit(), words.switched_off());
+    let is_judged = words.has_off() && words.has_several();
+    let wrong = counted(merit.wrong_shutdowns, merit.flights).filter(|_| is_judged);
+    push(format!("healthy {unit} {off}"), "faults known to training", wrong);
+    let Some(foreign) = foreign.filter(|_| words.has_off()) else { return rates };
+    let (count, of) = foreign.shutdowns_healthy();
+    push(format!("healthy {unit} {off}"), "faults unknown to training", counted(count, of));
+    for outcome in &foreign.outcomes {
+        let count = outcome.shutdowns_behind_wrong_sensor;
+        let measure = format!("healthy {unit} {off}: {}", outcome.title);
+        push(
+            measure,
+            "boundary sensors that mislead the twin",
+            count.and_then(|count| counted(count, outcome.flights)),
+        );
+    }
+    rates
+}
+
+fn table(heads: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    let heads: Vec<String> = heads.iter().map(|&head| head.to_owned()).collect();
+    let rows: String = rows.map(|row| line(&row)).collect();
+    format!("{}|{}\n{rows}", line(&heads), "---|".repeat(heads.len()))
+}
+
+/// A table for each way to hold cases out, with a row for each measure and a column for each part of the diagnosis.
+fn rate_tables(rates: &[MeasuredRate]) -> String {
+    let groups = rates.chunk_by(|rate, next| rate.protocol == next.protocol);
+    groups
+        .map(|group| format!("\n**{}**\n\n{}", begun(&group[0].protocol), rate_table(group)))
+        .collect()
+}
+
+fn rate_table(rates: &[MeasuredRate]) -> String {
+    let columns = distinct(rates.iter().map(|rate| rate.by));
+    let row = |measure: &str| {
+        let cell = |by: &&str| {
+            let found = rates.iter().find(|rate| rate.measure == measure && rate.by == *by);
+            found.map_or_else(|| NONE.into(), |found| rate_cell(&found.rate))
+        };
+        let cells = columns.iter().map(cell);
+        std::iter::once(measure.to_owned()).chain(cells).collect()
+    };
+    let heads: Vec<&str> = std::iter::once("measure").chain(columns.iter().copied()).collect();
+    table(&heads, distinct(rates.iter().map(|rate| rate.measure.as_str())).into_iter().map(row))
+}
+
+/// The values without those that stand earlier.
+fn distinct<'t>(values: impl Iterator<Item = &'t str>) -> Vec<&'t str> {
+    values.fold(vec![], |mut known, value| {
+        if !known.contains(&value) {
+            known.push(value);
+        }
+        known
+    })
+}
+
+/// A share, its interval and its count: `97.38 % (96.50 … 98.12), 4049 of 4158`.
+fn rate_cell(rate: &Rate) -> String {
+    let [low, high] = [rate.low, rate.high].map(|part| 100.0 * part);
+    format!("{} ({low:.2} … {high:.2}), {} of {}", percent(rate.share), rate.count, rate.of)
+}
+
+fn action_table(actions: &[ClassMerit]) -> String {
+    let row = |class: &ClassMerit| {
+        let of = |rate: &Rate| format!("{} of {}", rate.count, rate.of);
+        let shares = [
+            &class.visible,
+            &class.isolated,
+            &class.other_command,
+            &class.wrong_actuator,
+            &class.silent,
+        ];
+        let times = class
+            .isolation
+            .as_ref()
+            .map(|latency| [latency.median_s, latency.p95_s, latency.longest_s]);
+        let time =
+            |place: usize| times.map_or(NONE.into(), |times| format!("{:.2} s", times[place]));
+        let shares = shares.into_iter().map(of);
+        let mut cells = vec![begun(&spoken(&class.command))];
+        cells.extend(shares.chain([0, 1, 2].map(time)));
+        cells
+    };
+    let heads = [
+        "action",
+        "visible",
+        "isolated",
+        "another action",
+        "wrong actuator",
+        "silent",
+        "median latency",
+        "95 %",
+        "longest",
+    ];
+    format!(
+        "\nFaults of intensity {STRONG} and more, by the action that they call for.\n\
+         The latency runs from the onset to the right action, for the faults that were isolated.\n\n{}",
+        table(&heads, actions.iter().map(row))
+    )
+}

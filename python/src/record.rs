@@ -1,0 +1,177 @@
+//! Whole records: watched by a diagnosis, or fitted by the twin's parameters.
+
+use crate::diagnoser::Diagnoser;
+use crate::errors::Failure;
+use crate::long::long;
+use crate::study::Study;
+use crate::table::Table;
+use pyo3::prelude::*;
+use servotwin::fit::{FitError, Fitted as Solved, Problem, Record};
+use servotwin::monitor::Monitor;
+use servotwin::observer::Finding;
+use servotwin::table::{Column, Table as Columns};
+
+/// Watch a record with twin and diagnosis.
+///
+/// Parameters
+/// ----------
+/// study : Study
+///     The study whose system the record comes from.
+/// diagnoser : Diagnoser
+///     The diagnoser, which is not changed.
+/// log : Table
+///     One row for each sample. Columns have the names of inputs and sensors, with or without the suffix of
+///     their unit, in SI. Rows follow each other by the diagnoser's sample period.
+///
+/// Returns
+/// -------
+/// Table
+///     One row for each finding that differs from the one before: time_s, state, phase, actuator, action,
+///     component, confidence and the finding in words.
+///
+/// Raises
+/// ------
+/// StageError
+///     If the diagnoser belongs to another study.
+#[pyfunction]
+pub fn watch(py: Python<'_>, study: &Study, diagnoser: &Diagnoser, log: &Table) -> PyResult<Table> {
+    let (study, trained, log) = (&*study.inner, diagnoser.trained(), &*log.inner);
+    let found = long(py, None, |_| -> Result<Vec<(f64, Finding)>, Failure> {
+        let mut monitor = Monitor::new(study, trained).map_err(Failure::stage)?;
+        Ok(monitor.push_table(log)?)
+    })??;
+    let text = |name: &str, of: &dyn Fn(&Finding) -> String| {
+        Column::new(name, "", found.iter().map(|(_, finding)| of(finding)).collect::<Vec<_>>())
+    };
+    let number = |name: &str, unit: &str, of: &dyn Fn(&(f64, Finding)) -> f64| {
+        Column::new(name, unit, found.iter().map(of).collect::<Vec<_>>())
+    };
+    let columns = vec![
+        number("time_s", "s", &|(time_s, _)| *time_s),
+        text("state", &|finding| finding.state.words().into()),
+        text("phase", &|finding| finding.phase.words().into()),
+        text("actuator", &|finding| finding.unit.clone().unwrap_or_default()),
+        text("action", &|finding| finding.command.clone()),
+        text("component", &|finding| finding.detail.clone()),
+        number("confidence", "", &|(_, finding)| finding.confidence),
+        text("finding", &|finding| finding.words()),
+    ];
+    Ok(Columns::from_columns(columns).expect("different names, one length").into())
+}
+
+/// A fit of the twin to a record, which `fit_record` returns.
+#[pyclass(frozen, module = "servotwin", get_all)]
+pub struct Fitted {
+    /// Whether parameters within their tolerances explain the record.
+    is_update: bool,
+    /// The verdict as a sentence.
+    verdict: String,
+    /// Everything that the tolerances do not explain, as sentences.
+    findings: Vec<String>,
+    /// The text of the system file with the fitted parameters; None if the fit is no update.
+    system_text: Option<String>,
+    /// The parameters: name, unit, nominal and fitted value, standard error, and how well each is known.
+    parameters: Py<Table>,
+}
+
+#[pymethods]
+impl Fitted {
+    fn __repr__(&self) -> String {
+        format!("Fitted('{}')", self.verdict)
+    }
+}
+
+/// Fit the parameters of the twin to a record of its actuator.
+///
+/// Parameters
+/// ----------
+/// study : Study
+///     The study with the tolerances and faults.
+/// log : Table
+///     One row for each sample. Columns have the names of inputs and sensors, with or without the suffix of
+///     their unit, in SI.
+/// threads : int, optional
+///     The number of threads; all processors by default. The result does not depend on it.
+///
+/// Returns
+/// -------
+/// Fitted
+///
+/// Raises
+/// ------
+/// InputError
+///     If the table cannot be a record of this system.
+/// StageError
+///     If the fit fails.
+#[pyfunction]
+#[pyo3(signature = (study, log, *, threads = None))]
+pub fn fit_record(
+    py: Python<'_>,
+    study: &Study,
+    log: &Table,
+    threads: Option<usize>,
+) -> PyResult<Fitted> {
+    let (study, log) = (&*study.inner, &*log.inner);
+    let (parameters, fitted) = long(py, None, |watch| -> Result<_, Failure> {
+        let record =
+            Record::from_table("the record", log, &study.system).map_err(Failure::value)?;
+        let problem = Problem {
+            threads: watch.workers(threads).threads(),
+            cancel: Some(&watch.cancel),
+            ..Problem::of_study(study, vec![record])
+        };
+        result(&problem)
+    })??;
+    let parameters = Py::new(py, Table::from(parameters))?;
+    let FittedParts { is_update, verdict, findings, system_text } = fitted;
+    Ok(Fitted { is_update, verdict, findings, system_text, parameters })
+}
+
+/// A fit without its table.
+struct FittedParts {
+    is_update: bool,
+    verdict: String,
+    findings: Vec<String>,
+    system_text: Option<String>,
+}
+
+fn result(problem: &Problem) -> Result<(Columns, FittedParts), Failure> {
+    let failed = |error: FitError| match error {
+        error @ FitError::Record { .. } => Failure::value(error),
+        error => Failure::stage(error),
+    };
+    problem.check().map_err(failed)?;
+    let fitted = problem.solve().map_err(failed)?;
+    let verdict = problem.verdict(&fitted).map_err(failed)?;
+    let is_update = fitted.is_update();
+    let system_text = match is_update {
+        true => Some(fitted.system_text(problem).map_err(Failure::stage)?),
+        false => None,
+    };
+    let findings = fitted.findings.iter().map(|finding| finding.sentence(problem)).collect();
+    let parts = FittedParts { is_update, verdict: verdict.sentence(), findings, system_text };
+    Ok((parameters(problem, &fitted), parts))
+}
+
+fn parameters(problem: &Problem, fitted: &Solved) -> Columns {
+    let unknowns = &problem.unknowns;
+    let text = |name: &str, of: &dyn Fn(usize) -> String| {
+        Column::new(name, "", (0..unknowns.len()).map(of).collect::<Vec<_>>())
+    };
+    let number = |name: &str, of: &dyn Fn(usize) -> f64| {
+        Column::new(name, "", (0..unknowns.len()).map(of).collect::<Vec<_>>())
+    };
+    let error = |k: usize| {
+        let per_sigma = unknowns[k].per_sigma(unknowns[k].nominal());
+        (fitted.known.error(k) * per_sigma).abs()
+    };
+    let columns = vec![
+        text("name", &|k| unknowns[k].name.clone()),
+        text("unit", &|k| unknowns[k].unit.symbol().into()),
+        number("nominal", &|k| unknowns[k].nominal()),
+        number("value", &|k| unknowns[k].value(fitted.z[k])),
+        number("standard_error", &error),
+        text("knowledge", &|k| fitted.known.sentence(unknowns, k)),
+    ];
+    Columns::from_columns(columns).expect("different names, one length")
+}
