@@ -5,7 +5,7 @@
 //! end like a file of another kind.
 
 use crate::failure::{Failure, Named};
-use servotwin::figure::FigureError;
+use servotwin::figure::{FigureError, PngError};
 use servotwin::leftovers::remove_abandoned_files;
 use servotwin::study::Study;
 use servotwin::table;
@@ -46,6 +46,9 @@ impl Format {
             Format::Table => Ok(table::format_of(path).map(|_| ())?),
             Format::Figure if !["svg", "png"].contains(&&*ending) => {
                 Err(FigureError::UnknownFormat { path: path.into() }.into())
+            }
+            Format::Figure if ending == "png" && !cfg!(feature = "png") => {
+                Err(FigureError::Png(PngError::Feature).into())
             }
             Format::Only(allowed) if !ending.is_empty() && !allowed.contains(&&*ending) => {
                 let ending = allowed[0];

@@ -22,7 +22,9 @@ mod junction;
 mod legend;
 pub mod lines;
 mod meaning;
+#[cfg(feature = "png")]
 mod outline;
+#[cfg(feature = "png")]
 mod png;
 pub mod sheet;
 mod style;
@@ -35,7 +37,6 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 pub use meaning::{Meaning, dark_rules};
-pub use png::PngError;
 pub use style::Look;
 
 use servotwin_io::files::{FileError, write_atomically};
@@ -56,6 +57,26 @@ pub struct Figure {
 
 /// A table of values with more rows than this is read by nobody.
 const MOST_VALUES: usize = 250;
+
+/// Why a figure could not be turned into pixels.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum PngError {
+    /// The SVG text is not well-formed.
+    #[error("the figure is no valid SVG: {0}")]
+    Svg(String),
+    /// The figure has no area, or more than the memory holds.
+    #[error("the figure's size cannot be drawn")]
+    Size,
+    /// The PNG could not be encoded.
+    #[error("the picture could not be encoded as PNG")]
+    Encoding,
+    /// The program was built without the feature `png`.
+    #[error(
+        "a .png file needs the feature 'png', which this program was built without: save the figure as .svg, or \
+         cargo install --path crates/servotwin-cli --features png (or cargo run --release --features png -- …)"
+    )]
+    Feature,
+}
 
 /// Why a figure could not be saved.
 #[derive(Debug)]
@@ -133,6 +154,12 @@ impl Figure {
     ///
     /// A figure too large for that scale is drawn at the largest one it fits in.
     pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
-        png::render(&self.svg, scale)
+        #[cfg(feature = "png")]
+        return png::render(&self.svg, scale);
+        #[cfg(not(feature = "png"))]
+        {
+            let _ = scale;
+            Err(PngError::Feature)
+        }
     }
 }

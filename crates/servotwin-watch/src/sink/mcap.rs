@@ -10,7 +10,7 @@
 
 mod live;
 
-use super::{Sample, Scene, Sink, SinkError, Trace};
+use super::{Lost, Sample, Scene, Sink, SinkError, Trace};
 use crate::watchdog::{Notice, WatchEvent};
 use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
@@ -69,17 +69,6 @@ struct Channel {
 enum Target {
     File(AtomicFile),
     Live(Live),
-}
-
-/// A connection that was lost.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lost {
-    /// Whose.
-    pub target: String,
-    /// Why.
-    pub reason: String,
-    /// How many samples were not sent.
-    pub unsent: u64,
 }
 
 impl Mcap {

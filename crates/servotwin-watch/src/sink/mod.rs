@@ -1,13 +1,14 @@
 //! Where the results of a watch go.
 
 pub mod events;
+#[cfg(feature = "mcap")]
 pub mod mcap;
 pub mod strip;
 pub mod threads;
 pub mod timeline;
 
+use super::source::feature_needed_text;
 use super::watchdog::{Notice, SinkLoss};
-use mcap::Lost;
 use servotwin::observer::Observation;
 use servotwin::shown::Shown;
 use servotwin::system::{Sensor, System};
@@ -15,6 +16,7 @@ use servotwin_io::files::FileError;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
 use std::fmt;
+use std::path::Path;
 
 /// One period with all that is known of it.
 #[derive(Debug, Clone, Copy)]
@@ -82,6 +84,17 @@ pub trait Sink {
     }
 }
 
+/// A connection that was lost.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lost {
+    /// Whose.
+    pub target: String,
+    /// Why.
+    pub reason: String,
+    /// How many samples were not sent.
+    pub unsent: u64,
+}
+
 /// Why a result cannot be written.
 #[derive(Debug)]
 pub enum SinkError {
@@ -95,6 +108,13 @@ pub enum SinkError {
         address: String,
         /// What the operating system said.
         cause: std::io::Error,
+    },
+    /// An output whose writer is a feature that is off.
+    Feature {
+        /// The target.
+        what: String,
+        /// The feature.
+        feature: &'static str,
     },
     /// A target that is neither a file nor a socket.
     Target {
@@ -111,6 +131,9 @@ impl fmt::Display for SinkError {
             SinkError::Connection { address, cause } => {
                 write!(out, "tcp://{address}: nobody takes the stream: {cause}")
             }
+            SinkError::Feature { what, feature } => {
+                out.write_str(&feature_needed_text(what, feature))
+            }
             SinkError::Target { given } => {
                 write!(out, "'{given}' is no target: a file or tcp://HOST:PORT is needed")
             }
@@ -124,6 +147,24 @@ impl From<FileError> for SinkError {
     fn from(error: FileError) -> Self {
         SinkError::File(error)
     }
+}
+
+/// Opens an MCAP file, or a stream of the same to `tcp://HOST:PORT`.
+///
+/// # Errors
+/// It cannot be opened; [`SinkError::Feature`] where the program has no MCAP.
+#[cfg(feature = "mcap")]
+pub fn open_mcap(target: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
+    Ok(Box::new(mcap::Mcap::open(target, scene)?))
+}
+
+/// The same without the feature: no MCAP is written.
+///
+/// # Errors
+/// [`SinkError::Feature`].
+#[cfg(not(feature = "mcap"))]
+pub fn open_mcap(target: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
+    Err(SinkError::Feature { what: target.display().to_string(), feature: "mcap" })
 }
 
 /// The signals of a watch, for those who show them.

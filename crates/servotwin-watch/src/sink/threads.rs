@@ -6,8 +6,7 @@
 //!
 //! A sink that fails is counted as failed from then on, and everything it would have got as lost.
 
-use super::mcap::Lost;
-use super::{Sample, Sink, SinkError};
+use super::{Lost, Sample, Sink, SinkError};
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
 use servotwin::observer::{Finding, Observation};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};

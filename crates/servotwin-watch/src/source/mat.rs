@@ -6,7 +6,7 @@
 //! is checked against the file.
 
 use super::groups::{Group, Groups, bytes};
-use super::{LogColumn, SourceError, Wanted};
+use super::{LogColumn, Source, SourceError, Wanted};
 use servotwin_io::files::FileError;
 use servotwin_io::sanitize;
 use std::io::Read as _;
@@ -39,7 +39,7 @@ const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
 ///
 /// # Errors
 /// It cannot be read, is damaged, or lacks a column.
-pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
+pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let address = path.display().to_string();
     let mut reader = Reader { wanted: Some(wanted), found: vec![] };
     reader.file(path)?;
@@ -68,7 +68,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
         }
         all.push((place, values));
     }
-    Groups::new(&address, wanted, vec![Group::new(times, all)])
+    Ok(Box::new(Groups::new(&address, wanted, vec![Group::new(times, all)])?))
 }
 
 /// The columns of a file; their units are not in it.

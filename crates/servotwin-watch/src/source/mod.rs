@@ -10,6 +10,7 @@ mod groups;
 mod lines;
 #[cfg(feature = "mat")]
 mod mat;
+#[cfg(feature = "mcap")]
 mod mcap;
 #[cfg(feature = "mf4")]
 mod mf4;
@@ -271,7 +272,7 @@ impl Address {
             }
             Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
             Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
-            Address::File(path) if has_extension(path, "mcap") => mcap::open(path, wanted)?,
+            Address::File(path) if has_extension(path, "mcap") => open_mcap(path, wanted)?,
             Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
             Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
             Address::Udp(address, allowed) => {
@@ -290,7 +291,7 @@ impl Address {
     pub fn columns(&self) -> Result<Vec<LogColumn>, SourceError> {
         let names = match self {
             Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
-            Address::File(path) if has_extension(path, "mcap") => return mcap::columns(path),
+            Address::File(path) if has_extension(path, "mcap") => return mcap_columns(path),
             Address::File(path) if is_mdf(path) => return mf4_columns(path),
             Address::File(path) if has_extension(path, "mat") => return mat_columns(path),
             Address::File(path) => return lines::columns(path),
@@ -323,6 +324,14 @@ fn without_user(text: &str) -> String {
     }
 }
 
+/// The message about a feature that is off, with the line that turns it on.
+pub(crate) fn feature_needed_text(what: &str, feature: &str) -> String {
+    format!(
+        "{what} needs the feature '{feature}', which this program was built without: \
+         cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
+    )
+}
+
 /// The error for a source whose reader is a feature that is off.
 pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
     SourceError::Feature { what: what.to_owned(), feature }
@@ -333,7 +342,7 @@ macro_rules! optional_kind {
     ($feature:literal, $module:ident, $open:ident, $columns:ident) => {
         #[cfg(feature = $feature)]
         fn $open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-            Ok(Box::new($module::open(path, wanted)?))
+            $module::open(path, wanted)
         }
 
         #[cfg(not(feature = $feature))]
@@ -353,6 +362,7 @@ macro_rules! optional_kind {
     };
 }
 
+optional_kind!("mcap", mcap, open_mcap, mcap_columns);
 optional_kind!("mf4", mf4, open_mf4, mf4_columns);
 optional_kind!("mat", mat, open_mat, mat_columns);
 
@@ -492,11 +502,9 @@ impl fmt::Display for SourceError {
             SourceError::Address { given, needed } => {
                 write!(out, "'{given}' names no source: {needed} is needed")
             }
-            SourceError::Feature { what, feature } => write!(
-                out,
-                "{what} needs the feature '{feature}', which this program was built without: \
-                 cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
-            ),
+            SourceError::Feature { what, feature } => {
+                out.write_str(&feature_needed_text(what, feature))
+            }
             SourceError::Mixed(mixed) => write!(out, "{mixed}"),
             SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
             SourceError::File(error) => write!(out, "{error}"),

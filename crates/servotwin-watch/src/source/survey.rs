@@ -183,6 +183,7 @@ impl Objects {
         parser.end()
     }
 
+    #[cfg(feature = "mcap")]
     /// A column that no object names.
     pub(super) fn name(&mut self, name: &str, unit: &str) {
         if let Some(column) = self.column(name) {

@@ -15,11 +15,10 @@ use servotwin_watch::State;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::Counts;
 use servotwin_watch::sink::events::{Events, is_change};
-use servotwin_watch::sink::mcap::Mcap;
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
 use servotwin_watch::sink::timeline::Timeline;
-use servotwin_watch::sink::{Sample, Scene, Sink, SinkError};
+use servotwin_watch::sink::{Sample, Scene, Sink, SinkError, open_mcap};
 use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_name};
 use std::fs::{File, OpenOptions};
@@ -65,8 +64,7 @@ impl Outputs {
                 true => (socket_delivery, SinkKind::Stream),
                 false => (file_delivery, SinkKind::File),
             };
-            let mcap = Box::new(Mcap::open(target, &scene)?);
-            threads.add(rules(&name, delivery, false, kind), mcap);
+            threads.add(rules(&name, delivery, false, kind), open_mcap(target, &scene)?);
         }
         if let Some(path) = &options.events {
             let events = Box::new(Events::to_file(events_file(path, resumed)?, path));

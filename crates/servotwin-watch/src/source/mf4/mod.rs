@@ -9,7 +9,7 @@ mod blocks;
 mod values;
 
 use super::groups::{Group, Groups};
-use super::{LogColumn, SourceError, Wanted};
+use super::{LogColumn, Source, SourceError, Wanted};
 use blocks::{Channel, ChannelGroup, Mdf};
 use servotwin::system::units;
 use std::path::Path;
@@ -24,7 +24,7 @@ const MAX_VALUES: u64 = 1 << 27;
 ///
 /// # Errors
 /// It cannot be read, is damaged, lacks a column, or a wanted column is of a kind that is not read.
-pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
+pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let address = path.display().to_string();
     let mut file = Mdf::open(path)?;
     let known = named(&file);
@@ -58,7 +58,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Groups, SourceError> {
         }
         groups.push(read_group(&mut file, index, &chosen).map_err(unreadable)?);
     }
-    Groups::new(&address, wanted, groups)
+    Ok(Box::new(Groups::new(&address, wanted, groups)?))
 }
 
 /// The columns of a file with their units.
