@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes the measured tables of docs/faults.md. Standard library only.
 
-    cargo build --release -p servotwin-cli
+    cargo build --release --features full -p servotwin-cli
     python3 peers/fault_signatures.py [PROGRAM] [--check]
 
 PROGRAM is target/release/servotwin unless another one is given. A table belongs to a mark such as

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A soak of `servotwin watch`: live streams at 100 Hz with everything going wrong around the diagnosis.
 
-    cargo build --release && python3 peers/soak.py --seconds 600
+    cargo build --release --features full && python3 peers/soak.py --seconds 600
 
 Two watches run side by side, one on UDP and one on MQTT (where mosquitto is installed; peers/setup.sh installs it).
 The log has a fault every 30 s, from an onset on. Meanwhile
