@@ -11,6 +11,7 @@ pub mod explain;
 pub mod lines;
 mod looks;
 pub mod measured;
+mod overview;
 pub mod page;
 pub mod schematic;
 mod sections;
@@ -166,7 +167,7 @@ pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
     };
     let entries: Vec<Entry> = sections.iter().map(entry).collect();
     let mut in_appendix = false;
-    // In a few lines, so that what was found is on the first screen, too.
+    overview::write(material, &mut page);
     page.contents(&entries);
     for (section, written) in sections {
         if section.is_appendix() && !in_appendix {

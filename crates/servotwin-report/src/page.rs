@@ -1,5 +1,6 @@
 //! The HTML that a report is written in: headings, paragraphs, tables and figures, all escaped.
 
+use servotwin::evaluation::metrics::Rate;
 use servotwin_io::text::escaped;
 use servotwin_plot::{Figure, dark_rules};
 use std::fmt::Write;
@@ -109,6 +110,27 @@ impl Page {
             let _ = writeln!(self.html, "<li><b>{about}.</b> {text}</li>");
         }
         self.html += "</ul>\n";
+    }
+
+    /// Tabs of which one is shown; the last is in front. Each is a title and HTML.
+    pub(crate) fn tabs(&mut self, name: &str, tabs: &[(String, String)]) {
+        if tabs.is_empty() {
+            return;
+        }
+        self.html += "<div class=\"tabs\">\n";
+        for (n, (title, _)) in tabs.iter().enumerate() {
+            let checked = if n + 1 == tabs.len() { " checked" } else { "" };
+            let _ = write!(
+                self.html,
+                "<input type=\"radio\" name=\"{name}\" id=\"{name}-{n}\"{checked}>\
+                 <label for=\"{name}-{n}\">{}</label>\n",
+                escaped(title)
+            );
+        }
+        for (_, html) in tabs {
+            let _ = write!(self.html, "<div class=\"tab\">\n{html}</div>\n");
+        }
+        self.html += "</div>\n";
     }
 
     /// A list of links to sections.
@@ -260,6 +282,11 @@ impl Page {
         );
         (html, self.figures)
     }
+}
+
+/// A share as HTML whose hover text is its count.
+pub(crate) fn counted(text: &str, rate: Rate) -> String {
+    format!("<abbr title=\"{} of {}\">{}</abbr>", rate.count, rate.of, escaped(text))
 }
 
 /// What is counted.

@@ -304,3 +304,26 @@ fn of_what_was_not_counted_nothing_is_said() {
         assert!(!html.contains(absent), "{absent}");
     }
 }
+
+#[test]
+fn the_first_screen_has_figures_with_counts_and_targets_and_the_weakest_faults() {
+    let html = press_report(PRESS);
+    let first = html.split("<nav").next().unwrap();
+    let cards: Vec<&str> = first.split("<div class=\"card ").skip(1).collect();
+    assert_eq!(cards.len(), 4, "missed, detected, isolated, action right");
+    for card in &cards {
+        assert!(card.contains("<abbr title=\"") && card.contains("target: "), "{card}");
+    }
+    assert!(cards[0].starts_with("missed") && cards[0].contains("title=\"1 of 5\""));
+    // One tab for one scenario, in front.
+    assert_eq!(first.matches("<input type=\"radio\"").count(), 1);
+    assert_eq!(first.matches(" checked>").count(), 1);
+    let weakest = first.split("<ol class=\"weakest\">").nth(1).unwrap();
+    assert_eq!(weakest.matches("<li>").count(), 1, "the other kind is always detected");
+    assert!(
+        weakest.contains("title=\"1 of 4\"") && weakest.contains("It never shows in stroke/idle")
+    );
+    // A cell for each kind and intensity, with its count.
+    assert_eq!(first.matches("<i style=").count(), 4);
+    assert!(first.contains("intensity 0.25: 0 of 2 detected"));
+}

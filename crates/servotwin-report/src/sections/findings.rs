@@ -42,15 +42,19 @@ pub(super) fn all(
 }
 
 /// A kind of fault with how often it is seen, and where it is not.
-struct Seen<'r> {
-    kind: &'r str,
-    command: String,
-    rate: Rate,
+pub(crate) struct Seen<'r> {
+    /// The kind.
+    pub kind: &'r str,
+    /// The action that it calls for; empty for none.
+    pub command: String,
+    /// How often it is detected, over all intensities and cases.
+    pub rate: Rate,
     /// The cases in which it is never detected, of how many.
-    never: Vec<&'r str>,
-    cases: usize,
+    pub never: Vec<&'r str>,
+    /// In so many cases it was tested.
+    pub cases: usize,
     /// The intensity from which on it is detected in the worst of the other cases.
-    from: f64,
+    pub from: f64,
 }
 
 impl Seen<'_> {
@@ -77,7 +81,7 @@ impl Seen<'_> {
 }
 
 /// Every kind of fault, the worst seen first.
-fn seen<'r>(material: &Material, result: &'r SubjectResult) -> Vec<Seen<'r>> {
+pub(crate) fn seen<'r>(material: &Material, result: &'r SubjectResult) -> Vec<Seen<'r>> {
     let detection = &result.evaluation.detection;
     let of_curve = |curve: &'r Curve| {
         let sum = |of: fn(&Rate) -> u64| curve.points.iter().map(|(_, rate)| of(rate)).sum();

@@ -14,7 +14,7 @@ pub mod detectability;
 pub mod effort;
 pub mod exclusions;
 pub mod faults;
-mod findings;
+pub(crate) mod findings;
 pub mod flights;
 pub mod foreign;
 pub mod leaves;

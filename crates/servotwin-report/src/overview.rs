@@ -1,0 +1,243 @@
+//! The first screen: figures of merit with their targets, what is detected from which intensity on, and the faults that
+//! need attention. One tab for each scenario, the hardest in front.
+
+use crate::Material;
+use crate::lines::{self, Who};
+use crate::page::{Page, counted};
+use crate::sections::findings::{Seen, seen};
+use crate::vocabulary::Vocabulary;
+use crate::words::{begun, chosen, percent, spoken};
+use servotwin::evaluation::metrics::Rate;
+use servotwin::job::Subject;
+use servotwin::job::results::SubjectResult;
+use servotwin::study::Setting;
+use servotwin_io::text::escaped;
+use std::fmt::Write;
+
+/// The share that detection and isolation should reach: what the study of flights asks of strong shutdown faults.
+const TARGET: f64 = 0.95;
+
+/// So many faults are named.
+const WEAKEST: usize = 5;
+
+/// What a figure of merit should be.
+#[derive(Clone, Copy, PartialEq)]
+enum Target {
+    /// It should not happen at all.
+    Never,
+    /// At least this share.
+    AtLeast(f64),
+}
+
+/// A figure of merit.
+struct Card {
+    name: String,
+    rate: Rate,
+    target: Target,
+}
+
+impl Card {
+    /// Whether the target is met; by how much an interval reaches over it decides between the first two and the last.
+    fn verdict(&self) -> (&'static str, &'static str) {
+        match self.target {
+            Target::Never if self.rate.count == 0 => ("met", "target: never · met"),
+            Target::Never => ("missed", "target: never · missed"),
+            Target::AtLeast(share) if self.rate.low >= share => ("met", "target: 95 % · met"),
+            Target::AtLeast(share) if self.rate.high < share => ("missed", "target: 95 % · missed"),
+            Target::AtLeast(_) => ("open", "target: 95 % · not certain"),
+        }
+    }
+
+    fn html(&self) -> String {
+        let (class, verdict) = self.verdict();
+        let interval = format!("{:.2} … {:.2} %", 100.0 * self.rate.low, 100.0 * self.rate.high);
+        format!(
+            "<div class=\"card {class}\"><p>{}</p><p class=\"value\">{}</p><p class=\"note\">{interval}</p>\
+             <p class=\"verdict\">{verdict}</p></div>\n",
+            escaped(&self.name),
+            counted(&percent(self.rate.share), self.rate),
+        )
+    }
+}
+
+/// Writes the first screen; nothing without a result.
+pub fn write(material: &Material, page: &mut Page) {
+    let words = material.words();
+    let scenarios = lines::settings(material.results);
+    let tabs: Vec<(String, String)> = scenarios
+        .iter()
+        .map(|result| (result.title.clone(), scenario(material, result, &words)))
+        .collect();
+    page.tabs("scenario", &tabs);
+}
+
+fn scenario(material: &Material, result: &SubjectResult, words: &Vocabulary) -> String {
+    let cards: String = cards(result, words).iter().map(Card::html).collect();
+    format!(
+        "<div class=\"overview\">\n<div><div class=\"cards\">\n{cards}</div>\n{}</div>\n{}</div>\n",
+        weakest(material, result),
+        heat_map(result),
+    )
+}
+
+fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
+    let evaluation = &result.evaluation;
+    let who =
+        if Who::Committee.headline(evaluation).is_some() { Who::Committee } else { Who::Trees };
+    let headline = who.headline(evaluation);
+    let mut cards = vec![];
+    let mut push = |name: String, rate: Option<Rate>, target| {
+        let rate = rate.filter(|rate| rate.of > 0);
+        cards.extend(rate.map(|rate| Card { name, rate, target }));
+    };
+    let safety = headline.and_then(|headline| headline.safety.as_ref()).filter(|_| words.has_off());
+    if words.has_several() {
+        push(
+            format!("Healthy {} {} beside a listed fault", words.unit(), words.switched_off()),
+            safety.map(|safety| safety.wrong_actuator_shutdown),
+            Target::Never,
+        );
+    }
+    push(
+        format!("Missed {}, of the detected faults that need one", words.off()),
+        safety.map(|safety| safety.missed_shutdown),
+        Target::Never,
+    );
+    push(
+        "False alarms: healthy specimens taken for faulty".into(),
+        evaluation.false_alarms.as_ref().map(|alarms| match who {
+            Who::Trees => alarms.trees,
+            Who::Committee => alarms.committee,
+        }),
+        Target::Never,
+    );
+    push("Faults detected".into(), Some(evaluation.detection.detected), Target::AtLeast(TARGET));
+    push(
+        format!("Isolated by the {}, of the detected faults", who.title()),
+        headline.and_then(|headline| headline.end_to_end),
+        Target::AtLeast(TARGET),
+    );
+    push(
+        format!("{} right, of the detected faults", begun(&words.action())),
+        headline.and_then(|headline| headline.right_action),
+        Target::AtLeast(TARGET),
+    );
+    cards
+}
+
+/// The faults that are detected least, each with what to do about it.
+fn weakest(material: &Material, result: &SubjectResult) -> String {
+    let all = seen(material, result);
+    let weak = all.iter().filter(|seen| seen.rate.count < seen.rate.of).take(WEAKEST);
+    let mut html =
+        String::from("<h3>Faults that are detected least</h3>\n<ol class=\"weakest\">\n");
+    let mut any = false;
+    for seen in weak {
+        any = true;
+        let _ = writeln!(
+            html,
+            "<li><b>{}</b> is detected in {} of its tests. {}</li>",
+            escaped(&begun(&spoken(seen.kind))),
+            counted(&percent(seen.rate.share), seen.rate),
+            escaped(&advice(material, result, seen))
+        );
+    }
+    html += "</ol>\n";
+    if any { html } else { "<p>Every fault is detected in each of its tests.</p>\n".into() }
+}
+
+/// What makes a fault visible, in one sentence.
+fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
+    let perfect =
+        material.results.of(Subject::Noise).filter(|perfect| perfect.subject != result.subject);
+    let of_perfect = perfect.and_then(|perfect| {
+        let all = seen(material, perfect);
+        all.into_iter().find(|seen| seen.kind == weak.kind).and_then(|seen| seen.rate.share)
+    });
+    let own = weak.rate.share.unwrap_or(0.0);
+    match of_perfect {
+        Some(share) if share >= own + 0.1 => {
+            let measure = match Setting::Fitted.is_possible(material.study) {
+                true => "; servotwin study --fitted measures the gain",
+                false => "",
+            };
+            return format!(
+                "Tolerances hide it ({} without them): fit the twin to its specimen with servotwin fit{measure}.",
+                percent(Some(share))
+            );
+        }
+        _ => {}
+    }
+    if weak.rate.count == 0 {
+        return "Add a command that moves the part, or a sensor nearer to it ([extra_sensor] measures the gain)."
+            .into();
+    }
+    if !weak.never.is_empty() && weak.never.len() < weak.cases {
+        return format!(
+            "It never shows in {}: test it with the other commands, and from intensity {} on.",
+            weak.never.join(" and "),
+            chosen(weak.from)
+        );
+    }
+    match weak.from {
+        from if from > 0.0 => format!(
+            "It shows in every case from intensity {} on: inspect the part at intervals for weaker faults.",
+            chosen(from)
+        ),
+        _ => "Test it with a command that asks more of the part.".into(),
+    }
+}
+
+/// The share detected for every kind of fault and intensity, the hardest first.
+fn heat_map(result: &SubjectResult) -> String {
+    let mut curves: Vec<_> = result.evaluation.detection.curves.iter().collect();
+    let share = |curve: &&servotwin::evaluation::detection::Curve| {
+        let (count, of) = curve
+            .points
+            .iter()
+            .fold((0, 0), |(count, of), (_, rate)| (count + rate.count, of + rate.of));
+        count as f64 / of.max(1) as f64
+    };
+    curves.sort_by(|a, b| share(a).total_cmp(&share(b)));
+    let mut html = String::from(
+        "<figure class=\"heat\"><figcaption>Share detected of each kind of fault: one cell for each intensity, \
+         weak to strong; blue for all, orange for none</figcaption>\n",
+    );
+    for curve in curves {
+        let kind = spoken(&curve.kind);
+        let _ = write!(html, "<div><span>{}</span>", escaped(&kind));
+        for (intensity, rate) in curve.points.iter().filter(|(_, rate)| rate.of > 0) {
+            let share = rate.count as f64 / rate.of as f64;
+            let _ = write!(
+                html,
+                "<i style=\"--share:{:.0}%\" title=\"{}, intensity {}: {} of {} detected\"></i>",
+                100.0 * share,
+                escaped(&kind),
+                chosen(*intensity),
+                rate.count,
+                rate.of
+            );
+        }
+        html += "</div>\n";
+    }
+    html + "</figure>\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_is_met_missed_or_open_by_the_interval() {
+        let card =
+            |count, of, target| Card { name: "a".into(), rate: Rate::new(count, of), target };
+        let verdict = |count, of, target| card(count, of, target).verdict().0;
+        assert_eq!(verdict(0, 100, Target::Never), "met");
+        assert_eq!(verdict(1, 100, Target::Never), "missed");
+        assert_eq!(verdict(999, 1000, Target::AtLeast(TARGET)), "met");
+        assert_eq!(verdict(50, 100, Target::AtLeast(TARGET)), "missed");
+        assert_eq!(verdict(96, 100, Target::AtLeast(TARGET)), "open");
+        let html = card(96, 100, Target::AtLeast(TARGET)).html();
+        assert!(html.contains("title=\"96 of 100\"") && html.contains("90.16 … 98.43"), "{html}");
+    }
+}
