@@ -1,7 +1,7 @@
 //! The report: one HTML file that a reliability engineer reads, and its figures as files.
 //!
 //! The file needs no network and no script, prints on paper, and is readable without colour. A
-//! section is one file in `sections/` and one line in [`ALL`]; a section that has nothing to say of
+//! section is one file in `sections/` and one line in [`CHAPTERS`]; a section that has nothing to say of
 //! a study (no third sensor, no realistic setting) is left out. What is acted on comes first, what it
 //! rests on stands behind it as an appendix. The same material gives the same bytes.
 
@@ -66,44 +66,107 @@ pub trait Section: Sync {
     fn id(&self) -> &'static str;
     /// The heading.
     fn title(&self) -> &'static str;
-    /// Whether it is evidence behind what the others say: it then stands in the appendix.
-    fn is_appendix(&self) -> bool {
-        false
-    }
     /// Writes the section; nothing where there is nothing to say.
     fn write(&self, material: &Material, page: &mut Page);
 }
 
-/// Every section, in the order of the report; those of the appendix follow the others.
-pub static ALL: &[&dyn Section] = &[
-    &sections::summary::Summary,
-    &sections::system::System,
-    &sections::faults::Faults,
-    &sections::commands::Commands,
-    &sections::detectability::Detectability,
-    &sections::safety::Safety,
-    &sections::ambiguity::Ambiguity,
-    &sections::flights::Flights,
-    &sections::foreign::Foreign,
-    &sections::settings::Settings,
-    &sections::bands::Bands,
-    &sections::twin::Twin,
-    &sections::actuator_tree::ActuatorTree,
-    &sections::macrostructure::Macrostructure,
-    &sections::residuals::Residuals,
-    &sections::commands_curve::CommandsCurve,
-    &sections::protocols::Protocols,
-    &sections::committee::Committee,
-    &sections::robustness::Robustness,
-    &sections::uncertainty::Uncertainty,
-    &sections::confusion::Confusion,
-    &sections::classifiers::Classifiers,
-    &sections::ablation::Ablation,
-    &sections::leaves::Leaves,
-    &sections::data_set::DataSet,
-    &sections::exclusions::Exclusions,
-    &sections::effort::Effort,
-    &sections::making::Making,
+/// Sections that answer the same question. The reader chooses among several; on paper all stand below each other.
+pub struct Chapter {
+    /// The anchor in the file.
+    pub id: &'static str,
+    /// The heading.
+    pub title: &'static str,
+    /// Whether it is evidence behind what the others say: it then stands in the appendix.
+    pub is_appendix: bool,
+    /// Its sections; the first is in front.
+    pub sections: &'static [&'static dyn Section],
+}
+
+/// The chapters of the report, in their order. A new section is one file and one line here.
+pub static CHAPTERS: &[Chapter] = &[
+    Chapter {
+        id: "findings",
+        title: "Findings",
+        is_appendix: false,
+        sections: &[&sections::summary::Summary],
+    },
+    Chapter {
+        id: "setup",
+        title: "System, faults and commands",
+        is_appendix: false,
+        sections: &[
+            &sections::faults::Faults,
+            &sections::system::System,
+            &sections::commands::Commands,
+        ],
+    },
+    Chapter {
+        id: "visible",
+        title: "Which faults are detected",
+        is_appendix: false,
+        sections: &[&sections::detectability::Detectability],
+    },
+    Chapter {
+        id: "errors",
+        title: "What errors do",
+        is_appendix: false,
+        sections: &[&sections::safety::Safety, &sections::ambiguity::Ambiguity],
+    },
+    Chapter {
+        id: "work",
+        title: "Faults that begin at work",
+        is_appendix: false,
+        sections: &[&sections::flights::Flights, &sections::foreign::Foreign],
+    },
+    Chapter {
+        id: "limits",
+        title: "Bands and the twin behind them",
+        is_appendix: true,
+        sections: &[&sections::bands::Bands, &sections::twin::Twin],
+    },
+    Chapter {
+        id: "decisions",
+        title: "How the trees decide",
+        is_appendix: true,
+        sections: &[
+            &sections::macrostructure::Macrostructure,
+            &sections::actuator_tree::ActuatorTree,
+            &sections::leaves::Leaves,
+        ],
+    },
+    Chapter {
+        id: "examples",
+        title: "Examples",
+        is_appendix: true,
+        sections: &[&sections::residuals::Residuals],
+    },
+    Chapter {
+        id: "rates",
+        title: "Rates by scenario and protocol",
+        is_appendix: true,
+        sections: &[
+            &sections::protocols::Protocols,
+            &sections::committee::Committee,
+            &sections::settings::Settings,
+            &sections::robustness::Robustness,
+            &sections::uncertainty::Uncertainty,
+            &sections::confusion::Confusion,
+            &sections::classifiers::Classifiers,
+            &sections::ablation::Ablation,
+            &sections::commands_curve::CommandsCurve,
+        ],
+    },
+    Chapter {
+        id: "origin",
+        title: "The data and how it was made",
+        is_appendix: true,
+        sections: &[
+            &sections::data_set::DataSet,
+            &sections::exclusions::Exclusions,
+            &sections::effort::Effort,
+            &sections::making::Making,
+        ],
+    },
 ];
 
 /// The subject whose trees are drawn: those that learned with noise, because trees that never saw any ask for
@@ -149,32 +212,43 @@ fn hardest_first(
 
 /// The report as HTML, and its figures with the names of their files.
 pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
-    let mut sections = vec![];
-    for section in ALL {
+    let mut chapters = vec![];
+    for chapter in CHAPTERS {
         let mut page = Page::default();
-        page.section(section.id(), section.title(), |page| section.write(material, page));
+        page.section(chapter.id, chapter.title, |page| chapter.write(material, page));
         if !page.is_empty() {
-            sections.push((section, page));
+            chapters.push((chapter, page));
         }
     }
-    // Stable: within both parts the order stays.
-    sections.sort_by_key(|(section, _)| section.is_appendix());
     let mut page = Page::default();
-    let entry = |(section, _): &(&&dyn Section, Page)| Entry {
-        id: section.id().to_owned(),
-        title: section.title().to_owned(),
-        is_appendix: section.is_appendix(),
+    let entry = |(chapter, _): &(&Chapter, Page)| Entry {
+        id: chapter.id.to_owned(),
+        title: chapter.title.to_owned(),
+        is_appendix: chapter.is_appendix,
     };
-    let entries: Vec<Entry> = sections.iter().map(entry).collect();
-    let mut in_appendix = false;
+    let entries: Vec<Entry> = chapters.iter().map(entry).collect();
     overview::write(material, &mut page);
     page.contents(&entries);
-    for (section, written) in sections {
-        if section.is_appendix() && !in_appendix {
+    let mut in_appendix = false;
+    for (chapter, written) in chapters {
+        if chapter.is_appendix && !in_appendix {
             page.appendix();
             in_appendix = true;
         }
         page.append(written);
     }
     page.finish(&material.study.title)
+}
+
+impl Chapter {
+    /// Writes its sections that have anything to say; the reader chooses among several.
+    fn write(&self, material: &Material, page: &mut Page) {
+        let written = self.sections.iter().map(|section| {
+            let mut inner = Page::default();
+            section.write(material, &mut inner);
+            (section.id(), section.title(), inner)
+        });
+        let written: Vec<_> = written.filter(|(.., inner)| !inner.is_empty()).collect();
+        page.choices(self.id, written);
+    }
 }

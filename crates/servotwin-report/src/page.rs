@@ -120,17 +120,46 @@ impl Page {
         self.html += "<div class=\"tabs\">\n";
         for (n, (title, _)) in tabs.iter().enumerate() {
             let checked = if n + 1 == tabs.len() { " checked" } else { "" };
-            let _ = write!(
-                self.html,
-                "<input type=\"radio\" name=\"{name}\" id=\"{name}-{n}\"{checked}>\
-                 <label for=\"{name}-{n}\">{}</label>\n",
-                escaped(title)
-            );
+            self.choice(&format!("{name}-{n}"), name, title, checked);
         }
         for (_, html) in tabs {
             let _ = write!(self.html, "<div class=\"tab\">\n{html}</div>\n");
         }
         self.html += "</div>\n";
+    }
+
+    /// Sections under one heading, each with its anchor and title: on a screen one is shown, the first in front; on paper
+    /// all of them.
+    pub(crate) fn choices(&mut self, name: &str, sections: Vec<(&str, &str, Page)>) {
+        let is_alone = sections.len() == 1;
+        if !is_alone {
+            self.html += "<div class=\"tabs choices\">\n";
+            for (n, (_, title, _)) in sections.iter().enumerate() {
+                let checked = if n == 0 { " checked" } else { "" };
+                self.choice(&format!("{name}-{n}"), name, title, checked);
+            }
+        }
+        for (id, title, inner) in sections {
+            let class = if is_alone { "" } else { " class=\"tab\"" };
+            let (id, title) = (escaped(id), escaped(title));
+            let _ = writeln!(self.html, "<div id=\"{id}\"{class}>");
+            if !is_alone {
+                let _ = writeln!(self.html, "<h3>{title}</h3>");
+            }
+            self.append(inner);
+            self.html += "</div>\n";
+        }
+        if !is_alone {
+            self.html += "</div>\n";
+        }
+    }
+
+    fn choice(&mut self, id: &str, name: &str, title: &str, checked: &str) {
+        let title = escaped(title);
+        let _ = writeln!(
+            self.html,
+            "<input type=\"radio\" name=\"{name}\" id=\"{id}\"{checked}><label for=\"{id}\">{title}</label>"
+        );
     }
 
     /// A list of links to sections.

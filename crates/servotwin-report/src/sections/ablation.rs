@@ -18,10 +18,6 @@ impl Section for Ablation {
         "What carries the result"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let mut families = Grid::new([("family", Side::Left), ("what it computes", Side::Left)]);
         let words = material.words();

@@ -20,10 +20,6 @@ impl Section for ActuatorTree {
         "The trees"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let Some(result) = material.main() else {
             return;

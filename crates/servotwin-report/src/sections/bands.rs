@@ -26,10 +26,6 @@ impl Section for Bands {
         "Bands"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
             .into_iter()

@@ -20,10 +20,6 @@ impl Section for Classifiers {
         "Classifiers compared"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         for result in &material.results.subjects {
             if result.evaluation.classifiers.is_empty() {

@@ -27,10 +27,6 @@ impl Section for CommandsCurve {
         "Commands to learn from"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let study = material.study;
         let Some(training) = &study.training else {

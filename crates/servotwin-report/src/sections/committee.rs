@@ -30,10 +30,6 @@ impl Section for Committee {
         "The committee"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let results: Vec<&SubjectResult> = lines::settings(material.results)
             .into_iter()

@@ -19,10 +19,6 @@ impl Section for Confusion {
         "Confusion matrices"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let words = material.words();
         for result in material.results.subjects.iter().filter(|r| !r.subject.extra_sensor()) {

@@ -19,10 +19,6 @@ impl Section for DataSet {
         "The data set"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let Some((setting, excerpt)) = material.excerpt else { return };
         let words = material.words();

@@ -17,10 +17,6 @@ impl Section for Effort {
         "How the simulations went"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let sets = &material.manifest.data_sets;
         let strange = |set: &&DataSetEntry| set.efforts.iter().any(is_strange);

@@ -19,10 +19,6 @@ impl Section for Exclusions {
         "What was left out"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let words = material.words();
         let mut heads =

@@ -19,10 +19,6 @@ impl Section for Leaves {
         "The worst leaves"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let units = data_features(material.study);
         let words = material.words();

@@ -21,10 +21,6 @@ impl Section for Macrostructure {
         "How the trees hang together"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let Some(result) = material.main() else {
             return;

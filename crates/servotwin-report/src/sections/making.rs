@@ -16,10 +16,6 @@ impl Section for Making {
         "How this was made"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let (study, manifest) = (material.study, material.manifest);
         let mut grid = Grid::new([("", Side::Left), ("", Side::Left)]);

@@ -19,10 +19,6 @@ impl Section for Protocols {
         "The trees under every protocol"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let words = material.words();
         page.text(&format!(

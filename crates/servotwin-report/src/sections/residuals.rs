@@ -26,10 +26,6 @@ impl Section for Residuals {
         "Residuals of examples"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let words = material.words();
         for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {

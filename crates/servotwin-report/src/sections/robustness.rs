@@ -23,10 +23,6 @@ impl Section for Robustness {
         "Trained on one setting, tested on another"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let crosses = &material.results.robustness;
         if crosses.is_empty() {

@@ -23,10 +23,6 @@ impl Section for Twin {
         "The twin and its confidence"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         if !material.calibrations.is_empty() {
             page.heading("Fitted parameters");

@@ -24,10 +24,6 @@ impl Section for Uncertainty {
         "Answers that hang on less than a sensor shows"
     }
 
-    fn is_appendix(&self) -> bool {
-        true
-    }
-
     fn write(&self, material: &Material, page: &mut Page) {
         let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::settings(material.results)
             .into_iter()
