@@ -94,184 +94,119 @@ fn in_digits(value: f64) -> f64 {
 }
 
 /// Why a table is no record from which anything can be learned.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // The fields are what the messages say.
 pub enum RecordError {
     /// There is no column of times.
+    #[error("there is no column 'time_s' with the time of each sample")]
     NoTime,
     /// A time as text is no date.
+    #[error(
+        "{column} has '{text}' ({place}): seconds or dates (2026-11-21T08:15:02.5Z) are needed"
+    )]
     NoDate { column: String, place: String, text: String },
     /// A column is not of numbers, as the table says.
+    #[error("{0}")]
     Column(String),
     /// None of the system's sensors has a column.
+    #[error("no column is a sensor of the system; it has: {}", sanitize::list(.known))]
     NoSensor { known: Vec<String> },
     /// A value is missing or infinite.
+    #[error(
+        "{column} has no finite value at {place}: cut the record there, or leave the column out"
+    )]
     NotFinite { column: String, place: String },
     /// Too many values are none that the sensor can show.
+    #[error("{0}: these are too many to leave out")]
     Impossible(LeftOut),
     /// Samples are not even.
+    #[error(
+        "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods)"
+    )]
     Uneven { place: String, time_s: f64, expected_s: f64 },
     /// One step between samples is none of the others'.
+    #[error("{}", leap(.place, *.step_s, *.period_s, *.is_dated))]
     Leap { place: String, step_s: f64, period_s: f64, is_dated: bool },
     /// Time between samples is out of range; the unit in which it would not be, and what it would be in that, s.
+    #[error("{}", wrong_period(*.period_s, *.likely))]
     Period { period_s: f64, likely: Option<(&'static str, f64)> },
     /// A column has no value before a row, and none is missing from there on.
+    #[error(
+        "{column} has no value before {place}: --from {behind_s} reads the record from there on"
+    )]
     Begins { column: String, place: String, behind_s: f64 },
     /// It is too short.
+    #[error(
+        "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
+    )]
     TooShort { duration_s: f64, samples: usize },
     /// No input varies, or nothing moves.
+    #[error("the record shows no motion: {what}; parameters show only while the actuator moves")]
     NoMotion { what: String },
     /// An input is not in its range.
+    #[error("{column} has {value} {}: allowed are {} … {}", .unit.symbol(), .range.0, .range.1)]
     Input { column: String, value: f64, range: (f64, f64), unit: Unit },
     /// A column seems to be in another unit.
+    #[error("{column} seems to be in {looks_like}: it is {factor:.3e} times what the twin shows in {}; columns are in SI units", .unit.symbol())]
     OtherUnit { column: String, unit: Unit, factor: f64, looks_like: &'static str },
     /// A column moves against the twin.
+    #[error("{}", wrong_sign(.columns, *.all))]
     OtherSign { columns: Vec<String>, all: bool },
     /// A sensor shows the same value although it should move.
+    #[error("{column} is stuck: from {from_s:.2} s on it shows {value} {} for {for_s:.2} s, while the twin moves", .unit.symbol())]
     Stuck { column: String, from_s: f64, for_s: f64, value: f64, unit: Unit },
     /// What the sensors show goes away from the inputs with time.
+    #[error("the clocks of inputs and sensors do not agree: the sensors' time runs {:+.2} % off that of the inputs", 100.0 * .share)]
     Clock { share: f64 },
     /// What the sensors show comes too late or too early.
+    #[error("the sensors come {} s too {} for the inputs: shift one of them", (.by_s.abs() * 1e4).round() / 1e4, if *.by_s > 0.0 { "late" } else { "early" })]
     Shifted { by_s: f64 },
 }
 
-impl fmt::Display for RecordError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoTime => write!(out, "there is no column 'time_s' with the time of each sample"),
-            Self::NoDate { column, place, text } => write!(
-                out,
-                "{column} has '{text}' ({place}): seconds or dates (2026-11-21T08:15:02.5Z) are needed"
-            ),
-            Self::Column(reason) => write!(out, "{reason}"),
-            Self::NoSensor { known } => {
-                write!(
-                    out,
-                    "no column is a sensor of the system; it has: {}",
-                    sanitize::list(known)
-                )
-            }
-            Self::NotFinite { column, place } => {
-                write!(
-                    out,
-                    "{column} has no finite value at {place}: cut the record there, or leave the column out"
-                )
-            }
-            Self::Impossible(left_out) => {
-                write!(out, "{left_out}: these are too many to leave out")
-            }
-            Self::Uneven { place, time_s, expected_s } => {
-                let (jitter, _) = (JITTER, ());
-                write!(
-                    out,
-                    "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {jitter} periods)"
-                )
-            }
-            Self::Leap { place, step_s, period_s, is_dated } => {
-                leap(out, place, *step_s, *period_s, *is_dated)
-            }
-            Self::Period { period_s, likely } => {
-                let (least, most) = moment::PERIODS_S;
-                let period_s = moment::rounded(*period_s);
-                write!(out, "{period_s} s between samples: allowed are {least} … {most} s")?;
-                match likely {
-                    Some((unit, step_s)) => write!(
-                        out,
-                        "; the times are likely in {unit}, in which samples are {step_s} s apart: a map file gives them \
-                         another unit"
-                    ),
-                    None => Ok(()),
-                }
-            }
-            Self::Begins { column, place, behind_s } => write!(
-                out,
-                "{column} has no value before {place}: --from {behind_s} reads the record from there on"
-            ),
-            Self::TooShort { duration_s, samples } => write!(
-                out,
-                "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
-            ),
-            Self::NoMotion { what } => write!(
-                out,
-                "the record shows no motion: {what}; parameters show only while the actuator moves"
-            ),
-            Self::Input { column, value, range, unit } => write!(
-                out,
-                "{column} has {value} {}: allowed are {} … {}",
-                unit.symbol(),
-                range.0,
-                range.1
-            ),
-            Self::OtherUnit { column, unit, factor, looks_like } => write!(
-                out,
-                "{column} seems to be in {looks_like}: it is {factor:.3e} times what the twin shows in {}; columns are in SI units",
-                unit.symbol()
-            ),
-            Self::OtherSign { columns, all: false } => write!(
-                out,
-                "{} moves against the twin: its sign seems to be wrong",
-                columns.join(", ")
-            ),
-            Self::OtherSign { columns, all: true } => write!(
-                out,
-                "everything that moves ({}) moves against the twin: the sign of the command seems to be wrong",
-                columns.join(", ")
-            ),
-            Self::Stuck { column, from_s, for_s, value, unit } => write!(
-                out,
-                "{column} is stuck: from {from_s:.2} s on it shows {value} {} for {for_s:.2} s, while the twin moves",
-                unit.symbol()
-            ),
-            Self::Clock { share } => write!(
-                out,
-                "the clocks of inputs and sensors do not agree: the sensors' time runs {:+.2} % off that of the inputs",
-                100.0 * share
-            ),
-            Self::Shifted { by_s } => write!(
-                out,
-                "the sensors come {} s too {} for the inputs: shift one of them",
-                (by_s.abs() * 1e4).round() / 1e4,
-                if *by_s > 0.0 { "late" } else { "early" }
-            ),
-        }
+fn wrong_period(period_s: f64, likely: Option<(&str, f64)>) -> String {
+    let (least, most) = moment::PERIODS_S;
+    let period_s = moment::rounded(period_s);
+    let likely = likely.map_or(String::new(), |(unit, step_s)| {
+        format!(
+            "; the times are likely in {unit}, in which samples are {step_s} s apart: a map file gives them another unit"
+        )
+    });
+    format!("{period_s} s between samples: allowed are {least} … {most} s{likely}")
+}
+
+fn wrong_sign(columns: &[String], all: bool) -> String {
+    let columns = columns.join(", ");
+    match all {
+        false => format!("{columns} moves against the twin: its sign seems to be wrong"),
+        true => format!(
+            "everything that moves ({columns}) moves against the twin: the sign of the command seems to be wrong"
+        ),
     }
 }
 
 /// A step between two samples, and what is likely behind it.
-fn leap(
-    out: &mut fmt::Formatter<'_>,
-    place: &str,
-    step_s: f64,
-    period_s: f64,
-    is_dated: bool,
-) -> fmt::Result {
+fn leap(place: &str, step_s: f64, period_s: f64, is_dated: bool) -> String {
     let decimals = (-moment::rounded(period_s).log10()).ceil().clamp(0.0, 6.0) as usize;
-    write!(
-        out,
-        "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {} s; ",
-        moment::rounded(period_s)
-    )?;
     let set_s = (step_s - period_s).abs();
     let missing = (step_s / period_s).round() - 1.0;
-    if is_dated && (set_s - DAYLIGHT_SAVING_S).abs() < LEAP * period_s.max(1.0) {
-        write!(
-            out,
-            "likely the clock was set for daylight saving: log dates with their offset (02:00:00+01:00) or in UTC, \
-             or read the part before or behind it with --to or --from"
-        )
+    let likely = if is_dated && (set_s - DAYLIGHT_SAVING_S).abs() < LEAP * period_s.max(1.0) {
+        "likely the clock was set for daylight saving: log dates with their offset (02:00:00+01:00) or in UTC, \
+         or read the part before or behind it with --to or --from"
+            .to_owned()
     } else if step_s <= 0.0 {
-        write!(out, "the clock was set back: read the part before or behind it with --to or --from")
+        "the clock was set back: read the part before or behind it with --to or --from".to_owned()
     } else if (1.0..1e6).contains(&missing) {
-        write!(
-            out,
+        format!(
             "{missing} samples are missing: read the part before or behind them with --to or --from"
         )
     } else {
-        write!(out, "read the part before or behind it with --to or --from")
-    }
+        "read the part before or behind it with --to or --from".to_owned()
+    };
+    let period_s = moment::rounded(period_s);
+    format!(
+        "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {period_s} s; {likely}"
+    )
 }
-
-impl std::error::Error for RecordError {}
 
 impl RecordError {
     /// No column is a sensor of a system.

@@ -4,34 +4,39 @@ use super::units::word;
 use crate::document::{self, Explained, Quantity, suggest};
 use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::spec::Unit;
-use std::fmt;
 
 /// What is wrong with a system file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mistake {
     /// With any TOML file.
+    #[error("{0}")]
     Document(document::Mistake),
     /// A name with letters that ids cannot have.
+    #[error("'{name}' cannot be a name")]
     BadName {
         /// The name.
         name: String,
     },
     /// A name that has a meaning of its own.
+    #[error("the name '{name}' has a meaning of its own")]
     ReservedName {
         /// The name.
         name: String,
     },
     /// A liquid would be thicker at 100 °C than at 40 °C.
+    #[error("the fluid '{fluid}' is no thinner at 100 °C than at 40 °C")]
     ThickensWhenWarm {
         /// The fluid.
         fluid: String,
     },
     /// Two things have the same id.
+    #[error("there are two things called '{id}'")]
     DuplicateId {
         /// The id.
         id: String,
     },
     /// A word that is none of a list: a component's kind, a liquid, an assembly, a fluid.
+    #[error("unknown {what} '{word}'")]
     UnknownWord {
         /// What it should name, e.g. "kind of component".
         what: &'static str,
@@ -43,6 +48,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// Something is declared and never used.
+    #[error("the {what} '{name}' is never used")]
     Unused {
         /// What it is.
         what: &'static str,
@@ -50,11 +56,13 @@ pub enum Mistake {
         name: String,
     },
     /// Both or neither of `kind` and `assembly`.
+    #[error("component '{id}' needs either a 'kind' or an 'assembly'")]
     KindOrAssembly {
         /// The component.
         id: String,
     },
     /// A parameter's name with another unit.
+    #[error("{}", wrong_suffix(.key, .right, *.unit))]
     WrongSuffix {
         /// The key.
         key: String,
@@ -66,11 +74,13 @@ pub enum Mistake {
         si: Option<f64>,
     },
     /// The name of a fault where a parameter is expected.
+    #[error("'{key}' is a fault, no parameter")]
     FaultAmongParameters {
         /// The fault.
         key: String,
     },
     /// The name of a port where a parameter is expected.
+    #[error("'{key}' is a port, no parameter")]
     PortAmongParameters {
         /// The port.
         key: String,
@@ -78,11 +88,13 @@ pub enum Mistake {
         id: String,
     },
     /// The kind of a component inside an assembly cannot be overridden.
+    #[error("the kind of '{id}' cannot be overridden")]
     KindOverridden {
         /// The component.
         id: String,
     },
     /// A fluid given to a component that takes it from its circuit.
+    #[error("'{id}' ({kind}) takes the fluid of its circuit")]
     FluidNotHere {
         /// The component.
         id: String,
@@ -90,6 +102,7 @@ pub enum Mistake {
         kind: &'static str,
     },
     /// Several fluids are declared and a source names none.
+    #[error("several fluids are declared, but '{id}' names none")]
     WhichFluid {
         /// The source.
         id: String,
@@ -97,6 +110,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// The laws of a fluid do not hold at the temperature of its source.
+    #[error("'{id}' is at {kelvin} K, but the liquid '{liquid}' is only known for {} … {} K", .range_k.0, .range_k.1)]
     FluidTemperature {
         /// The source.
         id: String,
@@ -108,6 +122,7 @@ pub enum Mistake {
         range_k: (f64, f64),
     },
     /// A liquid by its own numbers would be softer than any, at the temperature of its source.
+    #[error("'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {}: allowed are {} … {} K", Quantity(*.pa, "Pa"), .range_k.0, .range_k.1)]
     FluidTooSoft {
         /// The source.
         id: String,
@@ -119,6 +134,7 @@ pub enum Mistake {
         range_k: (f64, f64),
     },
     /// An end of a connection that names a component but no port.
+    #[error("'{id}' is a component: which of its ports?")]
     NoPort {
         /// The component.
         id: String,
@@ -126,6 +142,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// A port that a component does not have.
+    #[error("'{id}' ({kind}) has no port '{port}'")]
     UnknownPort {
         /// The component.
         id: String,
@@ -139,13 +156,16 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// A connection of fewer than two ports.
+    #[error("a connection joins at least two ports")]
     TooFewEnds,
     /// A port twice in a connection.
+    #[error("'{end}' stands twice in this connection")]
     RepeatedEnd {
         /// The port.
         end: String,
     },
     /// A connection names two inputs of the system.
+    #[error("the inputs '{first}' and '{second}' feed the same signal")]
     TwoInputs {
         /// The first.
         first: String,
@@ -153,6 +173,7 @@ pub enum Mistake {
         second: String,
     },
     /// An input of the system meets an output.
+    #[error("the input '{input}' meets the output '{output}'")]
     InputAndOutput {
         /// The input.
         input: String,
@@ -160,6 +181,7 @@ pub enum Mistake {
         output: String,
     },
     /// An input of the system feeds something that reads no signal.
+    #[error("an input cannot feed '{end}', which is {family}")]
     NoSignalInput {
         /// The port.
         end: String,
@@ -167,11 +189,13 @@ pub enum Mistake {
         family: &'static str,
     },
     /// An input of the system feeds nothing.
+    #[error("the input '{id}' feeds nothing")]
     InputUnused {
         /// The input.
         id: String,
     },
     /// A unit that is unknown, or not of SI.
+    #[error("unknown unit '{word}'")]
     UnknownUnit {
         /// The word.
         word: String,
@@ -179,6 +203,7 @@ pub enum Mistake {
         meant: Option<Unit>,
     },
     /// A sensor that is no output of a component.
+    #[error("'{signal}' is no signal output of a component")]
     NoOutput {
         /// The signal.
         signal: String,
@@ -186,6 +211,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// A sensor whose noise is more than what its residuals are divided by.
+    #[error("the scale of sensor '{sensor}' is {}, less than noise and steps of '{component}': {}", Quantity(*.scale, .unit.symbol()), Quantity(rounded(*.noise), .unit.symbol()))]
     ScaleBelowNoise {
         /// The sensor.
         sensor: String,
@@ -201,6 +227,7 @@ pub enum Mistake {
         unit: Unit,
     },
     /// A port that must be connected is open.
+    #[error("the {family} port '{end}' is connected to nothing")]
     OpenPort {
         /// The port.
         end: String,
@@ -212,6 +239,7 @@ pub enum Mistake {
         also: Vec<String>,
     },
     /// A connection joins ports of different families.
+    #[error("'{}' is {}, but '{}' is {}", .first.0, .first.1, .second.0, .second.1)]
     MixedKinds {
         /// The first port and its family.
         first: (String, &'static str),
@@ -219,6 +247,7 @@ pub enum Mistake {
         second: (String, &'static str),
     },
     /// A signal of one unit meets an input of another.
+    #[error("'{}' is in {}, but '{}' reads {}", .from.0, quoted(.from.1), .to.0, quoted(.to.1))]
     MixedUnits {
         /// The source.
         from: (String, Unit),
@@ -226,6 +255,7 @@ pub enum Mistake {
         to: (String, Unit),
     },
     /// Two components set the same pressure, motion or signal.
+    #[error("both '{first}' and '{second}' {}", both(sets(.family)))]
     TwoSources {
         /// The first.
         first: String,
@@ -235,6 +265,7 @@ pub enum Mistake {
         family: &'static str,
     },
     /// Nobody sets the pressure, motion or signal of a node.
+    #[error("nothing {} where {} meet", sets(.family), quote_all(.ends))]
     NoSource {
         /// The ports that are joined.
         ends: Vec<String>,
@@ -242,11 +273,13 @@ pub enum Mistake {
         family: &'static str,
     },
     /// A circuit without source and tank.
+    #[error("the hydraulic circuit of '{id}' has neither a source nor a tank")]
     NoReference {
         /// A component of it.
         id: String,
     },
     /// The sources of one circuit disagree.
+    #[error("{second} is in one circuit with {first}")]
     TwoFluids {
         /// The first source, its liquid and its temperature.
         first: String,
@@ -254,11 +287,13 @@ pub enum Mistake {
         second: String,
     },
     /// Signals depend on each other with no state in between.
+    #[error("the signals of {} depend on each other at once", quote_all(.ids))]
     AlgebraicLoop {
         /// The components.
         ids: Vec<String>,
     },
     /// Parameters that are impossible together.
+    #[error("'{id}' is impossible: {reason}")]
     Impossible {
         /// The component.
         id: String,
@@ -266,8 +301,10 @@ pub enum Mistake {
         reason: String,
     },
     /// The system has no states.
+    #[error("the system has nothing that moves: no state variable")]
     Empty,
     /// More variables than a program can address.
+    #[error("the system is too large for one program")]
     TooLarge,
 }
 
@@ -286,125 +323,15 @@ fn sets(family: &str) -> &'static str {
     }
 }
 
-impl fmt::Display for Mistake {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Mistake::Document(mistake) => write!(out, "{mistake}"),
-            Mistake::BadName { name } => write!(out, "'{name}' cannot be a name"),
-            Mistake::ReservedName { name } => {
-                write!(out, "the name '{name}' has a meaning of its own")
-            }
-            Mistake::ThickensWhenWarm { fluid } => {
-                write!(out, "the fluid '{fluid}' is no thinner at 100 °C than at 40 °C")
-            }
-            Mistake::DuplicateId { id } => write!(out, "there are two things called '{id}'"),
-            Mistake::UnknownWord { what, word, .. } => write!(out, "unknown {what} '{word}'"),
-            Mistake::Unused { what, name } => write!(out, "the {what} '{name}' is never used"),
-            Mistake::KindOrAssembly { id } => {
-                write!(out, "component '{id}' needs either a 'kind' or an 'assembly'")
-            }
-            Mistake::WrongSuffix { key, right, unit, .. } if *unit == Unit::None => {
-                write!(out, "'{key}' has a unit, but {right} is a pure number")
-            }
-            Mistake::WrongSuffix { key, right, unit, .. }
-                if right.strip_suffix(unit.suffix()) == Some(key) =>
-            {
-                write!(
-                    out,
-                    "'{key}' lacks its unit: the parameter is {right}, in {}",
-                    unit.symbol()
-                )
-            }
-            Mistake::WrongSuffix { key, right, unit, .. } => {
-                write!(out, "'{key}' is not in SI: the parameter is {right}, in {}", unit.symbol())
-            }
-            Mistake::FaultAmongParameters { key } => {
-                write!(out, "'{key}' is a fault, no parameter")
-            }
-            Mistake::PortAmongParameters { key, .. } => {
-                write!(out, "'{key}' is a port, no parameter")
-            }
-            Mistake::KindOverridden { id } => {
-                write!(out, "the kind of '{id}' cannot be overridden")
-            }
-            Mistake::FluidNotHere { id, kind } => {
-                write!(out, "'{id}' ({kind}) takes the fluid of its circuit")
-            }
-            Mistake::WhichFluid { id, .. } => {
-                write!(out, "several fluids are declared, but '{id}' names none")
-            }
-            Mistake::FluidTemperature { id, kelvin, liquid, range_k: (min, max) } => write!(
-                out,
-                "'{id}' is at {kelvin} K, but the liquid '{liquid}' is only known for {min} … {max} K"
-            ),
-            Mistake::FluidTooSoft { id, kelvin, pa, range_k: (min, max) } => {
-                let pa = Quantity(*pa, "Pa");
-                write!(
-                    out,
-                    "'{id}' is at {kelvin} K, where the bulk modulus of its liquid would be {pa}: allowed are {min} … {max} K"
-                )
-            }
-            Mistake::NoPort { id, .. } => write!(out, "'{id}' is a component: which of its ports?"),
-            Mistake::UnknownPort { id, kind, port, .. } => {
-                write!(out, "'{id}' ({kind}) has no port '{port}'")
-            }
-            Mistake::TooFewEnds => write!(out, "a connection joins at least two ports"),
-            Mistake::RepeatedEnd { end } => write!(out, "'{end}' stands twice in this connection"),
-            Mistake::TwoInputs { first, second } => {
-                write!(out, "the inputs '{first}' and '{second}' feed the same signal")
-            }
-            Mistake::InputAndOutput { input, output } => {
-                write!(out, "the input '{input}' meets the output '{output}'")
-            }
-            Mistake::NoSignalInput { end, family } => {
-                write!(out, "an input cannot feed '{end}', which is {family}")
-            }
-            Mistake::InputUnused { id } => write!(out, "the input '{id}' feeds nothing"),
-            Mistake::UnknownUnit { word, .. } => write!(out, "unknown unit '{word}'"),
-            Mistake::NoOutput { signal, .. } => {
-                write!(out, "'{signal}' is no signal output of a component")
-            }
-            Mistake::ScaleBelowNoise { sensor, component, scale, noise, unit, .. } => {
-                let [scale, noise] =
-                    [*scale, rounded(*noise)].map(|si| Quantity(si, unit.symbol()));
-                write!(
-                    out,
-                    "the scale of sensor '{sensor}' is {scale}, less than noise and steps of '{component}': {noise}"
-                )
-            }
-            Mistake::OpenPort { end, family, .. } => {
-                write!(out, "the {family} port '{end}' is connected to nothing")
-            }
-            Mistake::MixedKinds { first, second } => {
-                write!(out, "'{}' is {}, but '{}' is {}", first.0, first.1, second.0, second.1)
-            }
-            Mistake::MixedUnits { from, to } => write!(
-                out,
-                "'{}' is in {}, but '{}' reads {}",
-                from.0,
-                quoted(from.1),
-                to.0,
-                quoted(to.1)
-            ),
-            Mistake::TwoSources { first, second, family } => {
-                write!(out, "both '{first}' and '{second}' {}", both(sets(family)))
-            }
-            Mistake::NoSource { ends, family } => {
-                write!(out, "nothing {} where {} meet", sets(family), quote_all(ends))
-            }
-            Mistake::NoReference { id } => {
-                write!(out, "the hydraulic circuit of '{id}' has neither a source nor a tank")
-            }
-            Mistake::TwoFluids { first, second } => {
-                write!(out, "{second} is in one circuit with {first}")
-            }
-            Mistake::AlgebraicLoop { ids } => {
-                write!(out, "the signals of {} depend on each other at once", quote_all(ids))
-            }
-            Mistake::Impossible { id, reason } => write!(out, "'{id}' is impossible: {reason}"),
-            Mistake::Empty => write!(out, "the system has nothing that moves: no state variable"),
-            Mistake::TooLarge => write!(out, "the system is too large for one program"),
+/// What is wrong with the name of a parameter of this unit.
+fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
+    let symbol = unit.symbol();
+    match right.strip_suffix(unit.suffix()) {
+        _ if unit == Unit::None => format!("'{key}' has a unit, but {right} is a pure number"),
+        Some(bare) if bare == key => {
+            format!("'{key}' lacks its unit: the parameter is {right}, in {symbol}")
         }
+        _ => format!("'{key}' is not in SI: the parameter is {right}, in {symbol}"),
     }
 }
 
