@@ -15,14 +15,14 @@ pub fn fit_record() -> Result<(), Box<dyn std::error::Error>> {
         .duration_s(15.0)
         .run()?;
     let record = Record::from_table("record", &measured.table()?, &study.system)?;
-    let fit = Problem::of_study(&study, vec![record]);
+    let fit = Fit::of_study(&study, vec![record]);
     let fitted = fit.solve()?;
     match fitted.is_update() {
         true => println!("the record is within tolerances:"),
         false => println!("tolerances do not explain the record:"),
     }
-    for (place, unknown) in fit.unknowns.iter().enumerate() {
-        println!("{} = {:.4e}", unknown.name, unknown.value(fitted.z[place]));
+    for (name, value) in fit.parameters(&fitted) {
+        println!("{name} = {value:.4e}");
     }
     for finding in &fitted.findings {
         println!("{}", finding.sentence(&fit));

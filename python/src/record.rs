@@ -6,7 +6,7 @@ use crate::long::long;
 use crate::study::Study;
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::fit::{FitError, Fitted as Solved, Problem, Record};
+use servotwin::fit::{Fit, FitError, FitResults as Solved, Record};
 use servotwin::monitor::Monitor;
 use servotwin::observer::Finding;
 use servotwin::table::{Column, Table as Columns};
@@ -115,10 +115,10 @@ pub fn fit_record(
     let (parameters, fitted) = long(py, None, |watch| -> Result<_, Failure> {
         let record =
             Record::from_table("the record", log, &study.system).map_err(Failure::value)?;
-        let problem = Problem {
+        let problem = Fit {
             threads: watch.workers(threads).threads(),
             cancel: Some(&watch.cancel),
-            ..Problem::of_study(study, vec![record])
+            ..Fit::of_study(study, vec![record])
         };
         result(&problem)
     })??;
@@ -135,7 +135,7 @@ struct FittedParts {
     system_text: Option<String>,
 }
 
-fn result(problem: &Problem) -> Result<(Columns, FittedParts), Failure> {
+fn result(problem: &Fit) -> Result<(Columns, FittedParts), Failure> {
     let failed = |error: FitError| match error {
         error @ FitError::Record { .. } => Failure::value(error),
         error => Failure::stage(error),
@@ -153,7 +153,7 @@ fn result(problem: &Problem) -> Result<(Columns, FittedParts), Failure> {
     Ok((parameters(problem, &fitted), parts))
 }
 
-fn parameters(problem: &Problem, fitted: &Solved) -> Columns {
+fn parameters(problem: &Fit, fitted: &Solved) -> Columns {
     let unknowns = &problem.unknowns;
     let text = |name: &str, of: &dyn Fn(usize) -> String| {
         Column::new(name, "", (0..unknowns.len()).map(of).collect::<Vec<_>>())

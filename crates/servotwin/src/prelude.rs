@@ -1,7 +1,7 @@
 //! The types that most programs need: `use servotwin::prelude::*`.
 
 pub use crate::evaluation::model_file::read_diagnoser;
-pub use crate::fit::{FitError, Fitted, Problem, Record};
+pub use crate::fit::{Fit, FitError, FitResults, Record};
 pub use crate::job::{JobError, StudyEvent, StudyResults, StudyRun};
 pub use crate::monitor::Monitor;
 pub use crate::nearest::UnknownName;

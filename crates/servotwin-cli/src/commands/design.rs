@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::render::{Grid, Side, json, number};
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::fit::Problem;
+use servotwin::fit::Fit;
 use servotwin::fit::design::{self, Design, Rig};
 use servotwin::signal::Quantity;
 use servotwin::study::Study;
@@ -28,7 +28,7 @@ pub struct Limits {
 /// The text for standard output.
 pub fn run(
     limits: &Limits,
-    mut problem: Problem,
+    mut problem: Fit,
     study: &Study,
     global: Global,
 ) -> Result<String, Failure> {
@@ -77,7 +77,7 @@ fn positive(option: &'static str, text: &str, unit: Unit) -> Result<f64, Failure
     }
 }
 
-fn as_json(design: &Design, problem: &Problem) -> serde_json::Value {
+fn as_json(design: &Design, problem: &Fit) -> serde_json::Value {
     let errors = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
         json!({
             "name": unknown.name,
@@ -94,7 +94,7 @@ fn as_json(design: &Design, problem: &Problem) -> serde_json::Value {
     })
 }
 
-fn people(found: &[Design], best: &Design, problem: &Problem, unit: Unit) -> String {
+fn people(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> String {
     let mut grid = Grid::new(&[
         ("command", Side::Left),
         ("gain, bits", Side::Right),

@@ -11,7 +11,7 @@ use servotwin::built_in;
 use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity_and_onset};
 use servotwin::fit::unknown::Moved;
-use servotwin::fit::{FitError, FitVerdict, Fitted, LeftOut, Onset, Problem, Record, Unknown};
+use servotwin::fit::{Fit, FitError, FitResults, FitVerdict, LeftOut, Onset, Record, Unknown};
 use servotwin::nearest::UnknownName;
 use servotwin::signal::Quantity;
 use servotwin::study::{Study, StudyError, Tolerance};
@@ -98,7 +98,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let stages = Stages::new(global);
     let runs = AtomicUsize::new(0);
-    let mut problem = Problem::of_study(&study, records);
+    let mut problem = Fit::of_study(&study, records);
     if !options.parameters.is_empty() {
         problem.unknowns = chosen(&options.parameters, &problem.unknowns, &study)?;
     }
@@ -111,7 +111,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
         stages.show(&format!("{done} runs"), (done as f64 / usual as f64).min(0.99));
     };
-    let problem = Problem {
+    let problem = Fit {
         threads: options.threads.unwrap_or(problem.threads).max(1),
         cancel: Some(stop::flag()),
         progress: &progress,
@@ -271,12 +271,12 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
 }
 
 /// The faults that names stand for.
-pub fn chosen_faults(names: &[String], problem: &Problem) -> Result<Vec<(usize, usize)>, Failure> {
+pub fn chosen_faults(names: &[String], problem: &Fit) -> Result<Vec<(usize, usize)>, Failure> {
     let of = |id: &String| problem.system.find_fault(id);
     Ok(names.iter().map(of).collect::<Result<_, _>>()?)
 }
 
-fn intensities(options: &Options, problem: &Problem) -> Result<Vec<Diagnosed>, Failure> {
+fn intensities(options: &Options, problem: &Fit) -> Result<Vec<Diagnosed>, Failure> {
     Ok(intensity_and_onset(problem, &chosen_faults(&options.faults, problem)?)?)
 }
 
@@ -320,7 +320,7 @@ fn intensity_text(found: &[Diagnosed]) -> String {
     grid.text()
 }
 
-fn as_json(fitted: &Fitted, verdict: &FitVerdict, problem: &Problem) -> Value {
+fn as_json(fitted: &FitResults, verdict: &FitVerdict, problem: &Fit) -> Value {
     let parameters = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
         let per_sigma = unknown.per_sigma(unknown.nominal());
         json!({
@@ -375,7 +375,7 @@ fn left_out(one: &LeftOut) -> Value {
     json!({ "column": column, "count": count, "first": place, "value": value })
 }
 
-fn people(fitted: &Fitted, problem: &Problem) -> String {
+fn people(fitted: &FitResults, problem: &Fit) -> String {
     let mut text = format!("{}\n", problem.system.title);
     for record in &problem.records {
         let (name, duration) = (&record.name, number(record.duration_s(), 4));

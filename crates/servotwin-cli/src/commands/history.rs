@@ -15,7 +15,7 @@ use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
 use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
-use servotwin::fit::{FitError, Knowledge, Problem, Record, RecordError};
+use servotwin::fit::{Fit, FitError, Knowledge, Record, RecordError};
 use servotwin::flight::told::{Told, told};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
@@ -131,8 +131,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         stages
             .show(&format!("{done} runs"), (done as f64 / (300.0 * paths.len() as f64)).min(0.99));
     };
-    let problem = Problem::of_study(&study, Vec::new());
-    let problem = Problem {
+    let problem = Fit::of_study(&study, Vec::new());
+    let problem = Fit {
         threads: options.threads.unwrap_or(problem.threads).max(1),
         cancel: Some(stop::flag()),
         progress: &progress,
@@ -236,7 +236,7 @@ fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
     Some((point.level, point.error))
 }
 
-fn verdict(flight: &Flight, problem: &Problem) -> String {
+fn verdict(flight: &Flight, problem: &Fit) -> String {
     match &flight.fitted {
         // The log's name stands beside it.
         Err(FitError::Record { error, .. }) => format!("{error}"),
@@ -304,7 +304,7 @@ fn repaired(repair: &Repair, track: &Track, history: &History) -> String {
     }
 }
 
-fn drifts(drift: &Drift, problem: &Problem) -> String {
+fn drifts(drift: &Drift, problem: &Fit) -> String {
     let last = drift.trend.last();
     format!(
         "{} drifts inside of its tolerance: {} standard deviations of it in a hundred flights, now {}",
@@ -314,12 +314,7 @@ fn drifts(drift: &Drift, problem: &Problem) -> String {
     )
 }
 
-fn people(
-    history: &History,
-    problem: &Problem,
-    told: &[Option<Told>],
-    options: &Options,
-) -> String {
+fn people(history: &History, problem: &Fit, told: &[Option<Told>], options: &Options) -> String {
     let mut heads = vec![("flight", Side::Right), ("log", Side::Left), ("", Side::Left)];
     if !told.is_empty() {
         heads.push(("diagnosis", Side::Left));
@@ -361,7 +356,7 @@ fn words(told: &Told) -> String {
 
 fn as_json(
     history: &History,
-    problem: &Problem,
+    problem: &Fit,
     told: &[Option<Told>],
     options: &Options,
     alarms: &[String],
@@ -428,7 +423,7 @@ fn as_json(
     })
 }
 
-fn as_table(history: &History, problem: &Problem, told: &[Option<Told>]) -> Result<Table, Failure> {
+fn as_table(history: &History, problem: &Fit, told: &[Option<Told>]) -> Result<Table, Failure> {
     let count = history.flights.len();
     let texts =
         |of: &dyn Fn(&Flight) -> String| Values::Text(history.flights.iter().map(of).collect());
@@ -470,7 +465,7 @@ const DRAWN: usize = 6;
 
 fn figure(
     history: &History,
-    problem: &Problem,
+    problem: &Fit,
     told: &[Option<Told>],
     threshold: f64,
 ) -> TimeSeries<'static> {
@@ -522,7 +517,7 @@ fn said(told: &[Option<Told>]) -> Panel<'static> {
 }
 
 /// The parameters that drift, or those that are known best.
-fn drawn(history: &History, problem: &Problem) -> Vec<usize> {
+fn drawn(history: &History, problem: &Fit) -> Vec<usize> {
     let drifting: Vec<usize> = history.drifts.iter().map(|drift| drift.unknown).collect();
     if !drifting.is_empty() {
         return drifting.into_iter().take(DRAWN).collect();

@@ -10,7 +10,7 @@ use super::prepared::Mark;
 use super::{Campaign, CampaignError, Plants, Setting, described, ensemble};
 use crate::ensemble::{Ensemble, Rows, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
-use crate::fit::{FitError, Problem, Record, Unknown};
+use crate::fit::{Fit, FitError, Record, Unknown};
 use crate::signal::random::Random;
 use crate::study::{Calibration, Lot, Role, Study};
 use crate::system::imperfection::Imperfections;
@@ -96,12 +96,12 @@ impl Calibrating<'_> {
         let (inputs, period_s) = (&calibration.inputs, self.study.sample_period_s);
         let first = measured.first().cloned().unwrap_or_default();
         let record = Record::logged("calibration flight", inputs, sensors, period_s, first);
-        let problem = Problem {
+        let problem = Fit {
             unknowns: Unknown::of_study(self.study),
             solver: self.solver,
             threads: self.threads,
             cancel: self.cancel,
-            ..Problem::new(&self.study.system, vec![record])
+            ..Fit::new(&self.study.system, vec![record])
         };
         match fitted(&problem, &measured) {
             Err((_, FitError::Cancelled)) => Err(CampaignError::Cancelled),
@@ -207,7 +207,7 @@ impl Campaign<'_> {
         }
         let unknowns = Unknown::of_study(self.study);
         let z = table.f64("fitted_sigma").ok()?;
-        let problem = Problem { unknowns, ..Problem::new(&self.study.system, vec![]) };
+        let problem = Fit { unknowns, ..Fit::new(&self.study.system, vec![]) };
         let size = problem.unknowns.len().max(1);
         let of = |z: &[f64]| problem.variant(z, &[]).overrides;
         (z.len() == specimens * size).then(|| z.chunks(size).map(of).collect())
@@ -264,7 +264,7 @@ pub struct Calibrated {
 
 /// Fits all specimens; the first that cannot be fitted is an error.
 fn fitted(
-    problem: &Problem,
+    problem: &Fit,
     measured: &[Vec<f64>],
 ) -> Result<(Vec<Specimen>, Vec<f64>), (usize, FitError)> {
     let of_all = |error| (0, error);

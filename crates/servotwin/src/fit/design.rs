@@ -13,7 +13,7 @@
 use super::linear::Symmetric;
 use super::record::Record;
 use super::response::Difference;
-use super::{FitError, Known, Problem};
+use super::{Fit, FitError, Known};
 use crate::signal::{Signal, UNITS};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
@@ -85,7 +85,7 @@ fn shapes(duration_s: f64) -> Vec<String> {
     list
 }
 
-impl Problem<'_> {
+impl Fit<'_> {
     /// The commands that tell most of the unknowns, the best first. Records of the problem are not used.
     ///
     /// # Errors
@@ -139,7 +139,7 @@ impl Problem<'_> {
             measured: vec![0.0; samples * rig.sensors.len()],
             left_out: Vec::new(),
         };
-        let own = Problem {
+        let own = Fit {
             unknowns: self.unknowns.clone(),
             records: vec![record],
             suspects: Vec::new(),

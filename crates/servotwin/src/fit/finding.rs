@@ -10,7 +10,7 @@ use super::linear::dot;
 use super::record::Record;
 use super::solve::Minimum;
 use super::suspects::{SCORE_LIMIT, Suspect};
-use super::{FitError, Fitted, Problem};
+use super::{Fit, FitError, FitResults};
 use servotwin_io::text::number;
 
 /// Largest sliding mean, in its standard deviations, that chance is believed to make in a record.
@@ -56,7 +56,7 @@ pub struct Shift {
 
 /// What no tolerance explains.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Finding {
+pub enum FitFinding {
     /// A parameter would have to leave its tolerance.
     LeavesTolerance {
         /// The unknown.
@@ -76,7 +76,7 @@ pub enum Finding {
 
 impl SensorFit {
     /// The shift of the reading, as a clause; empty where there is none.
-    pub(super) fn shift_in_words(&self, problem: &Problem) -> String {
+    pub(super) fn shift_in_words(&self, problem: &Fit) -> String {
         let Some(Shift { at_s, by }) = self.shift else { return String::new() };
         let sensor = &problem.system.sensors[self.sensor];
         let by = number(sensor.unit.difference_to_shown(by));
@@ -85,12 +85,12 @@ impl SensorFit {
     }
 }
 
-impl Finding {
+impl FitFinding {
     /// The finding as a sentence.
-    pub fn sentence(&self, problem: &Problem) -> String {
+    pub fn sentence(&self, problem: &Fit) -> String {
         let label = |left: &SensorFit| problem.system.sensors[left.sensor].label.as_str();
         match self {
-            Finding::LeavesTolerance { unknown, by } => {
+            FitFinding::LeavesTolerance { unknown, by } => {
                 let name = &problem.unknowns[*unknown].name;
                 // Many standard errors are no number that says anything.
                 let by = if *by < 100.0 {
@@ -100,28 +100,28 @@ impl Finding {
                 };
                 format!("{name} would have to leave its tolerance{by}")
             }
-            Finding::Scatter(left) => format!(
+            FitFinding::Scatter(left) => format!(
                 "the residuals of {} are too large: mean square {:.2} of its noise, limit {:.2}",
                 label(left),
                 left.mean_square,
                 left.limit
             ),
-            Finding::Mean(left) if left.shift.is_some() => left.shift_in_words(problem),
-            Finding::Mean(left) => format!(
+            FitFinding::Mean(left) if left.shift.is_some() => left.shift_in_words(problem),
+            FitFinding::Mean(left) => format!(
                 "the residual of {} has a mean of {:.1} standard deviations around {:.1} s, limit {MEAN_LIMIT}",
                 label(left),
                 left.largest_mean,
                 left.at_s
             ),
-            Finding::Looks(suspect) => suspect.sentence(),
-            Finding::NotConverged => "the fit did not come to an end".into(),
+            FitFinding::Looks(suspect) => suspect.sentence(),
+            FitFinding::NotConverged => "the fit did not come to an end".into(),
         }
     }
 }
 
-impl Problem<'_> {
+impl Fit<'_> {
     /// What is known and what is left at a minimum.
-    pub(super) fn judged(&self, found: Minimum) -> Result<Fitted, FitError> {
+    pub(super) fn judged(&self, found: Minimum) -> Result<FitResults, FitError> {
         let known = Known::new(&self.unknowns, &found.z, &found.linear.information);
         let known = known.ok_or(FitError::Undetermined)?;
         let left = self.left(&found.residuals);
@@ -132,18 +132,18 @@ impl Problem<'_> {
         if is_suspect || !findings.is_empty() {
             suspects = self.likeliest()?;
             let first = suspects.first().filter(|first| first.score > SCORE_LIMIT);
-            findings.splice(0..0, first.cloned().map(Finding::Looks));
+            findings.splice(0..0, first.cloned().map(FitFinding::Looks));
         }
         if !found.converged {
-            findings.push(Finding::NotConverged);
+            findings.push(FitFinding::NotConverged);
         }
         let overrides = self.variant(&found.z, &[]).overrides;
         let Minimum { z, cost, steps, .. } = found;
-        Ok(Fitted { z, known, overrides, cost, left, findings, suspects, steps })
+        Ok(FitResults { z, known, overrides, cost, left, findings, suspects, steps })
     }
 
     /// Parameters that stand at a bound and want to leave it.
-    fn outside(&self, found: &Minimum, known: &Known) -> Vec<Finding> {
+    fn outside(&self, found: &Minimum, known: &Known) -> Vec<FitFinding> {
         let pull = found.linear.pull(&found.residuals);
         let mut all = Vec::new();
         for (k, unknown) in self.unknowns.iter().enumerate() {
@@ -153,7 +153,7 @@ impl Problem<'_> {
             let at_bound = found.z[k] >= high || found.z[k] <= low;
             let by = outwards * known.error(k);
             if at_bound && by > SCORE_LIMIT {
-                all.push(Finding::LeavesTolerance { unknown: k, by });
+                all.push(FitFinding::LeavesTolerance { unknown: k, by });
             }
         }
         all
@@ -194,13 +194,13 @@ impl Problem<'_> {
 }
 
 /// The sensor whose residuals scatter most, and the one whose mean is largest, where that is a finding.
-pub(super) fn of_what_is_left(left: &[SensorFit]) -> impl Iterator<Item = Finding> {
+pub(super) fn of_what_is_left(left: &[SensorFit]) -> impl Iterator<Item = FitFinding> {
     let largest = |of: fn(&SensorFit) -> f64| {
         let found = left.iter().filter(|left| of(left) > 1.0);
         found.max_by(|a, b| of(a).total_cmp(&of(b))).cloned()
     };
-    let scatter = largest(|left| left.mean_square / left.limit).map(Finding::Scatter);
-    let mean = largest(|left| left.largest_mean.abs() / MEAN_LIMIT).map(Finding::Mean);
+    let scatter = largest(|left| left.mean_square / left.limit).map(FitFinding::Scatter);
+    let mean = largest(|left| left.largest_mean.abs() / MEAN_LIMIT).map(FitFinding::Mean);
     scatter.into_iter().chain(mean)
 }
 

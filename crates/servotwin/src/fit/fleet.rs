@@ -9,13 +9,13 @@
 //! own does: a specimen that had a fault in its calibration flight has a finding. Suspects are compared by (FF1) with
 //! their changes of the nominal twin.
 
-use super::finding::{Finding, of_what_is_left};
+use super::finding::{FitFinding, of_what_is_left};
 use super::linear::{Symmetric, dot};
 use super::record::Record;
 use super::response::{Difference, Linear};
 use super::suspects::{INTENSITY, SCORE_LIMIT, Suspect};
 use super::unknown::Unknown;
-use super::{FitError, Problem};
+use super::{Fit, FitError};
 use crate::ensemble::Sink;
 use servotwin_model::program::FaultAt;
 use std::sync::atomic::Ordering;
@@ -29,7 +29,7 @@ const SMALL_GAIN: f64 = 0.1;
 
 /// The calibration flight, and what it tells of the unknowns.
 pub struct Fleet<'p, 's> {
-    problem: &'p Problem<'s>,
+    problem: &'p Fit<'s>,
     record: &'p Record,
     linear: Linear,
     curvature: Symmetric,
@@ -69,7 +69,7 @@ pub struct Judged {
     /// The specimen.
     pub specimen: Specimen,
     /// What no tolerance explains.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<FitFinding>,
 }
 
 impl Judged {
@@ -85,7 +85,7 @@ impl<'p, 's> Fleet<'p, 's> {
     ///
     /// # Errors
     /// The nominal twin cannot be simulated.
-    pub fn new(problem: &'p Problem<'s>) -> Result<Self, FitError> {
+    pub fn new(problem: &'p Fit<'s>) -> Result<Self, FitError> {
         let record = problem.records.first().ok_or(FitError::NoRecord)?;
         if problem.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
@@ -171,7 +171,7 @@ impl<'p, 's> Fleet<'p, 's> {
         for Judged { specimen, findings } in all.iter_mut().flatten() {
             specimen.overrides = self.problem.variant(&specimen.z, &[]).overrides;
             let has_ended = specimen.last_gain <= SMALL_GAIN;
-            findings.extend((is_judged && !has_ended).then_some(Finding::NotConverged));
+            findings.extend((is_judged && !has_ended).then_some(FitFinding::NotConverged));
         }
         Ok(all)
     }
@@ -233,14 +233,15 @@ impl<'p, 's> Fleet<'p, 's> {
         if let Some(residuals) = along.residuals {
             findings = self.findings(&step, residuals);
             let leaving = by.into_iter().enumerate().filter(|(_, by)| *by > SCORE_LIMIT);
-            findings.extend(leaving.map(|(unknown, by)| Finding::LeavesTolerance { unknown, by }));
+            findings
+                .extend(leaving.map(|(unknown, by)| FitFinding::LeavesTolerance { unknown, by }));
         }
         let specimen = Specimen { z: next, overrides: vec![], mean_squares, last_gain, outside };
         Ok(Judged { specimen, findings })
     }
 
     /// What residuals show, when a step is taken.
-    fn findings(&self, step: &[f64], mut residuals: Vec<f64>) -> Vec<Finding> {
+    fn findings(&self, step: &[f64], mut residuals: Vec<f64>) -> Vec<FitFinding> {
         for (column, step) in self.linear.columns.iter().zip(step) {
             residuals.iter_mut().zip(column).for_each(|(left, column)| *left -= step * column);
         }
@@ -250,7 +251,7 @@ impl<'p, 's> Fleet<'p, 's> {
             Suspect::of(name, with, shown.square, shown.rest)
         };
         let likeliest = self.shown.iter().map(suspect).max_by(|a, b| a.score.total_cmp(&b.score));
-        let looks = likeliest.filter(Suspect::is_finding).map(Finding::Looks);
+        let looks = likeliest.filter(Suspect::is_finding).map(FitFinding::Looks);
         let left = self.problem.left_of(0, self.record, &residuals);
         looks.into_iter().chain(of_what_is_left(&left)).collect()
     }

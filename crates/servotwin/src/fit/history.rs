@@ -11,7 +11,7 @@ use super::intensity::intensity;
 use super::repair::{Repair, repairs};
 use super::suspects::SCORE_LIMIT;
 use super::trend::{Point, Trend};
-use super::{FitError, Fitted, Knowledge, Problem, Record, RecordError};
+use super::{Fit, FitError, FitResults, Knowledge, Record, RecordError};
 
 /// How many of the latest flights with findings say what is tracked.
 const LATEST: usize = 5;
@@ -28,13 +28,13 @@ pub struct Flight {
     /// The log.
     pub name: String,
     /// What its fit gave.
-    pub fitted: Result<Fitted, FitError>,
+    pub fitted: Result<FitResults, FitError>,
 }
 
 impl Flight {
     /// Whether nothing was found that tolerances do not explain.
     pub fn is_healthy(&self) -> bool {
-        self.fitted.as_ref().is_ok_and(Fitted::is_update)
+        self.fitted.as_ref().is_ok_and(FitResults::is_update)
     }
 }
 
@@ -103,7 +103,7 @@ type Suspected = ((usize, usize), f64);
 /// A log's name, and its record if it is one.
 pub type Log = (String, Result<Record, RecordError>);
 
-impl Problem<'_> {
+impl Fit<'_> {
     /// The history of some logs in the order in which they were flown; the problem's own records are not used. Without
     /// `faults` what is tracked comes from the findings.
     ///
@@ -135,7 +135,7 @@ impl Problem<'_> {
 
     /// The same problem for one flight.
     fn of_flight(&self, record: &Record) -> Self {
-        Problem {
+        Fit {
             unknowns: self.unknowns.clone(),
             records: vec![record.clone()],
             suspects: self.suspects.clone(),
@@ -159,7 +159,7 @@ impl Problem<'_> {
             if candidates.is_empty() {
                 continue;
             }
-            let own = Problem { suspects: Vec::new(), ..self.of_flight(record) };
+            let own = Fit { suspects: Vec::new(), ..self.of_flight(record) };
             let Ok(compared) = unless_stopped(intensity(&own, &candidates))? else { continue };
             of += 1.0;
             for one in compared {
@@ -185,7 +185,7 @@ impl Problem<'_> {
         let mut points = Vec::new();
         for (number, (log, flight)) in logs.iter().zip(flights).enumerate() {
             let (Ok(record), Ok(_)) = (&log.1, &flight.fitted) else { continue };
-            let own = Problem { suspects: Vec::new(), ..self.of_flight(record) };
+            let own = Fit { suspects: Vec::new(), ..self.of_flight(record) };
             let Ok(found) = unless_stopped(intensity(&own, &[fault]))? else { continue };
             let (level, error) = (found[0].intensity, found[0].error);
             points.push(Point { at: number as f64, level, error });

@@ -16,7 +16,7 @@ use super::linear::dot;
 use super::onset::Onset;
 use super::solve::Minimum;
 use super::unknown::Unknown;
-use super::{FitError, Fitted, Problem};
+use super::{Fit, FitError, FitResults};
 
 /// 95 % of a normal distribution lie within so many deviations.
 const NORMAL_95: f64 = 1.96;
@@ -54,17 +54,14 @@ pub struct Diagnosed {
     /// When it began, where that was within the record.
     pub onset: Option<Onset>,
     /// The whole fit, the fault's intensity last.
-    pub fitted: Fitted,
+    pub fitted: FitResults,
 }
 
 /// Estimates the intensity of every candidate that is there from the first sample on, the likeliest first.
 ///
 /// # Errors
-/// As [`Problem::solve`]; a candidate with which the twin cannot be simulated.
-pub fn intensity(
-    problem: &Problem,
-    candidates: &[(usize, usize)],
-) -> Result<Vec<Diagnosed>, FitError> {
+/// As [`Fit::solve`]; a candidate with which the twin cannot be simulated.
+pub fn intensity(problem: &Fit, candidates: &[(usize, usize)]) -> Result<Vec<Diagnosed>, FitError> {
     let each = candidates.iter().map(|&fault| of_candidate(problem, fault));
     Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
 }
@@ -75,7 +72,7 @@ pub fn intensity(
 /// # Errors
 /// As [`intensity`].
 pub fn intensity_and_onset(
-    problem: &Problem,
+    problem: &Fit,
     candidates: &[(usize, usize)],
 ) -> Result<Vec<Diagnosed>, FitError> {
     let constant = candidates.iter().map(|&fault| of_candidate(problem, fault));
@@ -104,7 +101,7 @@ fn compared(mut all: Vec<Diagnosed>) -> Vec<Diagnosed> {
     all
 }
 
-fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, FitError> {
+fn of_candidate(problem: &Fit, fault: (usize, usize)) -> Result<Diagnosed, FitError> {
     let own = problem.with_fault(fault);
     let (minimum, alike) = own.constant()?;
     diagnosed(&own, fault, minimum, &alike, None)
@@ -112,7 +109,7 @@ fn of_candidate(problem: &Problem, fault: (usize, usize)) -> Result<Diagnosed, F
 
 /// The estimate of a fault that is the last unknown of a fit.
 fn diagnosed(
-    own: &Problem,
+    own: &Fit,
     fault: (usize, usize),
     minimum: Minimum,
     alike: &[f64],
@@ -140,17 +137,17 @@ fn diagnosed(
     })
 }
 
-impl<'s> Problem<'s> {
+impl<'s> Fit<'s> {
     /// The problem with the intensity of a fault as its last unknown, and without suspects.
-    pub(super) fn with_fault(&self, (component, fault): (usize, usize)) -> Problem<'s> {
+    pub(super) fn with_fault(&self, (component, fault): (usize, usize)) -> Fit<'s> {
         let unknown = Unknown::fault(self.system, component, fault);
         let unknowns: Vec<Unknown> = self.unknowns.iter().cloned().chain([unknown]).collect();
-        Problem { unknowns, records: self.records.clone(), suspects: Vec::new(), ..*self }
+        Fit { unknowns, records: self.records.clone(), suspects: Vec::new(), ..*self }
     }
 }
 
 /// A fit whose last unknown is the intensity of a fault.
-impl Problem<'_> {
+impl Fit<'_> {
     /// The minimum with the fault from the first sample on; and the intensities of (FN2).
     pub(super) fn constant(&self) -> Result<(Minimum, Vec<f64>), FitError> {
         let nominal = vec![0.0; self.unknowns.len()];

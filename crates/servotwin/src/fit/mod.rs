@@ -38,7 +38,7 @@ pub mod unknown;
 pub mod verdict;
 mod write;
 
-pub use finding::{Finding, SensorFit};
+pub use finding::{FitFinding, SensorFit};
 pub use knowledge::{Knowledge, Known};
 pub use onset::Onset;
 pub use record::{LeftOut, Record, RecordError, TIME_UNIT};
@@ -60,7 +60,7 @@ const WARM_UP_S: f64 = 1.0;
 const SOLVER_ERROR: f64 = 1e-4;
 
 /// What is fitted to what.
-pub struct Problem<'s> {
+pub struct Fit<'s> {
     /// The system, with nominal parameters.
     pub system: &'s System,
     /// What may change.
@@ -147,7 +147,7 @@ impl std::error::Error for FitError {}
 
 /// What a fit gave.
 #[derive(Clone, Debug)]
-pub struct Fitted {
+pub struct FitResults {
     /// The unknowns, in standard deviations of their tolerances or as intensities.
     pub z: Vec<f64>,
     /// How well each of them is known.
@@ -159,14 +159,14 @@ pub struct Fitted {
     /// For each sensor of each record what is left.
     pub left: Vec<SensorFit>,
     /// What no tolerance explains; where there is any, the parameters are no update.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<FitFinding>,
     /// What it looks like, the likeliest first.
     pub suspects: Vec<Suspect>,
     /// Steps that were taken.
     pub steps: usize,
 }
 
-impl Fitted {
+impl FitResults {
     /// Whether the twin may take these parameters.
     pub fn is_update(&self) -> bool {
         self.findings.is_empty()
@@ -175,7 +175,7 @@ impl Fitted {
 
 fn silent() {}
 
-impl<'s> Problem<'s> {
+impl<'s> Fit<'s> {
     /// All tolerances of a study and all its faults as suspects.
     pub fn of_study(study: &'s Study, records: Vec<Record>) -> Self {
         let mut suspects: Vec<(usize, usize)> =
@@ -203,16 +203,25 @@ impl<'s> Problem<'s> {
     ///
     /// # Errors
     /// A record that cannot be of this system, or a twin that cannot be simulated.
-    pub fn solve(&self) -> Result<Fitted, FitError> {
+    pub fn solve(&self) -> Result<FitResults, FitError> {
         self.check()?;
         let found = self.minimum(&vec![0.0; self.unknowns.len()])?;
         self.judged(found)
     }
 
+    /// The name and the estimated value (SI) of each unknown.
+    pub fn parameters<'f>(
+        &'f self,
+        results: &'f FitResults,
+    ) -> impl Iterator<Item = (&'f str, f64)> + 'f {
+        let pairs = self.unknowns.iter().zip(&results.z);
+        pairs.map(|(unknown, z)| (unknown.name.as_str(), unknown.value(*z)))
+    }
+
     /// What the records can tell of each unknown, before any fit.
     ///
     /// # Errors
-    /// As [`Problem::solve`].
+    /// As [`Fit::solve`].
     pub fn structure(&self) -> Result<Known, FitError> {
         self.check()?;
         let z = vec![0.0; self.unknowns.len()];

@@ -20,7 +20,7 @@ use super::linear::{Symmetric, dot};
 use super::response::Linear;
 use super::solve::Minimum;
 use super::suspects::SCORE_LIMIT;
-use super::{FitError, Problem};
+use super::{Fit, FitError};
 
 /// The most moments at which a fault may begin in a first guess.
 const MOST_MOMENTS: f64 = 100.0;
@@ -125,7 +125,7 @@ impl Sums {
 
 impl<'l> Moments<'l> {
     /// The moments of a problem's record; `None` where there are several records, or no room for a moment.
-    pub fn new(problem: &Problem, linear: &'l Linear) -> Option<Self> {
+    pub fn new(problem: &Fit, linear: &'l Linear) -> Option<Self> {
         let [record] = &problem.records[..] else { return None };
         let first = problem.first_sample(record);
         let first_s = first as f64 * record.period_s;
@@ -152,7 +152,7 @@ impl<'l> Moments<'l> {
     /// The best moment by (FO1) for the residuals of a fault from the first sample on.
     pub fn least(
         &self,
-        problem: &Problem,
+        problem: &Fit,
         residuals: &[f64],
         intensity: f64,
     ) -> Result<Guess, FitError> {
@@ -180,10 +180,10 @@ impl<'l> Moments<'l> {
 }
 
 /// A problem whose last unknown is the intensity of a fault.
-impl Problem<'_> {
+impl Fit<'_> {
     /// The same problem with a fault that begins at a moment.
-    fn with_onset(&self, at_s: f64) -> Problem<'_> {
-        Problem {
+    fn with_onset(&self, at_s: f64) -> Fit<'_> {
+        Fit {
             unknowns: self.unknowns.clone(),
             records: self.records.clone(),
             suspects: Vec::new(),

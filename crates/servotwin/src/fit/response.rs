@@ -11,7 +11,7 @@
 use super::linear::{Symmetric, dot};
 use super::record::Record;
 use super::unknown::Unknown;
-use super::{FitError, Problem};
+use super::{Fit, FitError};
 use crate::ensemble::{Ensemble, Later, Sink, Variant};
 use servotwin_model::program::Slot;
 use servotwin_model::signal::Piecewise;
@@ -78,7 +78,7 @@ impl Sink for Compare<'_> {
     }
 }
 
-impl<'s> Problem<'s> {
+impl<'s> Fit<'s> {
     /// The ensemble that runs a record's variants.
     pub(super) fn ensemble(&self, record: &Record) -> Ensemble<'s> {
         let program = &self.system.program;

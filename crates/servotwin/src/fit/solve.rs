@@ -10,7 +10,7 @@
 
 use super::linear::{Symmetric, dot};
 use super::response::{Difference, Linear, Residuals};
-use super::{FitError, Problem};
+use super::{Fit, FitError};
 
 /// The parts of a step that are tried together.
 const LENGTHS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
@@ -48,7 +48,7 @@ pub struct Minimum {
     pub steps: usize,
 }
 
-impl Problem<'_> {
+impl Fit<'_> {
     pub(super) fn priors(&self) -> Vec<f64> {
         self.unknowns.iter().map(|unknown| unknown.prior).collect()
     }

@@ -20,7 +20,7 @@ use super::onset::{Begun, Guess, Moments, Onset};
 use super::record::{Record, RecordError};
 use super::response::{Difference, Linear, append, residual};
 use super::solve::Minimum;
-use super::{FitError, Problem};
+use super::{Fit, FitError};
 use crate::ensemble::{Ensemble, Sink, Variant};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -118,7 +118,7 @@ impl fmt::Display for Suspect {
     }
 }
 
-impl Problem<'_> {
+impl Fit<'_> {
     /// Every suspect's score, the largest first.
     pub(super) fn suspects(
         &self,
@@ -238,7 +238,7 @@ impl Problem<'_> {
         &self,
         faults: &[(usize, usize)],
     ) -> Result<Vec<Option<(Guess, f64)>>, FitError> {
-        let own = Problem {
+        let own = Fit {
             unknowns: self.unknowns.clone(),
             records: self.records.clone(),
             suspects: faults.to_vec(),
@@ -306,7 +306,7 @@ impl Problem<'_> {
             _ => return Ok(false),
         };
         let (records, unknowns) = (vec![record.clone()], self.unknowns.clone());
-        let own = Problem { records, unknowns, suspects: self.suspects.clone(), ..*self };
+        let own = Fit { records, unknowns, suspects: self.suspects.clone(), ..*self };
         let linear = own.linear(&vec![0.0; own.unknowns.len()], Difference::Forward)?;
         let faults = own.likeliest_faults(&linear, None)?.constant;
         let fault = faults.iter().map(|(_, least)| least.0).fold(f64::INFINITY, f64::min);

@@ -100,8 +100,7 @@ fn coverage(
 ) -> (usize, usize, usize) {
     let (mut inside, mut all, mut refused) = (0, 0, 0);
     for specimen in specimens {
-        let problem =
-            Problem::of_study(study, vec![record(study, Some(specimen), vec![], duration_s)]);
+        let problem = Fit::of_study(study, vec![record(study, Some(specimen), vec![], duration_s)]);
         let begin = std::time::Instant::now();
         let fitted = problem.solve().unwrap();
         let truth = truth(study, &problem.unknowns, specimen);
@@ -148,7 +147,7 @@ fn true_parameters_lie_inside_of_their_intervals() {
 #[test]
 fn the_record_and_not_the_prior_says_what_is_well_known() {
     let study = spring();
-    let problem = Problem::of_study(&study, vec![record(&study, Some(3), vec![], 12.0)]);
+    let problem = Fit::of_study(&study, vec![record(&study, Some(3), vec![], 12.0)]);
     let fitted = problem.solve().unwrap();
     let truth = truth(&study, &problem.unknowns, 3);
     for (k, truth) in truth.iter().enumerate() {
@@ -157,12 +156,12 @@ fn the_record_and_not_the_prior_says_what_is_well_known() {
         assert!((fitted.z[k] - truth).abs() < 4.0 * fitted.known.error(k));
     }
     // The error is what the record gives: twice the time, less of it.
-    let longer = Problem::of_study(&study, vec![record(&study, Some(3), vec![], 24.0)]);
+    let longer = Fit::of_study(&study, vec![record(&study, Some(3), vec![], 24.0)]);
     let longer = longer.solve().unwrap();
     assert!(longer.known.error(0) < 0.9 * fitted.known.error(0));
     // Two records know more than one.
     let both = vec![record(&study, Some(3), vec![], 12.0), record(&study, Some(3), vec![], 12.0)];
-    let both = Problem::of_study(&study, both).solve().unwrap();
+    let both = Fit::of_study(&study, both).solve().unwrap();
     let ratio = both.known.error(0) / fitted.known.error(0);
     assert!((0.68..0.76).contains(&ratio), "a half of the variance: {ratio}");
 }
@@ -170,7 +169,7 @@ fn the_record_and_not_the_prior_says_what_is_well_known() {
 #[test]
 fn what_a_record_does_not_show_stays_and_what_is_the_same_trades_off() {
     let study = spring();
-    let mut problem = Problem::of_study(&study, vec![record(&study, Some(1), vec![], 12.0)]);
+    let mut problem = Fit::of_study(&study, vec![record(&study, Some(1), vec![], 12.0)]);
     let tolerance = |id: &str, sigma: f64| {
         let (component, parameter) = id.rsplit_once('.').unwrap();
         let components = &study.system.network().components;
@@ -203,7 +202,7 @@ fn threads_do_not_change_a_bit() {
     let study = spring();
     let solved = |threads: usize| {
         let records = vec![record(&study, Some(2), vec![], 8.0)];
-        let problem = Problem { threads, ..Problem::of_study(&study, records) };
+        let problem = Fit { threads, ..Fit::of_study(&study, records) };
         let fitted = problem.solve().unwrap();
         (fitted.z.clone(), fitted.cost, fitted.suspects.clone(), fitted.known.covariance.clone())
     };
@@ -220,7 +219,7 @@ fn a_fault_is_a_finding_and_no_update() {
         "cylinder.internal_leakage",
     ] {
         let faults = vec![fault(&study, id, 0.5)];
-        let problem = Problem::of_study(&study, vec![record(&study, Some(4), faults, 12.0)]);
+        let problem = Fit::of_study(&study, vec![record(&study, Some(4), faults, 12.0)]);
         let fitted = problem.solve().unwrap();
         assert!(!fitted.is_update(), "{id}");
         assert!(fitted.suspects[0].score > 10.0, "{id}: {}", fitted.suspects[0]);
@@ -230,7 +229,7 @@ fn a_fault_is_a_finding_and_no_update() {
             &fitted.suspects[..3]
         );
     }
-    let problem = Problem::of_study(&study, vec![record(&study, Some(4), vec![], 12.0)]);
+    let problem = Fit::of_study(&study, vec![record(&study, Some(4), vec![], 12.0)]);
     assert!(problem.solve().unwrap().is_update());
 }
 
@@ -241,10 +240,11 @@ fn a_parameter_that_would_leave_its_tolerance_is_told() {
     // The null of the valve is shifted by six standard deviations.
     let faults = vec![fault(&study, "servo_valve.bias_positive", 0.1)];
     record.measured = self::record(&study, None, faults, 12.0).measured;
-    let mut problem = Problem::of_study(&study, vec![record]);
+    let mut problem = Fit::of_study(&study, vec![record]);
     problem.suspects.clear();
     let fitted = problem.solve().unwrap();
-    let leaves = |finding: &Finding| matches!(finding, Finding::LeavesTolerance { unknown: 0, .. });
+    let leaves =
+        |finding: &FitFinding| matches!(finding, FitFinding::LeavesTolerance { unknown: 0, .. });
     assert!(fitted.findings.iter().any(leaves), "{:?}", fitted.findings);
     assert_eq!(fitted.known.each[0], Knowledge::AtBound);
 }
@@ -265,7 +265,7 @@ fn the_intensity_of_a_fault_lies_in_its_interval() {
         for intensity in [0.2, 0.6] {
             let at = fault(&study, id, intensity);
             let records = vec![record(&study, Some(number), vec![at], 12.0)];
-            let problem = Problem::of_study(&study, records);
+            let problem = Fit::of_study(&study, records);
             let other = fault(&study, "servo_valve.gain_low", 0.0);
             let found = intensity::intensity(
                 &problem,
@@ -287,7 +287,7 @@ fn a_gain_beyond_the_end_of_a_sensors_range_has_an_interval_to_the_largest() {
     let study = Study::default();
     // A supply sensor shows no more than it does at a tenth: 207 bar.
     let at = fault(&study, "actuator_1.sensor_supply.gain_high", 0.6);
-    let mut problem = Problem::of_study(&study, vec![record(&study, Some(0), vec![at], 6.0)]);
+    let mut problem = Fit::of_study(&study, vec![record(&study, Some(0), vec![at], 6.0)]);
     problem.suspects.clear();
     let found = intensity::intensity(&problem, &[(at.component, at.fault)]).unwrap();
     let (low, high) = found[0].interval;
@@ -298,7 +298,7 @@ fn a_gain_beyond_the_end_of_a_sensors_range_has_an_interval_to_the_largest() {
 #[test]
 fn a_fitted_twin_is_written_and_read_again() {
     let study = Study::default();
-    let mut problem = Problem::of_study(&study, vec![record(&study, Some(1), vec![], 6.0)]);
+    let mut problem = Fit::of_study(&study, vec![record(&study, Some(1), vec![], 6.0)]);
     problem.suspects.clear();
     let fitted = problem.solve().unwrap();
     let text = fitted.system_text(&problem).unwrap();
@@ -322,8 +322,7 @@ fn fleet_beside_fits(
 ) -> (f64, usize, usize) {
     let records: Vec<Record> =
         (0..specimens).map(|n| record(study, Some(n), vec![], duration_s)).collect();
-    let problem =
-        Problem { suspects: vec![], ..Problem::of_study(study, vec![records[0].clone()]) };
+    let problem = Fit { suspects: vec![], ..Fit::of_study(study, vec![records[0].clone()]) };
     let begin = std::time::Instant::now();
     let fleet = fleet::Fleet::new(&problem).unwrap();
     let measured: Vec<Vec<f64>> = records.iter().map(|record| record.measured.clone()).collect();
@@ -345,7 +344,7 @@ fn fleet_beside_fits(
         );
         assert!(specimen.outside < 5.0);
         if n < fits {
-            let own = Problem { suspects: vec![], ..Problem::of_study(study, vec![record]) };
+            let own = Fit { suspects: vec![], ..Fit::of_study(study, vec![record]) };
             let fitted = own.solve().unwrap();
             for k in 0..truth.len() {
                 let difference = (specimen.z[k] - fitted.z[k]).abs() / fitted.known.error(k);
@@ -372,7 +371,7 @@ fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
         record(&study, Some(n), faults.into_iter().collect(), 12.0)
     };
     let records: Vec<Record> = (0..12).map(flown).collect();
-    let problem = Problem::of_study(&study, vec![records[0].clone()]);
+    let problem = Fit::of_study(&study, vec![records[0].clone()]);
     let fleet = fleet::Fleet::new(&problem).unwrap();
     let measured: Vec<Vec<f64>> = records.iter().map(|record| record.measured.clone()).collect();
     let found = fleet.judge(&measured).unwrap();
@@ -380,7 +379,7 @@ fn a_fleet_reports_faults_of_calibration_flights_and_nothing_else() {
         let findings = &specimen.as_ref().unwrap().findings;
         assert_eq!(findings.is_empty(), n >= faults.len(), "{n}: {findings:?}");
         if n < faults.len() {
-            assert!(findings.iter().any(|f| matches!(f, Finding::Looks(_))), "{findings:?}");
+            assert!(findings.iter().any(|f| matches!(f, FitFinding::Looks(_))), "{findings:?}");
         }
     }
     // Where tolerances explain a fault its score vanishes with it: a bias within the null's tolerance.
@@ -405,7 +404,7 @@ fn leaking(study: &Study, flights: usize, duration_s: f64) -> Vec<history::Log> 
 #[test]
 fn a_leak_that_grows_is_tracked_and_its_end_foretold() {
     let study = spring();
-    let mut problem = Problem::of_study(&study, vec![]);
+    let mut problem = Fit::of_study(&study, vec![]);
     // Fewer suspects than there are, for time.
     let ids = ["leakage_a.leakage", "leakage_b.leakage", "servo_valve.gain_low"];
     let suspects = ids.map(|id| study.system.program.find_fault(id).unwrap());
@@ -436,7 +435,7 @@ fn a_leak_that_grows_is_tracked_and_its_end_foretold() {
 #[test]
 fn a_parameter_that_drifts_inside_of_its_tolerance_is_an_update_and_told() {
     let study = spring();
-    let problem = Problem { suspects: vec![], ..Problem::of_study(&study, vec![]) };
+    let problem = Fit { suspects: vec![], ..Fit::of_study(&study, vec![]) };
     // Friction: two standard deviations of its tolerance in thirty flights.
     let flight = |number: usize| {
         let mut worn = spring();
@@ -475,7 +474,7 @@ fn a_parameter_that_drifts_inside_of_its_tolerance_is_an_update_and_told() {
 #[test]
 fn the_designed_flight_keeps_its_limits_and_tells_most() {
     let study = spring();
-    let problem = Problem::of_study(&study, vec![]);
+    let problem = Fit::of_study(&study, vec![]);
     let rig = design::Rig {
         input: study.command_input,
         sensors: study.measured[..study.base_sensors()].to_vec(),
@@ -498,7 +497,7 @@ fn the_designed_flight_keeps_its_limits_and_tells_most() {
     // What was promised is what a fit of that flight knows.
     let best = &found[0];
     let record = flown(&study, &best.command, (Some(5), 5), vec![], 12.0);
-    let fitted = Problem { suspects: vec![], ..Problem::of_study(&study, vec![record]) };
+    let fitted = Fit { suspects: vec![], ..Fit::of_study(&study, vec![record]) };
     let fitted = fitted.solve().unwrap();
     for k in 0..2 {
         let ratio = fitted.known.error(k) / best.known.error(k);
@@ -538,7 +537,7 @@ mod records {
             Ok(record) => record,
             Err(error) => return Some(error),
         };
-        match Problem::of_study(study, vec![record]).check() {
+        match Fit::of_study(study, vec![record]).check() {
             Ok(()) => None,
             Err(FitError::Record { error, .. }) => Some(error),
             Err(other) => panic!("{other}"),
@@ -634,7 +633,7 @@ mod records {
         let study = spring();
         let good = table(&study, &record(&study, Some(1), vec![], 12.0));
         let read = |table: &Table| Record::from_table("log", table, &study.system).unwrap();
-        let solved = |record: Record| Problem::of_study(&study, vec![record]).solve().unwrap();
+        let solved = |record: Record| Fit::of_study(&study, vec![record]).solve().unwrap();
         let spiked = changed(&good, "x_p_m", |row, v| if row == 700 { -1.0 } else { v });
         let spiked = changed(&spiked, "p_a_pa", |row, v| if row % 400 == 300 { 1e300 } else { v });
         let (clean, spiked) = (read(&good), read(&spiked));
@@ -722,7 +721,7 @@ mod records {
             Piecewise::new(breaks, values).unwrap()
         });
         let fast = Record { inputs: inputs.collect(), ..fast.clone() };
-        let problem = Problem::of_study(&study, vec![fast]);
+        let problem = Fit::of_study(&study, vec![fast]);
         let fitted = problem.solve().unwrap();
         let clock = fitted.suspects.iter().find(|s| s.name == suspects::CLOCK).unwrap();
         assert!((clock.intensity - 0.01).abs() < 0.003 && clock.score > 5.0, "{clock}");

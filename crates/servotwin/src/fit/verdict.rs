@@ -3,7 +3,7 @@
 use super::finding::MEAN_LIMIT;
 use super::intensity::{Diagnosed, intensity, intensity_and_onset};
 use super::suspects::{CLOCK, DELAY};
-use super::{Finding, FitError, Fitted, Problem, SensorFit, Suspect};
+use super::{Fit, FitError, FitFinding, FitResults, SensorFit, Suspect};
 
 /// A fault explains a record where it takes away at least this part of what the tolerances leave beyond noise.
 const EXPLAINS: f64 = 0.5;
@@ -82,17 +82,17 @@ fn in_words(one: &Diagnosed) -> String {
     format!("{name} at intensity {intensity:.3} (95 %: {low:.3} … {high:.3}) {from}")
 }
 
-impl Problem<'_> {
+impl Fit<'_> {
     /// What a fit of this problem comes to. A fault is fitted for it, beside the tolerances.
     ///
     /// # Errors
-    /// As [`Problem::solve`].
-    pub fn verdict(&self, fitted: &Fitted) -> Result<FitVerdict, FitError> {
+    /// As [`Fit::solve`].
+    pub fn verdict(&self, fitted: &FitResults) -> Result<FitVerdict, FitError> {
         if fitted.is_update() {
             return Ok(FitVerdict::Healthy);
         }
         let unexplained = |nearest| FitVerdict::Unexplained { nearest, shift: self.shift(fitted) };
-        let Some(Finding::Looks(suspect)) = fitted.findings.first() else {
+        let Some(FitFinding::Looks(suspect)) = fitted.findings.first() else {
             return Ok(unexplained(None));
         };
         if [CLOCK, DELAY].contains(&suspect.name.as_str()) {
@@ -113,12 +113,12 @@ impl Problem<'_> {
     }
 }
 
-impl Problem<'_> {
+impl Fit<'_> {
     /// The shift of the sensor whose mean is the largest, as a clause; empty where other sensors leave more than noise, so
     /// that something moved with it.
-    fn shift(&self, fitted: &Fitted) -> String {
+    fn shift(&self, fitted: &FitResults) -> String {
         let mean = fitted.findings.iter().find_map(|finding| match finding {
-            Finding::Mean(left) => Some(left),
+            FitFinding::Mean(left) => Some(left),
             _ => None,
         });
         let Some(mean) = mean else { return String::new() };
@@ -135,6 +135,7 @@ impl Problem<'_> {
 
 /// Whether a fault leaves nothing but noise.
 fn is_noise(one: &Diagnosed) -> bool {
-    let is_left = |finding: &Finding| matches!(finding, Finding::Scatter(_) | Finding::Mean(_));
+    let is_left =
+        |finding: &FitFinding| matches!(finding, FitFinding::Scatter(_) | FitFinding::Mean(_));
     !one.fitted.findings.iter().any(is_left)
 }

@@ -2,15 +2,15 @@
 //! how well it is known, and at the head where they come from.
 
 use super::unknown::Moved;
-use super::{Fitted, Problem};
+use super::{Fit, FitResults};
 use crate::system::{NewValue, RewriteError};
 
-impl Fitted {
+impl FitResults {
     /// The text of the system file with the fitted parameters.
     ///
     /// # Errors
     /// A file that is laid out so that a parameter cannot be written into it.
-    pub fn system_text(&self, problem: &Problem) -> Result<String, RewriteError> {
+    pub fn system_text(&self, problem: &Fit) -> Result<String, RewriteError> {
         let mut values = Vec::new();
         for (k, unknown) in problem.unknowns.iter().enumerate() {
             let Moved::Parameters { members, .. } = &unknown.moved else { continue };
@@ -26,7 +26,7 @@ impl Fitted {
         problem.system.rewritten(&self.origin(problem), &values)
     }
 
-    fn origin(&self, problem: &Problem) -> Vec<String> {
+    fn origin(&self, problem: &Fit) -> Vec<String> {
         let mut lines = vec![format!("Fitted by servotwin {}:", env!("CARGO_PKG_VERSION"))];
         for record in &problem.records {
             lines.push(format!(

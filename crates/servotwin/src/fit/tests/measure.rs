@@ -100,7 +100,7 @@ fn measure_calibration_with_a_fault() {
     all.truncate(setting("VARIANTS", all.len()));
     let solved_each = setting("SOLVE_EACH", 0);
     let first = rig.simulated(&[(0, None)]).remove(0).expect("a healthy specimen flies");
-    let problem = Problem::of_study(&study, vec![rig.record(rig.shown(0, first))]);
+    let problem = Fit::of_study(&study, vec![rig.record(rig.shown(0, first))]);
     let fleet = fleet::Fleet::new(&problem).unwrap();
     // For each size of effect: variants, refused or reported, of these named rightly among the first.
     let mut counts = [[0_usize; 2]; EFFECTS.len()];
@@ -124,7 +124,7 @@ fn measure_calibration_with_a_fault() {
         let found = fleet.judge(&measured).unwrap();
         for ((place, effect, measured), found) in flown.into_iter().zip(found) {
             let record = rig.record(measured);
-            let own = Problem::of_study(&study, vec![record]);
+            let own = Fit::of_study(&study, vec![record]);
             let is_reported = found.as_ref().map_or(true, |one| !one.is_update());
             let is_told = is_reported || own.check().is_err();
             let size = EFFECTS.iter().position(|end| effect < *end).unwrap();
@@ -150,7 +150,7 @@ fn measure_calibration_with_a_fault() {
     let findings = (0..own).filter(|n| {
         let simulated = rig.simulated(&[(1000 + n, None)]).remove(0).unwrap();
         let record = rig.record(rig.shown(1000 + n, simulated));
-        !Problem::of_study(&study, vec![record]).solve().unwrap().is_update()
+        !Fit::of_study(&study, vec![record]).solve().unwrap().is_update()
     });
     println!("healthy, by a fit of its own: {} of {own} with a finding", findings.count());
     println!("{} variants, {unstable} of them could not be flown", all.len());
@@ -208,8 +208,7 @@ fn measure_intensity() {
         };
         let effect = rig.effect(faulty, healthy);
         let record = rig.record(rig.shown(2000 + number, faulty.clone()));
-        let problem =
-            Problem { suspects: vec![], threads, ..Problem::of_study(&study, vec![record]) };
+        let problem = Fit { suspects: vec![], threads, ..Fit::of_study(&study, vec![record]) };
         let truth = case.at.intensity;
         let found = match intensity::intensity(&problem, &[(case.at.component, case.at.fault)]) {
             Ok(found) => found,
@@ -261,7 +260,7 @@ fn measure_coverage() {
 #[ignore = "a measurement: minutes"]
 fn measure_knowledge() {
     let study = Study::default();
-    let problem = Problem::of_study(&study, vec![record(&study, Some(0), vec![], 60.0)]);
+    let problem = Fit::of_study(&study, vec![record(&study, Some(0), vec![], 60.0)]);
     let fitted = problem.solve().unwrap();
     let truth = truth(&study, &problem.unknowns, 0);
     for (k, unknown) in problem.unknowns.iter().enumerate() {

@@ -12,8 +12,8 @@ fn begun(study: &Study, specimen: usize, fault: FaultAt, at_s: f64, duration_s: 
 }
 
 /// What a fit says of a record first.
-fn first(study: &Study, record: Record) -> (Problem<'_>, Fitted) {
-    let problem = Problem::of_study(study, vec![record]);
+fn first(study: &Study, record: Record) -> (Fit<'_>, FitResults) {
+    let problem = Fit::of_study(study, vec![record]);
     let fitted = problem.solve().unwrap();
     (problem, fitted)
 }
@@ -30,7 +30,7 @@ fn a_leak_that_begins_within_a_record_is_found_with_its_time_and_its_intensity()
     assert_eq!(found.name, "leakage_a.leakage");
     assert!((onset.at_s - 12.0).abs() < 0.1, "{onset:?}");
     assert!((found.intensity - 0.3).abs() < 0.01, "{found:?}");
-    let named = Problem { suspects: vec![], ..problem };
+    let named = Fit { suspects: vec![], ..problem };
     let place = (leak.component, leak.fault);
     let named = &intensity_and_onset(&named, &[place]).unwrap()[0];
     assert!(named.interval.0 <= 0.3 && 0.3 <= named.interval.1, "{:?}", named.interval);
