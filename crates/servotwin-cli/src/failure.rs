@@ -39,17 +39,22 @@ pub struct Named {
 }
 
 /// Why a command ends without its result.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// The system file is missing or has mistakes.
+    #[error("{}", of_system(.0))]
     System(SystemError),
     /// The study file is missing or has mistakes.
+    #[error("{}", of_study(.0))]
     Study(Box<StudyError>),
     /// A campaign could not be run or written.
+    #[error("error: {0}")]
     Campaign(CampaignError),
     /// A name that the system does not have.
+    #[error("error: {name}{list}", name = .0, list = if .0.is_long() { LIST_OF_NAMES } else { "" })]
     UnknownName(UnknownName),
     /// A word that no component has.
+    #[error("error: no component has '{word}'; {}", meant(.nearest.as_deref(), "'servotwin components' lists all"))]
     NoComponent {
         /// The word.
         word: String,
@@ -57,6 +62,7 @@ pub enum Failure {
         nearest: Option<String>,
     },
     /// A word that no command has.
+    #[error("error: there is no command '{word}'; {}", meant(nearest(.word, .known.iter().map(String::as_str)), &format!("there are: {}", .known.join(", "))))]
     NoCommand {
         /// The word.
         word: String,
@@ -64,8 +70,10 @@ pub enum Failure {
         known: Vec<String>,
     },
     /// A file that would be overwritten.
+    #[error("error: {} is there already and stays as it is", .0.display())]
     Exists(PathBuf),
     /// An output that is what the command reads.
+    #[error("error: {written} would overwrite {read}, which is read: name another file")]
     Overwritten {
         /// The output.
         written: Named,
@@ -73,6 +81,7 @@ pub enum Failure {
         read: Named,
     },
     /// Two outputs that are one file.
+    #[error("error: {written} and {again} are the same file: name two")]
     Twice {
         /// The one.
         written: Named,
@@ -80,6 +89,7 @@ pub enum Failure {
         again: Named,
     },
     /// An output that ends like a file of another kind.
+    #[error("error: {option} must end in .{ending}, not as {} does", .path.display())]
     Ending {
         /// The option.
         option: &'static str,
@@ -89,6 +99,7 @@ pub enum Failure {
         ending: &'static str,
     },
     /// A simulation cannot start.
+    #[error("error: {}{error}", .option.as_ref().map_or_else(String::new, |name| format!("{name}: ")))]
     Simulation {
         /// The option, where one is to blame.
         option: Option<String>,
@@ -96,6 +107,7 @@ pub enum Failure {
         error: Box<SimulationError>,
     },
     /// An option that needs `name=value`.
+    #[error("error: {option} needs NAME=VALUE, not '{given}'")]
     NoEqualSign {
         /// The option.
         option: &'static str,
@@ -103,6 +115,7 @@ pub enum Failure {
         given: String,
     },
     /// An input or a fault that is given twice.
+    #[error("error: {option}: '{name}' is given twice")]
     Repeated {
         /// The option.
         option: &'static str,
@@ -110,6 +123,7 @@ pub enum Failure {
         name: String,
     },
     /// A number of an option that cannot be read.
+    #[error("error: {option}: {error}")]
     Number {
         /// The option.
         option: &'static str,
@@ -117,6 +131,7 @@ pub enum Failure {
         error: QuantityError,
     },
     /// A number of an option outside its range.
+    #[error("error: {option} {given} is out of range: {range}")]
     OutOfRange {
         /// The option.
         option: &'static str,
@@ -126,8 +141,10 @@ pub enum Failure {
         range: Cow<'static, str>,
     },
     /// Options that do not go together.
+    #[error("error: {0}")]
     Options(&'static str),
     /// A signal that cannot be built.
+    #[error("error: {option}: {error}")]
     Signal {
         /// The option and the input.
         option: String,
@@ -135,22 +152,31 @@ pub enum Failure {
         error: SignalError,
     },
     /// The solver could not finish.
+    #[error("error: {0}")]
     Run(Stopped),
     /// The equations at rest give numbers that are not finite.
+    #[error("error: the equations at rest give numbers that are not finite")]
     Eigenvalues,
     /// Ctrl-C.
+    #[error("stopped")]
     Stopped,
     /// Ctrl-C in a job that goes on where it was when it is run again.
+    #[error("stopped; the same command again goes on where it was")]
     StoppedOnTheWay,
     /// A table cannot be made or written.
+    #[error("error: {0}")]
     Table(TableError),
     /// A figure cannot be written.
+    #[error("error: {0}")]
     Figure(FigureError),
     /// A table does not serve for training or testing, or a model cannot be used.
+    #[error("error: {0}")]
     Evaluation(EvaluationError),
     /// A stage of the main job stopped.
+    #[error("{}", of_job(.0))]
     Job(JobError),
     /// A study file for traces has mistakes, or the traces are not as it says.
+    #[error("error: {}: {error}", .path.display())]
     Trace {
         /// The study file.
         path: PathBuf,
@@ -158,6 +184,7 @@ pub enum Failure {
         error: TraceError,
     },
     /// A table is not as a study file for traces, or a model, says.
+    #[error("error: {} is not as {} says: {error}", .path.display(), .rule.display())]
     NotAs {
         /// The table.
         path: PathBuf,
@@ -167,8 +194,10 @@ pub enum Failure {
         error: Box<EvaluationError>,
     },
     /// The twin or the diagnosis could not run.
+    #[error("error: {0}")]
     Runtime(RuntimeError),
     /// The diagnoser of a file is for something else.
+    #[error("error: {}: {error}", .path.display())]
     Diagnoser {
         /// The file.
         path: PathBuf,
@@ -176,6 +205,7 @@ pub enum Failure {
         error: RuntimeError,
     },
     /// A folder has no log that can be used.
+    #[error("error: {}: {reason}", .folder.display())]
     NoLogs {
         /// The folder.
         folder: PathBuf,
@@ -183,6 +213,7 @@ pub enum Failure {
         reason: String,
     },
     /// A log has nothing that can be watched.
+    #[error("error: {log}: {reason}")]
     NoSample {
         /// The log.
         log: String,
@@ -190,6 +221,7 @@ pub enum Failure {
         reason: String,
     },
     /// A system that is none of the study which is taken where none is named.
+    #[error("error: tolerances and faults are a study's, and without --study those of '{study}' are taken, to which the system '{system}' does not belong: give --study {}", .own.as_deref().unwrap_or("FILE"))]
     OtherSystem {
         /// The system.
         system: String,
@@ -199,6 +231,7 @@ pub enum Failure {
         own: Option<String>,
     },
     /// A log of which nothing could be judged.
+    #[error("error: {log}: {reason}")]
     Unjudged {
         /// The counts, for standard output.
         output: String,
@@ -208,6 +241,7 @@ pub enum Failure {
         reason: String,
     },
     /// A live watch went on without files that could not be written.
+    #[error("error: not complete: {}", .files.join("; "))]
     SinksLost {
         /// The counts, for standard output.
         output: String,
@@ -215,18 +249,25 @@ pub enum Failure {
         files: Vec<String>,
     },
     /// The map of a log has mistakes.
+    #[error("{0}")]
     Map(MapError),
     /// A log or a stream cannot be read, or what comes of it not be written.
+    #[error("error: {0}")]
     Watch(WatchError),
     /// There is no fit.
+    #[error("error: {0}")]
     Fit(FitError),
     /// There is no band.
+    #[error("error: {0}")]
     Band(BandError),
     /// A fitted system cannot be written.
+    #[error("error: {0}")]
     Rewrite(RewriteError),
     /// A file cannot be written.
+    #[error("error: {0}")]
     File(FileError),
     /// A record shows what no tolerance explains.
+    #[error("{}", first_findings(.findings))]
     NoUpdate {
         /// What is known all the same, for standard output.
         output: String,
@@ -234,6 +275,7 @@ pub enum Failure {
         findings: Vec<String>,
     },
     /// A wear reaches its threshold.
+    #[error("alarm: {}", .alarms.join("; "))]
     Alarm {
         /// The result all the same, for standard output.
         output: String,
@@ -241,8 +283,10 @@ pub enum Failure {
         alarms: Vec<String>,
     },
     /// A merge lacks parts of a campaign.
+    #[error("error: {0}")]
     PartsMissing(Box<Incomplete>),
     /// Standard output cannot be written.
+    #[error("error: standard output: {0}")]
     Print(io::Error),
 }
 
@@ -369,137 +413,56 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
     }
 }
 
-impl fmt::Display for Failure {
+/// What follows a name that a list in a message would not hold.
+const LIST_OF_NAMES: &str = "; 'servotwin describe' and 'servotwin faults' list them";
+
+impl fmt::Display for Named {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Failure::System(SystemError::File(error)) => write!(out, "error: {error}"),
-            Failure::System(error) => write!(out, "{error}"),
-            Failure::Study(error) => match error.as_ref() {
-                StudyError::File(error) => write!(out, "error: {error}"),
-                error => write!(out, "{error}"),
-            },
-            Failure::Campaign(error) => write!(out, "error: {error}"),
-            Failure::UnknownName(error) => {
-                let list = "; 'servotwin describe' and 'servotwin faults' list them";
-                write!(out, "error: {error}{}", if error.is_long() { list } else { "" })
-            }
-            Failure::NoComponent { word, nearest } => {
-                write!(out, "error: no component has '{word}'")?;
-                match nearest {
-                    Some(kind) => write!(out, "; did you mean '{kind}'?"),
-                    None => write!(out, "; 'servotwin components' lists all"),
-                }
-            }
-            Failure::NoCommand { word, known } => {
-                write!(out, "error: there is no command '{word}'; ")?;
-                match nearest(word, known.iter().map(String::as_str)) {
-                    Some(name) => write!(out, "did you mean '{name}'?"),
-                    None => write!(out, "there are: {}", known.join(", ")),
-                }
-            }
-            Failure::Exists(path) => {
-                write!(out, "error: {} is there already and stays as it is", path.display())
-            }
-            Failure::Overwritten { written, read } => {
-                let (path, other) = (written.path.display(), read.path.display());
-                write!(
-                    out,
-                    "error: {} {path} would overwrite {} {other}, which is read: name another file",
-                    written.option, read.option
-                )
-            }
-            Failure::Twice { written, again } => {
-                let (path, other) = (written.path.display(), again.path.display());
-                write!(
-                    out,
-                    "error: {} {path} and {} {other} are the same file: name two",
-                    written.option, again.option
-                )
-            }
-            Failure::Ending { option, path, ending } => {
-                write!(out, "error: {option} must end in .{ending}, not as {} does", path.display())
-            }
-            Failure::Simulation { option, error } => {
-                let option = option.as_ref().map_or_else(String::new, |name| format!("{name}: "));
-                write!(out, "error: {option}{error}")
-            }
-            Failure::NoEqualSign { option, given } => {
-                write!(out, "error: {option} needs NAME=VALUE, not '{given}'")
-            }
-            Failure::Repeated { option, name } => {
-                write!(out, "error: {option}: '{name}' is given twice")
-            }
-            Failure::Number { option, error } => write!(out, "error: {option}: {error}"),
-            Failure::OutOfRange { option, given, range } => {
-                write!(out, "error: {option} {given} is out of range: {range}")
-            }
-            Failure::Options(reason) => write!(out, "error: {reason}"),
-            Failure::Signal { option, error } => write!(out, "error: {option}: {error}"),
-            Failure::Run(stopped) => write!(out, "error: {stopped}"),
-            Failure::Eigenvalues => {
-                write!(out, "error: the equations at rest give numbers that are not finite")
-            }
-            Failure::Stopped => write!(out, "stopped"),
-            Failure::StoppedOnTheWay => {
-                write!(out, "stopped; the same command again goes on where it was")
-            }
-            Failure::Table(error) => write!(out, "error: {error}"),
-            Failure::Figure(error) => write!(out, "error: {error}"),
-            Failure::Evaluation(error) => write!(out, "error: {error}"),
-            Failure::Job(JobError::Study(error)) => write!(out, "{error}"),
-            Failure::Job(error) => write!(out, "error: {error}"),
-            Failure::Trace { path, error } => write!(out, "error: {}: {error}", path.display()),
-            Failure::NotAs { path, rule, error } => {
-                let (path, rule) = (path.display(), rule.display());
-                write!(out, "error: {path} is not as {rule} says: {error}")
-            }
-            Failure::Runtime(error) => write!(out, "error: {error}"),
-            Failure::Diagnoser { path, error } => write!(out, "error: {}: {error}", path.display()),
-            Failure::NoLogs { folder, reason } => {
-                write!(out, "error: {}: {reason}", folder.display())
-            }
-            Failure::SinksLost { files, .. } => {
-                write!(out, "error: not complete: {}", files.join("; "))
-            }
-            Failure::NoSample { log, reason } | Failure::Unjudged { log, reason, .. } => {
-                write!(out, "error: {log}: {reason}")
-            }
-            Failure::OtherSystem { system, study, own } => {
-                let own = own.as_deref().unwrap_or("FILE");
-                write!(
-                    out,
-                    "error: tolerances and faults are a study's, and without --study those of '{study}' \
-                     are taken, to which the system '{system}' does not belong: give --study {own}"
-                )
-            }
-            Failure::Map(error) => write!(out, "{error}"),
-            Failure::Watch(error) => write!(out, "error: {error}"),
-            Failure::Fit(error) => write!(out, "error: {error}"),
-            Failure::Band(error) => write!(out, "error: {error}"),
-            Failure::Rewrite(error) => write!(out, "error: {error}"),
-            Failure::File(error) => write!(out, "error: {error}"),
-            Failure::NoUpdate { findings, .. } => write_findings(out, findings),
-            Failure::Alarm { alarms, .. } => write!(out, "alarm: {}", alarms.join("; ")),
-            Failure::PartsMissing(missing) => write!(out, "error: {missing}"),
-            Failure::Print(error) => write!(out, "error: standard output: {error}"),
-        }
+        write!(out, "{} {}", self.option, self.path.display())
+    }
+}
+
+/// The name that was likely meant, or else what there is.
+fn meant(nearest: Option<&str>, else_text: &str) -> String {
+    nearest.map_or_else(|| else_text.to_owned(), |name| format!("did you mean '{name}'?"))
+}
+
+/// Mistakes of a file begin with their place instead of `error`.
+fn of_system(error: &SystemError) -> String {
+    match error {
+        SystemError::File(error) => format!("error: {error}"),
+        error => error.to_string(),
+    }
+}
+
+fn of_study(error: &StudyError) -> String {
+    match error {
+        StudyError::File(error) => format!("error: {error}"),
+        error => error.to_string(),
+    }
+}
+
+fn of_job(error: &JobError) -> String {
+    match error {
+        JobError::Study(error) => error.to_string(),
+        error => format!("error: {error}"),
     }
 }
 
 /// The first findings, and how many there are.
-fn write_findings(out: &mut fmt::Formatter<'_>, findings: &[String]) -> fmt::Result {
+fn first_findings(findings: &[String]) -> String {
     const SHOWN: usize = 4;
-    write!(
-        out,
+    let mut text =
         "error: no update, nothing is written: the record shows what no tolerance explains"
-    )?;
+            .to_owned();
     for finding in findings.iter().take(SHOWN) {
-        write!(out, "\n  {finding}")?;
+        text += &format!("\n  {finding}");
     }
     match findings.len().saturating_sub(SHOWN) {
-        0 => Ok(()),
-        more => write!(out, "\n  and {more} more"),
+        0 => {}
+        more => text += &format!("\n  and {more} more"),
     }
+    text
 }
 
 impl From<UnknownName> for Failure {
