@@ -1,6 +1,7 @@
 //! The nearest known name to a mistyped one, for error messages that help.
 
 use std::fmt;
+use strsim::levenshtein;
 
 /// The candidate nearest to `word`, if near enough to be what was meant.
 ///
@@ -29,29 +30,13 @@ fn mistyped<'a>(lower: &str, candidates: &[&'a str]) -> Option<&'a str> {
     let limit = (letters / 3).max(2);
     candidates
         .iter()
-        .map(|candidate| (distance(lower, &candidate.to_lowercase()), *candidate))
+        .map(|candidate| (levenshtein(lower, &candidate.to_lowercase()), *candidate))
         .min_by_key(|(distance, _)| *distance)
         .filter(|(distance, candidate)| {
             // Two edits can turn any two-letter name into any other: that is no hint.
             *distance <= limit && *distance < candidate.chars().count().max(letters)
         })
         .map(|(_, candidate)| candidate)
-}
-
-/// The Levenshtein distance: the least number of letters inserted, removed or replaced.
-pub fn distance(left: &str, right: &str) -> usize {
-    let right: Vec<char> = right.chars().collect();
-    let mut row: Vec<usize> = (0..=right.len()).collect();
-    for (line, letter) in left.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = line + 1;
-        for (place, other) in right.iter().enumerate() {
-            let replaced = diagonal + usize::from(letter != *other);
-            diagonal = row[place + 1];
-            row[place + 1] = replaced.min(diagonal + 1).min(row[place] + 1);
-        }
-    }
-    row[right.len()]
 }
 
 /// A name that a system, or what is asked, does not have.

@@ -137,9 +137,8 @@ fn text_must_be_text() {
 
 #[test]
 fn the_nearest_name_is_suggested_only_when_near() {
-    use servotwin_io::nearest::{distance, nearest};
+    use servotwin_io::nearest::nearest;
     let names = ["pressure_a_pa", "pressure_b_pa", "stroke_m"];
-    assert_eq!(distance("kitten", "sitting"), 3);
     assert_eq!(nearest("presure_b_pa", names), Some("pressure_b_pa"));
     assert_eq!(nearest("Stroke_M", names), Some("stroke_m"));
     assert_eq!(nearest("temperature_k", names), None);
