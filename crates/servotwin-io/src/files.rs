@@ -9,21 +9,25 @@
 //! without harm, so it is written directly.
 
 use crate::leftovers::{is_being_written, own_prefix};
-use std::fmt;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Why a file could not be read or written, with its path.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file does not exist.
+    #[error("{path}: no such file")]
     Missing {
         /// The file asked for.
         path: PathBuf,
     },
     /// The file does not exist, nor is anything built in by that name.
+    #[error(
+        "{path}: no such file, and nothing is built in by that name{}",
+        built_in(*.nearest, .known)
+    )]
     NotBuiltIn {
         /// What was asked for.
         path: PathBuf,
@@ -33,36 +37,43 @@ pub enum FileError {
         known: Vec<&'static str>,
     },
     /// The folder that should hold the file does not exist.
+    #[error("{path}: the folder {} does not exist", folder_of(.path).display())]
     MissingFolder {
         /// The file that was to be written.
         path: PathBuf,
     },
     /// The path names a folder where a file is needed.
+    #[error("{path}: this is a folder, a file is needed")]
     IsFolder {
         /// The folder.
         path: PathBuf,
     },
     /// A part of the path that should be a folder is a file.
+    #[error("{path}: a part of this path is a file where a folder is needed")]
     NotFolder {
         /// The path asked for.
         path: PathBuf,
     },
     /// The file or its folder may not be read or written by this user.
+    #[error("{path}: permission denied")]
     Denied {
         /// The path asked for.
         path: PathBuf,
     },
     /// The file, its folder or the file system is read-only.
+    #[error("{path}: read-only, it cannot be written")]
     ReadOnly {
         /// The file that was to be written.
         path: PathBuf,
     },
     /// No space is left on the disk, or the user's share of it is used up.
+    #[error("{path}: the disk is full")]
     DiskFull {
         /// The file that was to be written.
         path: PathBuf,
     },
     /// The content is no UTF-8 text.
+    #[error("{path}: line {line} is not UTF-8 text")]
     NotText {
         /// The file read.
         path: PathBuf,
@@ -70,6 +81,7 @@ pub enum FileError {
         line: usize,
     },
     /// The content is not what was written: it is damaged, or was changed by hand.
+    #[error("{path}: damaged, or changed since: {remedy}")]
     Altered {
         /// The file.
         path: PathBuf,
@@ -77,6 +89,7 @@ pub enum FileError {
         remedy: String,
     },
     /// Any other failure reported by the operating system.
+    #[error("{path}: {source}")]
     System {
         /// The file concerned.
         path: PathBuf,
@@ -119,45 +132,10 @@ impl FileError {
     }
 }
 
-impl fmt::Display for FileError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{}: ", self.path().display())?;
-        match self {
-            FileError::Missing { .. } => write!(out, "no such file"),
-            FileError::NotBuiltIn { nearest: Some(name), .. } => {
-                write!(
-                    out,
-                    "no such file, and nothing is built in by that name; did you mean '{name}'?"
-                )
-            }
-            FileError::NotBuiltIn { known, .. } => write!(
-                out,
-                "no such file, and nothing is built in by that name: there are {}",
-                known.join(", ")
-            ),
-            FileError::MissingFolder { path } => {
-                write!(out, "the folder {} does not exist", folder_of(path).display())
-            }
-            FileError::IsFolder { .. } => write!(out, "this is a folder, a file is needed"),
-            FileError::NotFolder { .. } => {
-                write!(out, "a part of this path is a file where a folder is needed")
-            }
-            FileError::Denied { .. } => write!(out, "permission denied"),
-            FileError::ReadOnly { .. } => write!(out, "read-only, it cannot be written"),
-            FileError::DiskFull { .. } => write!(out, "the disk is full"),
-            FileError::NotText { line, .. } => write!(out, "line {line} is not UTF-8 text"),
-            FileError::Altered { remedy, .. } => write!(out, "damaged, or changed since: {remedy}"),
-            FileError::System { source, .. } => write!(out, "{source}"),
-        }
-    }
-}
-
-impl std::error::Error for FileError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            FileError::System { source, .. } => Some(source),
-            _ => None,
-        }
+fn built_in(nearest: Option<&str>, known: &[&str]) -> String {
+    match nearest {
+        Some(name) => format!("; did you mean '{name}'?"),
+        None => format!(": there are {}", known.join(", ")),
     }
 }
 

@@ -33,7 +33,6 @@ pub mod time_series;
 pub mod tree;
 pub mod value_map;
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 pub use meaning::{Meaning, dark_rules};
@@ -79,51 +78,20 @@ pub enum PngError {
 }
 
 /// Why a figure could not be saved.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The file could not be written.
-    File(FileError),
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file's extension is neither `svg` nor `png`.
+    #[error("{path}: a figure is saved as .svg or .png")]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
     /// The figure could not be turned into pixels.
-    Png(PngError),
-}
-
-impl fmt::Display for FigureError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FigureError::File(error) => error.fmt(out),
-            FigureError::UnknownFormat { path } => {
-                write!(out, "{}: a figure is saved as .svg or .png", path.display())
-            }
-            FigureError::Png(error) => error.fmt(out),
-        }
-    }
-}
-
-impl std::error::Error for FigureError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            FigureError::File(error) => Some(error),
-            FigureError::Png(error) => Some(error),
-            FigureError::UnknownFormat { .. } => None,
-        }
-    }
-}
-
-impl From<FileError> for FigureError {
-    fn from(error: FileError) -> Self {
-        FigureError::File(error)
-    }
-}
-
-impl From<PngError> for FigureError {
-    fn from(error: PngError) -> Self {
-        FigureError::Png(error)
-    }
+    #[error(transparent)]
+    Png(#[from] PngError),
 }
 
 impl Figure {

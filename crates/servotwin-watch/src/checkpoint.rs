@@ -55,11 +55,13 @@ pub struct Checkpoint {
 }
 
 /// Why a checkpoint cannot be written or used.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file.
+    #[error(transparent)]
     File(FileError),
     /// It is no checkpoint, or damaged.
+    #[error("{path}: no checkpoint that can be used: {cause}")]
     Content {
         /// The file.
         path: PathBuf,
@@ -67,51 +69,29 @@ pub enum CheckpointError {
         cause: String,
     },
     /// It was written with another map or period.
+    #[error("the checkpoint was written with another {what}")]
     Other {
         /// Which of them.
         what: &'static str,
     },
     /// A number in it is none that a watch can have.
+    #[error(
+        "the checkpoint cannot be used: {what} cannot be what a watch has written; begin anew without --resume"
+    )]
     Damaged {
         /// Which.
         what: &'static str,
     },
     /// The log is shorter than it was.
+    #[error("the log ends before row {needed}, where the checkpoint was written")]
     ShortLog {
         /// The line or row at which it went on.
         needed: u64,
     },
     /// The observer cannot go on from it.
+    #[error("the diagnosis cannot go on from the checkpoint: {0}")]
     Observer(String),
 }
-
-impl fmt::Display for CheckpointError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            CheckpointError::File(error) => write!(out, "{error}"),
-            CheckpointError::Content { path, cause } => {
-                write!(out, "{}: no checkpoint that can be used: {cause}", path.display())
-            }
-            CheckpointError::Other { what } => {
-                write!(out, "the checkpoint was written with another {what}")
-            }
-            CheckpointError::Damaged { what } => {
-                write!(
-                    out,
-                    "the checkpoint cannot be used: {what} cannot be what a watch has written; begin anew without --resume"
-                )
-            }
-            CheckpointError::ShortLog { needed } => {
-                write!(out, "the log ends before row {needed}, where the checkpoint was written")
-            }
-            CheckpointError::Observer(cause) => {
-                write!(out, "the diagnosis cannot go on from the checkpoint: {cause}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for CheckpointError {}
 
 impl Checkpoint {
     /// What is known now.

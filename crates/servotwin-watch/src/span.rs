@@ -3,7 +3,6 @@
 use servotwin::signal::Quantity;
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
-use std::fmt;
 
 /// One end of a part.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,9 +21,13 @@ pub struct Span {
 }
 
 /// Why a part cannot be read.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CutError {
     /// A text is no time.
+    #[error(
+        "{option} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) \
+         is needed"
+    )]
     NoTime {
         /// The option that it was given for.
         option: &'static str,
@@ -32,6 +35,9 @@ pub enum CutError {
         given: String,
     },
     /// A date for a log that has none, or a time of day for one of another kind.
+    #[error(
+        "{log} begins at {first}: --from and --to need a time of the same kind, or seconds behind the first sample"
+    )]
     OtherKind {
         /// The log.
         log: String,
@@ -39,34 +45,16 @@ pub enum CutError {
         first: String,
     },
     /// No sample lies in it.
+    #[error(
+        "{log} has no sample from --from to --to: it reaches from {} to {}",
+        .reach.0, .reach.1
+    )]
     Empty {
         /// The log.
         log: String,
         /// The times of its first and last sample, as people read them.
         reach: (String, String),
     },
-}
-
-impl fmt::Display for CutError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            CutError::NoTime { option, given } => write!(
-                out,
-                "{option} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) \
-                 is needed"
-            ),
-            CutError::OtherKind { log, first } => write!(
-                out,
-                "{log} begins at {first}: --from and --to need a time of the same kind, or seconds behind the first sample"
-            ),
-            CutError::Empty { log, reach: (first, last) } => {
-                write!(
-                    out,
-                    "{log} has no sample from --from to --to: it reaches from {first} to {last}"
-                )
-            }
-        }
-    }
 }
 
 impl Span {

@@ -5,7 +5,6 @@ use crate::ensemble::{Ensemble, Variant};
 use crate::system::System;
 use serde_json::{Value, json};
 use servotwin_model::solver::{self, Cause};
-use std::fmt;
 
 /// A system at rest.
 pub struct Rest {
@@ -20,7 +19,8 @@ pub struct Rest {
 }
 
 /// Why a run stopped, with names.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("the run stopped at {time_s} s at {state}: {cause}")]
 pub struct Stopped {
     /// When, s.
     pub time_s: f64,
@@ -39,35 +39,16 @@ impl Stopped {
     }
 }
 
-impl fmt::Display for Stopped {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "the run stopped at {} s at {}: {}", self.time_s, self.state, self.cause)
-    }
-}
-
-impl std::error::Error for Stopped {}
-
 /// Why there is nothing to say of a system at rest.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RestError {
     /// The search for rest stopped.
+    #[error(transparent)]
     Stopped(Stopped),
     /// The equations at rest give numbers that are not finite.
+    #[error("the equations at rest give numbers that are not finite")]
     NotFinite,
 }
-
-impl fmt::Display for RestError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            RestError::Stopped(stopped) => write!(out, "{stopped}"),
-            RestError::NotFinite => {
-                write!(out, "the equations at rest give numbers that are not finite")
-            }
-        }
-    }
-}
-
-impl std::error::Error for RestError {}
 
 /// The rest of a system at the inputs that it has where a run gives no signal.
 ///

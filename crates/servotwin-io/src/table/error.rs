@@ -1,6 +1,5 @@
 //! What can be wrong with a table or with a table's file.
 
-use std::fmt;
 use std::path::PathBuf;
 
 use super::parquet::{LIMIT_VARIABLE, Limits};
@@ -9,23 +8,28 @@ use crate::files::FileError;
 use crate::sanitize;
 
 /// Why a table could not be read, written or used.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The file itself could not be read or written.
-    File(FileError),
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file's extension names no known format.
+    #[error("{path}: no known table format; known are {}", known_formats())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
     /// The file was read, but its content is no table that can be used.
+    #[error("{path}: {problem}")]
     Content {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
+        #[source]
         problem: ContentError,
     },
     /// No column has this name.
+    #[error("there is no column '{column}'; {}", advice(.nearest.as_deref(), .known))]
     UnknownColumn {
         /// The name asked for.
         column: String,
@@ -35,6 +39,7 @@ pub enum TableError {
         known: Vec<String>,
     },
     /// A column is in the file, but not in the table.
+    #[error("{reason}")]
     LeftOut {
         /// The column.
         column: String,
@@ -42,6 +47,7 @@ pub enum TableError {
         reason: String,
     },
     /// A column holds values of another kind than is needed.
+    #[error("column '{column}' holds {}, needed are {}", .found.name(), .expected.name())]
     WrongKind {
         /// The column.
         column: String,
@@ -51,11 +57,13 @@ pub enum TableError {
         found: Kind,
     },
     /// Two columns would have the same name.
+    #[error("there is already a column '{column}'")]
     DuplicateColumn {
         /// The name.
         column: String,
     },
     /// A column has another number of rows than the first one.
+    #[error("column '{column}' has {found} rows, the others have {expected}")]
     UnequalLength {
         /// The column.
         column: String,
@@ -65,6 +73,7 @@ pub enum TableError {
         expected: usize,
     },
     /// A table to be appended has another number of columns.
+    #[error("{found} columns cannot be appended to {expected}")]
     ColumnCount {
         /// Its number of columns.
         found: usize,
@@ -72,6 +81,7 @@ pub enum TableError {
         expected: usize,
     },
     /// A table to be appended has another column in a place.
+    #[error("column '{found}' stands where '{expected}' is needed")]
     OtherColumn {
         /// The name found.
         found: String,
@@ -79,6 +89,7 @@ pub enum TableError {
         expected: String,
     },
     /// A number is not finite where it must be.
+    #[error("{place}, column '{column}': {value} is no finite number")]
     NotFinite {
         /// The column.
         column: String,
@@ -88,6 +99,7 @@ pub enum TableError {
         value: f64,
     },
     /// A whole number is negative or too large for an index.
+    #[error("{place}, column '{column}': {value} is not in 0 … {}", u32::MAX)]
     OutOfRange {
         /// The column.
         column: String,
@@ -99,11 +111,13 @@ pub enum TableError {
 }
 
 /// What is wrong with a table file's content. Lines and rows count from 1.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ContentError {
     /// Nothing is in the file.
+    #[error("the file is empty")]
     Empty,
     /// A line has another number of cells than the header.
+    #[error("line {line} has {found} cells, the header has {expected}")]
     RaggedRow {
         /// The line.
         line: usize,
@@ -113,6 +127,11 @@ pub enum ContentError {
         expected: usize,
     },
     /// A cell does not fit the kind that the first row gave to its column.
+    #[error(
+        "line {line}, column '{column}': '{text}' among {} (text between numbers is understood only in quotes, or in \
+         a class or group)",
+        .expected.name()
+    )]
     BadCell {
         /// The line.
         line: usize,
@@ -124,11 +143,13 @@ pub enum ContentError {
         expected: Kind,
     },
     /// A line that should be a JSON object is none.
+    #[error("line {line} is no JSON object")]
     NoObject {
         /// The line.
         line: usize,
     },
     /// A value of an object is not what the column holds.
+    #[error("line {line}, column '{column}': {text} among {}", .expected.name())]
     BadValue {
         /// The line.
         line: usize,
@@ -140,33 +161,43 @@ pub enum ContentError {
         expected: Kind,
     },
     /// A quoted cell is not closed before the file ends.
+    #[error("line {line}: a quote is opened and never closed")]
     OpenQuote {
         /// The line on which it starts.
         line: usize,
     },
     /// Text follows the closing quote of a cell.
+    #[error("line {line}: a separator is needed after the closing quote")]
     TextAfterQuote {
         /// The line.
         line: usize,
     },
     /// The header has a column without a name.
+    #[error("line 1: column {place} has no name")]
     UnnamedColumn {
         /// Its place, from 1.
         place: usize,
     },
     /// Two columns have the same name.
+    #[error("two columns are named '{column}'")]
     DuplicateColumn {
         /// The name.
         column: String,
     },
     /// A byte that is in no text.
+    #[error("line {line} holds a byte zero: this is no text")]
     ZeroByte {
         /// The line.
         line: usize,
     },
     /// The file does not begin and end as a Parquet file does.
+    #[error("this is no Parquet file, or its end is missing")]
     NotParquet,
     /// A column's type has no place in a table.
+    #[error(
+        "column '{column}' has the type {found}; known are whole and real numbers, booleans, text, dictionaries of \
+         these, moments, dates, times of day and durations"
+    )]
     UnsupportedType {
         /// The column.
         column: String,
@@ -174,6 +205,11 @@ pub enum ContentError {
         found: String,
     },
     /// A column would take too much memory.
+    #[error(
+        "column '{column}' takes more than {} GB in memory, the limit of a column; set the environment variable \
+         {LIMIT_VARIABLE} (now {}) higher to read it",
+        gigabytes(*.limit_bytes), gigabytes(Limits::from_environment().table_bytes)
+    )]
     LargeColumn {
         /// The column.
         column: String,
@@ -181,6 +217,11 @@ pub enum ContentError {
         limit_bytes: u64,
     },
     /// A column and those before it would take too much memory.
+    #[error(
+        "with column '{column}' the table takes more than {} GB in memory, its limit; set the environment variable \
+         {LIMIT_VARIABLE} higher to read it",
+        gigabytes(*.limit_bytes)
+    )]
     LargeTable {
         /// The column.
         column: String,
@@ -188,6 +229,10 @@ pub enum ContentError {
         limit_bytes: u64,
     },
     /// A column is compressed in a way that is not known here.
+    #[error(
+        "column '{column}' is compressed with {codec}; known are Snappy, gzip, LZ4, Zstandard and none: write the \
+         file with one of these"
+    )]
     UnknownCodec {
         /// The column.
         column: String,
@@ -195,6 +240,7 @@ pub enum ContentError {
         codec: String,
     },
     /// A column has an empty place.
+    #[error("row {row}, column '{column}': no value (null)")]
     Null {
         /// The column.
         column: String,
@@ -202,6 +248,7 @@ pub enum ContentError {
         row: usize,
     },
     /// A whole number needs more than 63 bits.
+    #[error("row {row}, column '{column}': {value} does not fit in 63 bits")]
     TooLarge {
         /// The column.
         column: String,
@@ -211,11 +258,14 @@ pub enum ContentError {
         value: u64,
     },
     /// The Parquet library cannot make sense of the file.
+    #[error("damaged or unreadable: {source}")]
     Damaged {
         /// What it said.
+        #[from]
         source: ::parquet::errors::ParquetError,
     },
     /// The Parquet library gave up in the middle of a damaged file.
+    #[error("damaged beyond reading")]
     Unreadable,
 }
 
@@ -226,160 +276,19 @@ impl ContentError {
     }
 }
 
+fn known_formats() -> String {
+    ALL.map(|format| format!(".{} ({})", format.extension, format.name)).join(", ")
+}
+
+/// The columns of a table, the most similar one first.
+fn advice(nearest: Option<&str>, known: &[String]) -> String {
+    match nearest {
+        _ if known.is_empty() => "the table has no columns".to_owned(),
+        Some(name) => format!("did you mean '{name}'? The table has {}", sanitize::list(known)),
+        None => format!("the table has {}", sanitize::list(known)),
+    }
+}
+
 fn gigabytes(bytes: u64) -> f64 {
     (bytes as f64 / 1e6).round() / 1e3
-}
-
-impl From<::parquet::errors::ParquetError> for ContentError {
-    fn from(source: ::parquet::errors::ParquetError) -> Self {
-        ContentError::Damaged { source }
-    }
-}
-
-impl From<FileError> for TableError {
-    fn from(error: FileError) -> Self {
-        TableError::File(error)
-    }
-}
-
-impl fmt::Display for TableError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            TableError::File(error) => error.fmt(out),
-            TableError::UnknownFormat { path } => {
-                let known = ALL.map(|format| format!(".{} ({})", format.extension, format.name));
-                let path = path.display();
-                write!(out, "{path}: no known table format; known are {}", known.join(", "))
-            }
-            TableError::Content { path, problem } => write!(out, "{}: {problem}", path.display()),
-            TableError::UnknownColumn { column, nearest, known } => {
-                write!(out, "there is no column '{column}'")?;
-                match nearest {
-                    _ if known.is_empty() => write!(out, "; the table has no columns"),
-                    Some(name) => write!(
-                        out,
-                        "; did you mean '{name}'? The table has {}",
-                        sanitize::list(known)
-                    ),
-                    None => write!(out, "; the table has {}", sanitize::list(known)),
-                }
-            }
-            TableError::LeftOut { reason, .. } => write!(out, "{reason}"),
-            TableError::WrongKind { column, expected, found } => {
-                let (expected, found) = (expected.name(), found.name());
-                write!(out, "column '{column}' holds {found}, needed are {expected}")
-            }
-            TableError::DuplicateColumn { column } => {
-                write!(out, "there is already a column '{column}'")
-            }
-            TableError::UnequalLength { column, found, expected } => {
-                write!(out, "column '{column}' has {found} rows, the others have {expected}")
-            }
-            TableError::ColumnCount { found, expected } => {
-                write!(out, "{found} columns cannot be appended to {expected}")
-            }
-            TableError::OtherColumn { found, expected } => {
-                write!(out, "column '{found}' stands where '{expected}' is needed")
-            }
-            TableError::NotFinite { column, place, value } => {
-                write!(out, "{place}, column '{column}': {value} is no finite number")
-            }
-            TableError::OutOfRange { column, place, value } => {
-                write!(out, "{place}, column '{column}': {value} is not in 0 … {}", u32::MAX)
-            }
-        }
-    }
-}
-
-impl fmt::Display for ContentError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            ContentError::Empty => write!(out, "the file is empty"),
-            ContentError::RaggedRow { line, found, expected } => {
-                write!(out, "line {line} has {found} cells, the header has {expected}")
-            }
-            ContentError::BadCell { line, column, text, expected } => {
-                write!(out, "line {line}, column '{column}': '{text}' among {}", expected.name())?;
-                write!(
-                    out,
-                    " (text between numbers is understood only in quotes, or in a class or group)"
-                )
-            }
-            ContentError::NoObject { line } => write!(out, "line {line} is no JSON object"),
-            ContentError::BadValue { line, column, text, expected } => {
-                write!(out, "line {line}, column '{column}': {text} among {}", expected.name())
-            }
-            ContentError::OpenQuote { line } => {
-                write!(out, "line {line}: a quote is opened and never closed")
-            }
-            ContentError::TextAfterQuote { line } => {
-                write!(out, "line {line}: a separator is needed after the closing quote")
-            }
-            ContentError::UnnamedColumn { place } => {
-                write!(out, "line 1: column {place} has no name")
-            }
-            ContentError::DuplicateColumn { column } => {
-                write!(out, "two columns are named '{column}'")
-            }
-            ContentError::ZeroByte { line } => {
-                write!(out, "line {line} holds a byte zero: this is no text")
-            }
-            ContentError::NotParquet => {
-                write!(out, "this is no Parquet file, or its end is missing")
-            }
-            ContentError::UnsupportedType { column, found } => {
-                write!(out, "column '{column}' has the type {found}; known are ")?;
-                write!(
-                    out,
-                    "whole and real numbers, booleans, text, dictionaries of these, moments, dates, \
-                     times of day and durations"
-                )
-            }
-            ContentError::LargeColumn { column, limit_bytes } => write!(
-                out,
-                "column '{column}' takes more than {} GB in memory, the limit of a column; \
-                 set the environment variable {LIMIT_VARIABLE} (now {}) higher to read it",
-                gigabytes(*limit_bytes),
-                gigabytes(Limits::from_environment().table_bytes)
-            ),
-            ContentError::LargeTable { column, limit_bytes } => write!(
-                out,
-                "with column '{column}' the table takes more than {} GB in memory, its limit; \
-                 set the environment variable {LIMIT_VARIABLE} higher to read it",
-                gigabytes(*limit_bytes)
-            ),
-            ContentError::UnknownCodec { column, codec } => {
-                write!(out, "column '{column}' is compressed with {codec}; ")?;
-                write!(out, "known are Snappy, gzip, LZ4, Zstandard and none: ")?;
-                write!(out, "write the file with one of these")
-            }
-            ContentError::Null { column, row } => {
-                write!(out, "row {row}, column '{column}': no value (null)")
-            }
-            ContentError::TooLarge { column, row, value } => {
-                write!(out, "row {row}, column '{column}': {value} does not fit in 63 bits")
-            }
-            ContentError::Damaged { source } => write!(out, "damaged or unreadable: {source}"),
-            ContentError::Unreadable => write!(out, "damaged beyond reading"),
-        }
-    }
-}
-
-impl std::error::Error for TableError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            TableError::File(error) => Some(error),
-            TableError::Content { problem, .. } => Some(problem),
-            _ => None,
-        }
-    }
-}
-
-impl std::error::Error for ContentError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            ContentError::Damaged { source } => Some(source),
-            _ => None,
-        }
-    }
 }

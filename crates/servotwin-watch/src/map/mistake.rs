@@ -2,14 +2,15 @@
 
 use servotwin_io::document::{self, Explained, suggest};
 use servotwin_model::spec::Unit;
-use std::fmt;
 
 /// What is wrong with a map file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mistake {
     /// With any TOML file.
+    #[error("{0}")]
     Document(document::Mistake),
     /// A name that the system does not have.
+    #[error("the system has no {what} '{id}'")]
     UnknownId {
         /// Input or sensor.
         what: &'static str,
@@ -21,6 +22,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// A unit that is not known.
+    #[error("unknown unit '{word}'")]
     UnknownUnit {
         /// The word.
         word: String,
@@ -28,6 +30,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// The unit of something else.
+    #[error("'{word}' is no unit of '{id}', which is in {}", .unit.symbol())]
     WrongUnit {
         /// The word.
         word: String,
@@ -39,6 +42,7 @@ pub enum Mistake {
         known: Vec<String>,
     },
     /// Both or neither of two keys.
+    #[error("{place} needs either '{}' or '{}'", .keys.0, .keys.1)]
     OneOf {
         /// Where.
         place: String,
@@ -46,8 +50,10 @@ pub enum Mistake {
         keys: (&'static str, &'static str),
     },
     /// No sensor has a column.
+    #[error("no sensor has a column: there is nothing to watch")]
     NoSensor,
     /// The log has no such column.
+    #[error("{log} has no column '{column}'")]
     NoColumn {
         /// The log.
         log: String,
@@ -58,24 +64,6 @@ pub enum Mistake {
         /// All there are.
         known: Vec<String>,
     },
-}
-
-impl fmt::Display for Mistake {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Mistake::Document(mistake) => write!(out, "{mistake}"),
-            Mistake::UnknownId { what, id, .. } => write!(out, "the system has no {what} '{id}'"),
-            Mistake::UnknownUnit { word, .. } => write!(out, "unknown unit '{word}'"),
-            Mistake::WrongUnit { word, id, unit, .. } => {
-                write!(out, "'{word}' is no unit of '{id}', which is in {}", unit.symbol())
-            }
-            Mistake::OneOf { place, keys: (one, other) } => {
-                write!(out, "{place} needs either '{one}' or '{other}'")
-            }
-            Mistake::NoSensor => write!(out, "no sensor has a column: there is nothing to watch"),
-            Mistake::NoColumn { log, column, .. } => write!(out, "{log} has no column '{column}'"),
-        }
-    }
 }
 
 impl Explained for Mistake {

@@ -71,11 +71,13 @@ enum Origin {
 }
 
 /// Why there is no map.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum MapError {
     /// The file cannot be read.
+    #[error(transparent)]
     File(FileError),
     /// It has mistakes.
+    #[error(fmt = write_mistakes)]
     Mistakes {
         /// The file, as it was named.
         path: String,
@@ -84,23 +86,18 @@ pub enum MapError {
     },
 }
 
-impl fmt::Display for MapError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            MapError::File(error) => write!(out, "{error}"),
-            MapError::Mistakes { path, mistakes } => {
-                for mistake in mistakes {
-                    mistake.write(out, path)?;
-                    writeln!(out)?;
-                }
-                let count = mistakes.len();
-                write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })
-            }
-        }
+fn write_mistakes(
+    path: &str,
+    mistakes: &[Located<Mistake>],
+    out: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    for mistake in mistakes {
+        mistake.write(out, path)?;
+        writeln!(out)?;
     }
+    let count = mistakes.len();
+    write!(out, "{path}: {count} mistake{}", if count == 1 { "" } else { "s" })
 }
-
-impl std::error::Error for MapError {}
 
 /// A number of the log in SI units.
 fn in_si(value: f64, factor: f64, offset: f64) -> f64 {

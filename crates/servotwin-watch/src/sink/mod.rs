@@ -15,7 +15,6 @@ use servotwin::system::{Sensor, System};
 use servotwin_io::files::FileError;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
-use std::fmt;
 use std::path::Path;
 
 /// One period with all that is known of it.
@@ -96,13 +95,16 @@ pub struct Lost {
 }
 
 /// Why a result cannot be written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SinkError {
     /// A file.
-    File(FileError),
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Standard output.
+    #[error("standard output: {0}")]
     Output(std::io::Error),
     /// Where a stream should go, nobody listens.
+    #[error("tcp://{address}: nobody takes the stream: {cause}")]
     Connection {
         /// `HOST:PORT`.
         address: String,
@@ -110,6 +112,7 @@ pub enum SinkError {
         cause: std::io::Error,
     },
     /// An output whose writer is a feature that is off.
+    #[error("{}", feature_needed_text(.what, .feature))]
     Feature {
         /// The target.
         what: String,
@@ -117,36 +120,11 @@ pub enum SinkError {
         feature: &'static str,
     },
     /// A target that is neither a file nor a socket.
+    #[error("'{given}' is no target: a file or tcp://HOST:PORT is needed")]
     Target {
         /// What was given.
         given: String,
     },
-}
-
-impl fmt::Display for SinkError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            SinkError::File(error) => write!(out, "{error}"),
-            SinkError::Output(error) => write!(out, "standard output: {error}"),
-            SinkError::Connection { address, cause } => {
-                write!(out, "tcp://{address}: nobody takes the stream: {cause}")
-            }
-            SinkError::Feature { what, feature } => {
-                out.write_str(&feature_needed_text(what, feature))
-            }
-            SinkError::Target { given } => {
-                write!(out, "'{given}' is no target: a file or tcp://HOST:PORT is needed")
-            }
-        }
-    }
-}
-
-impl std::error::Error for SinkError {}
-
-impl From<FileError> for SinkError {
-    fn from(error: FileError) -> Self {
-        SinkError::File(error)
-    }
 }
 
 /// Opens an MCAP file, or a stream of the same to `tcp://HOST:PORT`.

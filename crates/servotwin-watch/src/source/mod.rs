@@ -411,9 +411,10 @@ impl fmt::Display for MixedTopics {
 }
 
 /// Why there is no source, or no more of it.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// The name of the source cannot be understood.
+    #[error("'{given}' names no source: {needed} is needed")]
     Address {
         /// What was written.
         given: String,
@@ -421,6 +422,7 @@ pub enum SourceError {
         needed: &'static str,
     },
     /// This program was built without what reads such a source.
+    #[error("{}", feature_needed_text(.what, .feature))]
     Feature {
         /// The source.
         what: String,
@@ -428,8 +430,10 @@ pub enum SourceError {
         feature: &'static str,
     },
     /// Two topics of a broker send the same column.
+    #[error("{0}")]
     Mixed(Box<MixedTopics>),
     /// A file is damaged, or of a kind that is not read.
+    #[error("{address}: {cause}")]
     Unreadable {
         /// The file.
         address: String,
@@ -437,10 +441,13 @@ pub enum SourceError {
         cause: String,
     },
     /// A file.
-    File(FileError),
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A table.
-    Table(TableError),
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// A connection.
+    #[error("{address}: {cause}")]
     Connection {
         /// To what.
         address: String,
@@ -448,16 +455,22 @@ pub enum SourceError {
         cause: String,
     },
     /// There is nothing in it.
+    #[error("{address}: the file is empty")]
     Empty {
         /// The file.
         address: String,
     },
     /// Nothing in it names columns.
+    #[error("{address}: no line with the names of columns, and no JSON object")]
     NoHeader {
         /// The source.
         address: String,
     },
     /// A file that is not in the order of its times has more numbers than are sorted.
+    #[error(
+        "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time \
+         first"
+    )]
     Unsorted {
         /// The file.
         address: String,
@@ -465,8 +478,13 @@ pub enum SourceError {
         most: usize,
     },
     /// Nothing of a log lies in the time that was asked for.
+    #[error(transparent)]
     Cut(CutError),
     /// Columns that the map names are not there.
+    #[error(
+        "{address} has no column '{}'; {}",
+        .columns.join("', '"), advice(&.columns[0], .known)
+    )]
     Lacking {
         /// The log.
         address: String,
@@ -496,57 +514,17 @@ impl SourceError {
     }
 }
 
-impl fmt::Display for SourceError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            SourceError::Address { given, needed } => {
-                write!(out, "'{given}' names no source: {needed} is needed")
-            }
-            SourceError::Feature { what, feature } => {
-                out.write_str(&feature_needed_text(what, feature))
-            }
-            SourceError::Mixed(mixed) => write!(out, "{mixed}"),
-            SourceError::Unreadable { address, cause } => write!(out, "{address}: {cause}"),
-            SourceError::File(error) => write!(out, "{error}"),
-            SourceError::Table(error) => write!(out, "{error}"),
-            SourceError::Connection { address, cause } => write!(out, "{address}: {cause}"),
-            SourceError::Empty { address } => write!(out, "{address}: the file is empty"),
-            SourceError::NoHeader { address } => {
-                write!(out, "{address}: no line with the names of columns, and no JSON object")
-            }
-            SourceError::Cut(error) => write!(out, "{error}"),
-            SourceError::Unsorted { address, most } => write!(
-                out,
-                "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time first"
-            ),
-            SourceError::Lacking { address, columns, known } => {
-                write!(out, "{address} has no column '{}'; ", columns.join("', '"))?;
-                match nearest(&columns[0], known.iter().map(String::as_str)) {
-                    Some(name) => write!(out, "did you mean '{name}'?"),
-                    None => write!(out, "it has: {}", sanitize::list(known)),
-                }
-            }
-        }
+/// The column that may be meant, or all there are.
+fn advice(column: &str, known: &[String]) -> String {
+    match nearest(column, known.iter().map(String::as_str)) {
+        Some(name) => format!("did you mean '{name}'?"),
+        None => format!("it has: {}", sanitize::list(known)),
     }
 }
 
 /// A topic in full, with nothing in it that a terminal would act on.
 fn plain(topic: &str) -> String {
     topic.chars().flat_map(char::escape_debug).collect()
-}
-
-impl std::error::Error for SourceError {}
-
-impl From<FileError> for SourceError {
-    fn from(error: FileError) -> Self {
-        SourceError::File(error)
-    }
-}
-
-impl From<TableError> for SourceError {
-    fn from(error: TableError) -> Self {
-        SourceError::Table(error)
-    }
 }
 
 impl Flaw {

@@ -46,7 +46,6 @@ use servotwin_model::program::{FaultAt, Slot};
 use servotwin_model::solver::{Failure, Settings, Statistics};
 use shard::{Collector, Shards, variants_of};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use watch::{Observer, Twin, Watch};
@@ -141,15 +140,19 @@ impl std::fmt::Display for OnTheMove {
 }
 
 /// Why a campaign stopped.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
     /// A folder or file could not be written.
+    #[error(transparent)]
     File(FileError),
     /// A data set could not be read or written.
-    Table(TableError),
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// The study has neither faults nor healthy specimens.
+    #[error("the study has no faults: add [[classes]] with 'faults'")]
     NoVariants,
     /// The study does not say what a setting needs.
+    #[error("{}", lacking_sections(*.setting, .lacks))]
     NoSection {
         /// The setting.
         setting: Setting,
@@ -157,6 +160,7 @@ pub enum CampaignError {
         lacks: Vec<Section>,
     },
     /// A specimen's twin could not be fitted.
+    #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
     Calibration {
         /// The specimen, from zero.
         specimen: usize,
@@ -164,6 +168,7 @@ pub enum CampaignError {
         reason: String,
     },
     /// Features were asked for of a campaign that has not ended.
+    #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
     Unfinished {
         /// Variants that are missing.
         missing: usize,
@@ -171,10 +176,16 @@ pub enum CampaignError {
         damaged: Option<PathBuf>,
     },
     /// It was stopped from elsewhere.
+    #[error("cancelled")]
     Cancelled,
     /// Shards were made as if units were alike, and they are not.
+    #[error(
+        "the units are not alike enough for variants to be shown by others: run every part again with 'servotwin \
+         campaign --all'"
+    )]
     NotAlike,
     /// The healthy system could not be simulated.
+    #[error("the healthy system cannot be simulated in case {case}: {reason}")]
     Twin {
         /// The operating case.
         case: String,
@@ -190,52 +201,25 @@ impl CampaignError {
     }
 }
 
-impl fmt::Display for CampaignError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            CampaignError::File(error) => write!(out, "{error}"),
-            CampaignError::Table(error) => write!(out, "{error}"),
-            CampaignError::NoVariants => {
-                write!(out, "the study has no faults: add [[classes]] with 'faults'")
-            }
-            CampaignError::NoSection { setting, lacks } => {
-                let names: Vec<String> =
-                    lacks.iter().map(|section| format!("[{}]", section.name)).collect();
-                let (setting, names) = (setting.name(), names.join(" and "));
-                write!(out, "the study lacks {names}, which setting '{setting}' needs")?;
-                write!(out, "; for example, above its first section:")?;
-                lacks.iter().try_for_each(|section| write!(out, "\n  {}", section.example))
-            }
-            CampaignError::Calibration { specimen, reason } => {
-                write!(out, "the twin of specimen {specimen} cannot be fitted: {reason}")
-            }
-            CampaignError::Unfinished { missing, damaged: Some(path) } => write!(
-                out,
-                "{} is damaged: 'servotwin campaign' simulates its variants again ({missing} are missing)",
-                path.display()
-            ),
-            CampaignError::Unfinished { missing, damaged: None } => write!(
-                out,
-                "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
-            ),
-            CampaignError::Cancelled => write!(out, "cancelled"),
-            CampaignError::NotAlike => write!(
-                out,
-                "the units are not alike enough for variants to be shown by others: run every part again \
-                 with 'servotwin campaign --all'"
-            ),
-            CampaignError::Twin { case, reason } => {
-                write!(out, "the healthy system cannot be simulated in case {case}: {reason}")
-            }
-        }
-    }
+fn lacking_sections(setting: Setting, lacks: &[Section]) -> String {
+    let names: Vec<String> = lacks.iter().map(|section| format!("[{}]", section.name)).collect();
+    let examples: String = lacks.iter().map(|section| format!("\n  {}", section.example)).collect();
+    format!(
+        "the study lacks {}, which setting '{}' needs; for example, above its first section:{examples}",
+        names.join(" and "),
+        setting.name()
+    )
 }
 
-impl std::error::Error for CampaignError {}
-
-impl From<TableError> for CampaignError {
-    fn from(error: TableError) -> Self {
-        CampaignError::Table(error)
+fn unfinished(missing: usize, damaged: Option<&Path>) -> String {
+    match damaged {
+        Some(path) => format!(
+            "{} is damaged: 'servotwin campaign' simulates its variants again ({missing} are missing)",
+            path.display()
+        ),
+        None => format!(
+            "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
+        ),
     }
 }
 

@@ -4,31 +4,40 @@ use super::table_model::TableModelError;
 use crate::files::FileError;
 use crate::sanitize;
 use crate::table::TableError;
-use std::fmt;
 use std::path::PathBuf;
 
 /// Why there is no evaluation or no model.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
     /// The table cannot be read, or a column is not as it must be.
-    Table(TableError),
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// A file cannot be read or written.
-    File(FileError),
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Training or prediction refused the data.
-    Diagnosis(servotwin_diagnosis::Error),
+    #[error(transparent)]
+    Diagnosis(#[from] servotwin_diagnosis::Error),
     /// A table that somebody brings does not serve.
-    TableModel(TableModelError),
+    #[error(transparent)]
+    TableModel(#[from] TableModelError),
     /// It was stopped from elsewhere.
+    #[error("stopped")]
     Cancelled,
     /// The data set has no row with a fault.
+    #[error("the data set has no faults: there is nothing to learn")]
     NoFaults,
     /// No fault ever leaves the band of healthy residuals.
+    #[error(
+        "none of the {faults} faults leaves the band of healthy residuals: there is nothing to learn"
+    )]
     NothingDetectable {
         /// Number of rows with a fault.
         faults: usize,
     },
     /// There is only one class to learn.
+    #[error("column '{column}' holds only '{class}': at least two classes are needed")]
     OneClass {
         /// The column of the labels.
         column: String,
@@ -36,8 +45,10 @@ pub enum EvaluationError {
         class: String,
     },
     /// No column is left to learn from.
+    #[error("no column is left to learn from")]
     NoFeatures,
     /// There are fewer groups than a protocol needs.
+    #[error("column '{column}' has {found} groups, at least {needed} are needed")]
     TooFewGroups {
         /// The column of the groups.
         column: String,
@@ -47,6 +58,7 @@ pub enum EvaluationError {
         needed: usize,
     },
     /// A stored model cannot be understood.
+    #[error("{path}: no model of servotwin: {source}")]
     Model {
         /// The file.
         path: PathBuf,
@@ -54,6 +66,7 @@ pub enum EvaluationError {
         source: serde_json::Error,
     },
     /// A stored model's parts do not fit each other.
+    #[error("{path}: {source}")]
     CorruptModel {
         /// The file.
         path: PathBuf,
@@ -61,13 +74,20 @@ pub enum EvaluationError {
         source: servotwin_diagnosis::Error,
     },
     /// The table to test with is not as the other one.
+    #[error("the table to test with: {0}")]
     InTest(Box<EvaluationError>),
     /// A class in a table that the model does not know.
+    #[error(transparent)]
     UnknownClass(Box<UnknownClass>),
 }
 
 /// A class that a model was not trained with.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{place}: column '{column}' holds '{}', which the model was not trained with; it knows {}",
+    sanitize::text(class),
+    sanitize::list(known)
+)]
 pub struct UnknownClass {
     /// The column.
     pub column: String,
@@ -77,56 +97,6 @@ pub struct UnknownClass {
     pub place: String,
     /// Those the model knows.
     pub known: Vec<String>,
-}
-
-impl fmt::Display for UnknownClass {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { column, class, place, known } = self;
-        write!(
-            out,
-            "{place}: column '{column}' holds '{}', which the model was not trained with; it knows {}",
-            sanitize::text(class),
-            sanitize::list(known)
-        )
-    }
-}
-
-impl fmt::Display for EvaluationError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            EvaluationError::Table(error) => write!(out, "{error}"),
-            EvaluationError::File(error) => write!(out, "{error}"),
-            EvaluationError::Diagnosis(error) => write!(out, "{error}"),
-            EvaluationError::Cancelled => write!(out, "stopped"),
-            EvaluationError::TableModel(error) => write!(out, "{error}"),
-            EvaluationError::NoFaults => {
-                write!(out, "the data set has no faults: there is nothing to learn")
-            }
-            EvaluationError::NothingDetectable { faults } => write!(
-                out,
-                "none of the {faults} faults leaves the band of healthy residuals: \
-                 there is nothing to learn"
-            ),
-            EvaluationError::OneClass { column, class } => write!(
-                out,
-                "column '{column}' holds only '{class}': at least two classes are needed"
-            ),
-            EvaluationError::InTest(error) => write!(out, "the table to test with: {error}"),
-            EvaluationError::NoFeatures => {
-                write!(out, "no column is left to learn from")
-            }
-            EvaluationError::TooFewGroups { column, found, needed } => {
-                write!(out, "column '{column}' has {found} groups, at least {needed} are needed")
-            }
-            EvaluationError::Model { path, source } => {
-                write!(out, "{}: no model of servotwin: {source}", path.display())
-            }
-            EvaluationError::CorruptModel { path, source } => {
-                write!(out, "{}: {source}", path.display())
-            }
-            EvaluationError::UnknownClass(unknown) => write!(out, "{unknown}"),
-        }
-    }
 }
 
 impl EvaluationError {
@@ -139,45 +109,8 @@ impl EvaluationError {
     }
 }
 
-impl std::error::Error for EvaluationError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            EvaluationError::Table(error) => Some(error),
-            EvaluationError::File(error) => Some(error),
-            EvaluationError::Diagnosis(error) => Some(error),
-            EvaluationError::Model { source, .. } => Some(source),
-            EvaluationError::CorruptModel { source, .. } => Some(source),
-            _ => None,
-        }
-    }
-}
-
-impl From<TableError> for EvaluationError {
-    fn from(error: TableError) -> Self {
-        EvaluationError::Table(error)
-    }
-}
-
-impl From<TableModelError> for EvaluationError {
-    fn from(error: TableModelError) -> Self {
-        EvaluationError::TableModel(error)
-    }
-}
-
 impl From<crate::parallel::Cancelled> for EvaluationError {
     fn from(_: crate::parallel::Cancelled) -> Self {
         EvaluationError::Cancelled
-    }
-}
-
-impl From<FileError> for EvaluationError {
-    fn from(error: FileError) -> Self {
-        EvaluationError::File(error)
-    }
-}
-
-impl From<servotwin_diagnosis::Error> for EvaluationError {
-    fn from(error: servotwin_diagnosis::Error) -> Self {
-        EvaluationError::Diagnosis(error)
     }
 }

@@ -7,15 +7,16 @@ use servotwin_diagnosis::error::Error;
 use servotwin_model::lanes::Level;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Between, Failure, Knot, Settings, Snapshot, Twin};
-use std::fmt;
 use std::sync::Arc;
 
 /// Why the twin does not run.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum RuntimeError {
     /// The diagnoser is not one for this system, or not sound.
-    Diagnoser(Error),
+    #[error("the diagnoser: {0}")]
+    Diagnoser(#[from] Error),
     /// It reads a sensor that the study does not have.
+    #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
     Sensor {
         /// The sensor.
         name: String,
@@ -23,6 +24,7 @@ pub enum RuntimeError {
         study: String,
     },
     /// The diagnoser is for samples that are farther apart, or nearer.
+    #[error("the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s")]
     Period {
         /// Time between samples, s.
         period_s: f64,
@@ -30,40 +32,16 @@ pub enum RuntimeError {
         needed_s: f64,
     },
     /// The twin could not go on.
+    #[error(
+        "the twin cannot be simulated: {} at {:.4} s in {state}",
+        .failure.cause, .failure.time_s
+    )]
     Twin {
         /// The state to blame.
         state: String,
         /// What happened.
         failure: Failure,
     },
-}
-
-impl fmt::Display for RuntimeError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            RuntimeError::Diagnoser(error) => write!(out, "the diagnoser: {error}"),
-            RuntimeError::Sensor { name, study } => write!(
-                out,
-                "the diagnoser reads sensor '{name}', which the study '{study}' does not have"
-            ),
-            RuntimeError::Period { period_s, needed_s } => write!(
-                out,
-                "the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s"
-            ),
-            RuntimeError::Twin { state, failure } => {
-                let Failure { cause, time_s, .. } = failure;
-                write!(out, "the twin cannot be simulated: {cause} at {time_s:.4} s in {state}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for RuntimeError {}
-
-impl From<Error> for RuntimeError {
-    fn from(error: Error) -> Self {
-        RuntimeError::Diagnoser(error)
-    }
 }
 
 /// Everything that a runtime remembers, to go on later with the same bits.

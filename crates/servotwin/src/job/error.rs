@@ -7,35 +7,49 @@ use crate::files::FileError;
 use crate::parallel::Cancelled;
 use crate::study::StudyError;
 use crate::table::TableError;
-use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a stage of the main job stops.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum JobError {
     /// A file cannot be read or written.
-    File(FileError),
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The study beside the results has mistakes.
+    #[error(transparent)]
     Study(Box<StudyError>),
     /// A campaign, or the examples of a report, could not be simulated.
-    Campaign(CampaignError),
+    #[error(transparent)]
+    Campaign(#[from] CampaignError),
     /// There is no data set in the folder.
+    #[error("{folder}: there is no data set here; 'servotwin campaign --out {folder}' makes it")]
     NoDataSet {
         /// The folder.
         folder: PathBuf,
     },
     /// Another program works in the folder.
+    #[error(
+        "{folder}: another servotwin is working in this folder: wait until it has ended, or choose another folder"
+    )]
     Busy {
         /// The folder.
         folder: PathBuf,
     },
     /// A folder in which a part of a campaign shall work holds another study.
+    #[error(
+        "{folder}: another study lies here; a part of a campaign removes nothing: choose another folder"
+    )]
     OtherStudy {
         /// The folder.
         folder: PathBuf,
     },
     /// A folder holds what is of another study.
+    #[error(
+        "{folder}: {there} is here, with {}, which stay as they are: choose another folder (--out), or --replace \
+         removes them",
+        counted(*.count, "result file")
+    )]
     OtherResults {
         /// The folder.
         folder: PathBuf,
@@ -45,6 +59,7 @@ pub enum JobError {
         count: usize,
     },
     /// What an earlier stage should have written is not there.
+    #[error("{path}: no such file; 'servotwin {stage}' writes it")]
     Missing {
         /// The file.
         path: PathBuf,
@@ -52,6 +67,9 @@ pub enum JobError {
         stage: &'static str,
     },
     /// A file that a stage adds to cannot be read. Written over, it would lose what it holds.
+    #[error(
+        "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
+    )]
     Unreadable {
         /// What is wrong, with its path.
         error: EvaluationError,
@@ -59,6 +77,7 @@ pub enum JobError {
         stage: &'static str,
     },
     /// A data set is not as the study says.
+    #[error("{}", in_data_set(.path, .error))]
     DataSet {
         /// The file.
         path: PathBuf,
@@ -66,6 +85,10 @@ pub enum JobError {
         error: EvaluationError,
     },
     /// A data set has other rows than the shards that it was made of.
+    #[error(
+        "{path}: with its training commands {rows} rows, but the shards beside it hold {windows}; 'servotwin \
+         features' makes it anew"
+    )]
     OtherRows {
         /// The data set.
         path: PathBuf,
@@ -75,53 +98,12 @@ pub enum JobError {
         windows: usize,
     },
     /// Training or evaluation refused the data.
-    Evaluation(EvaluationError),
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
 }
 
-impl fmt::Display for JobError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            JobError::File(error) => write!(out, "{error}"),
-            JobError::Study(error) => write!(out, "{error}"),
-            JobError::Campaign(error) => write!(out, "{error}"),
-            JobError::NoDataSet { folder } => write!(
-                out,
-                "{}: there is no data set here; 'servotwin campaign --out {0}' makes it",
-                folder.display()
-            ),
-            JobError::OtherRows { path, rows, windows } => write!(
-                out,
-                "{}: with its training commands {rows} rows, but the shards beside it hold {windows}; 'servotwin features' makes it anew",
-                path.display()
-            ),
-            JobError::Busy { folder } => write!(
-                out,
-                "{}: another servotwin is working in this folder: wait until it has ended, or choose another folder",
-                folder.display()
-            ),
-            JobError::OtherStudy { folder } => write!(
-                out,
-                "{}: another study lies here; a part of a campaign removes nothing: choose another folder",
-                folder.display()
-            ),
-            JobError::OtherResults { folder, there, count } => write!(
-                out,
-                "{}: {there} is here, with {}, which stay as they are: choose another folder (--out), or --replace removes them",
-                folder.display(),
-                counted(*count, "result file")
-            ),
-            JobError::Missing { path, stage } => {
-                write!(out, "{}: no such file; 'servotwin {stage}' writes it", path.display())
-            }
-            JobError::Unreadable { error, stage } => write!(
-                out,
-                "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
-            ),
-            JobError::DataSet { error, .. } if names_its_file(error) => write!(out, "{error}"),
-            JobError::DataSet { path, error } => write!(out, "{}: {error}", path.display()),
-            JobError::Evaluation(error) => write!(out, "{error}"),
-        }
-    }
+fn in_data_set(path: &Path, error: &EvaluationError) -> String {
+    if names_its_file(error) { error.to_string() } else { format!("{}: {error}", path.display()) }
 }
 
 /// Whether an error says by itself in which file it is.
@@ -135,34 +117,14 @@ fn names_its_file(error: &EvaluationError) -> bool {
     }
 }
 
-impl std::error::Error for JobError {}
-
-impl From<FileError> for JobError {
-    fn from(error: FileError) -> Self {
-        JobError::File(error)
-    }
-}
-
 impl From<StudyError> for JobError {
     fn from(error: StudyError) -> Self {
         JobError::Study(Box::new(error))
     }
 }
 
-impl From<CampaignError> for JobError {
-    fn from(error: CampaignError) -> Self {
-        JobError::Campaign(error)
-    }
-}
-
 impl From<Cancelled> for JobError {
     fn from(_: Cancelled) -> Self {
         CampaignError::Cancelled.into()
-    }
-}
-
-impl From<EvaluationError> for JobError {
-    fn from(error: EvaluationError) -> Self {
-        JobError::Evaluation(error)
     }
 }

@@ -8,21 +8,24 @@ use crate::table::TableError;
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
 use std::borrow::Cow;
-use std::fmt;
 
 /// What is wrong with a signal.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SignalError {
     /// There is no text, or nothing beside a ` + `.
+    #[error("a signal is missing; known kinds: {}", kinds())]
     Empty,
     /// No such kind.
+    #[error("unknown kind of signal '{given}'; known: {}", kinds())]
     UnknownKind {
         /// What was written.
         given: String,
     },
     /// A table of a study file names no kind.
+    #[error("a signal needs 'kind'; known: {}", kinds())]
     NoKind,
     /// No such parameter.
+    #[error("{kind} has no parameter '{given}'; it has: {}", .known.join(", "))]
     UnknownParameter {
         /// The kind.
         kind: &'static str,
@@ -32,6 +35,7 @@ pub enum SignalError {
         known: Vec<&'static str>,
     },
     /// Not of the form `name=value`.
+    #[error("{kind}: '{given}' is not of the form name=value")]
     NoEqualSign {
         /// The kind.
         kind: &'static str,
@@ -39,6 +43,7 @@ pub enum SignalError {
         given: String,
     },
     /// A parameter was given twice.
+    #[error("{kind}: '{parameter}' is given twice")]
     Repeated {
         /// The kind.
         kind: &'static str,
@@ -46,6 +51,7 @@ pub enum SignalError {
         parameter: &'static str,
     },
     /// A parameter that must be given was not.
+    #[error("{kind}: '{parameter}' is missing, e.g. {example}")]
     Missing {
         /// The kind.
         kind: &'static str,
@@ -55,6 +61,7 @@ pub enum SignalError {
         example: &'static str,
     },
     /// A value that does not begin with a number.
+    #[error("{kind}: '{parameter}' needs a number, not '{given}'")]
     NotANumber {
         /// The kind.
         kind: &'static str,
@@ -64,6 +71,10 @@ pub enum SignalError {
         given: String,
     },
     /// A unit that the parameter cannot have.
+    #[error(
+        "{kind}: '{parameter}={given}' has a wrong unit; allowed: {}a plain number (SI)",
+        .allowed.iter().map(|unit| format!("{unit}, ")).collect::<String>()
+    )]
     WrongUnit {
         /// The kind.
         kind: &'static str,
@@ -75,6 +86,7 @@ pub enum SignalError {
         allowed: Vec<String>,
     },
     /// A word that is none of those possible.
+    #[error("{kind}: '{parameter}' cannot be '{given}'; it is {}", .known.join(" or "))]
     UnknownWord {
         /// The kind.
         kind: &'static str,
@@ -86,6 +98,7 @@ pub enum SignalError {
         known: &'static [&'static str],
     },
     /// A value outside its range.
+    #[error("{kind}: '{parameter}={given}' is out of range: {range}{}", in_brackets(.units))]
     OutOfRange {
         /// The kind.
         kind: &'static str,
@@ -99,6 +112,7 @@ pub enum SignalError {
         units: &'static str,
     },
     /// Arguments that do not go together.
+    #[error("{kind}: {reason}")]
     Impossible {
         /// The kind.
         kind: &'static str,
@@ -106,15 +120,22 @@ pub enum SignalError {
         reason: Cow<'static, str>,
     },
     /// A run's duration that is not positive and finite.
+    #[error("a run of {duration_s} s is impossible: greater than 0 is needed")]
     Duration {
         /// The duration.
         duration_s: f64,
     },
     /// The numbers make no function of time.
-    Curve(CurveError),
+    #[error(transparent)]
+    Curve(#[from] CurveError),
     /// A file of a recorded signal cannot be read.
+    #[error(transparent)]
     Table(Box<TableError>),
     /// A column is in another unit than the input.
+    #[error(
+        "column '{column}' is in {}, the input is in {}",
+        .found.symbol(), symbol_or_none(*.wanted)
+    )]
     ColumnUnit {
         /// The column.
         column: String,
@@ -124,6 +145,7 @@ pub enum SignalError {
         wanted: Unit,
     },
     /// The signal leaves what its input may be.
+    #[error("'{input}' becomes {}", beyond(*.value, *.min, *.max, *.unit))]
     Leaves {
         /// The input.
         input: String,
@@ -137,95 +159,47 @@ pub enum SignalError {
         unit: Unit,
     },
     /// The rows of a file make no function of time.
+    #[error("{place}: {}", in_file(.error))]
     Rows {
         /// The file, with the line where there is one.
         place: String,
         /// What is wrong.
+        #[source]
         error: CurveError,
     },
 }
 
-impl From<CurveError> for SignalError {
-    fn from(error: CurveError) -> Self {
-        SignalError::Curve(error)
-    }
+fn kinds() -> String {
+    ALL.iter().map(|k| k.spec().kind).collect::<Vec<_>>().join(", ")
 }
 
-impl fmt::Display for SignalError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let kinds = || ALL.iter().map(|k| k.spec().kind).collect::<Vec<_>>().join(", ");
-        match self {
-            SignalError::Empty => write!(out, "a signal is missing; known kinds: {}", kinds()),
-            SignalError::UnknownKind { given } => {
-                write!(out, "unknown kind of signal '{given}'; known: {}", kinds())
-            }
-            SignalError::NoKind => write!(out, "a signal needs 'kind'; known: {}", kinds()),
-            SignalError::UnknownParameter { kind, given, known } => {
-                write!(out, "{kind} has no parameter '{given}'; it has: {}", known.join(", "))
-            }
-            SignalError::NoEqualSign { kind, given } => {
-                write!(out, "{kind}: '{given}' is not of the form name=value")
-            }
-            SignalError::Repeated { kind, parameter } => {
-                write!(out, "{kind}: '{parameter}' is given twice")
-            }
-            SignalError::Missing { kind, parameter, example } => {
-                write!(out, "{kind}: '{parameter}' is missing, e.g. {example}")
-            }
-            SignalError::NotANumber { kind, parameter, given } => {
-                write!(out, "{kind}: '{parameter}' needs a number, not '{given}'")
-            }
-            SignalError::WrongUnit { kind, parameter, given, allowed } => {
-                write!(out, "{kind}: '{parameter}={given}' has a wrong unit; allowed: ")?;
-                allowed.iter().try_for_each(|unit| write!(out, "{unit}, "))?;
-                write!(out, "a plain number (SI)")
-            }
-            SignalError::UnknownWord { kind, parameter, given, known } => {
-                write!(out, "{kind}: '{parameter}' cannot be '{given}'; it is ")?;
-                write!(out, "{}", known.join(" or "))
-            }
-            SignalError::OutOfRange { kind, parameter, given, range, units } => {
-                write!(out, "{kind}: '{parameter}={given}' is out of range: {range}")?;
-                if units.is_empty() { Ok(()) } else { write!(out, " ({units})") }
-            }
-            SignalError::Impossible { kind, reason } => write!(out, "{kind}: {reason}"),
-            SignalError::Duration { duration_s } => {
-                write!(out, "a run of {duration_s} s is impossible: greater than 0 is needed")
-            }
-            SignalError::Curve(error) => write!(out, "{error}"),
-            SignalError::Table(error) => write!(out, "{error}"),
-            SignalError::ColumnUnit { column, found, wanted } => {
-                let (found, wanted) = (found.symbol(), wanted.symbol());
-                write!(out, "column '{column}' is in {found}, the input is in ")?;
-                write!(out, "{}", if wanted.is_empty() { "no unit" } else { wanted })
-            }
-            SignalError::Leaves { input, value, min, max, unit } => {
-                let bounds = [min.abs(), max.abs()].into_iter().filter(|bound| bound.is_finite());
-                let read = Shown::of(*unit, bounds.fold(0.0, f64::max));
-                let [value, min, max] =
-                    [*value, *min, *max].map(|si| in_six_digits(read.value(si)));
-                let (value, range) =
-                    (Quantity(value, read.symbol()), Quantities(min, max, read.symbol()));
-                write!(out, "'{input}' becomes {value}, but allowed are {range}")
-            }
-            SignalError::Rows { place, error: CurveError::Order { before_s, time_s, .. } } => {
-                write!(out, "{place}: time {time_s} s is not after {before_s} s before it")
-            }
-            SignalError::Rows { place, error } => write!(out, "{place}: {error}"),
+fn in_brackets(units: &str) -> String {
+    if units.is_empty() { String::new() } else { format!(" ({units})") }
+}
+
+fn symbol_or_none(unit: Unit) -> &'static str {
+    if unit.symbol().is_empty() { "no unit" } else { unit.symbol() }
+}
+
+/// A value that leaves its range, in a unit that fits the range.
+fn beyond(value: f64, min: f64, max: f64, unit: Unit) -> String {
+    let bounds = [min.abs(), max.abs()].into_iter().filter(|bound| bound.is_finite());
+    let read = Shown::of(unit, bounds.fold(0.0, f64::max));
+    let [value, min, max] = [value, min, max].map(|si| in_six_digits(read.value(si)));
+    let (value, range) = (Quantity(value, read.symbol()), Quantities(min, max, read.symbol()));
+    format!("{value}, but allowed are {range}")
+}
+
+/// The place is known, so the number of the row is not repeated.
+fn in_file(error: &CurveError) -> String {
+    match error {
+        CurveError::Order { before_s, time_s, .. } => {
+            format!("time {time_s} s is not after {before_s} s before it")
         }
+        error => error.to_string(),
     }
 }
 
 fn in_six_digits(shown: f64) -> f64 {
     format!("{shown:.5e}").parse().unwrap_or(shown)
-}
-
-impl std::error::Error for SignalError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            SignalError::Curve(error) | SignalError::Rows { error, .. } => Some(error),
-            SignalError::Table(error) => Some(error.as_ref()),
-            _ => None,
-        }
-    }
 }

@@ -84,19 +84,22 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
 }
 
 /// Why a text is no number with a unit.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum QuantityError {
     /// It does not begin with a finite number.
+    #[error("'{given}' is not a number")]
     NotANumber {
         /// What was written.
         given: String,
     },
     /// Its unit is not known.
+    #[error("'{given}' has an unknown unit; known: {}", all_units(Sort::Value).join(", "))]
     UnknownUnit {
         /// What was written.
         given: String,
     },
     /// Its unit is not the one needed.
+    #[error("'{given}' has a wrong unit; allowed: {}", .allowed.join(", "))]
     WrongUnit {
         /// What was written.
         given: String,
@@ -104,23 +107,6 @@ pub enum QuantityError {
         allowed: Vec<String>,
     },
 }
-
-impl fmt::Display for QuantityError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            QuantityError::NotANumber { given } => write!(out, "'{given}' is not a number"),
-            QuantityError::UnknownUnit { given } => {
-                write!(out, "'{given}' has an unknown unit; known: ")?;
-                write!(out, "{}", all_units(Sort::Value).join(", "))
-            }
-            QuantityError::WrongUnit { given, allowed } => {
-                write!(out, "'{given}' has a wrong unit; allowed: {}", allowed.join(", "))
-            }
-        }
-    }
-}
-
-impl std::error::Error for QuantityError {}
 
 impl FromStr for Quantity {
     type Err = QuantityError;

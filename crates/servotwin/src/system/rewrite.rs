@@ -7,7 +7,6 @@
 use super::System;
 use crate::document::{Entry, entries};
 use servotwin_model::network::Network;
-use std::fmt;
 use toml::de::DeTable;
 
 /// A parameter with its new value.
@@ -24,25 +23,17 @@ pub struct NewValue {
 }
 
 /// A text that cannot be changed so.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{component}.{parameter} cannot be written into the system file as it is laid out: give the component a section of \
+     its own"
+)]
 pub struct RewriteError {
     /// The component's id.
     pub component: String,
     /// The parameter.
     pub parameter: &'static str,
 }
-
-impl fmt::Display for RewriteError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { component, parameter } = self;
-        write!(
-            out,
-            "{component}.{parameter} cannot be written into the system file as it is laid out: give the component a section of its own"
-        )
-    }
-}
-
-impl std::error::Error for RewriteError {}
 
 /// A piece of text in place of another.
 struct Edit {

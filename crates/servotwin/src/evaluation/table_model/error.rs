@@ -1,12 +1,11 @@
 //! What can be wrong with somebody's table.
 
-use std::fmt;
-
 /// Why a table cannot be learnt from, judged with or predicted.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableModelError {
     /// A row has no class or no group.
+    #[error("{place}, column '{column}': the row has no {what}{}", and_more(*.rows, what))]
     Empty {
         /// What it lacks, in words.
         what: &'static str,
@@ -18,6 +17,11 @@ pub enum TableModelError {
         rows: usize,
     },
     /// The column of the classes holds measured numbers.
+    #[error(
+        "column '{column}' holds {different} different numbers: that is measured, no class; make classes of it, for \
+         example with --label-limits {},{}",
+        .limits.0, .limits.1
+    )]
     NumericLabel {
         /// The column.
         column: String,
@@ -27,11 +31,16 @@ pub enum TableModelError {
         limits: (f64, f64),
     },
     /// Limits that make classes of numbers are not ascending, or leave one class only.
+    #[error("--label-limits must ascend and leave at least two classes of column '{column}'")]
     Limits {
         /// The column.
         column: String,
     },
     /// Hardly any class occurs twice.
+    #[error(
+        "column '{column}' holds {different} different texts in {rows} rows: hardly any class occurs twice, so there \
+         is nothing to learn"
+    )]
     NamesNotClasses {
         /// The column.
         column: String,
@@ -41,6 +50,9 @@ pub enum TableModelError {
         rows: usize,
     },
     /// A text column named as a feature has too many different texts.
+    #[error(
+        "column '{column}' holds {different} different texts; at most {largest} can become features"
+    )]
     TooManyCategories {
         /// The column.
         column: String,
@@ -50,6 +62,10 @@ pub enum TableModelError {
         largest: usize,
     },
     /// The column of the split has no value that means test, or none that means training.
+    #[error(
+        "column '{column}' must hold {}; it holds {}",
+        needed_values(.test_value.as_deref()), .values.join(", ")
+    )]
     Split {
         /// The column.
         column: String,
@@ -59,6 +75,10 @@ pub enum TableModelError {
         test_value: Option<String>,
     },
     /// A group stands on both sides of a fixed split.
+    #[error(
+        "'{group}' of column '{column}'{} is in training and in test: a group must stand on one side of the split",
+        others(*.groups)
+    )]
     GroupOnBothSides {
         /// The column of the groups.
         column: String,
@@ -68,11 +88,13 @@ pub enum TableModelError {
         groups: usize,
     },
     /// Nothing is left on one side of the split.
+    #[error("no row is left for {side}")]
     NothingLeft {
         /// Which side, in words.
         side: &'static str,
     },
     /// A value is missing, and the classifier cannot do without.
+    #[error("{place}, column '{column}': no value, and {reason}")]
     Missing {
         /// The column.
         column: String,
@@ -82,6 +104,7 @@ pub enum TableModelError {
         reason: &'static str,
     },
     /// A class was given a weight, but does not occur.
+    #[error("a weight for class '{class}', but there are {}", .known.join(", "))]
     UnknownWeight {
         /// The class.
         class: String,
@@ -89,6 +112,7 @@ pub enum TableModelError {
         known: Vec<String>,
     },
     /// A weight is no positive number.
+    #[error("the weight of class '{class}' is {weight}, it must be above 0")]
     Weight {
         /// The class.
         class: String,
@@ -96,16 +120,22 @@ pub enum TableModelError {
         weight: f64,
     },
     /// One column was named for two things.
+    #[error("column '{column}' is named for two things that exclude each other")]
     UsedTwice {
         /// The column.
         column: String,
     },
     /// Abstention needs probabilities, and the classifier gives none.
+    #[error(
+        "{classifier} gives no probabilities here, so it cannot abstain below one (AdaBoost gives none once classes \
+         are weighted)"
+    )]
     NoProbabilities {
         /// The classifier.
         classifier: &'static str,
     },
     /// There is no such row.
+    #[error("there is no row {row}: the table has the rows 1 to {rows}")]
     NoRow {
         /// The row, from 1.
         row: usize,
@@ -114,85 +144,20 @@ pub enum TableModelError {
     },
 }
 
-impl fmt::Display for TableModelError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        use TableModelError as Error;
-        match self {
-            Error::Empty { what, column, place, rows } => {
-                write!(out, "{place}, column '{column}': the row has no {what}")?;
-                if *rows > 1 {
-                    write!(out, ", and so have {} more", rows - 1)?;
-                }
-                match *what {
-                    "class" => write!(out, " (rows without one are for 'servotwin predict')"),
-                    _ => Ok(()),
-                }
-            }
-            Error::NumericLabel { column, different, limits } => write!(
-                out,
-                "column '{column}' holds {different} different numbers: that is measured, no class; \
-                 make classes of it, for example with --label-limits {},{}",
-                limits.0, limits.1
-            ),
-            Error::Limits { column } => write!(
-                out,
-                "--label-limits must ascend and leave at least two classes of column '{column}'"
-            ),
-            Error::NamesNotClasses { column, different, rows } => write!(
-                out,
-                "column '{column}' holds {different} different texts in {rows} rows: \
-                 hardly any class occurs twice, so there is nothing to learn"
-            ),
-            Error::TooManyCategories { column, different, largest } => write!(
-                out,
-                "column '{column}' holds {different} different texts; \
-                 at most {largest} can become features"
-            ),
-            Error::Split { column, values, test_value } => {
-                match test_value {
-                    Some(value) => write!(out, "column '{column}' must hold '{value}' and others")?,
-                    None => write!(out, "column '{column}' must hold 'train' and 'test'")?,
-                }
-                write!(out, "; it holds {}", values.join(", "))?;
-                match test_value {
-                    Some(_) => Ok(()),
-                    None => write!(out, " (--test-value says what is tested with)"),
-                }
-            }
-            Error::GroupOnBothSides { column, group, groups } => write!(
-                out,
-                "'{group}' of column '{column}'{} is in training and in test: \
-                 a group must stand on one side of the split",
-                match groups {
-                    1 => String::new(),
-                    more => format!(" (and {} more)", more - 1),
-                }
-            ),
-            Error::NothingLeft { side } => write!(out, "no row is left for {side}"),
-            Error::Missing { column, place, reason } => {
-                write!(out, "{place}, column '{column}': no value, and {reason}")
-            }
-            Error::UnknownWeight { class, known } => {
-                write!(out, "a weight for class '{class}', but there are {}", known.join(", "))
-            }
-            Error::Weight { class, weight } => {
-                write!(out, "the weight of class '{class}' is {weight}, it must be above 0")
-            }
-            Error::UsedTwice { column } => {
-                write!(out, "column '{column}' is named for two things that exclude each other")
-            }
-            Error::NoProbabilities { classifier } => {
-                write!(
-                    out,
-                    "{classifier} gives no probabilities here, so it cannot abstain below one \
-                     (AdaBoost gives none once classes are weighted)"
-                )
-            }
-            Error::NoRow { row, rows } => {
-                write!(out, "there is no row {row}: the table has the rows 1 to {rows}")
-            }
-        }
+fn and_more(rows: usize, what: &str) -> String {
+    let more = if rows > 1 { format!(", and so have {} more", rows - 1) } else { String::new() };
+    let remedy =
+        if what == "class" { " (rows without one are for 'servotwin predict')" } else { "" };
+    more + remedy
+}
+
+fn needed_values(test_value: Option<&str>) -> String {
+    match test_value {
+        Some(value) => format!("'{value}' and others"),
+        None => "'train' and 'test'".to_owned(),
     }
 }
 
-impl std::error::Error for TableModelError {}
+fn others(groups: usize) -> String {
+    if groups == 1 { String::new() } else { format!(" (and {} more)", groups - 1) }
+}

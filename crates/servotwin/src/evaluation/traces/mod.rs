@@ -35,7 +35,6 @@ use servotwin_diagnosis::features::{ALL, Family, Quantity, Sensor, Sensors, find
 use servotwin_diagnosis::residual::Window;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// The format of study files for traces that this version reads.
 const FORMAT: u32 = 1;
@@ -86,13 +85,16 @@ fn first() -> usize {
 }
 
 /// What is wrong with a study file for traces, or with traces under it.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum TraceError {
     /// The text is no such file; the message has line and column.
+    #[error(transparent)]
     Syntax(Box<toml::de::Error>),
     /// Another format.
+    #[error("format {0} is not known, this version reads {FORMAT}")]
     Format(u32),
     /// A word is not known.
+    #[error("no {what} is named '{word}'{}", did_you_mean(.nearest))]
     Unknown {
         /// What was looked for.
         what: &'static str,
@@ -102,6 +104,7 @@ pub enum TraceError {
         nearest: Option<String>,
     },
     /// A number is out of range.
+    #[error("{what} must be {allowed}")]
     OutOfRange {
         /// Which number.
         what: String,
@@ -109,8 +112,10 @@ pub enum TraceError {
         allowed: &'static str,
     },
     /// The file names no sensor and no residual.
+    #[error("there is nothing to measure: name 'residuals' or add [[sensors]]")]
     NoSensors,
     /// No window is full.
+    #[error("no window of {window_rows} rows fits: the longest run of rows has {longest}")]
     NoWindow {
         /// Rows that a window needs.
         window_rows: usize,
@@ -118,12 +123,17 @@ pub enum TraceError {
         longest: usize,
     },
     /// A nominal value is to be learnt, and nothing says from which rows.
+    #[error(
+        "the nominal value of '{sensor}' is to be learnt, but no row is healthy: name them in [healthy], or give \
+         healthy traces with --healthy"
+    )]
     NoHealthyRows {
         /// The sensor.
         sensor: String,
     },
     /// A sensor has both a nominal column and one to be learnt, or its scale is to be learnt
     /// without a nominal value.
+    #[error("sensor '{sensor}': {problem}")]
     Nominal {
         /// The sensor.
         sensor: String,
@@ -131,6 +141,10 @@ pub enum TraceError {
         problem: &'static str,
     },
     /// A number is so large that squares of residuals have no end.
+    #[error(
+        "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; allowed is \
+         {FARTHEST:e} times the scale of {scale:e}"
+    )]
     TooFar {
         /// The column.
         column: String,
@@ -144,47 +158,16 @@ pub enum TraceError {
         scale: f64,
     },
     /// The table is not as the file says.
+    #[error(transparent)]
     Evaluation(EvaluationError),
     /// Neither are the healthy traces that nominal values are to be learnt from.
+    #[error(transparent)]
     Healthy(EvaluationError),
 }
 
-impl fmt::Display for TraceError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            TraceError::Syntax(error) => write!(out, "{error}"),
-            TraceError::Format(found) => {
-                write!(out, "format {found} is not known, this version reads {FORMAT}")
-            }
-            TraceError::Unknown { what, word, nearest } => {
-                write!(out, "no {what} is named '{word}'")?;
-                nearest.as_ref().map_or(Ok(()), |near| write!(out, "; did you mean '{near}'?"))
-            }
-            TraceError::OutOfRange { what, allowed } => write!(out, "{what} must be {allowed}"),
-            TraceError::NoSensors => {
-                write!(out, "there is nothing to measure: name 'residuals' or add [[sensors]]")
-            }
-            TraceError::NoWindow { window_rows, longest } => write!(
-                out,
-                "no window of {window_rows} rows fits: the longest run of rows has {longest}"
-            ),
-            TraceError::NoHealthyRows { sensor } => write!(
-                out,
-                "the nominal value of '{sensor}' is to be learnt, but no row is healthy: \
-                 name them in [healthy], or give healthy traces with --healthy"
-            ),
-            TraceError::TooFar { column, place, value, nominal, scale } => write!(
-                out,
-                "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; \
-                 allowed is {FARTHEST:e} times the scale of {scale:e}"
-            ),
-            TraceError::Nominal { sensor, problem } => write!(out, "sensor '{sensor}': {problem}"),
-            TraceError::Evaluation(error) | TraceError::Healthy(error) => write!(out, "{error}"),
-        }
-    }
+fn did_you_mean(nearest: &Option<String>) -> String {
+    nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
 }
-
-impl std::error::Error for TraceError {}
 
 impl<E: Into<EvaluationError>> From<E> for TraceError {
     fn from(error: E) -> Self {

@@ -33,43 +33,27 @@ use servotwin_diagnosis::error::Error;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_model::solver::Statistics;
 use std::borrow::Cow;
-use std::fmt;
 
 /// Bins of a covariate.
 const BINS: usize = 4;
 
 /// Why there is no band.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum BandError {
     /// The flights could not be simulated.
-    Flights(CampaignError),
+    #[error(transparent)]
+    Flights(#[from] CampaignError),
     /// Too few flights for the share that is asked for.
+    #[error(
+        "{flights} calibration flights are too few for that share of alarms: it takes {needed}, half of the \
+         environments that are learned from"
+    )]
     TooFew {
         /// Calibration flights there are.
         flights: usize,
         /// How many are needed.
         needed: usize,
     },
-}
-
-impl fmt::Display for BandError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            BandError::Flights(error) => write!(out, "{error}"),
-            BandError::TooFew { flights, needed } => write!(
-                out,
-                "{flights} calibration flights are too few for that share of alarms: it takes {needed}, half of the environments that are learned from"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for BandError {}
-
-impl From<CampaignError> for BandError {
-    fn from(error: CampaignError) -> Self {
-        BandError::Flights(error)
-    }
 }
 
 /// What the covariates of a study's flights are, with their names.
