@@ -1,5 +1,6 @@
 //! Why a command ends without its result, and the exit code for it.
 
+use crate::hint;
 use crate::incomplete::Incomplete;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
@@ -43,18 +44,21 @@ pub struct Named {
 pub enum Failure {
     /// The system file is missing or has mistakes.
     #[error("{}", of_system(.0))]
-    System(SystemError),
+    System(#[from] SystemError),
     /// The study file is missing or has mistakes.
     #[error("{}", of_study(.0))]
     Study(Box<StudyError>),
     /// A campaign could not be run or written.
-    #[error("error: {0}")]
+    #[error("{}", hint::of_campaign(.0))]
     Campaign(CampaignError),
     /// A name that the system does not have.
     #[error("error: {name}{list}", name = .0, list = if .0.is_long() { LIST_OF_NAMES } else { "" })]
-    UnknownName(UnknownName),
+    UnknownName(#[from] UnknownName),
     /// A word that no component has.
-    #[error("error: no component has '{word}'; {}", meant(.nearest.as_deref(), "'servotwin components' lists all"))]
+    #[error(
+        "error: no component has '{word}'; {}",
+        meant(.nearest.as_deref(), "'servotwin components' lists all")
+    )]
     NoComponent {
         /// The word.
         word: String,
@@ -62,7 +66,10 @@ pub enum Failure {
         nearest: Option<String>,
     },
     /// A word that no command has.
-    #[error("error: there is no command '{word}'; {}", meant(nearest(.word, .known.iter().map(String::as_str)), &format!("there are: {}", .known.join(", "))))]
+    #[error(
+        "error: there is no command '{word}'; {}",
+        meant(nearest(.word, .known.iter().map(String::as_str)), &format!("there are: {}", .known.join(", ")))
+    )]
     NoCommand {
         /// The word.
         word: String,
@@ -99,7 +106,10 @@ pub enum Failure {
         ending: &'static str,
     },
     /// A simulation cannot start.
-    #[error("error: {}{error}", .option.as_ref().map_or_else(String::new, |name| format!("{name}: ")))]
+    #[error(
+        "error: {}{error}",
+        .option.as_ref().map_or_else(String::new, |name| format!("{name}: "))
+    )]
     Simulation {
         /// The option, where one is to blame.
         option: Option<String>,
@@ -165,18 +175,18 @@ pub enum Failure {
     StoppedOnTheWay,
     /// A table cannot be made or written.
     #[error("error: {0}")]
-    Table(TableError),
+    Table(#[from] TableError),
     /// A figure cannot be written.
     #[error("error: {0}")]
-    Figure(FigureError),
+    Figure(#[from] FigureError),
     /// A table does not serve for training or testing, or a model cannot be used.
-    #[error("error: {0}")]
+    #[error("{}", hint::of_evaluation(.0))]
     Evaluation(EvaluationError),
     /// A stage of the main job stopped.
-    #[error("{}", of_job(.0))]
+    #[error("{}", hint::of_job(.0))]
     Job(JobError),
     /// A study file for traces has mistakes, or the traces are not as it says.
-    #[error("error: {}: {error}", .path.display())]
+    #[error("{}", hint::of_traces(.path, .error))]
     Trace {
         /// The study file.
         path: PathBuf,
@@ -184,7 +194,7 @@ pub enum Failure {
         error: TraceError,
     },
     /// A table is not as a study file for traces, or a model, says.
-    #[error("error: {} is not as {} says: {error}", .path.display(), .rule.display())]
+    #[error("error: {path} is not as {rule} says: {error}{}", hint::for_table(.error))]
     NotAs {
         /// The table.
         path: PathBuf,
@@ -221,7 +231,11 @@ pub enum Failure {
         reason: String,
     },
     /// A system that is none of the study which is taken where none is named.
-    #[error("error: tolerances and faults are a study's, and without --study those of '{study}' are taken, to which the system '{system}' does not belong: give --study {}", .own.as_deref().unwrap_or("FILE"))]
+    #[error(
+        "error: tolerances and faults are a study's, and without --study those of '{study}' are taken, to which the \
+         system '{system}' does not belong: give --study {}",
+        .own.as_deref().unwrap_or("FILE")
+    )]
     OtherSystem {
         /// The system.
         system: String,
@@ -250,10 +264,10 @@ pub enum Failure {
     },
     /// The map of a log has mistakes.
     #[error("{0}")]
-    Map(MapError),
+    Map(#[from] MapError),
     /// A log or a stream cannot be read, or what comes of it not be written.
-    #[error("error: {0}")]
-    Watch(WatchError),
+    #[error("{}", hint::of_watch(.0))]
+    Watch(#[from] WatchError),
     /// There is no fit.
     #[error("error: {0}")]
     Fit(FitError),
@@ -262,10 +276,10 @@ pub enum Failure {
     Band(BandError),
     /// A fitted system cannot be written.
     #[error("error: {0}")]
-    Rewrite(RewriteError),
+    Rewrite(#[from] RewriteError),
     /// A file cannot be written.
     #[error("error: {0}")]
-    File(FileError),
+    File(#[from] FileError),
     /// A record shows what no tolerance explains.
     #[error("{}", first_findings(.findings))]
     NoUpdate {
@@ -442,13 +456,6 @@ fn of_study(error: &StudyError) -> String {
     }
 }
 
-fn of_job(error: &JobError) -> String {
-    match error {
-        JobError::Study(error) => error.to_string(),
-        error => format!("error: {error}"),
-    }
-}
-
 /// The first findings, and how many there are.
 fn first_findings(findings: &[String]) -> String {
     const SHOWN: usize = 4;
@@ -465,24 +472,12 @@ fn first_findings(findings: &[String]) -> String {
     text
 }
 
-impl From<UnknownName> for Failure {
-    fn from(error: UnknownName) -> Self {
-        Failure::UnknownName(error)
-    }
-}
-
 impl From<RestError> for Failure {
     fn from(error: RestError) -> Self {
         match error {
             RestError::Stopped(stopped) => Failure::Run(stopped),
             RestError::NotFinite => Failure::Eigenvalues,
         }
-    }
-}
-
-impl From<SystemError> for Failure {
-    fn from(error: SystemError) -> Self {
-        Failure::System(error)
     }
 }
 
@@ -520,24 +515,6 @@ impl From<FitError> for Failure {
     }
 }
 
-impl From<RewriteError> for Failure {
-    fn from(error: RewriteError) -> Self {
-        Failure::Rewrite(error)
-    }
-}
-
-impl From<FileError> for Failure {
-    fn from(error: FileError) -> Self {
-        Failure::File(error)
-    }
-}
-
-impl From<TableError> for Failure {
-    fn from(error: TableError) -> Self {
-        Failure::Table(error)
-    }
-}
-
 impl From<EvaluationError> for Failure {
     fn from(error: EvaluationError) -> Self {
         match error {
@@ -554,24 +531,6 @@ impl From<JobError> for Failure {
             | JobError::Campaign(CampaignError::Cancelled) => Failure::Stopped,
             error => Failure::Job(error),
         }
-    }
-}
-
-impl From<FigureError> for Failure {
-    fn from(error: FigureError) -> Self {
-        Failure::Figure(error)
-    }
-}
-
-impl From<MapError> for Failure {
-    fn from(error: MapError) -> Self {
-        Failure::Map(error)
-    }
-}
-
-impl From<WatchError> for Failure {
-    fn from(error: WatchError) -> Self {
-        Failure::Watch(error)
     }
 }
 

@@ -14,6 +14,7 @@
 
 mod commands;
 mod failure;
+mod hint;
 mod incomplete;
 mod out;
 mod paths;

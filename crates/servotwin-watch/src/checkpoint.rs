@@ -75,9 +75,7 @@ pub enum CheckpointError {
         what: &'static str,
     },
     /// A number in it is none that a watch can have.
-    #[error(
-        "the checkpoint cannot be used: {what} cannot be what a watch has written; begin anew without --resume"
-    )]
+    #[error("the checkpoint cannot be used: {what} cannot be what a watch has written")]
     Damaged {
         /// Which.
         what: &'static str,
@@ -120,10 +118,7 @@ impl Checkpoint {
         let (first, rest) = bytes.split_at(end);
         let head: Head = serde_json::from_slice(first).map_err(|error| error.to_string())?;
         if head.format != FORMAT {
-            return Err(format!(
-                "format {}, this version reads {FORMAT}; begin anew without --resume",
-                head.format
-            ));
+            return Err(format!("format {}, this version reads {FORMAT}", head.format));
         }
         let body = rest.trim_ascii();
         if hex(&Sha256::digest(body)) != head.sha256 {

@@ -25,18 +25,18 @@ pub struct Span {
 pub enum CutError {
     /// A text is no time.
     #[error(
-        "{option} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) \
-         is needed"
+        "{end} '{given}' is no time: seconds behind the first sample (12.5, 2min) or a date (2026-11-21T08:15:02) is \
+         needed"
     )]
     NoTime {
-        /// The option that it was given for.
-        option: &'static str,
+        /// The end of the part: `from` or `to`.
+        end: &'static str,
         /// The text that was given.
         given: String,
     },
     /// A date for a log that has none, or a time of day for one of another kind.
     #[error(
-        "{log} begins at {first}: --from and --to need a time of the same kind, or seconds behind the first sample"
+        "{log} begins at {first}: its part needs a time of the same kind, or seconds behind the first sample"
     )]
     OtherKind {
         /// The log.
@@ -46,7 +46,7 @@ pub enum CutError {
     },
     /// No sample lies in it.
     #[error(
-        "{log} has no sample from --from to --to: it reaches from {} to {}",
+        "{log} has no sample in the part asked for: it reaches from {} to {}",
         .reach.0, .reach.1
     )]
     Empty {
@@ -63,16 +63,16 @@ impl Span {
     /// # Errors
     /// A text is no time.
     pub fn parse(from: Option<&str>, to: Option<&str>) -> Result<Self, CutError> {
-        let limit = |option, text: Option<&str>| {
+        let limit = |end, text: Option<&str>| {
             let read = |given: &str| {
                 let seconds = Quantity::in_unit(given, Unit::Second).ok();
                 let behind = seconds.filter(|s| s.is_finite()).map(Limit::Behind);
                 let limit = behind.or_else(|| moment::seconds(given).map(Limit::At));
-                limit.ok_or_else(|| CutError::NoTime { option, given: given.into() })
+                limit.ok_or_else(|| CutError::NoTime { end, given: given.into() })
             };
             text.map(read).transpose()
         };
-        Ok(Span { from: limit("--from", from)?, to: limit("--to", to)? })
+        Ok(Span { from: limit("from", from)?, to: limit("to", to)? })
     }
 
     /// Whether it is a part at all.

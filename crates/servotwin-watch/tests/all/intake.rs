@@ -256,7 +256,7 @@ fn a_part_is_read_by_seconds_or_dates_and_nothing_else() {
     assert_eq!(part(Some("2025-03-30T02:00:01"), Some("2025-03-30T04:00:02+02:00")).unwrap(), 101);
     assert_eq!(part(None, Some("0.995")).unwrap(), 100);
     let told = |from, to| part(from, to).unwrap_err().to_string();
-    assert!(told(Some("soon"), None).contains("--from 'soon' is no time"));
+    assert!(told(Some("soon"), None).contains("from 'soon' is no time"));
     let empty = told(Some("5"), Some("4"));
     assert!(
         empty.contains("reaches from 2025-03-30 02:00:00.000 to 2025-03-30 02:00:07.990"),

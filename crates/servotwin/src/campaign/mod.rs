@@ -179,10 +179,7 @@ pub enum CampaignError {
     #[error("cancelled")]
     Cancelled,
     /// Shards were made as if units were alike, and they are not.
-    #[error(
-        "the units are not alike enough for variants to be shown by others: run every part again with 'servotwin \
-         campaign --all'"
-    )]
+    #[error("the actuators are not alike enough for variants to be shown by others")]
     NotAlike,
     /// The healthy system could not be simulated.
     #[error("the healthy system cannot be simulated in case {case}: {reason}")]

@@ -23,7 +23,7 @@ pub enum JobError {
     #[error(transparent)]
     Campaign(#[from] CampaignError),
     /// There is no data set in the folder.
-    #[error("{folder}: there is no data set here; 'servotwin campaign --out {folder}' makes it")]
+    #[error("{folder}: there is no data set here")]
     NoDataSet {
         /// The folder.
         folder: PathBuf,
@@ -46,8 +46,7 @@ pub enum JobError {
     },
     /// A folder holds what is of another study.
     #[error(
-        "{folder}: {there} is here, with {}, which stay as they are: choose another folder (--out), or --replace \
-         removes them",
+        "{folder}: {there} is here, with {}, which stay as they are: choose another folder",
         counted(*.count, "result file")
     )]
     OtherResults {

@@ -238,7 +238,10 @@ fn unfit_tables_are_refused_in_words() {
         Column::new("m", "", (0..40).map(|k| f64::from(k) * 0.1).collect::<Vec<f64>>()),
     );
     let text = error(&measured, &selection("m"));
-    assert!(text.contains("40 different numbers") && text.contains("--label-limits"), "{text}");
+    assert!(
+        text.contains("40 different numbers") && text.contains("limits, for example"),
+        "{text}"
+    );
     let mut labels: Vec<String> = small().text("class").unwrap().to_vec();
     labels[16].clear();
     let empty = with(small(), Column::new("class", "", labels));

@@ -5,7 +5,7 @@
 #[non_exhaustive]
 pub enum TableModelError {
     /// A row has no class or no group.
-    #[error("{place}, column '{column}': the row has no {what}{}", and_more(*.rows, what))]
+    #[error("{place}, column '{column}': the row has no {what}{}", and_more(*.rows))]
     Empty {
         /// What it lacks, in words.
         what: &'static str,
@@ -18,8 +18,8 @@ pub enum TableModelError {
     },
     /// The column of the classes holds measured numbers.
     #[error(
-        "column '{column}' holds {different} different numbers: that is measured, no class; make classes of it, for \
-         example with --label-limits {},{}",
+        "column '{column}' holds {different} different numbers: that is measured, no class; make classes of it by \
+         limits, for example {},{}",
         .limits.0, .limits.1
     )]
     NumericLabel {
@@ -31,7 +31,7 @@ pub enum TableModelError {
         limits: (f64, f64),
     },
     /// Limits that make classes of numbers are not ascending, or leave one class only.
-    #[error("--label-limits must ascend and leave at least two classes of column '{column}'")]
+    #[error("the limits must ascend and leave at least two classes of column '{column}'")]
     Limits {
         /// The column.
         column: String,
@@ -144,11 +144,8 @@ pub enum TableModelError {
     },
 }
 
-fn and_more(rows: usize, what: &str) -> String {
-    let more = if rows > 1 { format!(", and so have {} more", rows - 1) } else { String::new() };
-    let remedy =
-        if what == "class" { " (rows without one are for 'servotwin predict')" } else { "" };
-    more + remedy
+fn and_more(rows: usize) -> String {
+    if rows > 1 { format!(", and so have {} more", rows - 1) } else { String::new() }
 }
 
 fn needed_values(test_value: Option<&str>) -> String {

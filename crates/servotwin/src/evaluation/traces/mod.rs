@@ -125,7 +125,7 @@ pub enum TraceError {
     /// A nominal value is to be learnt, and nothing says from which rows.
     #[error(
         "the nominal value of '{sensor}' is to be learnt, but no row is healthy: name them in [healthy], or give \
-         healthy traces with --healthy"
+         healthy traces"
     )]
     NoHealthyRows {
         /// The sensor.

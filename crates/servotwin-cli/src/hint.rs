@@ -1,0 +1,86 @@
+//! The options that help against an error of the library, which knows of none.
+
+use servotwin::campaign::CampaignError;
+use servotwin::evaluation::EvaluationError;
+use servotwin::evaluation::table_model::TableModelError;
+use servotwin::evaluation::traces::TraceError;
+use servotwin::job::JobError;
+use servotwin_watch::WatchError;
+use servotwin_watch::checkpoint::CheckpointError;
+use servotwin_watch::source::SourceError;
+use servotwin_watch::span::CutError;
+use std::path::Path;
+
+/// The message of a campaign's error.
+pub fn of_campaign(error: &CampaignError) -> String {
+    let hint = match error {
+        CampaignError::NotAlike => ": run every part again with 'servotwin campaign --all'",
+        _ => "",
+    };
+    format!("error: {error}{hint}")
+}
+
+/// The message of an error of training, testing or prediction.
+pub fn of_evaluation(error: &EvaluationError) -> String {
+    format!("error: {error}{}", for_table(error))
+}
+
+/// The options for somebody's table.
+pub fn for_table(error: &EvaluationError) -> &'static str {
+    match error {
+        EvaluationError::InTest(error) => for_table(error),
+        EvaluationError::TableModel(
+            TableModelError::NumericLabel { .. } | TableModelError::Limits { .. },
+        ) => " (--label-limits)",
+        EvaluationError::TableModel(TableModelError::Split { test_value: None, .. }) => {
+            " (--test-value says what is tested with)"
+        }
+        EvaluationError::TableModel(TableModelError::Empty { what: "class", .. }) => {
+            " (rows without one are for 'servotwin predict')"
+        }
+        _ => "",
+    }
+}
+
+/// The message of a stage's error. Mistakes of a study begin with their place instead of `error`.
+pub fn of_job(error: &JobError) -> String {
+    match error {
+        JobError::Study(error) => error.to_string(),
+        JobError::Campaign(error) => of_campaign(error),
+        JobError::Evaluation(error) => of_evaluation(error),
+        JobError::NoDataSet { folder } => {
+            let folder = folder.display();
+            format!("error: {error}; 'servotwin campaign --out {folder}' makes it")
+        }
+        JobError::OtherResults { .. } => {
+            format!("error: {error} (--out), or --replace removes them")
+        }
+        error => format!("error: {error}"),
+    }
+}
+
+/// The message of traces that are not as their study says.
+pub fn of_traces(path: &Path, error: &TraceError) -> String {
+    let hint = match error {
+        TraceError::NoHealthyRows { .. } => " with --healthy",
+        TraceError::Evaluation(error) | TraceError::Healthy(error) => for_table(error),
+        _ => "",
+    };
+    format!("error: {}: {error}{hint}", path.display())
+}
+
+/// The message of a watch's error.
+pub fn of_watch(error: &WatchError) -> String {
+    match error {
+        WatchError::Source(SourceError::Cut(CutError::NoTime { .. })) => {
+            format!("error: --{error}")
+        }
+        WatchError::Source(SourceError::Cut(_)) => format!("error: {error} (--from, --to)"),
+        WatchError::Checkpoint(
+            CheckpointError::Content { .. } | CheckpointError::Damaged { .. },
+        ) => {
+            format!("error: {error}; begin anew without --resume")
+        }
+        error => format!("error: {error}"),
+    }
+}
