@@ -9,11 +9,11 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
-use servotwin::flight::flown::Flown;
-use servotwin::flight::judge::{self, Watched};
-use servotwin::flight::lessons::{self, LeftOut, Lessons};
+use servotwin::flight::campaign::FlightCampaign;
+use servotwin::flight::judge::{self, WatchedFlights};
 use servotwin::flight::plan::Purpose;
-use servotwin::flight::{foreign, plan};
+use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
+use servotwin::flight::{plan, unseen_faults};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{self, Among, Folder, Subject, manifest};
 use servotwin::study::{Flights, Setting, Study as Inner};
@@ -198,9 +198,16 @@ pub fn fly_piece(
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
         let purpose = purpose(diagnoser.is_none());
-        let flown = Flown::in_environment(study, &flights, purpose, setting, environment, workers)?;
+        let flown = FlightCampaign::in_environment(
+            study,
+            &flights,
+            purpose,
+            setting,
+            environment,
+            workers,
+        )?;
         let text = match diagnoser {
-            None => to_text(&lessons::cut(study, &flights, &flown)),
+            None => to_text(&training_windows::cut(study, &flights, &flown)),
             Some(diagnoser) => {
                 to_text(&judge::watch(&flown, &diagnoser, &|_, _| ()).map_err(Failure::value)?)
             }
@@ -228,7 +235,7 @@ pub fn fly_foreign(
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let (flights, workers) = (sizes(study, full)?, watch.workers(threads));
         diagnoser.check().map_err(Failure::value)?;
-        let said = foreign::judge(study, &flights, setting, &diagnoser, workers)?;
+        let said = unseen_faults::judge(study, &flights, setting, &diagnoser, workers)?;
         check(watch)?;
         Ok(to_text(&said))
     })?;
@@ -253,7 +260,7 @@ pub fn learn_from_flights(
     let result = long(py, None, |watch| -> Result<u64, Failure> {
         let flights = sizes(study, full)?;
         let _hold = folder.hold(Among::Nobody)?;
-        let mut lessons = Lessons::default();
+        let mut lessons = TrainingWindows::default();
         for text in &flown {
             lessons.add(from_text(text)?);
         }
@@ -285,7 +292,7 @@ pub fn join_flights(
         for (name, failed, texts, said) in &found {
             let setting = setting(study, name)?;
             let diagnoser = model_file::read_diagnoser(folder.diagnoser(setting))?;
-            let mut watched = Watched::default();
+            let mut watched = WatchedFlights::default();
             for text in texts {
                 watched.add(from_text(text)?);
             }

@@ -10,8 +10,8 @@ use serde::Serialize;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::flight::foreign::ForeignMerit;
-use servotwin::flight::judge::{ClassMerit, HealthyMerit, Merit, STRONG};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
+use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
@@ -64,9 +64,9 @@ pub struct MeasuredFlights {
     /// Shares with their count and 95 % interval.
     pub rates: Vec<MeasuredRate>,
     /// Strong faults by the action that they call for.
-    pub actions: Vec<ClassMerit>,
+    pub actions: Vec<ClassMetrics>,
     /// Flights without a fault, and the time before faults.
-    pub healthy: HealthyMerit,
+    pub healthy: HealthyMetrics,
 }
 
 /// A share of independent cases, unless there are none.
@@ -85,7 +85,7 @@ impl Measured {
         let of_flights = |flights: &FlightResults| {
             let merits = flights.merits.iter();
             let foreign =
-                |merit: &Merit| flights.foreign.iter().find(|f| f.setting == merit.setting);
+                |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
             merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), &words)).collect()
         };
         Measured {
@@ -185,7 +185,11 @@ fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
 }
 
 impl MeasuredFlights {
-    fn new(merit: &Merit, foreign: Option<&ForeignMerit>, words: &Vocabulary) -> Self {
+    fn new(
+        merit: &FlightMetrics,
+        foreign: Option<&UnseenFaultMetrics>,
+        words: &Vocabulary,
+    ) -> Self {
         let strong = merit.classes.iter().filter(|class| class.intensities[0] >= STRONG);
         let actions = strong.filter(|class| class.flown > 0).cloned().collect();
         MeasuredFlights {
@@ -198,7 +202,7 @@ impl MeasuredFlights {
     }
 
     fn markdown(&self) -> String {
-        let HealthyMerit { hours, alarms, shutdowns, alarms_per_h_upper, .. } = self.healthy;
+        let HealthyMetrics { hours, alarms, shutdowns, alarms_per_h_upper, .. } = self.healthy;
         let mut page = format!(
             "\n## Flights, scenario {}\n\nA fault begins in {} flights.\n",
             self.scenario, self.flights
@@ -220,8 +224,8 @@ impl MeasuredFlights {
 
 /// The shares that flights have counted.
 fn of_flights(
-    merit: &Merit,
-    foreign: Option<&ForeignMerit>,
+    merit: &FlightMetrics,
+    foreign: Option<&UnseenFaultMetrics>,
     words: &Vocabulary,
 ) -> Vec<MeasuredRate> {
     let mut rates = vec![];
@@ -308,8 +312,8 @@ fn rate_cell(rate: &Rate) -> String {
     format!("{} ({low:.2} … {high:.2}), {} of {}", percent(rate.share), rate.count, rate.of)
 }
 
-fn action_table(actions: &[ClassMerit]) -> String {
-    let row = |class: &ClassMerit| {
+fn action_table(actions: &[ClassMetrics]) -> String {
+    let row = |class: &ClassMetrics| {
         let of = |rate: &Rate| format!("{} of {}", rate.count, rate.of);
         let shares = [
             &class.visible,

@@ -14,9 +14,9 @@ pub mod checkpoint;
 mod checkpoint_writer;
 pub mod counts;
 pub mod cut;
-pub mod doubts;
 pub mod intake;
 pub mod map;
+pub mod plausibility;
 pub mod sequencer;
 pub mod sink;
 pub mod source;
@@ -28,8 +28,8 @@ pub use servotwin::observer::{Finding, Observation, Observer, Phase, State};
 use checkpoint::{Checkpoint, CheckpointError, Expected};
 use checkpoint_writer::CheckpointWriter;
 use counts::{Counts, Kind};
-use doubts::Doubts;
 use map::Map;
+use plausibility::Plausibility;
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
 use servotwin_io::document::Quantity;
@@ -102,7 +102,7 @@ pub struct Watch<'w> {
     period_s: f64,
     progress: Progress,
     /// Of what was read since this watch began.
-    doubts: Doubts,
+    plausibility: Plausibility,
 }
 
 /// How watching ended.
@@ -134,7 +134,7 @@ impl<'w> Watch<'w> {
             changes: 0,
             time_s: f64::NAN,
         };
-        let doubts = Doubts::new(map);
+        let plausibility = Plausibility::new(map);
         Watch {
             source,
             map,
@@ -146,7 +146,7 @@ impl<'w> Watch<'w> {
             alerts: vec![],
             period_s,
             progress,
-            doubts,
+            plausibility,
         }
     }
 
@@ -156,8 +156,8 @@ impl<'w> Watch<'w> {
     }
 
     /// Says in which ranges the observer believes the inputs.
-    pub fn believed(&mut self, ranges: &[(f64, f64)]) {
-        self.doubts.narrow(ranges);
+    pub fn accept_ranges(&mut self, ranges: &[(f64, f64)]) {
+        self.plausibility.narrow(ranges);
     }
 
     /// Writes checkpoints. Beside a live source a thread of its own writes them, and a file that cannot be written ends
@@ -264,8 +264,8 @@ impl<'w> Watch<'w> {
     }
 
     /// What in the log speaks against its map.
-    pub fn doubts(&self) -> &Doubts {
-        &self.doubts
+    pub fn plausibility(&self) -> &Plausibility {
+        &self.plausibility
     }
 
     /// Reads on; `false` at the end.
@@ -280,7 +280,7 @@ impl<'w> Watch<'w> {
                     let detail = row.bad_in_words(self.map.wanted());
                     progress.counts.note_with(Kind::BadValue, row.place, &detail);
                 }
-                self.doubts.sample(&sample);
+                self.plausibility.sample(&sample);
                 if let Some((id, value)) = self.map.leave_out(&mut sample) {
                     let detail = format_args!("{id} = {} in SI", Quantity(value, ""));
                     progress.counts.note_with(Kind::Impossible, row.place, &detail);
@@ -348,7 +348,7 @@ impl<'w> Watch<'w> {
             }
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);
-            self.doubts.twin(measured, observation.twin);
+            self.plausibility.twin(measured, observation.twin);
             counts.judged += u64::from(observation.finding.state.is_judgement());
             let changed = !observation.finding.says_the_same(finding);
             if changed {

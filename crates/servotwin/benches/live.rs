@@ -4,11 +4,11 @@
 //! plant, and prints median, p99.9 and largest time of [`Runtime::push`], as ratios to the time there
 //! is, and how many such actuators one core can watch; by lists and, where there is a C compiler, by the compiled step.
 
+use servotwin::flight::campaign::FlightCampaign;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
-use servotwin::flight::flown::Flown;
 use servotwin::flight::plan::Purpose;
 use servotwin::flight::runtime::Runtime;
-use servotwin::flight::{lessons, train};
+use servotwin::flight::{train, training_windows};
 use servotwin::job;
 use servotwin::parallel::Workers;
 use servotwin::study::{Setting, Study};
@@ -25,10 +25,10 @@ fn main() {
     let study = Study::default();
     let flights = &study.flights().expect("sound flights").expect("the paper's study has flights");
     let setting = Setting::Realistic;
-    let flown =
-        Flown::new(&study, flights, Purpose::Learn, setting, Workers::all()).expect("a twin");
-    let lessons = lessons::cut(&study, flights, &flown);
-    let tables = lessons::tables(&study, flights, setting, lessons, Workers::all());
+    let flown = FlightCampaign::new(&study, flights, Purpose::Learn, setting, Workers::all())
+        .expect("a twin");
+    let lessons = training_windows::cut(&study, flights, &flown);
+    let tables = training_windows::tables(&study, flights, setting, lessons, Workers::all());
     let tables = tables.expect("windows");
     let pools = job::pools(&study);
     let diagnoser = train::diagnoser(&study, flights, setting, tables, &pools, Workers::all());

@@ -11,7 +11,7 @@ use toml::de::DeTable;
 
 /// What a file for the toolkit is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileType {
     /// Components and their connections.
     System,
     /// Faults, cases and sensors of a system.
@@ -29,16 +29,16 @@ const OF_STUDY: [&str; 6] =
 /// What neither has.
 const OF_TRACES: [&str; 1] = ["window_rows"];
 
-impl Kind {
+impl FileType {
     /// What a text is; `None` where it looks like none of them, or like several.
     pub fn of(text: &str) -> Option<Self> {
         let begins = |words: &[&str]| {
             text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
         };
         match (begins(&OF_SYSTEM), begins(&OF_STUDY), begins(&OF_TRACES)) {
-            (true, false, false) => Some(Kind::System),
-            (false, true, false) => Some(Kind::Study),
-            (false, false, true) => Some(Kind::Traces),
+            (true, false, false) => Some(FileType::System),
+            (false, true, false) => Some(FileType::Study),
+            (false, false, true) => Some(FileType::Traces),
             _ => None,
         }
     }
@@ -52,8 +52,8 @@ impl Kind {
         let systems = ("systems", &built_in::SYSTEMS[..]);
         let studies = ("studies", &built_in::STUDIES[..]);
         let folders = match self {
-            Kind::System => [systems, studies],
-            Kind::Study | Kind::Traces => [studies, systems],
+            FileType::System => [systems, studies],
+            FileType::Study | FileType::Traces => [studies, systems],
         };
         let shown = path.display();
         let known = |list| path.to_str().and_then(|name| built_in::find(list, name));
@@ -70,9 +70,9 @@ impl Kind {
     fn named(self, error: FileError) -> FileError {
         let FileError::Missing { path } = error else { return error };
         let list = match self {
-            Kind::System => &built_in::SYSTEMS[..],
-            Kind::Study => &built_in::STUDIES[..],
-            Kind::Traces => return FileError::Missing { path },
+            FileType::System => &built_in::SYSTEMS[..],
+            FileType::Study => &built_in::STUDIES[..],
+            FileType::Traces => return FileError::Missing { path },
         };
         let is_name = path.extension().is_none() && path.components().count() == 1;
         let Some(name) = path.to_str().filter(|_| is_name) else {
@@ -85,9 +85,9 @@ impl Kind {
 
     fn words(self) -> &'static str {
         match self {
-            Kind::System => "a system",
-            Kind::Study => "a study",
-            Kind::Traces => "a study of traces",
+            FileType::System => "a system",
+            FileType::Study => "a study",
+            FileType::Traces => "a study of traces",
         }
     }
 
@@ -96,14 +96,14 @@ impl Kind {
         self,
         text: &str,
     ) -> Option<Vec<Located<M>>> {
-        let is = Kind::of(text).filter(|is| *is != self)?;
+        let is = FileType::of(text).filter(|is| *is != self)?;
         let help = match (is, named_system(text)) {
-            (Kind::Study, Some(name)) => format!("it is a study of the system '{name}'"),
-            (Kind::Study, None) => "a study names its system".into(),
-            (Kind::Traces, _) => {
+            (FileType::Study, Some(name)) => format!("it is a study of the system '{name}'"),
+            (FileType::Study, None) => "a study names its system".into(),
+            (FileType::Traces, _) => {
                 "'servotwin features TABLE --study FILE' reads it, and 'servotwin check FILE'".into()
             }
-            (Kind::System, _) => {
+            (FileType::System, _) => {
                 "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()
             }
         };
@@ -127,11 +127,11 @@ mod tests {
 
     #[test]
     fn what_is_built_in_is_what_it_is() {
-        assert!(SYSTEMS.iter().all(|(_, text)| Kind::of(text) == Some(Kind::System)));
-        assert!(STUDIES.iter().all(|(_, text)| Kind::of(text) == Some(Kind::Study)));
+        assert!(SYSTEMS.iter().all(|(_, text)| FileType::of(text) == Some(FileType::System)));
+        assert!(STUDIES.iter().all(|(_, text)| FileType::of(text) == Some(FileType::Study)));
         let traces = include_str!("../../../studies/liu_engine.toml");
-        assert_eq!(Kind::of(traces), Some(Kind::Traces));
-        assert_eq!(Kind::of("format = 1\n"), None);
+        assert_eq!(FileType::of(traces), Some(FileType::Traces));
+        assert_eq!(FileType::of("format = 1\n"), None);
         let named = |text: &str| named_system(text);
         assert_eq!(named("name = 1\nsystem = 'a.toml'  # beside\n").as_deref(), Some("a.toml"));
         assert_eq!(named("system_of = \"b\"\n[other]\nsystem = \"c.toml\"\n"), None);

@@ -8,7 +8,7 @@ use crate::render::json;
 use serde_json::{Value, json};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
 use servotwin::document::{Explained, Located, counted};
-use servotwin::kind::Kind;
+use servotwin::kind::FileType;
 use servotwin::study::{Setting, Study, StudyError};
 use servotwin::system::{System, SystemError};
 use std::path::PathBuf;
@@ -30,18 +30,18 @@ pub struct Options {
 /// The text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let checked = what(options)?.into_iter().map(|kind| match kind {
-        Kind::System => {
+        FileType::System => {
             let system = System::read(&options.file);
             let system = system.map_err(|error| told(StudyError::System(error), global))?;
             Ok(of_system(options, &system))
         }
-        Kind::Study => {
+        FileType::Study => {
             let study = Study::read(&options.file).map_err(|error| told(error, global))?;
             study.complete().map_err(|error| told(error, global))?;
             warn(global, &study.warnings_in_words());
             Ok(of_study(options, &study))
         }
-        Kind::Traces => of_traces(options),
+        FileType::Traces => of_traces(options),
     });
     let checked: Vec<Checked> = checked.collect::<Result<_, Failure>>()?;
     Ok(match (global, checked.as_slice()) {
@@ -62,16 +62,16 @@ struct Checked {
 
 /// What the file is: what has sections that only studies have is one. A built-in name may stand for a system and a
 /// study.
-fn what(options: &Options) -> Result<Vec<Kind>, SystemError> {
+fn what(options: &Options) -> Result<Vec<FileType>, SystemError> {
     let name = options.file.to_str().unwrap_or_default();
-    let lists = [(Kind::System, &SYSTEMS[..]), (Kind::Study, &STUDIES[..])];
+    let lists = [(FileType::System, &SYSTEMS[..]), (FileType::Study, &STUDIES[..])];
     let built_in = lists.into_iter().filter(|(_, list)| find(list, name).is_some());
-    let built_in: Vec<Kind> = built_in.map(|(kind, _)| kind).collect();
+    let built_in: Vec<FileType> = built_in.map(|(kind, _)| kind).collect();
     if !built_in.is_empty() {
         return Ok(built_in);
     }
-    let (text, _) = Kind::System.read(&options.file).map_err(SystemError::File)?;
-    Ok(vec![Kind::of(&text).unwrap_or(Kind::System)])
+    let (text, _) = FileType::System.read(&options.file).map_err(SystemError::File)?;
+    Ok(vec![FileType::of(&text).unwrap_or(FileType::System)])
 }
 
 /// Mistakes as JSON, too, where it is wanted.

@@ -7,8 +7,8 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome};
-use servotwin::flight::judge::{ClassMerit, Latency, Merit, MissingMerit};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, MissingSensorMetrics};
+use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome};
 use servotwin::job::flights::{self, Crew, FlightResults, settings};
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::study::{Setting, Study};
@@ -98,9 +98,16 @@ pub fn with_crew<T>(
 }
 
 /// A line for a sensor.
-fn of_missing(merit: &MissingMerit, words: &Vocabulary) -> String {
-    let MissingMerit { setting, sensor, flights, in_time, isolated, healthy, wrong_shutdowns } =
-        merit;
+fn of_missing(merit: &MissingSensorMetrics, words: &Vocabulary) -> String {
+    let MissingSensorMetrics {
+        setting,
+        sensor,
+        flights,
+        in_time,
+        isolated,
+        healthy,
+        wrong_shutdowns,
+    } = merit;
     let wrong = match words.has_several() {
         true => format!(", shutdowns of the wrong {} {wrong_shutdowns}", words.unit()),
         false => String::new(),
@@ -130,13 +137,13 @@ pub fn text(results: &FlightResults, words: &Vocabulary) -> String {
 }
 
 /// Only what was said at all, so that a line stays a line.
-fn foreign(out: &mut String, merit: &ForeignMerit, vocabulary: &Vocabulary) {
+fn foreign(out: &mut String, merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) {
     if merit.outcomes.is_empty() {
         return;
     }
     let _ = writeln!(out, "  faults never trained on:");
     for outcome in &merit.outcomes {
-        let ForeignOutcome { title, strengths, flights, words, .. } = outcome;
+        let UnseenFaultOutcome { title, strengths, flights, words, .. } = outcome;
         let said = words.named().into_iter().filter(|(_, count)| *count > 0);
         let said: Vec<String> =
             said.map(|(word, count)| format!("{count} {}", vocabulary.said(word))).collect();
@@ -166,8 +173,8 @@ fn foreign(out: &mut String, merit: &ForeignMerit, vocabulary: &Vocabulary) {
     }
 }
 
-fn setting(out: &mut String, merit: &Merit, words: &Vocabulary) {
-    let Merit { setting, flights, failed, failed_to_learn, healthy, .. } = merit;
+fn setting(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
+    let FlightMetrics { setting, flights, failed, failed_to_learn, healthy, .. } = merit;
     let _ = writeln!(
         out,
         "{setting}: {flights} flights with a fault, {failed} not finished ({failed_to_learn} of those to \
@@ -197,8 +204,8 @@ fn setting(out: &mut String, merit: &Merit, words: &Vocabulary) {
     }
 }
 
-fn line(class: &ClassMerit, words: &Vocabulary) -> String {
-    let ClassMerit { command, intensities: [low, high], visible, isolated, silent, .. } = class;
+fn line(class: &ClassMetrics, words: &Vocabulary) -> String {
+    let ClassMetrics { command, intensities: [low, high], visible, isolated, silent, .. } = class;
     let times = |latency: &Option<Latency>| match latency {
         Some(l) => format!("median {:.2} s, p95 {:.2} s", l.median_s, l.p95_s),
         None => "never".into(),

@@ -16,7 +16,7 @@ use servotwin::fit::history::{Drift, Flight, History, Log, Track};
 use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{Fit, FitError, Knowledge, Record, RecordError};
-use servotwin::flight::told::{Told, told};
+use servotwin::flight::replay::{ReplaySummary, replay_record};
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
 use servotwin_watch::map::Map;
@@ -163,7 +163,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// What a diagnosis said of each flight; `None` of a log that is none. Without a diagnoser, nothing.
-type AllTold = Vec<Option<Told>>;
+type AllTold = Vec<Option<ReplaySummary>>;
 
 fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Failure> {
     let Some(path) = &options.diagnoser else { return Ok(vec![]) };
@@ -171,7 +171,7 @@ fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Fa
     let mut all = Vec::new();
     for (_, record) in logs {
         stop::check()?;
-        let own = record.as_ref().ok().map(|record| told(study, &diagnoser, record));
+        let own = record.as_ref().ok().map(|record| replay_record(study, &diagnoser, record));
         let unfit = |error| Failure::Diagnoser { path: path.clone(), error };
         all.push(own.transpose().map_err(unfit)?);
     }
@@ -314,7 +314,12 @@ fn drifts(drift: &Drift, problem: &Fit) -> String {
     )
 }
 
-fn people(history: &History, problem: &Fit, told: &[Option<Told>], options: &Options) -> String {
+fn people(
+    history: &History,
+    problem: &Fit,
+    told: &[Option<ReplaySummary>],
+    options: &Options,
+) -> String {
     let mut heads = vec![("flight", Side::Right), ("log", Side::Left), ("", Side::Left)];
     if !told.is_empty() {
         heads.push(("diagnosis", Side::Left));
@@ -349,7 +354,7 @@ fn people(history: &History, problem: &Fit, told: &[Option<Told>], options: &Opt
 }
 
 /// What was said most of a flight, and since when.
-fn words(told: &Told) -> String {
+fn words(told: &ReplaySummary) -> String {
     let said = told.finding.words();
     if told.finding.state == State::Healthy { said } else { format!("{said}, {:.1} s", told.at_s) }
 }
@@ -357,13 +362,13 @@ fn words(told: &Told) -> String {
 fn as_json(
     history: &History,
     problem: &Fit,
-    told: &[Option<Told>],
+    told: &[Option<ReplaySummary>],
     options: &Options,
     alarms: &[String],
     skipped: &[(String, &'static str)],
 ) -> serde_json::Value {
-    let diagnosis = |told: &Told| {
-        let Told { finding, at_s, outside } = told;
+    let diagnosis = |told: &ReplaySummary| {
+        let ReplaySummary { finding, at_s, outside } = told;
         json!({ "finding": finding, "at_s": at_s, "share_outside": outside })
     };
     let flights = history.flights.iter().enumerate().map(|(number, flight)| {
@@ -423,7 +428,11 @@ fn as_json(
     })
 }
 
-fn as_table(history: &History, problem: &Fit, told: &[Option<Told>]) -> Result<Table, Failure> {
+fn as_table(
+    history: &History,
+    problem: &Fit,
+    told: &[Option<ReplaySummary>],
+) -> Result<Table, Failure> {
     let count = history.flights.len();
     let texts =
         |of: &dyn Fn(&Flight) -> String| Values::Text(history.flights.iter().map(of).collect());
@@ -433,10 +442,12 @@ fn as_table(history: &History, problem: &Fit, told: &[Option<Told>]) -> Result<T
         Column::new("verdict", "", texts(&|flight| verdict(flight, problem))),
     ];
     if !told.is_empty() {
-        let float = |of: fn(&Told) -> f64| {
+        let float = |of: fn(&ReplaySummary) -> f64| {
             Values::Float(told.iter().map(|told| told.as_ref().map_or(f64::NAN, of)).collect())
         };
-        let text = |told: &Option<Told>| told.as_ref().map_or(String::new(), |t| t.finding.words());
+        let text = |told: &Option<ReplaySummary>| {
+            told.as_ref().map_or(String::new(), |t| t.finding.words())
+        };
         columns.push(Column::new("diagnosis", "", Values::Text(told.iter().map(text).collect())));
         columns.push(Column::new("diagnosis_at_s", "s", float(|told| told.at_s)));
         columns.push(Column::new("share_outside", "", float(|told| told.outside)));
@@ -466,7 +477,7 @@ const DRAWN: usize = 6;
 fn figure(
     history: &History,
     problem: &Fit,
-    told: &[Option<Told>],
+    told: &[Option<ReplaySummary>],
     threshold: f64,
 ) -> TimeSeries<'static> {
     let mut figure = TimeSeries::new(problem.system.title.clone(), "flight");
@@ -494,8 +505,8 @@ fn figure(
 }
 
 /// What the diagnosis said of each flight, the graver the higher.
-fn said(told: &[Option<Told>]) -> Panel<'static> {
-    let height = |told: &Told| match (told.finding.phase, told.finding.state) {
+fn said(told: &[Option<ReplaySummary>]) -> Panel<'static> {
+    let height = |told: &ReplaySummary| match (told.finding.phase, told.finding.state) {
         (Phase::Raised | Phase::Recovering, _) => Some(3.0),
         (_, State::Isolated) => Some(2.0),
         (_, State::Detected | State::Unknown) => Some(1.0),

@@ -107,7 +107,7 @@ impl Screen {
                 let stages = || Stages::new(self.global);
                 state.stages.get_or_insert_with(stages).show(what, *share);
             }
-            StudyEvent::Flown(_) => {
+            StudyEvent::FlightCampaign(_) => {
                 self.notes.write(&format!("flown in {:.1} s", state.end_stage()));
             }
             StudyEvent::Evaluated(_) => {

@@ -148,7 +148,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let diagnoser = read_diagnoser(options.model.as_deref(), options.band.as_deref())?;
     let needed = needed(&diagnoser, system);
     let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
-    let believed = believed(&diagnoser, system);
+    let accepted_ranges = accepted_ranges(&diagnoser, system);
     let (mut observer, period_s) = observer(options, &study, diagnoser, &map, &needed, global)?;
     let watchdog = watchdog(options, period_s)?;
     let title = format!("{}: {address}", system.title);
@@ -159,7 +159,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     };
     let setup = Setup { options, study: &study, address: &address, map: &map, period_s, global };
     let watched =
-        setup.watch(&mut *source, &mut observer, &believed, (scene, watchdog), resumed)?;
+        setup.watch(&mut *source, &mut observer, &accepted_ranges, (scene, watchdog), resumed)?;
     let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * period_s);
     setup.conclude(watched, &needed, shortest_s)
 }
@@ -245,7 +245,7 @@ impl Setup<'_> {
         &self,
         source: &mut dyn Source,
         observer: &mut Watcher,
-        believed: &[(f64, f64)],
+        accepted_ranges: &[(f64, f64)],
         (scene, watchdog): (Scene, WatchdogRules),
         resumed: Option<Checkpoint>,
     ) -> Result<Watched, Failure> {
@@ -253,7 +253,7 @@ impl Setup<'_> {
         let system = &study.system;
         let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), global)?;
         let mut watch = Watch::new(source, map, observer, period_s);
-        watch.believed(believed);
+        watch.accept_ranges(accepted_ranges);
         if let Some(checkpoint) = resumed {
             watch.resume(checkpoint)?;
         }
@@ -281,7 +281,7 @@ impl Setup<'_> {
         let end = end?;
         let (counts, silences) = (watch.counts().clone(), watch.silences());
         let saved = watch.checkpoint_loss();
-        let doubts = watch.doubts().sentences(system, map, period_s, &counts);
+        let doubts = watch.plausibility().sentences(system, map, period_s, &counts);
         drop(watch);
         if end == End::Complete && counts.samples == 0 {
             return Err(nothing(address, &counts));
@@ -354,7 +354,7 @@ fn gaps(map: &Map, needed: &[&str], counts: &Counts, shortest_s: f64) -> String 
 }
 
 /// For each input of the system between which values the diagnoser believes it.
-fn believed(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
+fn accepted_ranges(diagnoser: &Diagnoser, system: &System) -> Vec<(f64, f64)> {
     let known = |id: &str| diagnoser.environment.inputs.iter().find(|input| input.name == id);
     let inputs = system.network().inputs.iter().map(|input| known(&input.id));
     let range = |input: Option<&Input>| input.map(|input| (input.least, input.largest));

@@ -8,7 +8,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{NONE, chosen, number, rate, spoken, stacked};
 use crate::{Material, Section};
 use servotwin::evaluation::metrics::Rate;
-use servotwin::flight::judge::{ClassMerit, Latency, Merit, STRONG};
+use servotwin::flight::judge::{ClassMetrics, FlightMetrics, Latency, STRONG};
 use servotwin::job::flights::FlightResults;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
@@ -161,7 +161,7 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
     let (unit, off, run) = (words.unit(), words.off(), words.run());
     let mut list = vec![];
     for merit in &results.merits {
-        let Merit { setting, in_time, healthy, .. } = merit;
+        let FlightMetrics { setting, in_time, healthy, .. } = merit;
         let mut push = |title: String, limit: String, measured: String, verdict: &'static str| {
             list.push(Limit { title, setting: setting.clone(), limit, measured, verdict });
         };
@@ -335,7 +335,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         runs(judged.map_or(0, |merit| merit.flights)),
         judged.map_or(0.0, |merit| merit.healthy.hours),
     );
-    let failed = |merit: &Merit| merit.failed + merit.failed_to_learn;
+    let failed = |merit: &FlightMetrics| merit.failed + merit.failed_to_learn;
     let size = match results.merits.iter().map(failed).sum::<u64>() {
         0 => size,
         failed => format!(
@@ -344,7 +344,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
             results.merits.iter().map(|merit| merit.failed_to_learn).sum::<u64>()
         ),
     };
-    let without = results.merits.iter().filter_map(Merit::without_steady_state);
+    let without = results.merits.iter().filter_map(FlightMetrics::without_steady_state);
     let size = without.fold(size, |text, line| format!("{text} {line}."));
     match is_full {
         true => format!("{size} These are the full sizes of the study."),
@@ -357,12 +357,12 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
 }
 
 /// The classes of all intensities, or the strong ones: they stand one after the other.
-fn strong(merit: &Merit) -> impl Iterator<Item = &ClassMerit> {
+fn strong(merit: &FlightMetrics) -> impl Iterator<Item = &ClassMetrics> {
     let half = merit.classes.len() / 2;
     merit.classes[half..].iter()
 }
 
-fn latencies(merit: &Merit, looks: &Looks) -> Figure {
+fn latencies(merit: &FlightMetrics, looks: &Looks) -> Figure {
     let mut lines = Lines::new("", "time since the onset / s", "isolated / % of visible");
     lines.x_log = true;
     lines.y_range = Some((0.0, 100.0));
@@ -385,7 +385,7 @@ fn times(latency: &Option<Latency>) -> String {
     })
 }
 
-fn by_command(merit: &Merit, words: &Vocabulary) -> Grid {
+fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> Grid {
     let mut heads: Vec<(String, Side)> = vec![
         ("command".into(), Side::Left),
         ("visible".into(), Side::Right),

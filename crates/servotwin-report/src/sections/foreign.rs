@@ -5,7 +5,7 @@ use crate::page::{Grid, Page, Side};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
 use crate::{Material, Section};
-use servotwin::flight::foreign::{ForeignMerit, ForeignOutcome, Sensible, Words};
+use servotwin::flight::unseen_faults::{Sensible, UnseenFaultMetrics, UnseenFaultOutcome, Words};
 
 /// See the module.
 pub struct Foreign;
@@ -21,7 +21,8 @@ impl Section for Foreign {
 
     fn write(&self, material: &Material, page: &mut Page) {
         let merits = material.flights.map_or(&[][..], |results| &results.foreign);
-        let merits: Vec<&ForeignMerit> = merits.iter().filter(|m| !m.outcomes.is_empty()).collect();
+        let merits: Vec<&UnseenFaultMetrics> =
+            merits.iter().filter(|m| !m.outcomes.is_empty()).collect();
         if merits.is_empty() {
             return;
         }
@@ -75,7 +76,7 @@ impl Section for Foreign {
 }
 
 /// How often a healthy unit was switched off because a pressure that its twin reads was wrong, as a sentence.
-fn behind_wrong_sensor(merit: &ForeignMerit, words: &Vocabulary) -> String {
+fn behind_wrong_sensor(merit: &UnseenFaultMetrics, words: &Vocabulary) -> String {
     match merit.shutdowns_behind_wrong_sensor() {
         (_, 0) => String::new(),
         (wrong, of) => format!(
@@ -87,7 +88,7 @@ fn behind_wrong_sensor(merit: &ForeignMerit, words: &Vocabulary) -> String {
     }
 }
 
-fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
+fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Grid {
     let left = [("fault".to_owned(), Side::Left), (format!("{}s", vocabulary.run()), Side::Right)];
     let words = Words::default().named();
     let words = words.map(|(word, _)| (vocabulary.said(word), Side::Right));
@@ -106,7 +107,7 @@ fn table(merit: &ForeignMerit, vocabulary: &Vocabulary) -> Grid {
     grid
 }
 
-fn row(outcome: &ForeignOutcome, words: &Vocabulary) -> Vec<String> {
+fn row(outcome: &UnseenFaultOutcome, words: &Vocabulary) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
     let sensible = match outcome.sensible {
         Sensible::Shutdown => format!("sensible: a {}", words.off()),

@@ -44,8 +44,8 @@ impl<'s> Reader<'s> {
         let channel =
             |id: &String, from, possible| Channel { id: id.clone(), from, hold_s: 0.0, possible };
         let inputs = system.network().inputs.iter().enumerate();
-        let inputs =
-            inputs.map(|(n, i)| channel(&i.id, Origin::Default(i.default), system.tellable(n)));
+        let inputs = inputs
+            .map(|(n, i)| channel(&i.id, Origin::Default(i.default), system.accepted_range(n)));
         let sensors = system.sensors.iter().enumerate();
         let sensors = sensors.map(|(n, s)| channel(&s.id, Origin::Nothing, system.readable(n)));
         let channels: Vec<Channel> = inputs.chain(sensors).collect();

@@ -4,7 +4,7 @@
 //! Both come from rows that were left out of training, whole commands at a time: the temperature of
 //! every stage ([`calibration`]), and the confidence that the least certain answers do not reach.
 
-use super::data_set::{DataSet, Lessons, Row};
+use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{self, Outcome, settled};
 use crate::parallel::{self, Workers};
@@ -100,7 +100,7 @@ const LESS_SURE: f64 = 0.6;
 pub fn evidence_quantile(
     data: &DataSet,
     hierarchy: &Hierarchy,
-    lessons: Lessons,
+    lessons: TrainingFilter,
 ) -> Result<f64, EvaluationError> {
     let rows = data.learnt_from(lessons)?;
     let mut scratch = hierarchy.scratch();

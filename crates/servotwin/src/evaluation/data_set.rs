@@ -97,7 +97,7 @@ impl Row {
 
 /// Which training rows teach, by their largest residual in parts of its band.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Lessons {
+pub struct TrainingFilter {
     /// Faults above this teach.
     pub faults: f64,
     /// Copies with a weaker fault above this do.
@@ -110,15 +110,21 @@ pub struct Lessons {
     pub stronger: bool,
 }
 
-impl Default for Lessons {
+impl Default for TrainingFilter {
     /// Detected faults, and healthy specimens that nearly were, with all their moves but those with
     /// stronger faults.
     fn default() -> Self {
-        Lessons { faults: 1.0, weaker: 1.0, healthy: 0.8, moves: usize::MAX, stronger: false }
+        TrainingFilter {
+            faults: 1.0,
+            weaker: 1.0,
+            healthy: 0.8,
+            moves: usize::MAX,
+            stronger: false,
+        }
     }
 }
 
-impl Lessons {
+impl TrainingFilter {
     fn teaches(self, row: &Row) -> bool {
         let least = match row.is_healthy {
             true => self.healthy,
@@ -295,7 +301,7 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`].
-    pub fn learnt_from(&self, lessons: Lessons) -> Result<Vec<usize>, EvaluationError> {
+    pub fn learnt_from(&self, lessons: TrainingFilter) -> Result<Vec<usize>, EvaluationError> {
         let role = if self.has_training() { Role::Training } else { Role::Judged };
         let rows = self.rows_where(role, |row| lessons.teaches(row));
         let all = self.rows_where(role, |row| !row.is_healthy).len();
@@ -639,11 +645,11 @@ mod tests {
 
     #[test]
     fn copies_of_a_fault_teach_by_a_limit_of_their_own() {
-        let lessons = Lessons { weaker: 0.25, ..Lessons::default() };
+        let lessons = TrainingFilter { weaker: 0.25, ..TrainingFilter::default() };
         assert!(lessons.teaches(&row(1.1, 1.0)) && lessons.teaches(&row(0.3, 0.4)));
         assert!(!lessons.teaches(&row(0.9, 1.0)) && !lessons.teaches(&row(0.2, 0.4)));
         assert!(!lessons.teaches(&row(2.0, 1.5)), "stronger ones where they are asked for only");
-        assert!(Lessons { stronger: true, ..lessons }.teaches(&row(2.0, 1.5)));
+        assert!(TrainingFilter { stronger: true, ..lessons }.teaches(&row(2.0, 1.5)));
         let healthy = |excess| Row { is_healthy: true, ..row(excess, 1.0) };
         assert!(lessons.teaches(&healthy(0.9)) && !lessons.teaches(&healthy(0.7)));
     }

@@ -1,6 +1,6 @@
 //! The least pure leaves of the trees.
 
-use super::data_set::{DataSet, Lessons};
+use super::data_set::{DataSet, TrainingFilter};
 use super::error::EvaluationError;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::Model;
@@ -58,7 +58,7 @@ pub fn worst(
     data: &DataSet,
     settings: &Settings,
     hierarchy: &Hierarchy,
-    lessons: Lessons,
+    lessons: TrainingFilter,
     count: usize,
 ) -> Result<Vec<WorstLeaf>, EvaluationError> {
     let rows = &data.learnt_from(lessons)?;

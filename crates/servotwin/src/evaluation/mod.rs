@@ -26,7 +26,7 @@ pub mod run;
 pub mod table_model;
 pub mod traces;
 
-pub use data_set::{DataSet, FeatureInfo, Lessons};
+pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
 pub use error::{EvaluationError, UnknownClass};
 pub use servotwin_learning::metrics;
 
@@ -57,7 +57,7 @@ pub struct Settings {
     /// How the committee is trained.
     pub committee: Training,
     /// Which training rows teach the committee; `holding` says which teach the trees.
-    pub committee_lessons: Lessons,
+    pub committee_lessons: TrainingFilter,
     /// How rows are held out.
     pub holding: Holding,
     /// How rows are held out where classifiers are compared.
@@ -85,12 +85,12 @@ impl Default for Settings {
         Settings {
             training: trees(Criterion::Entropy, 7),
             committee: Training::all(boosted),
-            committee_lessons: Lessons {
+            committee_lessons: TrainingFilter {
                 faults: 0.8,
                 weaker: 0.8,
                 healthy: 0.0,
                 moves: 3,
-                ..Lessons::default()
+                ..TrainingFilter::default()
             },
             holding: Holding::default(),
             // Folds of a third: as much to learn from as in the random third.

@@ -7,7 +7,7 @@ use super::bands::Band;
 use super::comparison::{self, Compared};
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
 use super::run::{self, Scope};
-use super::{Context, DataSet, Evaluation, EvaluationError, Lessons, Settings, Training};
+use super::{Context, DataSet, Evaluation, EvaluationError, Settings, Training, TrainingFilter};
 use super::{WORST_LEAVES, banded, baseline, commands, detection, false_alarms, flips, leaves};
 use super::{silence, size};
 use serde::{Deserialize, Serialize};
@@ -190,7 +190,7 @@ impl<'b> Bench<'b> {
         protocol: Protocol,
         data: &DataSet,
         training: &Training,
-        lessons: Lessons,
+        lessons: TrainingFilter,
     ) -> Result<Option<protocol::Judged>, EvaluationError> {
         let Self { settings, context, .. } = self;
         let holding = Holding { lessons, ..settings.holding };
@@ -202,7 +202,7 @@ impl<'b> Bench<'b> {
     fn judged_trained(
         &self,
         trained: (&Training, &Hierarchy),
-        lessons: Lessons,
+        lessons: TrainingFilter,
     ) -> Result<Option<ProtocolResult>, EvaluationError> {
         let holding = Holding { lessons, ..self.settings.holding };
         protocol::evaluate_trained(&self.data, trained, holding, &self.settings.shutdowns)

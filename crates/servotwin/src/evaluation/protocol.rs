@@ -16,7 +16,7 @@
 //! - a new command and a fault never seen at its intensity, or at its neighbours' either;
 //! - a new command, with only weak faults to learn from and strong ones to judge, and the reverse.
 
-use super::data_set::{DataSet, Lessons, Row};
+use super::data_set::{DataSet, Row, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{Outcome, Scope, ask, first_error, run};
 use crate::parallel::Workers;
@@ -91,12 +91,12 @@ pub struct Holding {
     /// The seed.
     pub seed: u64,
     /// Which training rows teach.
-    pub lessons: Lessons,
+    pub lessons: TrainingFilter,
 }
 
 impl Default for Holding {
     fn default() -> Self {
-        Holding { repeats: 3, folds: 5, seed: 1, lessons: Lessons::default() }
+        Holding { repeats: 3, folds: 5, seed: 1, lessons: TrainingFilter::default() }
     }
 }
 
@@ -201,7 +201,7 @@ impl Protocol {
         // Where only weak faults are known, stronger ones are guessed from them, and still weaker ones are too many.
         let lessons = match self {
             Protocol::WeakToStrong => {
-                Lessons { stronger: true, weaker: holding.lessons.faults, ..holding.lessons }
+                TrainingFilter { stronger: true, weaker: holding.lessons.faults, ..holding.lessons }
             }
             _ => holding.lessons,
         };

@@ -4,9 +4,9 @@
 //! flights are watched with several rates of false alarms asked for, which gives the trade of alarms
 //! against latency.
 
-use super::flown::{Flown, Observer};
-use super::lessons::MovingFlight;
+use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Onset, Purpose};
+use super::training_windows::MovingFlight;
 use crate::study::{FaultCase, Flights, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
@@ -38,7 +38,7 @@ pub struct Latency {
 
 /// What became of the flights with faults of one command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ClassMerit {
+pub struct ClassMetrics {
     /// The command.
     pub command: String,
     /// The least and the largest intensity.
@@ -67,7 +67,7 @@ pub struct ClassMerit {
 
 /// What became of flights without a fault, and of the time before faults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct HealthyMerit {
+pub struct HealthyMetrics {
     /// Hours.
     pub hours: f64,
     /// Commands raised.
@@ -89,7 +89,7 @@ pub struct TradePoint {
     /// False alarms per hour that the decision was asked for.
     pub asked_per_h: f64,
     /// Healthy flights.
-    pub healthy: HealthyMerit,
+    pub healthy: HealthyMetrics,
     /// Visible, strong shutdown faults: when they were isolated.
     pub isolation: Option<Latency>,
     /// The share of visible, strong shutdown faults that were never isolated.
@@ -101,7 +101,7 @@ pub struct TradePoint {
 /// So many flights without a steady state are named in a line; the results file names all of them.
 const MAX_NAMED: usize = 10;
 
-impl Merit {
+impl FlightMetrics {
     /// Names the flights to learn from that began without a steady state; `None` where all began at rest.
     pub fn without_steady_state(&self) -> Option<String> {
         let moving = &self.on_the_move_to_learn;
@@ -124,7 +124,7 @@ impl Merit {
 
 /// The figures of merit in one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Merit {
+pub struct FlightMetrics {
     /// The setting's name.
     pub setting: String,
     /// Flights with a fault.
@@ -146,11 +146,11 @@ pub struct Merit {
     /// How many of them are isolated within that time from when they were visible.
     pub in_time_since_visible: Rate,
     /// By command: all intensities, then the strong ones.
-    pub classes: Vec<ClassMerit>,
+    pub classes: Vec<ClassMetrics>,
     /// By way of beginning, shutdown faults of strong intensity.
-    pub onsets: Vec<(String, ClassMerit)>,
+    pub onsets: Vec<(String, ClassMetrics)>,
     /// Without a fault.
-    pub healthy: HealthyMerit,
+    pub healthy: HealthyMetrics,
     /// Shutdowns of the wrong actuator, in all flights.
     pub wrong_shutdowns: u64,
     /// Alarms against latency.
@@ -161,7 +161,7 @@ pub struct Merit {
 
 /// What the diagnosis is worth where a sensor gives nothing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MissingMerit {
+pub struct MissingSensorMetrics {
     /// The setting's name.
     pub setting: String,
     /// The sensor that is missing from the beginning of every flight.
@@ -173,29 +173,29 @@ pub struct MissingMerit {
     /// Likewise, at any time.
     pub isolated: Rate,
     /// Without a fault.
-    pub healthy: HealthyMerit,
+    pub healthy: HealthyMetrics,
     /// Shutdowns of the wrong actuator, in all flights.
     pub wrong_shutdowns: u64,
 }
 
 /// What one session said in one flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Story {
+struct RaisedLog {
     /// Every command when it was raised.
     raised: Vec<Raised>,
 }
 
 /// What is remembered of flights that were watched.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Watched {
+pub struct WatchedFlights {
     ended: Vec<Remembered>,
     /// Flights that could not be finished.
     failed: u64,
 }
 
-impl Watched {
+impl WatchedFlights {
     /// Adds what is remembered of other flights.
-    pub fn add(&mut self, other: Watched) {
+    pub fn add(&mut self, other: WatchedFlights) {
         self.ended.extend(other.ended);
         self.failed += other.failed;
     }
@@ -207,7 +207,7 @@ struct Remembered {
     number: usize,
     seen: Option<u64>,
     by_chance: u64,
-    stories: Vec<Story>,
+    stories: Vec<RaisedLog>,
 }
 
 /// What is remembered of a flight: the diagnoser's own session first, then those of other rates.
@@ -217,11 +217,11 @@ struct Ended {
     seen: Option<u64>,
     /// How often one would have been called visible before there was one.
     by_chance: u64,
-    stories: Vec<Story>,
+    stories: Vec<RaisedLog>,
 }
 
 struct Watching {
-    sessions: Vec<(Session, Story)>,
+    sessions: Vec<(Session, RaisedLog)>,
     /// A sensor that gives nothing.
     missing: Option<usize>,
     /// What it leaves of a sample.
@@ -320,10 +320,10 @@ impl Observer for Watching {
 /// # Errors
 /// What [`Diagnoser::check`] says.
 pub fn watch(
-    flown: &Flown,
+    flown: &FlightCampaign,
     diagnoser: &Diagnoser,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Watched, Error> {
+) -> Result<WatchedFlights, Error> {
     let with_rate = |false_alarms_per_h| {
         let mut other = diagnoser.clone();
         other.decision.false_alarms_per_h = false_alarms_per_h;
@@ -340,42 +340,43 @@ pub fn watch(
 /// What [`Diagnoser::check`] says.
 pub fn without(
     study: &Study,
-    flown: &Flown,
+    flown: &FlightCampaign,
     (setting, limit_s): (&str, f64),
     diagnoser: &Arc<Diagnoser>,
     sensor: usize,
-) -> Result<MissingMerit, Error> {
+) -> Result<MissingSensorMetrics, Error> {
     let sessions = [Session::new(diagnoser.clone())?];
     let watched = watched(flown, &sessions, Some(sensor), &|_, _| ());
     let ended = ended(&flown.plan, watched.ended);
     let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
     let off = judged.off_command().unwrap_or_default();
-    let fates = judged.fates(0, |_| true);
-    Ok(MissingMerit {
+    let outcomes = judged.outcomes(0, |_| true);
+    Ok(MissingSensorMetrics {
         setting: setting.into(),
         sensor: diagnoser.sensors[sensor].name.clone(),
-        flights: fates.len() as u64,
-        in_time: judged.share(off, &|fate| fate.isolated_s.is_some_and(|time_s| time_s <= limit_s)),
-        isolated: judged.share(off, &|fate| fate.isolated_s.is_some()),
+        flights: outcomes.len() as u64,
+        in_time: judged
+            .share(off, &|outcome| outcome.isolated_s.is_some_and(|time_s| time_s <= limit_s)),
+        isolated: judged.share(off, &|outcome| outcome.isolated_s.is_some()),
         healthy: judged.healthy(0),
-        wrong_shutdowns: wrong_shutdowns(&fates),
+        wrong_shutdowns: wrong_shutdowns(&outcomes),
     })
 }
 
 /// Lets sessions watch the planned flights.
 fn watched(
-    flown: &Flown,
+    flown: &FlightCampaign,
     sessions: &[Session],
     missing: Option<usize>,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Watched {
+) -> WatchedFlights {
     let period_s = flown.period_s();
     let lengths = sessions[0].diagnoser().lengths.len();
-    let mut watched = Watched::default();
+    let mut watched = WatchedFlights::default();
     flown.fly(
         &flown.which,
         |flight| Watching {
-            sessions: sessions.iter().map(|s| (s.clone(), Story::default())).collect(),
+            sessions: sessions.iter().map(|s| (s.clone(), RaisedLog::default())).collect(),
             missing,
             measured: vec![],
             onset: (flight.onset_s / period_s).ceil() as u64,
@@ -418,10 +419,10 @@ pub fn merit(
     flights: &Flights,
     (setting, limit_s): (&str, f64),
     diagnoser: &Diagnoser,
-    watched: Watched,
-) -> Merit {
+    watched: WatchedFlights,
+) -> FlightMetrics {
     let plan = plan::flights(study, flights, Purpose::Judge);
-    let Watched { ended, failed } = watched;
+    let WatchedFlights { ended, failed } = watched;
     let ended = self::ended(&plan, ended);
     let judged = Judged { study, diagnoser, ended: &ended, period_s: study.sample_period_s };
     judged.merit((setting, limit_s), failed)
@@ -435,7 +436,7 @@ fn asked(diagnoser: &Diagnoser) -> Vec<f64> {
 }
 
 /// What became of a flight with a fault.
-struct Fate {
+struct FlightOutcome {
     kind: String,
     /// Faults of one kind at one intensity hang together, and so do those of one kind.
     cluster: u32,
@@ -449,7 +450,7 @@ struct Fate {
     is_wrong_shutdown: bool,
 }
 
-impl Fate {
+impl FlightOutcome {
     /// How long it took to isolate what was visible.
     fn waited_s(&self) -> Option<f64> {
         Some((self.isolated_s? - self.seen_s?).max(0.0))
@@ -464,7 +465,7 @@ struct Judged<'j> {
 }
 
 impl Judged<'_> {
-    fn merit(&self, (setting, limit_s): (&str, f64), failed: u64) -> Merit {
+    fn merit(&self, (setting, limit_s): (&str, f64), failed: u64) -> FlightMetrics {
         let commands = &self.diagnoser.names().actions;
         let mut classes = vec![];
         for least in [0.0, STRONG] {
@@ -493,22 +494,23 @@ impl Judged<'_> {
             .collect();
         trade.sort_by(|a, b| b.asked_per_h.total_cmp(&a.asked_per_h));
         let mut wrong_kinds: Vec<(String, u64)> = vec![];
-        for fate in self.fates(0, |_| true).iter().filter(|fate| fate.is_wrong_shutdown) {
-            match wrong_kinds.iter_mut().find(|(kind, _)| *kind == fate.kind) {
+        for outcome in self.outcomes(0, |_| true).iter().filter(|outcome| outcome.is_wrong_shutdown)
+        {
+            match wrong_kinds.iter_mut().find(|(kind, _)| *kind == outcome.kind) {
                 Some((_, count)) => *count += 1,
-                None => wrong_kinds.push((fate.kind.clone(), 1)),
+                None => wrong_kinds.push((outcome.kind.clone(), 1)),
             }
         }
-        Merit {
+        FlightMetrics {
             setting: setting.into(),
             flights: self.ended.iter().filter(|ended| ended.flight.fault.is_some()).count() as u64,
             failed,
             failed_to_learn: 0,
             on_the_move_to_learn: vec![],
             limit_s,
-            in_time: self.share(off, &|fate| fate.isolated_s.is_some_and(soon)),
-            visible_in_time: self.share(off, &|fate| fate.seen_s.is_some_and(soon)),
-            in_time_since_visible: self.share(off, &|fate| fate.waited_s().is_some_and(soon)),
+            in_time: self.share(off, &|outcome| outcome.isolated_s.is_some_and(soon)),
+            visible_in_time: self.share(off, &|outcome| outcome.seen_s.is_some_and(soon)),
+            in_time_since_visible: self.share(off, &|outcome| outcome.waited_s().is_some_and(soon)),
             classes,
             onsets,
             healthy: self.healthy(0),
@@ -527,12 +529,12 @@ impl Judged<'_> {
         self.diagnoser.decision.off_actions.contains(name)
     }
 
-    fn fates(&self, session: usize, choice: impl Fn(&Flight) -> bool) -> Vec<Fate> {
+    fn outcomes(&self, session: usize, choice: impl Fn(&Flight) -> bool) -> Vec<FlightOutcome> {
         let chosen = self.ended.iter().filter(|ended| choice(&ended.flight));
-        chosen.filter_map(|ended| self.fate(ended, session)).collect()
+        chosen.filter_map(|ended| self.outcome(ended, session)).collect()
     }
 
-    fn fate(&self, ended: &Ended, session: usize) -> Option<Fate> {
+    fn outcome(&self, ended: &Ended, session: usize) -> Option<FlightOutcome> {
         let fault = &self.study.faults[ended.flight.fault?];
         let names = self.diagnoser.names();
         let (unit, class) = (&self.study.units[fault.unit], &self.study.classes[fault.class]);
@@ -550,7 +552,7 @@ impl Judged<'_> {
             faults.iter().position(same).unwrap_or_default() as u32
         };
         let is_kind = |other: &FaultCase| other.kind == fault.kind;
-        Some(Fate {
+        Some(FlightOutcome {
             kind: fault.kind.clone(),
             cluster: first(&|o| is_kind(o) && o.at.intensity == fault.at.intensity),
             kind_number: first(&is_kind),
@@ -568,7 +570,7 @@ impl Judged<'_> {
         session: usize,
         command: &str,
         choice: impl Fn(&Flight) -> bool,
-    ) -> Option<ClassMerit> {
+    ) -> Option<ClassMetrics> {
         let is_of = |flight: &Flight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
             class.is_some_and(|class| class.command == command) && choice(flight)
@@ -577,42 +579,47 @@ impl Judged<'_> {
         let intensities = intensities.map(|flight| flight.intensity);
         let ends = intensities
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], i| [low.min(i), high.max(i)]);
-        let fates = self.fates(session, is_of);
-        if fates.is_empty() {
+        let outcomes = self.outcomes(session, is_of);
+        if outcomes.is_empty() {
             return None;
         }
-        let visible: Vec<&Fate> = fates.iter().filter(|fate| fate.seen_s.is_some()).collect();
+        let visible: Vec<&FlightOutcome> =
+            outcomes.iter().filter(|outcome| outcome.seen_s.is_some()).collect();
         let of = visible.len() as u64;
-        let rate = |choice: &dyn Fn(&Fate) -> bool| rate(&visible, choice);
-        let all: Vec<&Fate> = fates.iter().collect();
-        Some(ClassMerit {
+        let rate = |choice: &dyn Fn(&FlightOutcome) -> bool| rate(&visible, choice);
+        let all: Vec<&FlightOutcome> = outcomes.iter().collect();
+        Some(ClassMetrics {
             command: command.into(),
             intensities: ends,
-            flown: fates.len() as u64,
-            visible: self::rate(&all, &|fate| fate.seen_s.is_some()),
-            isolated: rate(&|fate| fate.first == Some((true, true))),
-            other_command: rate(&|fate| fate.first == Some((true, false))),
-            wrong_actuator: rate(&|fate| fate.first == Some((false, false))),
-            wrong_shutdown: wrong_shutdowns(&fates),
-            silent: rate(&|fate| fate.first.is_none()),
-            detection: latency(visible.iter().filter_map(|fate| fate.seen_s), of),
-            isolation: latency(visible.iter().filter_map(|fate| fate.isolated_s), of),
-            isolation_since_visible: latency(visible.iter().filter_map(|fate| fate.waited_s()), of),
+            flown: outcomes.len() as u64,
+            visible: self::rate(&all, &|outcome| outcome.seen_s.is_some()),
+            isolated: rate(&|outcome| outcome.first == Some((true, true))),
+            other_command: rate(&|outcome| outcome.first == Some((true, false))),
+            wrong_actuator: rate(&|outcome| outcome.first == Some((false, false))),
+            wrong_shutdown: wrong_shutdowns(&outcomes),
+            silent: rate(&|outcome| outcome.first.is_none()),
+            detection: latency(visible.iter().filter_map(|outcome| outcome.seen_s), of),
+            isolation: latency(visible.iter().filter_map(|outcome| outcome.isolated_s), of),
+            isolation_since_visible: latency(
+                visible.iter().filter_map(|outcome| outcome.waited_s()),
+                of,
+            ),
         })
     }
 
     /// The share of visible, strong faults of a command of which something holds.
-    fn share(&self, command: &str, holds: &dyn Fn(&Fate) -> bool) -> Rate {
+    fn share(&self, command: &str, holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
         let is_of = |flight: &Flight| {
             let class = flight.fault.map(|f| &self.study.classes[self.study.faults[f].class]);
             class.is_some_and(|class| class.command == command) && flight.intensity >= STRONG
         };
-        let fates = self.fates(0, is_of);
-        let visible: Vec<&Fate> = fates.iter().filter(|fate| fate.seen_s.is_some()).collect();
+        let outcomes = self.outcomes(0, is_of);
+        let visible: Vec<&FlightOutcome> =
+            outcomes.iter().filter(|outcome| outcome.seen_s.is_some()).collect();
         rate(&visible, holds)
     }
 
-    fn healthy(&self, session: usize) -> HealthyMerit {
+    fn healthy(&self, session: usize) -> HealthyMetrics {
         let (mut seconds, mut alarms, mut shutdowns) = (0.0, 0, 0);
         for Ended { flight, stories, .. } in self.ended {
             let until_s = flight.onset_s.min(flight.duration_s);
@@ -624,7 +631,7 @@ impl Judged<'_> {
             }
         }
         let hours = seconds / 3600.0;
-        HealthyMerit {
+        HealthyMetrics {
             hours,
             alarms,
             shutdowns,
@@ -640,27 +647,30 @@ impl Judged<'_> {
         let of = class.as_ref().map_or(0, |class| class.visible.count);
         let isolated = class.as_ref().and_then(|class| class.isolation.as_ref());
         let isolated = isolated.map_or(0, |latency| latency.flights);
-        let fates = self.fates(session, |_| true);
+        let outcomes = self.outcomes(session, |_| true);
         TradePoint {
             asked_per_h,
             healthy: self.healthy(session),
             isolation: class.and_then(|class| class.isolation),
             missed: Rate::new(of - isolated, of),
-            wrong_shutdowns: wrong_shutdowns(&fates),
+            wrong_shutdowns: wrong_shutdowns(&outcomes),
         }
     }
 }
 
 /// In how many flights the wrong actuator was to be shut down.
-fn wrong_shutdowns(fates: &[Fate]) -> u64 {
-    fates.iter().filter(|fate| fate.is_wrong_shutdown).count() as u64
+fn wrong_shutdowns(outcomes: &[FlightOutcome]) -> u64 {
+    outcomes.iter().filter(|outcome| outcome.is_wrong_shutdown).count() as u64
 }
 
 /// The share of flights of which something holds; its interval is that of whole clusters.
-fn rate(fates: &[&Fate], holds: &dyn Fn(&Fate) -> bool) -> Rate {
-    let trial =
-        |fate: &&Fate| Trial { cluster: fate.cluster, kind: fate.kind_number, holds: holds(fate) };
-    Rate::clustered(&fates.iter().map(trial).collect::<Vec<_>>())
+fn rate(outcomes: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
+    let trial = |outcome: &&FlightOutcome| Trial {
+        cluster: outcome.cluster,
+        kind: outcome.kind_number,
+        holds: holds(outcome),
+    };
+    Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
 }
 
 /// Times at which the share of faults is told, s.

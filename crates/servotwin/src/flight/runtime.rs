@@ -69,7 +69,7 @@ pub struct Runtime<'s> {
     expected: Vec<f64>,
     values: Vec<f64>,
     /// The inputs as the twin was told, and where they come from.
-    believed: Vec<Knot>,
+    accepted: Vec<Knot>,
     buses: Vec<Bus>,
     /// Parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
@@ -131,7 +131,7 @@ impl<'s> Runtime<'s> {
             expected: vec![0.0; slots.len()],
             slots,
             values: vec![0.0; program.externals().len()],
-            believed: defaults(study),
+            accepted: defaults(study),
             buses: vec![Bus::default(); program.externals().len()],
             overrides,
         })
@@ -153,7 +153,7 @@ impl<'s> Runtime<'s> {
         }
         self.take_compiled();
         self.believe(inputs);
-        let inputs = &self.believed;
+        let inputs = &self.accepted;
         let stepped = if self.is_settled {
             self.twin.step(inputs)
         } else {
@@ -188,8 +188,8 @@ impl<'s> Runtime<'s> {
         for (place, &told) in inputs.iter().enumerate() {
             self.values[place] = told;
             let fits = known.get(place).is_none_or(|i| (i.least..=i.largest).contains(&told));
-            let value = if told.is_finite() && fits { told } else { self.believed[place].value };
-            self.believed[place] = self.buses[place].next(value, diagnoser.period_s);
+            let value = if told.is_finite() && fits { told } else { self.accepted[place].value };
+            self.accepted[place] = self.buses[place].next(value, diagnoser.period_s);
         }
     }
 
@@ -276,10 +276,10 @@ impl<'s> Runtime<'s> {
             );
         }
         self.session.restore(&checkpoint.session)?;
-        let buses = self.buses.iter_mut().zip(&mut self.believed).zip(&checkpoint.buses);
-        for ((bus, believed), &memory) in buses {
+        let buses = self.buses.iter_mut().zip(&mut self.accepted).zip(&checkpoint.buses);
+        for ((bus, accepted), &memory) in buses {
             *bus = Bus::from_memory(memory);
-            believed.value = memory.0.unwrap_or(believed.value);
+            accepted.value = memory.0.unwrap_or(accepted.value);
         }
         self.is_settled = false;
         if let Some(snapshot) = &checkpoint.twin {

@@ -4,13 +4,13 @@ use super::{Folder, JobError, pools};
 use crate::campaign::CampaignError;
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files::FileError;
-use crate::flight::flown::Flown;
-use crate::flight::foreign::{self, ForeignMerit};
-use crate::flight::further;
-use crate::flight::judge::{self, Merit, MissingMerit, Watched};
-use crate::flight::lessons::{self, LeftOut, Lessons};
+use crate::flight::campaign::FlightCampaign;
+use crate::flight::hard_negatives;
+use crate::flight::judge::{self, FlightMetrics, MissingSensorMetrics, WatchedFlights};
 use crate::flight::plan::Purpose;
 use crate::flight::train;
+use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
+use crate::flight::unseen_faults::{self, UnseenFaultMetrics};
 use crate::parallel::Workers;
 use crate::study::flights::{Limits, Size};
 use crate::study::{Flights, Setting, Study};
@@ -36,9 +36,9 @@ pub struct FlightResults {
     /// What was asked for.
     pub limits: Limits,
     /// For each setting what was measured.
-    pub merits: Vec<Merit>,
+    pub merits: Vec<FlightMetrics>,
     /// For each setting what was said of faults that were never trained on.
-    pub foreign: Vec<ForeignMerit>,
+    pub foreign: Vec<UnseenFaultMetrics>,
 }
 
 impl FlightResults {
@@ -104,8 +104,9 @@ pub fn learn(
     crew: &Crew,
 ) -> Result<(Diagnoser, LeftOut), JobError> {
     let usual = |environment: usize| environment < flights.learn.environments;
-    let flown = Flown::where_it_is(study, flights, Purpose::Learn, setting, usual, crew.workers)?;
-    let lessons = lessons::cut(study, flights, &flown);
+    let flown =
+        FlightCampaign::where_it_is(study, flights, Purpose::Learn, setting, usual, crew.workers)?;
+    let lessons = training_windows::cut(study, flights, &flown);
     crew.check()?;
     learn_from(folder, study, flights, setting, lessons, crew)
 }
@@ -120,12 +121,12 @@ pub fn learn_from(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    mut lessons: Lessons,
+    mut lessons: TrainingWindows,
     crew: &Crew,
 ) -> Result<(Diagnoser, LeftOut), JobError> {
-    further::add(study, flights, setting, &mut lessons, &pools(study), crew.workers)?;
+    hard_negatives::add(study, flights, setting, &mut lessons, &pools(study), crew.workers)?;
     let left_out = lessons.left_out();
-    let tables = lessons::tables(study, flights, setting, lessons, crew.workers)?;
+    let tables = training_windows::tables(study, flights, setting, lessons, crew.workers)?;
     let diagnoser = train::diagnoser(study, flights, setting, tables, &pools(study), crew.workers)?;
     model_file::write(folder.diagnoser(setting), &diagnoser)?;
     Ok((diagnoser, left_out))
@@ -137,12 +138,12 @@ pub fn merit(
     flights: &Flights,
     setting: Setting,
     (diagnoser, left_out): (&Diagnoser, LeftOut),
-    watched: Watched,
-) -> Merit {
+    watched: WatchedFlights,
+) -> FlightMetrics {
     let asked = (setting.name(), limit_s(flights, setting));
     let merit = judge::merit(study, flights, asked, diagnoser, watched);
     let LeftOut { failed, on_the_move } = left_out;
-    Merit { failed_to_learn: failed, on_the_move_to_learn: on_the_move, ..merit }
+    FlightMetrics { failed_to_learn: failed, on_the_move_to_learn: on_the_move, ..merit }
 }
 
 /// Learns and judges in flights of some of [`settings`], and writes what was measured.
@@ -163,7 +164,7 @@ pub fn fly_all(
         let part = |share: f64| (place as f64 + share) / settings.len() as f64;
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
         let (diagnoser, left_out) = learn(folder, study, flights, setting, crew)?;
-        let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.workers)?;
+        let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
         let told = |done: usize, of: usize| {
             let share = 0.4 + 0.5 * done as f64 / of.max(1) as f64;
             (crew.progress)(&format!("{}: flights to be judged in", setting.name()), part(share));
@@ -173,7 +174,8 @@ pub fn fly_all(
         let watched = watched.map_err(|error| JobError::Evaluation(error.into()))?;
         let merit = merit(study, flights, setting, (&diagnoser, left_out), watched);
         (crew.progress)(&format!("{}: faults never trained on", setting.name()), part(0.9));
-        let said = foreign::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
+        let said =
+            unseen_faults::judge(study, flights, setting, &Arc::new(diagnoser), crew.workers);
         crew.check()?;
         write(folder, flights, is_full, vec![(merit, said?)])?;
     }
@@ -191,11 +193,11 @@ pub fn without_sensors(
     flights: &Flights,
     settings: &[Setting],
     crew: &Crew,
-) -> Result<Vec<MissingMerit>, JobError> {
+) -> Result<Vec<MissingSensorMetrics>, JobError> {
     let mut merits = vec![];
     for &setting in settings {
         let diagnoser = Arc::new(diagnoser(folder, setting)?);
-        let flown = Flown::new(study, flights, Purpose::Judge, setting, crew.workers)?;
+        let flown = FlightCampaign::new(study, flights, Purpose::Judge, setting, crew.workers)?;
         let asked = (setting.name(), limit_s(flights, setting));
         for sensor in 0..diagnoser.sensors.len() {
             let name = &diagnoser.sensors[sensor].name;
@@ -227,7 +229,7 @@ pub fn write(
     folder: &Folder,
     flights: &Flights,
     is_full: bool,
-    measured: Vec<(Merit, ForeignMerit)>,
+    measured: Vec<(FlightMetrics, UnseenFaultMetrics)>,
 ) -> Result<FlightResults, JobError> {
     let (merits, foreign) = measured.into_iter().unzip();
     let mut all = FlightResults {

@@ -54,7 +54,7 @@ pub enum StudyEvent<'e> {
         share: f64,
     },
     /// The flights are flown and judged.
-    Flown(&'e FlightResults),
+    FlightCampaign(&'e FlightResults),
     /// Trees and boosted trees are trained and evaluated.
     Evaluating {
         /// The task at hand.
@@ -183,7 +183,7 @@ impl<'r> StudyRun<'r> {
         let crew = Crew { workers: self.workers, progress: &progress };
         let settings = flights::settings(self.study);
         let results = flights::fly_all(&self.folder, self.study, sizes, &settings, false, &crew)?;
-        (self.observer)(&StudyEvent::Flown(&results));
+        (self.observer)(&StudyEvent::FlightCampaign(&results));
         Ok(results)
     }
 

@@ -1,7 +1,7 @@
 //! What is diagnosed: a data set, with or without the extra sensor.
 
 use crate::evaluation::comparison::quick_classifiers;
-use crate::evaluation::data_set::Lessons;
+use crate::evaluation::data_set::TrainingFilter;
 use crate::evaluation::protocol::{Holding, Protocol};
 use crate::evaluation::{self, Settings};
 use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
@@ -132,9 +132,9 @@ impl Subject {
         let defaults = Settings::default();
         let usually = defaults.holding.lessons;
         let lessons = match self.setting().plants() {
-            Plants::Pool => Lessons { healthy: 1.0, ..usually },
+            Plants::Pool => TrainingFilter { healthy: 1.0, ..usually },
             Plants::Specimens => usually,
-            Plants::Twin => Lessons { weaker: 0.25, ..usually },
+            Plants::Twin => TrainingFilter { weaker: 0.25, ..usually },
         };
         let settings = Settings {
             training: match self.setting().plants() {

@@ -1,7 +1,7 @@
 //! Measurements by which settings of subjects were chosen.
 
 use super::*;
-use crate::evaluation::data_set::Lessons;
+use crate::evaluation::data_set::TrainingFilter;
 use crate::evaluation::run::{self, Scope};
 use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
@@ -21,7 +21,7 @@ fn measure_trees() {
         data.rows_where(Role::Training, |r| !r.is_healthy && r.is_detected() && r.moved == 0);
     let in_fold = |row: usize, fold: u32| data.rows[row].flown % 4 == fold;
     for healthy in [0.8, 1.0] {
-        let lessons = Lessons { healthy, ..subject.settings(&study).holding.lessons };
+        let lessons = TrainingFilter { healthy, ..subject.settings(&study).holding.lessons };
         let lesson = data.learnt_from(lessons).unwrap();
         let split = |fold| Split {
             train: lesson.iter().copied().filter(|&row| !in_fold(row, fold)).collect(),

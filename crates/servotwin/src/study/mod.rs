@@ -34,7 +34,7 @@ use crate::document::{
 };
 use crate::files::FileError;
 use crate::format;
-use crate::kind::{Kind, named_system};
+use crate::kind::{FileType, named_system};
 use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
@@ -241,7 +241,7 @@ impl Study {
     /// # Errors
     /// A file cannot be read, or every mistake that was found.
     pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let (text, _) = Kind::Study.read(path).map_err(StudyError::File)?;
+        let (text, _) = FileType::Study.read(path).map_err(StudyError::File)?;
         Self::parse_with_system(&text, path, system)
     }
 
@@ -339,7 +339,7 @@ impl Study {
 
     /// The file of the system that a study file names; `None` where it is built in, or nothing can be read.
     pub fn system_file(path: &Path) -> Option<PathBuf> {
-        let (text, _) = Kind::Study.read(path).ok()?;
+        let (text, _) = FileType::Study.read(path).ok()?;
         let name = named_system(&text).filter(|name| name.ends_with(".toml"))?;
         Some(beside(&name, path))
     }
@@ -349,7 +349,7 @@ impl Study {
     /// # Errors
     /// The file cannot be read, or every mistake that was found.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, StudyError> {
-        let (text, name) = Kind::Study.read(path.as_ref()).map_err(StudyError::File)?;
+        let (text, name) = FileType::Study.read(path.as_ref()).map_err(StudyError::File)?;
         Self::parse(&text, &name)
     }
 
@@ -431,7 +431,7 @@ pub fn keys() -> &'static [format::Key] {
 /// What a file says, with what is wrong with its form. Where no more can be said, all of that is the
 /// error.
 fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
-    if let Some(mistakes) = Kind::Study.wanted(text) {
+    if let Some(mistakes) = FileType::Study.wanted(text) {
         return Err(StudyError::Mistakes { path: path.into(), mistakes });
     }
     let mut mistakes = Collector::new();

@@ -46,7 +46,7 @@ use crate::built_in;
 use crate::compiled::Compiled;
 use crate::document::{Located, Quantities, Quantity, write_mistakes};
 use crate::files::FileError;
-use crate::kind::Kind;
+use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
 use servotwin_model::components::Span;
 use servotwin_model::network::{self, Network};
@@ -133,7 +133,7 @@ impl System {
     /// # Errors
     /// Every mistake that was found.
     pub fn parse(text: &str, path: &str) -> Result<Self, SystemError> {
-        if let Some(mistakes) = Kind::System.wanted(text) {
+        if let Some(mistakes) = FileType::System.wanted(text) {
             return Err(SystemError::Mistakes { path: path.into(), mistakes });
         }
         let mut reader = read::Reader::new();
@@ -162,7 +162,7 @@ impl System {
     /// # Errors
     /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, SystemError> {
-        let (text, name) = Kind::System.read(path.as_ref()).map_err(SystemError::File)?;
+        let (text, name) = FileType::System.read(path.as_ref()).map_err(SystemError::File)?;
         Self::parse(&text, &name)
     }
 
@@ -283,7 +283,7 @@ impl System {
 
     /// Between which values what is told of an input lies at all: its range, and as much again beyond either end, for
     /// sensors behind it.
-    pub fn tellable(&self, input: usize) -> (f64, f64) {
+    pub fn accepted_range(&self, input: usize) -> (f64, f64) {
         let (low, high) = self.network().input_range(input);
         (low - (high - low), high + (high - low))
     }

@@ -1,12 +1,12 @@
 //! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
 //! is said and done.
 
+use servotwin::flight::campaign::FlightCampaign;
 use servotwin::flight::closed_loop::{self, Record, Scenario};
-use servotwin::flight::flown::Flown;
-use servotwin::flight::foreign;
-use servotwin::flight::judge::{self, Merit, Watched};
-use servotwin::flight::lessons::{self, LeftOut, Lessons};
+use servotwin::flight::judge::{self, FlightMetrics, WatchedFlights};
 use servotwin::flight::plan::Purpose;
+use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
+use servotwin::flight::unseen_faults;
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, learn, learn_from};
 use servotwin::parallel::Workers;
@@ -70,10 +70,16 @@ pub fn diagnoser() -> &'static Arc<Diagnoser> {
     MADE.get_or_init(|| Arc::new(learned(2)))
 }
 
-fn merit(threads: usize) -> Merit {
+fn merit(threads: usize) -> FlightMetrics {
     let flights = &study().flights().unwrap().unwrap();
-    let flown = Flown::new(study(), flights, Purpose::Judge, Setting::Noise, Workers::new(threads))
-        .unwrap();
+    let flown = FlightCampaign::new(
+        study(),
+        flights,
+        Purpose::Judge,
+        Setting::Noise,
+        Workers::new(threads),
+    )
+    .unwrap();
     let watched = judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap();
     judge::merit(study(), flights, ("noise", 1.0), diagnoser(), watched)
 }
@@ -89,7 +95,7 @@ fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
     assert_eq!(one, two);
     let foreign = |threads| {
         let flights = &study().flights().unwrap().unwrap();
-        foreign::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(threads))
+        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(threads))
             .unwrap()
     };
     assert_eq!(text(&foreign(1)), text(&foreign(2)));
@@ -120,13 +126,14 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     let apart = |purpose: Purpose, environments: usize| {
         (0..environments).rev().map(move |environment| {
             let (setting, workers) = (Setting::Noise, Workers::new(1));
-            Flown::in_environment(study(), flights, purpose, setting, environment, workers).unwrap()
+            FlightCampaign::in_environment(study(), flights, purpose, setting, environment, workers)
+                .unwrap()
         })
     };
     // Through a text, as it comes from another machine.
-    let mut lessons = Lessons::default();
+    let mut lessons = TrainingWindows::default();
     for flown in apart(Purpose::Learn, 3) {
-        let sent = text(&lessons::cut(study(), flights, &flown));
+        let sent = text(&training_windows::cut(study(), flights, &flown));
         lessons.add(serde_json::from_str(&sent).unwrap());
     }
     let folder =
@@ -138,7 +145,7 @@ fn flights_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     assert!(text(&found) == text(&**diagnoser()) && left_out == LeftOut::default());
     std::fs::remove_dir_all(folder.path()).unwrap();
 
-    let mut watched = Watched::default();
+    let mut watched = WatchedFlights::default();
     for flown in apart(Purpose::Judge, 2) {
         let sent = text(&judge::watch(&flown, diagnoser(), &|_, _| ()).unwrap());
         watched.add(serde_json::from_str(&sent).unwrap());
@@ -161,9 +168,10 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
 fn faults_never_trained_on_are_counted_once_each() {
     let flights = &study().flights().unwrap().unwrap();
     let merit =
-        foreign::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(2)).unwrap();
+        unseen_faults::judge(study(), flights, Setting::Noise, diagnoser(), Workers::new(2))
+            .unwrap();
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
-    assert!(merit.outcomes.len() < foreign::ALL.len() && !merit.outcomes.is_empty());
+    assert!(merit.outcomes.len() < unseen_faults::ALL.len() && !merit.outcomes.is_empty());
     // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
     for outcome in &merit.outcomes {
         let is_told_wrong = outcome.title.contains("pressure that the twin is told is");
@@ -177,7 +185,7 @@ fn faults_never_trained_on_are_counted_once_each() {
     for outcome in stored["outcomes"].as_array_mut().unwrap() {
         outcome.as_object_mut().unwrap().remove("shutdowns_behind_wrong_sensor");
     }
-    let old: foreign::ForeignMerit = serde_json::from_value(stored).unwrap();
+    let old: unseen_faults::UnseenFaultMetrics = serde_json::from_value(stored).unwrap();
     assert_eq!(old.shutdowns_behind_wrong_sensor(), (0, 0));
     for outcome in &merit.outcomes {
         let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();

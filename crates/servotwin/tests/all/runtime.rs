@@ -3,10 +3,10 @@
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
 use servotwin::fit::Record;
-use servotwin::flight::flown::{Flown, Observer as FlightObserver};
+use servotwin::flight::campaign::{FlightCampaign, Observer as FlightObserver};
 use servotwin::flight::plan::{Flight, Purpose};
+use servotwin::flight::replay::replay_record;
 use servotwin::flight::runtime::{Runtime, RuntimeError};
-use servotwin::flight::told::told;
 use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{Finding, Observer, Phase, State};
 use servotwin::parallel::Workers;
@@ -33,7 +33,8 @@ impl FlightObserver for Log {
 fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
     let flights = &study().flights().unwrap().unwrap();
     let flown =
-        Flown::new(study(), flights, Purpose::Judge, Setting::Realistic, Workers::new(2)).unwrap();
+        FlightCampaign::new(study(), flights, Purpose::Judge, Setting::Realistic, Workers::new(2))
+            .unwrap();
     let mut logs: Vec<(Flight, Log)> = vec![];
     flown.fly(
         &[0, 5, flown.plan.len() - 1],
@@ -140,13 +141,16 @@ fn record() -> Record {
 fn of_a_flight_that_is_over_the_most_is_told_that_was_said() {
     let said = replay(&[]);
     let raised = said.iter().position(|(finding, _)| finding.phase == Phase::Raised).unwrap();
-    let told = told(study(), diagnoser(), &record()).unwrap();
+    let told = replay_record(study(), diagnoser(), &record()).unwrap();
     assert_eq!(told.finding.phase, Phase::Raised);
     assert_eq!((told.finding.actuator, told.finding.command.as_str()), (Some(1), "shut_down"));
     assert!((told.at_s - raised as f64 * study().sample_period_s).abs() < 1e-9, "{told:?}");
     assert_eq!((told.outside, told.finding.is_outside), (0.0, false));
     let slower = Record { period_s: 0.025, ..record() };
-    assert!(matches!(self::told(study(), diagnoser(), &slower), Err(RuntimeError::Period { .. })));
+    assert!(matches!(
+        replay_record(study(), diagnoser(), &slower),
+        Err(RuntimeError::Period { .. })
+    ));
 }
 
 #[test]

@@ -20,7 +20,7 @@ mod picture;
 
 pub use learn::{Trace, learn, share_of_calibration};
 
-use super::flown::{Flown, Observer};
+use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
 use crate::campaign::CampaignError;
 use crate::parallel::Workers;
@@ -270,7 +270,7 @@ impl Flying<'_> {
             flight.duration_s = flight.duration_s.min(flights.duration_s);
         }
         let lot = (purpose, flights.seed);
-        let flown = Flown::planned(study, environments, plan, lot, setting, workers)?;
+        let flown = FlightCampaign::planned(study, environments, plan, lot, setting, workers)?;
         let all = 0..flown.plan.len();
         let which: Vec<usize> = all.filter(|&n| wanted(&flown.plan[n])).collect();
         let scales: Vec<f64> = study.scales();

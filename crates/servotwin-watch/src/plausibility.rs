@@ -25,7 +25,7 @@ const LEAST_VALUES: u64 = 20;
 const LEAST_SHARE: f64 = 0.01;
 /// What is gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Doubts {
+pub struct Plausibility {
     last_s: f64,
     steps_s: Vec<f64>,
     /// One of the log's own unit of time, s.
@@ -46,13 +46,13 @@ struct Column {
     beside: Beside,
 }
 
-impl Doubts {
+impl Plausibility {
     /// Before the first sample.
     pub(super) fn new(map: &Map) -> Self {
         let column = |channel| Column { range: map.possible(channel), ..Column::default() };
         let columns = (0..map.width()).map(column).collect();
         let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
-        Doubts { last_s: f64::NAN, steps_s: vec![], unit_s, columns }
+        Plausibility { last_s: f64::NAN, steps_s: vec![], unit_s, columns }
     }
 
     /// Inputs are believed in these ranges only.

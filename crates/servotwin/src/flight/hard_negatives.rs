@@ -4,9 +4,9 @@
 //! hundred in all the healthy flights of a study, most of them in a few environments. What healthy specimens look like then
 //! is learned from further flights, one in each of many environments, from which nothing else is kept.
 
-use super::flown::{Flown, Observer};
-use super::lessons::{BaselineCorrected, Cut, Lesson, Lessons};
+use super::campaign::{FlightCampaign, Observer};
 use super::plan::{Flight, Purpose};
+use super::training_windows::{BaselineCorrected, Cut, TrainingWindow, TrainingWindows};
 use super::windows::{self, Kind};
 use crate::campaign::CampaignError;
 use crate::parallel::Workers;
@@ -24,7 +24,7 @@ pub fn add(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    lessons: &mut Lessons,
+    lessons: &mut TrainingWindows,
     pools: &[usize],
     workers: Workers,
 ) -> Result<(), CampaignError> {
@@ -36,8 +36,14 @@ pub fn add(
     for from in (flights.learn.environments..all).step_by(BATCH) {
         let batch = from..all.min(from + BATCH);
         let is_chosen = |environment: usize| batch.contains(&environment);
-        let flown =
-            Flown::where_it_is(study, flights, Purpose::Learn, setting, is_chosen, workers)?;
+        let flown = FlightCampaign::where_it_is(
+            study,
+            flights,
+            Purpose::Learn,
+            setting,
+            is_chosen,
+            workers,
+        )?;
         let seeking = Seeking::new(study, flights, setting, &kinds, &bands);
         flown.fly(
             &flown.which,
@@ -66,7 +72,7 @@ struct Seeking<'s> {
     absolute: Sliding,
     /// And beyond a reference.
     baseline_corrected: Option<(BaselineCorrected, Sliding)>,
-    found: Vec<Lesson>,
+    found: Vec<TrainingWindow>,
 }
 
 impl<'s> Seeking<'s> {
@@ -94,7 +100,7 @@ impl<'s> Seeking<'s> {
     }
 
     /// Keeps the newest window of a kind if it is new and leaves its band.
-    fn look(&self, kind: usize, index: usize) -> Option<Lesson> {
+    fn look(&self, kind: usize, index: usize) -> Option<TrainingWindow> {
         let is_baseline_corrected = self.kinds[kind].is_baseline_corrected;
         let sliding = match &self.baseline_corrected {
             Some((_, baseline_corrected)) if is_baseline_corrected => baseline_corrected,
@@ -112,7 +118,7 @@ impl<'s> Seeking<'s> {
         let has_left = bands.any(|(sensor, band)| window.largest(sensor) > *band);
         let (from, to) = (index + 1 - window.count() as usize, index + 1);
         let cut = Cut { kind, from, to, is_faulty: false };
-        self.flight.filter(|_| has_left).map(|flight| Lesson::new(cut, &flight, window))
+        self.flight.filter(|_| has_left).map(|flight| TrainingWindow::new(cut, &flight, window))
     }
 }
 
@@ -128,7 +134,7 @@ impl Observer for Seeking<'_> {
         }
         if has_new {
             let found = (0..self.kinds.len()).filter_map(|kind| self.look(kind, index));
-            let found: Vec<Lesson> = found.collect();
+            let found: Vec<TrainingWindow> = found.collect();
             self.found.extend(found);
         }
     }

@@ -5,7 +5,7 @@
 //! campaign's data set ([`crate::evaluation::DataSet`] reads them); every environment is a command
 //! of its own.
 
-use super::flown::{Flown, Observer};
+use super::campaign::{FlightCampaign, Observer};
 use super::plan::{self, Flight, Purpose};
 use super::windows::{self, Kind};
 use crate::campaign::CampaignError;
@@ -43,17 +43,17 @@ pub(super) struct Cut {
 
 /// A window that was cut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Lesson {
+pub(super) struct TrainingWindow {
     cut: Cut,
     flight: usize,
     /// The bits of the window's values, which may be infinite.
     bits: Vec<u64>,
 }
 
-impl Lesson {
+impl TrainingWindow {
     pub fn new(cut: Cut, flight: &Flight, window: &Window) -> Self {
         let bits = window.to_values().into_iter().map(f64::to_bits).collect();
-        Lesson { cut, flight: flight.number, bits }
+        TrainingWindow { cut, flight: flight.number, bits }
     }
 
     fn window(&self, sensors: usize) -> Window {
@@ -64,8 +64,8 @@ impl Lesson {
 
 /// What was cut out of flights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Lessons {
-    list: Vec<Lesson>,
+pub struct TrainingWindows {
+    list: Vec<TrainingWindow>,
     /// Flights that could not be finished, which teach nothing.
     pub failed: usize,
     /// Flights that began without a steady state, which teach nothing either: their environments and specimens.
@@ -91,9 +91,9 @@ pub struct MovingFlight {
     pub environment: usize,
 }
 
-impl Lessons {
+impl TrainingWindows {
     /// Adds what was cut out of other flights.
-    pub fn add(&mut self, other: Lessons) {
+    pub fn add(&mut self, other: TrainingWindows) {
         self.list.extend(other.list);
         self.failed += other.failed;
         self.on_the_move.extend(other.on_the_move);
@@ -111,7 +111,7 @@ impl Lessons {
         self.on_the_move.push(moving);
     }
 
-    pub(super) fn push(&mut self, lesson: Lesson) {
+    pub(super) fn push(&mut self, lesson: TrainingWindow) {
         self.list.push(lesson);
     }
 
@@ -123,7 +123,7 @@ impl Lessons {
     /// The half widths of the bands that healthy windows of a kind give; `None` of too few.
     pub(super) fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
         let healthy = self.list.iter().filter(|l| l.cut.kind == kind && !l.cut.is_faulty);
-        let largest = |lesson: &Lesson| -> Vec<f64> {
+        let largest = |lesson: &TrainingWindow| -> Vec<f64> {
             let window = lesson.window(pools.len());
             (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
         };
@@ -183,13 +183,13 @@ impl Observer for Cutter<'_> {
 
 /// Flies what there is to learn from, and cuts windows out of it. Flights that cannot be finished are left
 /// out.
-pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
+pub fn cut(study: &Study, flights: &Flights, flown: &FlightCampaign) -> TrainingWindows {
     let scales = study.scales()[..study.base_sensors()].to_vec();
     let period_s = study.sample_period_s;
     let kinds = windows::kinds(flights, flown.setting);
     let baseline = windows::baseline(flights, flown.setting, period_s);
     let settled = baseline.map_or(0, |baseline| baseline.settle_samples as usize);
-    let mut lessons = Lessons::default();
+    let mut lessons = TrainingWindows::default();
     flown.fly(
         &flown.which,
         |flight| {
@@ -204,7 +204,9 @@ pub fn cut(study: &Study, flights: &Flights, flown: &Flown) -> Lessons {
             Ok(work) if flown.is_on_the_move(flight, &work) => lessons.leave_out(flight),
             Ok(_) => {
                 let windows = cutter.cuts.iter().zip(&cutter.windows);
-                lessons.list.extend(windows.map(|(&cut, window)| Lesson::new(cut, flight, window)));
+                lessons
+                    .list
+                    .extend(windows.map(|(&cut, window)| TrainingWindow::new(cut, flight, window)));
             }
             Err(_) => lessons.failed += 1,
         },
@@ -220,7 +222,7 @@ pub fn tables(
     study: &Study,
     flights: &Flights,
     setting: Setting,
-    mut lessons: Lessons,
+    mut lessons: TrainingWindows,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
     lessons.sort();
@@ -228,7 +230,7 @@ pub fn tables(
     let plan = &plan::flights(study, flights, Purpose::Learn);
     let mut tables = vec![];
     for kind in 0..windows::kinds(flights, setting).len() {
-        let of: Vec<&Lesson> = lessons.list.iter().filter(|l| l.cut.kind == kind).collect();
+        let of: Vec<&TrainingWindow> = lessons.list.iter().filter(|l| l.cut.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, plan }.table(&of, workers)?);
     }
     Ok(tables)
@@ -277,7 +279,7 @@ struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    fn table(&self, lessons: &[&Lesson], workers: Workers) -> Result<Table, CampaignError> {
+    fn table(&self, lessons: &[&TrainingWindow], workers: Workers) -> Result<Table, CampaignError> {
         let windows: Vec<Window> =
             lessons.iter().map(|lesson| lesson.window(self.sensors.0.len())).collect();
         let orders = self.sensors.rotations(self.study.units.len()).unwrap_or_default();
@@ -293,15 +295,15 @@ impl Maker<'_> {
         Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
     }
 
-    fn labels(&self, lessons: &[&Lesson], windows: &[Window]) -> Vec<Column> {
-        let flight = |lesson: &Lesson| self.plan[lesson.flight];
-        let shown = |lesson: &&Lesson| match flight(lesson) {
+    fn labels(&self, lessons: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
+        let flight = |lesson: &TrainingWindow| self.plan[lesson.flight];
+        let shown = |lesson: &&TrainingWindow| match flight(lesson) {
             Flight { fault, intensity, .. } if lesson.cut.is_faulty => Shown { fault, intensity },
             _ => Shown { fault: None, intensity: 0.0 },
         };
-        let case = |lesson: &&Lesson| format!("{:03}", flight(lesson).environment);
+        let case = |lesson: &&TrainingWindow| format!("{:03}", flight(lesson).environment);
         let cases: Vec<String> = lessons.iter().map(case).collect();
-        let number = |name: &str, unit: &str, of: &dyn Fn(&Lesson) -> f64| {
+        let number = |name: &str, unit: &str, of: &dyn Fn(&TrainingWindow) -> f64| {
             let numbers = lessons.iter().map(|lesson| of(lesson)).collect();
             Column::new(name, unit, Values::Float(numbers))
         };

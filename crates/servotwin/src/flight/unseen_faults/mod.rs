@@ -9,7 +9,7 @@ mod list;
 
 pub use list::{ALL, Foreign, Sensible};
 
-use super::flown::{Flown, Observer};
+use super::campaign::{FlightCampaign, Observer};
 use super::judge::{Latency, latency};
 use super::plan::{Flight, Onset, Purpose};
 use crate::campaign::CampaignError;
@@ -67,7 +67,7 @@ impl Words {
 
 /// What was said of a foreign fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ForeignOutcome {
+pub struct UnseenFaultOutcome {
     /// What it is.
     pub title: String,
     /// Its strengths, in words.
@@ -98,17 +98,17 @@ pub struct ForeignOutcome {
 
 /// What was said of all of them in a setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ForeignMerit {
+pub struct UnseenFaultMetrics {
     /// The setting's name.
     pub setting: String,
     /// One for each fault that the study's system can have.
-    pub outcomes: Vec<ForeignOutcome>,
+    pub outcomes: Vec<UnseenFaultOutcome>,
 }
 
-impl ForeignMerit {
+impl UnseenFaultMetrics {
     /// Shutdowns of a healthy actuator, of how many flights.
     pub fn shutdowns_healthy(&self) -> (u64, u64) {
-        let sum = |of: fn(&ForeignOutcome) -> u64| self.outcomes.iter().map(of).sum();
+        let sum = |of: fn(&UnseenFaultOutcome) -> u64| self.outcomes.iter().map(of).sum();
         (sum(|outcome| outcome.shutdowns_healthy), sum(|outcome| outcome.flights))
     }
 
@@ -202,7 +202,7 @@ struct Listening {
     is_off: Vec<bool>,
     /// Unit and command raised first.
     first: Option<(usize, u32)>,
-    heard: Heard,
+    heard: FindingFlags,
     first_word: Option<u64>,
     off_at_fault: bool,
     off_misinformed: bool,
@@ -211,7 +211,7 @@ struct Listening {
 
 /// What was found at any time since the onset.
 #[derive(Default)]
-struct Heard {
+struct FindingFlags {
     actuator: bool,
     other: bool,
     unknown: bool,
@@ -219,7 +219,7 @@ struct Heard {
     no_data: bool,
 }
 
-impl Heard {
+impl FindingFlags {
     /// Whether it is a word at all.
     fn listen(&mut self, outcome: &Outcome, is_concerned: impl Fn(usize) -> bool) -> bool {
         let lacks = outcome.lost > 0 || matches!(outcome.alarm, Alarm::NoData | Alarm::Error);
@@ -309,11 +309,11 @@ pub fn judge(
     setting: Setting,
     diagnoser: &Arc<Diagnoser>,
     workers: Workers,
-) -> Result<ForeignMerit, CampaignError> {
+) -> Result<UnseenFaultMetrics, CampaignError> {
     let Plan { cases, flights: plan, told } = Plan::new(study, flights);
     let lot = (Purpose::Judge, flights.seed);
     let told = Cow::Owned(told);
-    let flown = Flown::planned(study, told, plan, lot, setting, workers)?;
+    let flown = FlightCampaign::planned(study, told, plan, lot, setting, workers)?;
     let fresh = Session::new(diagnoser.clone()).expect("a diagnoser that was checked");
     let commands = diagnoser.names().actions.iter();
     let is_off: Vec<bool> =
@@ -343,7 +343,7 @@ pub fn judge(
             misinformed: case(flight).changes.misinformed.clone(),
             is_off: is_off.clone(),
             first: None,
-            heard: Heard::default(),
+            heard: FindingFlags::default(),
             first_word: None,
             off_at_fault: false,
             off_misinformed: false,
@@ -376,7 +376,7 @@ pub fn judge(
                 format!("{environment}{of} at {}", case.strength)
             })
             .collect();
-        ForeignOutcome {
+        UnseenFaultOutcome {
             title: fault.title.into(),
             strengths: fault.strengths_in_words.into(),
             sensible: fault.sensible,
@@ -394,5 +394,5 @@ pub fn judge(
         }
     };
     let outcomes = (0..ALL.len()).map(told_of).filter(|o| o.flights + o.failed > 0).collect();
-    Ok(ForeignMerit { setting: setting.name().into(), outcomes })
+    Ok(UnseenFaultMetrics { setting: setting.name().into(), outcomes })
 }

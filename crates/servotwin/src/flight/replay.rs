@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// The most that was said of a record.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Told {
+pub struct ReplaySummary {
     /// What.
     pub finding: Finding,
     /// When that much was said first, s.
@@ -35,11 +35,11 @@ fn weight(finding: &Finding) -> u32 {
 ///
 /// # Errors
 /// The diagnoser is not one for this study, or of other samples than the record's.
-pub fn told(
+pub fn replay_record(
     study: &Study,
     diagnoser: &Arc<Diagnoser>,
     record: &Record,
-) -> Result<Told, RuntimeError> {
+) -> Result<ReplaySummary, RuntimeError> {
     let (period_s, needed_s) = (record.period_s, diagnoser.period_s);
     if (period_s - needed_s).abs() > 1e-6 * needed_s {
         return Err(RuntimeError::Period { period_s, needed_s });
@@ -47,7 +47,7 @@ pub fn told(
     let mut watcher = Watcher::new(study, diagnoser.clone())?;
     let mut measured = vec![f64::NAN; study.system.sensors.len()];
     let mut inputs = vec![0.0; record.inputs.len()];
-    let mut told = Told { finding: Finding::default(), at_s: 0.0, outside: 0.0 };
+    let mut told = ReplaySummary { finding: Finding::default(), at_s: 0.0, outside: 0.0 };
     let mut outside = 0_usize;
     for (k, sample) in record.measured.chunks_exact(record.sensors.len()).enumerate() {
         let time_s = k as f64 * period_s;

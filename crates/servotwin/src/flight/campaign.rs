@@ -30,7 +30,7 @@ struct Actuator {
 }
 
 /// Flights of one purpose in one setting.
-pub struct Flown<'s> {
+pub struct FlightCampaign<'s> {
     study: &'s Study,
     environments: Cow<'s, [Environment]>,
     purpose: Purpose,
@@ -52,7 +52,7 @@ pub struct Flown<'s> {
     calibrated: Vec<Actuator>,
 }
 
-impl<'s> Flown<'s> {
+impl<'s> FlightCampaign<'s> {
     /// Plans the flights and simulates their twins. The extra sensor of a study is not observed.
     ///
     /// # Errors
@@ -64,7 +64,7 @@ impl<'s> Flown<'s> {
         setting: Setting,
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
-        Flown::where_it_is(study, flights, purpose, setting, |_| true, workers)
+        FlightCampaign::where_it_is(study, flights, purpose, setting, |_| true, workers)
     }
 
     /// The flights of one environment only, numbered as among all.
@@ -80,7 +80,7 @@ impl<'s> Flown<'s> {
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
         let own = |flown: usize| flown == environment;
-        Flown::where_it_is(study, flights, purpose, setting, own, workers)
+        FlightCampaign::where_it_is(study, flights, purpose, setting, own, workers)
     }
 
     /// The flights of those environments that are chosen.
@@ -100,7 +100,7 @@ impl<'s> Flown<'s> {
         let flown = |&place: &usize| is_chosen(plan[place].environment);
         let which = (0..plan.len()).filter(flown).collect();
         let lot = (purpose, flights.seed);
-        Flown::of(study, environments, (plan, which), lot, setting, workers)
+        FlightCampaign::of(study, environments, (plan, which), lot, setting, workers)
     }
 
     /// The same for flights and environments of one's own, of a purpose with a seed.
@@ -116,7 +116,7 @@ impl<'s> Flown<'s> {
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
         let all = (0..plan.len()).collect();
-        Flown::of(study, environments, (plan, all), lot, setting, workers)
+        FlightCampaign::of(study, environments, (plan, all), lot, setting, workers)
     }
 
     fn of(
@@ -131,7 +131,7 @@ impl<'s> Flown<'s> {
         let mut ensemble = Ensemble { threads, cancel, ..ensemble(study) };
         let sensors = study.base_sensors();
         ensemble.record.truncate(sensors);
-        let mut flown = Flown {
+        let mut flown = FlightCampaign {
             study,
             environments,
             purpose,
@@ -300,7 +300,7 @@ impl<'s> Flown<'s> {
 }
 
 struct Watch<'f, O> {
-    flown: &'f Flown<'f>,
+    flown: &'f FlightCampaign<'f>,
     twin: &'f [f64],
     noise: Option<Random>,
     measured: Vec<f64>,
