@@ -10,7 +10,6 @@ pub mod dual;
 pub mod equation;
 pub mod fluid;
 pub mod jacobian;
-pub mod kernel_source;
 pub mod lanes;
 pub mod lu;
 pub mod math;

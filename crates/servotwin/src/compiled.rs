@@ -1,7 +1,7 @@
 //! Steps that the machine's C compiler has made faster.
 //!
 //! Where there is a compiler and enough to do, or a live stream to watch, the system's equations and their Jacobian
-//! become machine code ([`servotwin_model::kernel_source`]), which takes some seconds; where there is none the solver
+//! become machine code ([`servotwin_model::c_source`]), which takes some seconds; where there is none the solver
 //! walks its lists, which takes half as long again. The bits are the same, or else what was compiled is not used: it runs
 //! beside the lists once.
 //!
@@ -11,7 +11,7 @@
 
 use crate::leftovers::{own_prefix, remove_abandoned_folders};
 use libloading::Library;
-use servotwin_model::kernel_source;
+use servotwin_model::c_source;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
@@ -275,7 +275,7 @@ impl Loaded {
         let method = Settings::campaign().method;
         let folder = Folder::new()?;
         let source = folder.source();
-        let text = kernel_source::write(program, method).ok_or(None)?;
+        let text = c_source::write_step(program, method).ok_or(None)?;
         fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let with = |flags| libraries(compiler, flags, &levels, (&source, &folder), patience);
@@ -610,7 +610,7 @@ mod tests {
     fn roots(numbers: &[[f64; 8]]) -> Vec<[[f64; 8]; 2]> {
         const FUNCTIONS: &str = "void roots(IN x, OUT iterated, OUT known) { int lane = 0; \
              PUT(iterated, 0, iterated_root(AT(x, 0))); PUT(known, 0, root(AT(x, 0))); }";
-        let prelude = include_str!("../../servotwin-model/src/kernel_source.h");
+        let prelude = include_str!("../../servotwin-model/src/c_source/step.h");
         let folder = Folder::new().unwrap();
         let source = folder.source();
         fs::write(&source, format!("{prelude}\n{FUNCTIONS}\n")).unwrap();

@@ -25,7 +25,7 @@ pub(crate) fn input_bit(external: usize) -> u64 {
     1 << external.min(62)
 }
 
-/// The functions of [`crate::kernel_source`] for arrays of so many lanes.
+/// The functions of [`crate::c_source`] for arrays of so many lanes.
 #[derive(Debug)]
 pub struct Functions {
     /// Number of lanes in the arrays.
@@ -56,7 +56,7 @@ impl Functions {
     /// Takes the functions by their names; `None` where one is missing.
     ///
     /// # Safety
-    /// `find` must give the functions of a text of [`crate::kernel_source::write`], compiled with this stride for an
+    /// `find` must give the functions of a text of [`crate::c_source::write_step`], compiled with this stride for an
     /// instruction set that the processor has, and they must stay where they are.
     pub unsafe fn find(
         method: Method,
@@ -101,7 +101,7 @@ impl Functions {
         self.quiet_places
     }
 
-    /// Does anew what is quiet and has changed ([`crate::kernel_source`]). To be called before the other evaluations.
+    /// Does anew what is quiet and has changed ([`crate::c_source`]). To be called before the other evaluations.
     #[inline(always)]
     pub(super) fn update<V: Lanes>(
         &self,
