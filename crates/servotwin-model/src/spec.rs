@@ -390,7 +390,7 @@ pub struct State {
     /// The size that errors are measured against.
     pub scale: f64,
     /// How many times as large an error over scale may be in a step as that of others.
-    pub leeway: f64,
+    pub error_weight: f64,
     /// Where the search for the steady state begins.
     pub start: Start,
     /// The search for the steady state does not go below; minus infinity for no bound.
@@ -609,16 +609,16 @@ pub mod declare {
         start: Start,
         summary: &'static str,
     ) -> State {
-        State { name, unit, scale, leeway: 1.0, start, lowest: f64::NEG_INFINITY, summary }
+        State { name, unit, scale, error_weight: 1.0, start, lowest: f64::NEG_INFINITY, summary }
     }
 
-    /// The leeway of a velocity that no sensor shows. It errs most, where friction turns, and would shorten steps in which
+    /// The error_weight of a velocity that no sensor shows. It errs most, where friction turns, and would shorten steps in which
     /// everything else is exact. With a tenth more the largest errors, where an edge clogs or the supply is lost, double.
     pub const VELOCITY_LEEWAY: f64 = 5.0;
 
     /// The same state, but its error in a step may be so many times as large.
-    pub const fn with_leeway(leeway: f64, state: State) -> State {
-        State { leeway, ..state }
+    pub const fn with_error_weight(error_weight: f64, state: State) -> State {
+        State { error_weight, ..state }
     }
 
     /// The absolute pressure of a fluid, Pa; the search for the steady state begins at a parameter.
@@ -629,7 +629,7 @@ pub mod declare {
     ) -> State {
         let start = Start::Parameter(start);
         let lowest = LOWEST_AT_REST_PA;
-        State { name, unit: Unit::Pascal, scale: 2e7, leeway: 1.0, start, lowest, summary }
+        State { name, unit: Unit::Pascal, scale: 2e7, error_weight: 1.0, start, lowest, summary }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Functions that the equations call and C's library lacks.
+//! CompiledStep that the equations call and C's library lacks.
 
 use super::printer::{Body, Dialect, line};
 use crate::symbol::{Binary, Expression, Function, Unary};

@@ -13,8 +13,8 @@
 //! makes every second root an iteration. Its result is correctly rounded too, so the bits stay equal.
 //!
 //! Some expressions depend only on constants, on parameters that stand in for signals and on external inputs. These
-//! expressions are *quiet*: they keep their values as long as their sources do. `update` computes them anew and stores
-//! them in the array `quiet`, where `begin` and `motion` read them. Its argument `changed` has one bit per input
+//! expressions are *cached*: they keep their values as long as their sources do. `update` computes them anew and stores
+//! them in the array `cached`, where `begin` and `motion` read them. Its argument `changed` has one bit per input
 //! (`input_bit`) and one for everything else (`NUMBERS`). `update` is a function of its own because its branches would
 //! split the straight lines of `begin` and `motion`; the compiler schedules only between branches.
 
@@ -23,7 +23,7 @@ use super::printer::{Body, Dialect, Printer, Stores, line};
 use crate::program::Program;
 use crate::scalar::Scalar;
 use crate::solver::Method;
-use crate::solver::kernels::{NUMBERS, input_bit};
+use crate::solver::step::{NUMBERS, input_bit};
 use crate::solver::tableau::Tableau;
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
 use alloc::collections::{BTreeMap, BTreeSet};
@@ -39,7 +39,7 @@ pub fn write_step(program: &Program, method: Method) -> Option<String> {
     let mut c = PRELUDE.to_string();
     for function in Function::ALL {
         let head = format!("INLINE LANES {}_of(LANES x)", function.name());
-        Body::new(function).print(&mut c, &head, Lanes::new(&Quiet::default(), None));
+        Body::new(function).print(&mut c, &head, Lanes::new(&Cached::default(), None));
     }
     evaluations(&mut c, program);
     factor(&mut c, program);
@@ -51,16 +51,16 @@ pub fn write_step(program: &Program, method: Method) -> Option<String> {
     Some(c)
 }
 
-/// What the quiet part of two evaluations is, and where each number of it stands.
+/// What the cached part of two evaluations is, and where each number of it stands.
 #[derive(Default)]
-struct Quiet {
-    /// What each expression changes with; `None` where it is not quiet.
+struct Cached {
+    /// What each expression changes with; `None` where it is not cached.
     changes_with: Vec<Option<u64>>,
     /// Where those stand that other expressions need, or that are results, by the number of the expression.
     places: BTreeMap<u32, usize>,
 }
 
-impl Quiet {
+impl Cached {
     /// Of everything that is needed for these values.
     fn new(program: &Program, expressions: &[Expression], values: &[Operand]) -> Self {
         let mut changes_with: Vec<Option<u64>> = Vec::with_capacity(expressions.len());
@@ -97,7 +97,7 @@ impl Quiet {
 
     /// The function that does those parts anew that have changed.
     fn update(&self, c: &mut String, expressions: &[Expression]) {
-        let head = "update(IN constants, IN variables, OUT quiet, uint64_t changed)";
+        let head = "update(IN constants, IN variables, OUT cached, uint64_t changed)";
         function(c, head, |c| {
             for part in self.parts() {
                 line(c, format_args!("    if (changed & UINT64_C({part:#x})) {{"));
@@ -110,12 +110,12 @@ impl Quiet {
     fn update_part(&self, c: &mut String, expressions: &[Expression], part: u64) {
         let of_part = |node: u32| self.changes_with[node as usize] == Some(part);
         let kept = self.places.iter().filter(|(node, _)| of_part(**node));
-        let stores = kept.map(|(&node, &place)| (Operand::Node(node), vec![("quiet", place)]));
+        let stores = kept.map(|(&node, &place)| (Operand::Node(node), vec![("cached", place)]));
         print_stores(c, expressions, Lanes::new(self, Some(part)), &stores.collect());
     }
 }
 
-/// What an entry of an array changes with; `None` where that is more than what is quiet.
+/// What an entry of an array changes with; `None` where that is more than what is cached.
 fn source(program: &Program, array: &str, place: usize) -> Option<u64> {
     let (externals, stand_ins) = (program.externals(), program.stand_ins());
     match array {
@@ -157,12 +157,12 @@ impl CFunction<'_> {
     }
 
     fn write(self, c: &mut String, graph: &Graph) {
-        self.write_beside(c, &graph.expressions(), &Quiet::default());
+        self.write_beside(c, &graph.expressions(), &Cached::default());
     }
 
-    /// The function, which finds what is quiet in its array.
-    fn write_beside(self, c: &mut String, expressions: &[Expression], quiet: &Quiet) {
-        let dialect = Lanes::new(quiet, None);
+    /// The function, which finds what is cached in its array.
+    fn write_beside(self, c: &mut String, expressions: &[Expression], cached: &Cached) {
+        let dialect = Lanes::new(cached, None);
         function(c, &self.head, |c| print_stores(c, expressions, dialect, &self.stores()));
     }
 }
@@ -196,8 +196,8 @@ fn variables<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
 
 /// Gradients from outside, and the two places that never change.
 fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
-    let mut gradients = array(graph, "gradients", program.rows().slots());
-    program.rows().set_fixed(&mut gradients);
+    let mut gradients = array(graph, "gradients", program.jacobian().slots());
+    program.jacobian().set_fixed(&mut gradients);
     gradients
 }
 
@@ -214,7 +214,7 @@ fn constants<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     values.iter().enumerate().map(constant).collect()
 }
 
-/// `begin` and `motion`, which share what is quiet.
+/// `begin` and `motion`, which share what is cached.
 fn evaluations(c: &mut String, program: &Program) {
     let graph = Graph::new();
     let constants = constants(&graph, program);
@@ -222,12 +222,12 @@ fn evaluations(c: &mut String, program: &Program) {
     let values: Vec<Operand> =
         begin.stores().into_keys().chain(motion.stores().into_keys()).collect();
     let expressions = graph.expressions();
-    let quiet = Quiet::new(program, &expressions, &values);
-    line(c, format_args!("unsigned long quiet_places(void)\n{{"));
-    line(c, format_args!("    return {};\n}}\n", quiet.places.len()));
-    quiet.update(c, &expressions);
-    begin.write_beside(c, &expressions, &quiet);
-    motion.write_beside(c, &expressions, &quiet);
+    let cached = Cached::new(program, &expressions, &values);
+    line(c, format_args!("unsigned long cached_length(void)\n{{"));
+    line(c, format_args!("    return {};\n}}\n", cached.places.len()));
+    cached.update(c, &expressions);
+    begin.write_beside(c, &expressions, &cached);
+    motion.write_beside(c, &expressions, &cached);
 }
 
 fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> CFunction<'g> {
@@ -238,10 +238,10 @@ fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> C
     let untouched = Symbol::constant(0.0).operand();
     let sums = program.sums().filter(|&place| variables[place].operand() != untouched);
     let sums = sums.map(|place| ("variables", place, variables[place]));
-    let rows = program.rows().read_places();
+    let rows = program.jacobian().read_places();
     let rows = rows.into_iter().map(|place| ("gradients", place, gradients[place]));
     CFunction {
-        head: "begin(IN constants, IN quiet, OUT variables, OUT gradients)".into(),
+        head: "begin(IN constants, IN cached, OUT variables, OUT gradients)".into(),
         stores: sums.chain(rows).collect(),
     }
 }
@@ -251,7 +251,7 @@ fn motion<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> 
     program.motion().trace(constants, &mut variables);
     let stores = program.derivatives().map(|place| ("variables", place, variables[place]));
     CFunction {
-        head: "motion(IN constants, IN quiet, OUT variables)".into(),
+        head: "motion(IN constants, IN cached, OUT variables)".into(),
         stores: stores.collect(),
     }
 }
@@ -259,8 +259,8 @@ fn motion<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> 
 fn factor(c: &mut String, program: &Program) {
     let graph = Graph::new();
     let gradients = gradients(&graph, program);
-    let mut factors = vec![Symbol::constant(0.0); program.plan().slots()];
-    program.plan().factor(graph.variable("diagonal", 0), &gradients, &mut factors);
+    let mut factors = vec![Symbol::constant(0.0); program.lu().slots()];
+    program.lu().factor(graph.variable("diagonal", 0), &gradients, &mut factors);
     let stores = factors.into_iter().enumerate().map(|(place, value)| ("factors", place, value));
     CFunction {
         head: "factor(IN diagonal, IN gradients, OUT factors)".into(),
@@ -290,7 +290,7 @@ fn solution<'g>(
     mut right: Vec<Symbol<'g>>,
 ) {
     let derivatives = derivatives(graph, program);
-    let factors = array(graph, "factors", program.plan().slots());
+    let factors = array(graph, "factors", program.lu().slots());
     let slope_factor = graph.variable("slope_factor", 0);
     let gradients = gradients(graph, program);
     program.solve_stage(&derivatives, slope_factor, &gradients, &factors, &mut right);
@@ -314,7 +314,7 @@ fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
     let mut right = vec![Symbol::constant(0.0); n];
     let stages = array(&graph, "stages", stage * n);
     let y = array(&graph, "y", n);
-    tableau.stage_sums(
+    tableau.sum_stages(
         stage,
         &mut states,
         &y,
@@ -331,16 +331,16 @@ fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
 
 /// The macros of `step.h`, for the lanes of a register.
 struct Lanes<'a> {
-    quiet: &'a Quiet,
-    /// Which part of what is quiet is printed; `None` for the rest.
+    cached: &'a Cached,
+    /// Which part of what is cached is printed; `None` for the rest.
     part: Option<u64>,
     /// Whether the last root was an iterated one; they alternate.
     is_root_iterated: bool,
 }
 
 impl<'a> Lanes<'a> {
-    fn new(quiet: &'a Quiet, part: Option<u64>) -> Self {
-        Self { quiet, part, is_root_iterated: false }
+    fn new(cached: &'a Cached, part: Option<u64>) -> Self {
+        Self { cached, part, is_root_iterated: false }
     }
 }
 
@@ -397,12 +397,12 @@ impl Dialect for Lanes<'_> {
     }
 
     fn has_statement(&self, node: usize, expression: Expression) -> bool {
-        let part = self.quiet.changes_with.get(node).copied().flatten();
+        let part = self.cached.changes_with.get(node).copied().flatten();
         part == self.part && !matches!(expression, Expression::Variable(..))
     }
 
     fn held_entry(&self, node: usize) -> String {
-        self.entry("quiet", self.quiet.places[&(node as u32)])
+        self.entry("cached", self.cached.places[&(node as u32)])
     }
 }
 

@@ -141,7 +141,7 @@ static SPEC: Spec = Spec {
         pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
         pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
-        with_leeway(
+        with_error_weight(
             VELOCITY_LEEWAY,
             state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
         ),

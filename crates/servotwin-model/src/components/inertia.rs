@@ -61,7 +61,7 @@ static SPEC: Spec = Spec {
     ports: &[turning("shaft", "what turns with it")],
     states: &[
         state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
-        with_leeway(
+        with_error_weight(
             VELOCITY_LEEWAY,
             state("rate_rad_s", Unit::RadianPerSecond, 1.0, Start::Value(0.0), "rate"),
         ),

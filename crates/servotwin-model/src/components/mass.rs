@@ -73,7 +73,7 @@ static SPEC: Spec = Spec {
     ports: &[moving("port", "what moves with it")],
     states: &[
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),
-        with_leeway(
+        with_error_weight(
             VELOCITY_LEEWAY,
             state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "velocity"),
         ),

@@ -8,25 +8,26 @@
 //! thread.
 //!
 //! - [`tableau`]: the methods' coefficients
-//! - [`Batch`]: the variables of a few lanes, and one step of them
-//! - `course`: the time and the step of one variant; `bank`: a batch in which each lane has its own
+//! - [`StepMemory`]: the variables of a few lanes, and one step of them
+//! - `lane_state`: the time and the step of one variant; `stepper`: a memory in which each lane has its own
 //! - `follow`: what is done where the search for rest fails
 //! - [`Twin`]: one variant that is stepped from sample to sample by its user
 //! - [`run`]: many variants, which lanes take from a feed
 
-mod bank;
-mod batch;
-mod course;
+mod compiled_step;
 mod ensemble;
 mod follow;
-pub(crate) mod kernels;
+mod lane_state;
+mod lane_stepper;
+pub(crate) mod step;
+mod step_memory;
 pub mod tableau;
 mod trim;
 mod twin;
 
-pub use batch::Batch;
-pub use ensemble::{Case, Change, Feed, run};
-pub use kernels::{Functions, Kernels};
+pub use compiled_step::{CompiledStep, CompiledSteps};
+pub use ensemble::{Change, Job, JobSource, run};
+pub use step_memory::StepMemory;
 pub use trim::{settle, settle_counted};
 pub use twin::{Between, Knot, Snapshot, Twin};
 
@@ -81,22 +82,22 @@ pub enum Control {
         step_s: f64,
     },
     /// As long as the estimated error of no state exceeds `tolerance` times its
-    /// scale and leeway per step.
+    /// scale and error_weight per step.
     Adaptive {
-        /// Allowed error per step over the state's scale and leeway.
+        /// Allowed error per step over the state's scale and error_weight.
         tolerance: f64,
         /// The longest step, s.
         max_step_s: f64,
         /// Attempts in about a second beyond which the error may be larger: a limit cycle, whose phase no tolerance
         /// follows. Infinite: never.
-        busy_per_s: f64,
+        attempt_rate_limit_per_s: f64,
     },
 }
 
 impl Control {
     /// Steps by error alone, of a tenth of a second at most.
     pub fn within(tolerance: f64) -> Self {
-        Control::Adaptive { tolerance, max_step_s: 0.1, busy_per_s: f64::INFINITY }
+        Control::Adaptive { tolerance, max_step_s: 0.1, attempt_rate_limit_per_s: f64::INFINITY }
     }
 }
 
@@ -118,7 +119,11 @@ impl Settings {
     pub fn campaign() -> Self {
         Self {
             method: Method::Rodas4P2,
-            control: Control::Adaptive { tolerance: 4e-6, max_step_s: 0.1, busy_per_s: 500.0 },
+            control: Control::Adaptive {
+                tolerance: 4e-6,
+                max_step_s: 0.1,
+                attempt_rate_limit_per_s: 500.0,
+            },
             land_on_samples: true,
         }
     }
@@ -202,7 +207,7 @@ impl fmt::Display for Cause {
 pub(crate) const SAME_TIME_S: f64 = 1e-9;
 /// Steps that are not cut short by an event are at least this long, s. A spool that hits its stop at full speed asks for
 /// 5e-9 s at a tolerance of 1e-7; after three hours a double still tells ten of these apart.
-pub(crate) const SMALLEST_STEP_S: f64 = 1e-11;
+pub(crate) const MIN_STEP_S: f64 = 1e-11;
 
 #[cfg(test)]
 mod tests {
@@ -247,14 +252,14 @@ mod tests {
     }
 
     struct Record<'a> {
-        cases: Vec<Case<'a>>,
+        waiting: Vec<Job<'a>>,
         samples: Vec<Vec<f64>>,
         outcomes: Vec<Option<Result<Statistics, Failure>>>,
     }
 
-    impl<'a> Feed<'a> for Record<'a> {
-        fn next(&mut self) -> Option<Case<'a>> {
-            self.cases.pop()
+    impl<'a> JobSource<'a> for Record<'a> {
+        fn next(&mut self) -> Option<Job<'a>> {
+            self.waiting.pop()
         }
         fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
             self.samples[job].push(values[0]);
@@ -268,19 +273,19 @@ mod tests {
         let program = filling();
         let swing = Piecewise::new(vec![0.0], vec![[2e7, -3e7, 4e7, -1e7]]).unwrap();
         let parameters = program.parameters(&[]);
-        let case = |job| Case {
-            job,
+        let job = |number| Job {
+            number,
             constants: program.block_constants(&parameters),
             stand_ins: program.stand_in_values(&parameters),
             inputs: vec![&swing],
-            start: vec![1e6 + 1e5 * job as f64],
+            start: vec![1e6 + 1e5 * number as f64],
             settle: false,
             duration_s: 1.0,
             sample_period_s: 0.25,
             changes: Vec::new(),
         };
         let mut record = Record {
-            cases: (0..jobs).rev().map(case).collect(),
+            waiting: (0..jobs).rev().map(job).collect(),
             samples: vec![Vec::new(); jobs],
             outcomes: vec![None; jobs],
         };
@@ -325,8 +330,11 @@ mod tests {
     #[test]
     fn dense_output_agrees_with_landing() {
         for method in [Method::Rodas4P2, Method::Rodas5P] {
-            let control =
-                Control::Adaptive { tolerance: 1e-9, max_step_s: 1.0, busy_per_s: f64::INFINITY };
+            let control = Control::Adaptive {
+                tolerance: 1e-9,
+                max_step_s: 1.0,
+                attempt_rate_limit_per_s: f64::INFINITY,
+            };
             let landing = Settings { method, control, land_on_samples: true };
             let dense = Settings { land_on_samples: false, ..landing };
             let a = &pressures(landing, Level::best(), 1)[0];
