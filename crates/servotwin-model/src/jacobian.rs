@@ -251,7 +251,13 @@ impl SparseJacobian {
     /// places of those that are always zero or one stay as they are.
     #[inline(always)]
     pub(crate) fn partials<'g, V>(&self, gradients: &'g mut [V]) -> &'g mut [V] {
-        &mut gradients[self.first_partial..self.slots]
+        &mut gradients[self.partial_range()]
+    }
+
+    /// The range of the blocks' partial derivatives among the gradients.
+    #[inline(always)]
+    pub fn partial_range(&self) -> Range<usize> {
+        self.first_partial..self.slots
     }
 
     /// The rows from the blocks' partial derivatives.

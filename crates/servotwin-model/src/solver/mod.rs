@@ -1,18 +1,56 @@
 //! The solver: many variants at once, each with its own time and step.
 //!
-//! A linearly implicit (Rosenbrock) step needs no iteration, so all lanes do
-//! the same work whatever their step sizes are. Every lane therefore has its
-//! own time, its own error control and its own events; a lane that has finished
-//! takes the next variant. Nothing that one lane computes depends on another,
-//! hence results are the same bits for a variant alone, in any lane and on any
-//! thread.
+//! A linearly implicit (Rosenbrock) step needs no iteration, so all lanes do the same work whatever their step sizes
+//! are. Every lane therefore has its own time, its own error control and its own events. A lane that has finished takes
+//! the next variant. No lane reads the numbers of another, so a variant returns the same bits alone, in any lane and on
+//! any thread.
 //!
-//! - [`tableau`]: the methods' coefficients
-//! - [`StepMemory`]: the variables of a few lanes, and one step of them
-//! - `lane_state`: the time and the step of one variant; `stepper`: a memory in which each lane has its own
-//! - `follow`: what is done where the search for rest fails
-//! - [`Twin`]: one variant that is stepped from sample to sample by its user
-//! - [`run`]: many variants, which lanes take from a feed
+//! - [`tableau`]: the coefficients of the methods
+//! - `step`: the operations of a step that depend on the system, interpreted or compiled ([`CompiledStep`])
+//! - [`StepMemory`]: the arrays of a few lanes, and one step of them
+//! - `lane_state`: the time and the step of one variant; `lane_stepper`: a step in which every lane has its own
+//! - `follow`: what the solver does where the search for the steady state fails
+//! - [`Twin`]: one variant that its user steps from sample to sample
+//! - [`run`]: many variants, which lanes take from a [`JobSource`]
+//!
+//! # One step on a page
+//!
+//! The arrays of one step and their lengths, for the system `valve_and_cylinder` and the method of campaigns. Every
+//! entry holds one number per lane.
+//!
+//! ```text
+//!  constants [84]              y [6]
+//!      |                         |  copy, with the inputs at the beginning of the step
+//!      v                         v
+//!  variables [29] = states [6] | inputs [1] | stand-ins [3] | sums [11] | derivatives [6] | spare [2]
+//!      |
+//!      |  evaluate_with_jacobian:  equation blocks [14]  fill sums, derivatives and partials;
+//!      |                           chain-rule products [26]  fill the gradients of the sums
+//!      v
+//!  gradients [71] = one and zero [2] | input slopes [1] | sum gradients [@ROWS] | partials [@PARTIALS]
+//!      |
+//!      |  factor:  Jacobian entries [18]  ->  I/(gamma h) - J = L U,  update products [9]
+//!      v
+//!  factors [20]
+//!      |
+//!      |  in each of the  stages of the method [6]  i = 1, 2, ...
+//!      |      sum_stages            y + sum of a_ij U_j -> states,   (sum of c_ij U_j)/h -> U_i
+//!      |      evaluate_derivatives  states, inputs -> derivatives
+//!      |      solve_stage           L U x = derivatives + U_i + h gamma_i df/dt,   x -> U_i
+//!      v
+//!  stages [48] = U_1 [6] | U_2 [6] | ... | U_8 [6]    (room for the method with most stages)
+//!      |
+//!      |  combine:  states + last U
+//!      v
+//!  y_new [6]      error: last U, over scale and error weight of each state
+//!      |
+//!      |  accept:  y_new -> y  in the lanes whose error is small enough
+//!      v
+//!  the next step
+//! ```
+//!
+//! The index of an array never depends on a lane. Lists of a `Sequence`, a `SparseJacobian` and a `SparseLu` say which
+//! entries an operation reads, in groups of equal length. A compiled step has the same arrays and no lists.
 
 mod compiled_step;
 mod ensemble;
