@@ -354,7 +354,7 @@ impl Twin {
         let saved = PyDict::new(py);
         saved.set_item("sample", snapshot.sample)?;
         saved.set_item("wanted_s", snapshot.wanted_s)?;
-        saved.set_item("effort", snapshot.effort)?;
+        saved.set_item("effort", snapshot.attempt_rate_per_s)?;
         saved.set_item("states", snapshot.states)?;
         saved.set_item("held", snapshot.held)?;
         saved.set_item("next_tick", snapshot.next_tick)?;
@@ -382,7 +382,7 @@ impl Twin {
         let snapshot = Snapshot {
             sample: entry("sample")?.extract()?,
             wanted_s: entry("wanted_s")?.extract()?,
-            effort: entry("effort")?.extract()?,
+            attempt_rate_per_s: entry("effort")?.extract()?,
             states: entry("states")?.extract()?,
             held: entry("held")?.extract()?,
             next_tick: entry("next_tick")?.extract()?,

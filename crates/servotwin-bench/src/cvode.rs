@@ -18,7 +18,7 @@ impl Equations {
         let folder = std::env::temp_dir().join(format!("servotwin-bench-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder for the C source");
         let (source, binary) = (folder.join("peer.c"), folder.join("peer"));
-        let equations = c_source::write(program, "t", &[]).expect("a good prefix");
+        let equations = c_source::write_equations(program, "t", &[]).expect("a good prefix");
         std::fs::write(&source, equations + include_str!("cvode.c")).expect("the C source");
         let libraries = ["cvode", "nvecserial", "sunmatrixdense", "sunlinsoldense", "m"];
         let done = Command::new("cc")

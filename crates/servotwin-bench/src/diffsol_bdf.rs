@@ -55,7 +55,7 @@ impl Equations<'_> {
             self.at = [states, &[time]].concat();
         }
         result.fill(0.0);
-        for (row, column, value) in self.program.rows().jacobian(&self.gradients) {
+        for (row, column, value) in self.program.jacobian().values(&self.gradients) {
             result[row] += value * vector[column];
         }
     }
@@ -87,7 +87,7 @@ fn equations<'a>(task: &Task<'a>, variant: usize) -> Equations<'a> {
         moving: task.moving,
         constants: program.block_constants(&parameters),
         variables,
-        gradients: vec![0.0; program.rows().slots()],
+        gradients: vec![0.0; program.jacobian().slots()],
         at: vec![f64::NAN; program.states().len() + 1],
         piece: 0,
     }

@@ -298,7 +298,7 @@ fn main() {
     let moving = inputs.clone().position(|input| input.id == "command").expect("a command");
     let compiled = Compiled::at_once();
     let begin = Instant::now();
-    let steps = match compiled.kernels(&study.system.program, Level::best().compiled()) {
+    let steps = match compiled.steps(&study.system.program, Level::best().compiled()) {
         Some(_) => format!("steps compiled in {:.1} s", begin.elapsed().as_secs_f64()),
         None => "steps walk lists (no C compiler)".into(),
     };

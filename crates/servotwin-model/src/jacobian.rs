@@ -3,14 +3,14 @@
 //! Every sum that matters for a derivative has a row: its gradient with respect
 //! to the states it depends on, and to time through the external inputs. The
 //! pattern of every row is found once. Evaluating a block with dual numbers
-//! gives its small dense Jacobian; [`Rows::chain`] multiplies these with the
+//! gives its small dense Jacobian; [`SparseJacobian::chain`] multiplies these with the
 //! rows of the inputs, entry by entry of the rows in an order in which all
 //! sources are complete.
 
 use crate::dual::Partial;
-use crate::lu::Plan;
-use crate::place::{Place, Slot};
-use crate::runs::{Run, in_runs, runs, unrolled};
+use crate::equal_length_groups::{Group, equal_length_groups, group_by_shape, unrolled};
+use crate::lane_offset::{LaneOffset, Slot};
+use crate::lu::SparseLu;
 use crate::scalar::{Lanes, Scalar, Work};
 use crate::sequence::{Dependence, Sequence, Target};
 use alloc::collections::{BTreeMap, BTreeSet};
@@ -21,8 +21,8 @@ use core::ops::Range;
 /// One term of an entry: `partial · source`.
 #[derive(Clone, Copy, Debug)]
 struct Term {
-    partial: Place,
-    source: Place,
+    partial: LaneOffset,
+    source: LaneOffset,
 }
 
 /// How many terms of an entry add, and how many then subtract.
@@ -33,7 +33,7 @@ type Terms = (Vec<Term>, Vec<Term>);
 
 /// The places of all gradients, and how they are made.
 #[derive(Clone, Debug)]
-pub struct Rows {
+pub struct SparseJacobian {
     states: usize,
     slots: usize,
     /// Where each external input's slope stands.
@@ -41,31 +41,31 @@ pub struct Rows {
     /// Where the blocks' partial derivatives begin, after the rows.
     first_partial: usize,
     /// The entries in the order of their making, and their terms.
-    runs: Vec<Run<Shape>>,
-    targets: Vec<Place>,
+    groups: Vec<Group<Shape>>,
+    targets: Vec<LaneOffset>,
     terms: Vec<Term>,
     /// (row, column, place) of the Jacobian's entries.
-    jacobian: Vec<(u16, u16, Place)>,
+    jacobian: Vec<(u16, u16, LaneOffset)>,
     /// (row, place) of the time derivatives.
-    time: Vec<(u16, Place)>,
+    time: Vec<(u16, LaneOffset)>,
 }
 
 /// The place that always holds one: the derivative of a state with respect to
 /// itself, and every partial derivative that is one.
-const ONE: Place = Place::new(0);
+const ONE: LaneOffset = LaneOffset::new(0);
 /// The place that is always zero: where the factors have an entry and the
 /// Jacobian has none.
-const ZERO: Place = Place::new(1);
+const ZERO: LaneOffset = LaneOffset::new(1);
 
-/// The place of an index, of which there are not too many ([`MOST_SLOTS`]).
-fn place(index: usize) -> Place {
-    Place::new(u16::try_from(index).expect("counted before"))
+/// The place of an index, of which there are not too many ([`MAX_SLOTS`]).
+fn place(index: usize) -> LaneOffset {
+    LaneOffset::new(u16::try_from(index).expect("counted before"))
 }
 
 /// So many gradient entries have places.
-const MOST_SLOTS: usize = Slot::MAX as usize + 1;
+const MAX_SLOTS: usize = Slot::MAX as usize + 1;
 
-impl Rows {
+impl SparseJacobian {
     /// `needed` are the sums that some derivative depends on, derivatives included. `None` where there are too many
     /// entries.
     pub(crate) fn new(
@@ -81,11 +81,11 @@ impl Rows {
         let entries: usize = patterns.values().map(BTreeSet::len).sum();
         let partials: usize =
             sequence.wired().map(|(_, inputs, outputs)| inputs.len() * outputs.len()).sum();
-        if first_slope + externals + entries + partials > MOST_SLOTS {
+        if first_slope + externals + entries + partials > MAX_SLOTS {
             return None;
         }
         let mut next = first_slope + externals;
-        let mut places: BTreeMap<(usize, usize), Place> = BTreeMap::new();
+        let mut places: BTreeMap<(usize, usize), LaneOffset> = BTreeMap::new();
         for (row, pattern) in &patterns {
             for &column in pattern {
                 places.insert((*row, column), place(next));
@@ -97,7 +97,7 @@ impl Rows {
             slots: next,
             first_slope,
             first_partial: next,
-            runs: Vec::new(),
+            groups: Vec::new(),
             targets: Vec::new(),
             terms: Vec::new(),
             jacobian: Vec::new(),
@@ -122,10 +122,10 @@ impl Rows {
         sequence: &Sequence,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
-        places: &BTreeMap<(usize, usize), Place>,
-    ) -> BTreeMap<Place, Place> {
-        let mut terms: BTreeMap<Place, Terms> = BTreeMap::new();
-        // A row is complete after its last writer, which runs before all readers.
+        places: &BTreeMap<(usize, usize), LaneOffset>,
+    ) -> BTreeMap<LaneOffset, LaneOffset> {
+        let mut terms: BTreeMap<LaneOffset, Terms> = BTreeMap::new();
+        // A row is complete after its last writer, which groups before all readers.
         let mut last_writer: BTreeMap<usize, usize> = BTreeMap::new();
         for (index, (block, inputs, outputs)) in sequence.wired().enumerate() {
             let mut dependence = block.equation().visit(Dependence).into_iter();
@@ -152,7 +152,7 @@ impl Rows {
                 last_writer.insert(from.index(), index);
             }
         }
-        let mut order: Vec<(Option<&usize>, Place)> =
+        let mut order: Vec<(Option<&usize>, LaneOffset)> =
             (places.iter()).map(|(&(row, _), &place)| (last_writer.get(&row), place)).collect();
         order.sort_unstable();
         // Where an entry already stands that is one number and no sum.
@@ -173,19 +173,19 @@ impl Rows {
         stands
     }
 
-    /// Lists the entries (target, terms that add, that subtract) in runs.
-    fn list_entries(&mut self, entries: &[(Place, Vec<Term>, Vec<Term>)]) {
-        let index: BTreeMap<Place, usize> =
+    /// Lists the entries (target, terms that add, that subtract) in groups.
+    fn list_entries(&mut self, entries: &[(LaneOffset, Vec<Term>, Vec<Term>)]) {
+        let index: BTreeMap<LaneOffset, usize> =
             entries.iter().enumerate().map(|(index, entry)| (entry.0, index)).collect();
         let shape = |entry: &usize| (entries[*entry].1.len(), entries[*entry].2.len());
         let shapes: Vec<Shape> = (0..entries.len()).map(|entry| shape(&entry)).collect();
-        let needs = |(_, add, subtract): &(Place, Vec<Term>, Vec<Term>)| {
+        let needs = |(_, add, subtract): &(LaneOffset, Vec<Term>, Vec<Term>)| {
             let terms = add.iter().chain(subtract);
             terms.filter_map(|term| index.get(&term.source).copied()).collect()
         };
         let needs: Vec<Vec<usize>> = entries.iter().map(needs).collect();
-        let order = in_runs(&shapes, &needs);
-        self.runs = runs(order.iter().map(shape));
+        let order = group_by_shape(&shapes, &needs);
+        self.groups = equal_length_groups(order.iter().map(shape));
         for entry in order {
             let (target, add, subtract) = &entries[entry];
             self.targets.push(*target);
@@ -196,11 +196,11 @@ impl Rows {
     /// The gradient of a block's input: (column, where the entry stands).
     fn sources(
         &self,
-        input: Place,
+        input: LaneOffset,
         externals: usize,
         patterns: &BTreeMap<usize, BTreeSet<usize>>,
-        places: &BTreeMap<(usize, usize), Place>,
-    ) -> Vec<(usize, Place)> {
+        places: &BTreeMap<(usize, usize), LaneOffset>,
+    ) -> Vec<(usize, LaneOffset)> {
         let states = self.states;
         match input.index() {
             i if i < states => vec![(i, ONE)],
@@ -214,10 +214,10 @@ impl Rows {
     }
 
     /// The plan of the factorisation of `diagonal · I − J`.
-    pub(crate) fn plan(&self) -> Option<Plan> {
+    pub(crate) fn lu(&self) -> Option<SparseLu> {
         let entries = self.jacobian.iter();
         let entries: Vec<_> = entries.map(|&(i, j, place)| (i, j, place.index() as u16)).collect();
-        Plan::new(self.states, &entries, ZERO.index() as u16)
+        SparseLu::new(self.states, &entries, ZERO.index() as u16)
     }
 
     /// Row and column of every entry of the Jacobian.
@@ -228,7 +228,7 @@ impl Rows {
     /// The places of the rows that a step reads: those of the Jacobian and of the time derivatives.
     pub(crate) fn read_places(&self) -> BTreeSet<usize> {
         let entries = self.jacobian.iter().map(|entry| entry.2);
-        entries.chain(self.time.iter().map(|entry| entry.1)).map(Place::index).collect()
+        entries.chain(self.time.iter().map(|entry| entry.1)).map(LaneOffset::index).collect()
     }
 
     /// Number of values that gradients need, with the blocks' partial derivatives.
@@ -247,16 +247,22 @@ impl Rows {
     }
 
     /// Where the partial derivatives of all blocks are put, block by block in
-    /// the order of evaluation, before [`Rows::chain`]: by output, then input. The
+    /// the order of evaluation, before [`SparseJacobian::chain`]: by output, then input. The
     /// places of those that are always zero or one stay as they are.
     #[inline(always)]
     pub(crate) fn partials<'g, V>(&self, gradients: &'g mut [V]) -> &'g mut [V] {
-        &mut gradients[self.first_partial..self.slots]
+        &mut gradients[self.partial_range()]
+    }
+
+    /// The range of the blocks' partial derivatives among the gradients.
+    #[inline(always)]
+    pub fn partial_range(&self) -> Range<usize> {
+        self.first_partial..self.slots
     }
 
     /// The rows from the blocks' partial derivatives.
     pub(crate) fn chain<V: Lanes>(&self, gradients: &mut [V]) {
-        V::outline(Chain { rows: self, gradients });
+        V::with_target_features(Chain { rows: self, gradients });
     }
 
     /// The one and the zero.
@@ -266,7 +272,7 @@ impl Rows {
         gradients[ZERO.index()] = V::constant(0.0);
     }
 
-    /// [`Rows::chain`], inlined.
+    /// [`SparseJacobian::chain`], inlined.
     #[inline(always)]
     pub(crate) fn multiply<V: Scalar<Base = V>>(&self, gradients: &mut [V]) {
         assert!(gradients.len() >= self.slots);
@@ -276,8 +282,8 @@ impl Rows {
             targets: self.targets.as_ptr(),
             terms: self.terms.as_ptr(),
         };
-        for &Run { shape: (add, subtract), count } in &self.runs {
-            // SAFETY: a target and its terms are listed for everything in the runs, and
+        for &Group { shape: (add, subtract), count } in &self.groups {
+            // SAFETY: a target and its terms are listed for everything in the groups, and
             // all places are below `slots`.
             unsafe {
                 match subtract {
@@ -290,7 +296,7 @@ impl Rows {
     }
 
     /// `(row, column, value)` of the Jacobian.
-    pub fn jacobian<'a, V: Lanes>(
+    pub fn values<'a, V: Lanes>(
         &'a self,
         gradients: &'a [V],
     ) -> impl Iterator<Item = (usize, usize, V)> + 'a {
@@ -312,9 +318,9 @@ impl Rows {
     }
 }
 
-/// [`Rows::chain`].
+/// [`SparseJacobian::chain`].
 struct Chain<'a, V> {
-    rows: &'a Rows,
+    rows: &'a SparseJacobian,
     gradients: &'a mut [V],
 }
 
@@ -329,7 +335,7 @@ impl<V: Lanes> Work<V> for Chain<'_, V> {
 /// Where the making of the rows stands in its lists.
 struct Multiplying<V> {
     gradients: *mut V,
-    targets: *const Place,
+    targets: *const LaneOffset,
     terms: *const Term,
 }
 
@@ -381,7 +387,7 @@ impl Term {
 
 /// Where the sum of an entry's terms stands already: a number times one is that
 /// number.
-fn one_number(add: &[Term], subtract: &[Term]) -> Option<Place> {
+fn one_number(add: &[Term], subtract: &[Term]) -> Option<LaneOffset> {
     match (add, subtract) {
         (&[Term { partial: ONE, source }], []) => Some(source),
         (&[Term { partial, source: ONE }], []) => Some(partial),
@@ -427,9 +433,9 @@ fn patterns(
 }
 
 /// A dense copy of a Jacobian, row by row, for one lane.
-pub fn dense<V: Lanes>(rows: &Rows, gradients: &[V], lane: usize) -> Vec<Vec<f64>> {
-    let mut matrix = vec![vec![0.0; rows.states]; rows.states];
-    for (i, j, value) in rows.jacobian(gradients) {
+pub fn dense<V: Lanes>(jacobian: &SparseJacobian, gradients: &[V], lane: usize) -> Vec<Vec<f64>> {
+    let mut matrix = vec![vec![0.0; jacobian.states]; jacobian.states];
+    for (i, j, value) in jacobian.values(gradients) {
         matrix[i][j] = value.lane(lane);
     }
     matrix

@@ -2,14 +2,14 @@
 //!
 //! The order of elimination is found once per system by least Markowitz cost
 //! (the number of updates that a pivot causes) on the diagonal. The numeric
-//! work then follows flat lists, the same for every lane, in [`crate::runs`]: every
+//! work then follows flat lists, the same for every lane, in [`crate::equal_length_groups`]: every
 //! entry of the factors, and every unknown, is a number less a sum of products. There is no
 //! pivoting for size: the matrix `I/(γh) − J` of a dissipative system has a
 //! dominant diagonal for small steps, and the error control of the solver
 //! rejects a step that bad factors have spoilt.
 
-use crate::place::Place;
-use crate::runs::{Run, in_runs, runs, unrolled};
+use crate::equal_length_groups::{Group, equal_length_groups, group_by_shape, unrolled};
+use crate::lane_offset::LaneOffset;
 use crate::scalar::Scalar;
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
@@ -19,18 +19,18 @@ use core::mem;
 /// A product that is subtracted from an entry of the factors.
 #[derive(Clone, Copy, Debug)]
 struct Product {
-    lower: Place,
-    upper: Place,
+    lower: LaneOffset,
+    upper: LaneOffset,
 }
 
 /// An entry of the factors.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    target: Place,
+    target: LaneOffset,
     /// Where the entry of the Jacobian stands.
-    source: Place,
+    source: LaneOffset,
     /// For an entry of the lower factor its column's diagonal.
-    diagonal: Place,
+    diagonal: LaneOffset,
 }
 
 /// What an entry of the factors is.
@@ -45,23 +45,23 @@ enum Part {
 /// unknowns that their products read.
 #[derive(Clone, Debug, Default)]
 struct Substitution {
-    runs: Vec<Run<usize>>,
-    targets: Vec<Place>,
-    sources: Vec<Place>,
+    groups: Vec<Group<usize>>,
+    targets: Vec<LaneOffset>,
+    sources: Vec<LaneOffset>,
 }
 
-/// The plan of a factorisation of one sparsity pattern.
+/// The lu of a factorisation of one sparsity pattern.
 ///
 /// The factors stand in the order in which a solution reads them: the rows of the
 /// lower factor, then those of the upper from the last pivot to the first, each
 /// with its diagonal at the end.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct SparseLu {
     size: usize,
     positions: BTreeMap<(u16, u16), u16>,
     /// The entries of the factors in the order of their making: what they are, and of
     /// how many products.
-    runs: Vec<Run<(Part, usize)>>,
+    groups: Vec<Group<(Part, usize)>>,
     entries: Vec<Entry>,
     products: Vec<Product>,
     /// Length of the array that the Jacobian stands in.
@@ -77,7 +77,7 @@ struct Elimination {
     rank: Vec<usize>,
 }
 
-impl Plan {
+impl SparseLu {
     /// Plans the factorisation of `diagonal · I − J` for a `size × size` matrix J of
     /// the given entries (row, column, where it stands in an array); `absent` is where
     /// that array holds zero.
@@ -97,21 +97,21 @@ impl Plan {
             rank[index as usize] = position;
         }
         let elimination = Elimination { rows, rank };
-        let mut plan = Self {
+        let mut lu = Self {
             size,
             positions: BTreeMap::new(),
-            runs: Vec::new(),
+            groups: Vec::new(),
             entries: Vec::new(),
             products: Vec::new(),
             gradients: 1 + entries.iter().fold(absent, |most, entry| most.max(entry.2)) as usize,
             forward: Substitution::default(),
             backward: Substitution::default(),
         };
-        plan.forward = plan.substitution(&elimination, Part::Lower);
-        plan.backward = plan.substitution(&elimination, Part::Upper);
+        lu.forward = lu.substitution(&elimination, Part::Lower);
+        lu.backward = lu.substitution(&elimination, Part::Upper);
         let sources = entries.iter().map(|&(i, j, source)| ((i, j), source)).collect();
-        plan.list_entries(&elimination, &sources, absent);
-        Some(plan)
+        lu.list_entries(&elimination, &sources, absent);
+        Some(lu)
     }
 
     /// Number of values that the factors need.
@@ -133,24 +133,24 @@ impl Plan {
             })
             .collect();
         let lengths: Vec<usize> = sources.iter().map(Vec::len).collect();
-        let mut order = in_runs(&lengths, &sources);
+        let mut order = group_by_shape(&lengths, &sources);
         if part == Part::Lower {
             // Nothing is done to an unknown without products.
             order.retain(|&target| lengths[target] > 0);
         }
         let mut listed = Substitution {
-            runs: runs(order.iter().map(|&target| lengths[target])),
+            groups: equal_length_groups(order.iter().map(|&target| lengths[target])),
             ..Substitution::default()
         };
         for &target in &order {
             for &source in &sources[target] {
                 self.place(target, source);
-                listed.sources.push(Place::new(source as u16));
+                listed.sources.push(LaneOffset::new(source as u16));
             }
             if part == Part::Upper {
                 self.place(target, target);
             }
-            listed.targets.push(Place::new(target as u16));
+            listed.targets.push(LaneOffset::new(target as u16));
         }
         listed
     }
@@ -181,11 +181,11 @@ impl Plan {
             shapes.push((part, between.len()));
             pivots.push(between);
         }
-        let order = in_runs(&shapes, &needs);
-        self.runs = runs(order.iter().map(|&entry| shapes[entry]));
+        let order = group_by_shape(&shapes, &needs);
+        self.groups = equal_length_groups(order.iter().map(|&entry| shapes[entry]));
         for entry in order {
             let (row, column) = all[entry];
-            let position = |row, column| Place::new(self.positions[&(row, column)]);
+            let position = |row, column| LaneOffset::new(self.positions[&(row, column)]);
             self.products.extend(
                 pivots[entry]
                     .iter()
@@ -193,7 +193,7 @@ impl Plan {
             );
             self.entries.push(Entry {
                 target: position(row, column),
-                source: Place::new(*sources.get(&(row, column)).unwrap_or(&absent)),
+                source: LaneOffset::new(*sources.get(&(row, column)).unwrap_or(&absent)),
                 diagonal: position(column, column),
             });
         }
@@ -225,8 +225,8 @@ impl Plan {
             entries: self.entries.as_ptr(),
             products: self.products.as_ptr(),
         };
-        for &Run { shape: (part, products), count } in &self.runs {
-            // SAFETY: the plan lists an entry for everything in its runs, and every
+        for &Group { shape: (part, products), count } in &self.groups {
+            // SAFETY: the lu lists an entry for everything in its groups, and every
             // entry's products; all places are below `slots` and `gradients`.
             unsafe {
                 match part {
@@ -238,15 +238,15 @@ impl Plan {
         }
     }
 
-    /// Solves in place with the factors of [`Plan::factor`].
+    /// Solves in place with the factors of [`SparseLu::factor`].
     #[inline(always)]
     pub fn solve<V: Scalar<Base = V>>(&self, values: &[V], x: &mut [V]) {
         assert!(values.len() >= self.slots() && x.len() >= self.size);
         let mut values = values.as_ptr();
         let x = x.as_mut_ptr();
-        // SAFETY: the plan lists a value and a source for every product, and behind
+        // SAFETY: the lu lists a value and a source for every product, and behind
         // the products of the second substitution a value for the diagonal, in the
-        // order of the runs; all unknowns are below `size`.
+        // order of the groups; all unknowns are below `size`.
         unsafe {
             values = self.forward.run::<V, false>(values, x);
             self.backward.run::<V, true>(values, x);
@@ -327,7 +327,7 @@ impl Substitution {
             sources: self.sources.as_ptr(),
             x,
         };
-        for &Run { shape: products, count } in &self.runs {
+        for &Group { shape: products, count } in &self.groups {
             // SAFETY: promised by the caller.
             unsafe { unrolled!(products, |n| lists.solve::<SCALED>(n, count)) }
         }
@@ -338,8 +338,8 @@ impl Substitution {
 /// Where a substitution stands in its lists.
 struct Substituting<V> {
     values: *const V,
-    targets: *const Place,
-    sources: *const Place,
+    targets: *const LaneOffset,
+    sources: *const LaneOffset,
     x: *mut V,
 }
 
@@ -423,7 +423,7 @@ mod tests {
         let entries = [(0, 3), (3, 0), (1, 0), (2, 1), (1, 2), (3, 2), (0, 1), (2, 2)];
         let placed: Vec<(u16, u16, u16)> =
             entries.iter().enumerate().map(|(k, &(i, j))| (i, j, k as u16 + 1)).collect();
-        let plan = Plan::new(4, &placed, 0).unwrap();
+        let lu = SparseLu::new(4, &placed, 0).unwrap();
         let mut dense = [[0.0; 4]; 4];
         let mut jacobian = vec![0.0; entries.len() + 1];
         for &(i, j, place) in &placed {
@@ -438,9 +438,9 @@ mod tests {
         for i in 0..4 {
             x[i] = (0..4).map(|j| dense[i][j] * expected[j]).sum();
         }
-        let mut values = vec![0.0; plan.slots()];
-        plan.factor(5.0, &jacobian, &mut values);
-        plan.solve(&values, &mut x);
+        let mut values = vec![0.0; lu.slots()];
+        lu.factor(5.0, &jacobian, &mut values);
+        lu.solve(&values, &mut x);
         for i in 0..4 {
             assert!((x[i] - expected[i]).abs() < 1e-14, "{x:?}");
         }

@@ -7,13 +7,13 @@
 
 mod schedule;
 
-pub use crate::place::Slot;
+pub use crate::lane_offset::Slot;
 
 use crate::components::Constants;
 use crate::equation::Given;
 use crate::fluid::FluidState;
-use crate::jacobian::Rows;
-use crate::lu::Plan;
+use crate::jacobian::SparseJacobian;
+use crate::lu::SparseLu;
 use crate::network::Network;
 use crate::scalar::{Lanes, Scalar};
 use crate::sequence::{Sequence, memory};
@@ -48,7 +48,7 @@ pub struct StateOf {
     /// The size that errors are measured against.
     pub scale: f64,
     /// How many times as large an error over scale may be in a step as that of others.
-    pub leeway: f64,
+    pub error_weight: f64,
     /// The search for the steady state does not go below.
     pub lowest: f64,
     /// The unit.
@@ -81,8 +81,8 @@ pub struct Program {
     readings: Sequence,
     clocks: Vec<Ticking>,
     constants: usize,
-    rows: Rows,
-    plan: Plan,
+    jacobian: SparseJacobian,
+    lu: SparseLu,
 }
 
 impl Program {
@@ -144,13 +144,13 @@ impl Program {
     pub fn clock_periods_s(&self) -> impl Iterator<Item = f64> + '_ {
         self.clocks.iter().map(|c| c.period_s)
     }
-    /// The elimination plan of `I/(γh) − J`.
-    pub fn plan(&self) -> &Plan {
-        &self.plan
+    /// The elimination lu of `I/(γh) − J`.
+    pub fn lu(&self) -> &SparseLu {
+        &self.lu
     }
     /// The sparsity of the Jacobian and where gradients are kept.
-    pub fn rows(&self) -> &Rows {
-        &self.rows
+    pub fn jacobian(&self) -> &SparseJacobian {
+        &self.jacobian
     }
     pub(crate) fn clocks(&self) -> &[Ticking] {
         &self.clocks
@@ -175,7 +175,7 @@ impl Program {
     }
 
     /// As [`Program::evaluate`], and the gradients of all sums: the Jacobian
-    /// and the time derivatives stand in `gradients` where [`Program::rows`]
+    /// and the time derivatives stand in `gradients` where [`Program::jacobian`]
     /// says.
     pub fn evaluate_with_jacobian<V: Lanes>(
         &self,
@@ -183,9 +183,9 @@ impl Program {
         variables: &mut [V],
         gradients: &mut [V],
     ) {
-        let partials = self.rows.partials(gradients);
+        let partials = self.jacobian.partials(gradients);
         self.motion.differentiate(constants, variables, partials);
-        self.rows.chain(gradients);
+        self.jacobian.chain(gradients);
         self.readings.run(constants, variables);
     }
 
@@ -196,9 +196,9 @@ impl Program {
         variables: &mut [Symbol<'g>],
         gradients: &mut [Symbol<'g>],
     ) {
-        let partials = self.rows.partials(gradients);
+        let partials = self.jacobian.partials(gradients);
         self.motion.trace_with_partials(constants, variables, partials);
-        self.rows.multiply(gradients);
+        self.jacobian.multiply(gradients);
         self.readings.trace(constants, variables);
     }
 
@@ -215,8 +215,8 @@ impl Program {
         for (r, &derivative) in right.iter_mut().zip(derivatives) {
             *r = *r + derivative;
         }
-        self.rows.add_time_derivative(slope_factor, gradients, right);
-        self.plan.solve(factors, right);
+        self.jacobian.add_time_derivative(slope_factor, gradients, right);
+        self.lu.solve(factors, right);
     }
 
     /// The effective parameters of a variant, component by component: the

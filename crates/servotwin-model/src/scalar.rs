@@ -122,7 +122,7 @@ pub trait Primitive: Scalar<Base = Self> {
     fn split_exponent(self) -> (Self, Self);
 }
 
-/// Work on lanes of one type; see [`Lanes::outline`].
+/// Work on lanes of one type; see [`Lanes::with_target_features`].
 pub trait Work<V> {
     /// What comes out.
     type Output;
@@ -162,5 +162,5 @@ pub unsafe trait Lanes: Primitive {
     /// set. All other lane code is inlined into its caller, because only so it
     /// is compiled for the instruction set; this is for what is called from
     /// several places and too large to be repeated.
-    fn outline<W: Work<Self>>(work: W) -> W::Output;
+    fn with_target_features<W: Work<Self>>(work: W) -> W::Output;
 }

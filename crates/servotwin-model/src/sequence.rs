@@ -7,7 +7,7 @@
 use crate::components::{BlockKind, Visitor};
 use crate::dual::{Dual, Partial};
 use crate::equation::Equation;
-use crate::place::{Place, Slot};
+use crate::lane_offset::{LaneOffset, Slot};
 use crate::scalar::{Lanes, Scalar, Work};
 use crate::symbol::Symbol;
 use crate::wiring::{Block, Sum};
@@ -36,18 +36,18 @@ pub(crate) struct Target {
     /// The sum that it is added to, and where the sum so far stands: in the same
     /// slot, or in the one that holds (negative) zero for the sum's first block. So
     /// sums need not be cleared.
-    pub add: Place,
-    pub add_so_far: Place,
+    pub add: LaneOffset,
+    pub add_so_far: LaneOffset,
     /// The sum that it is subtracted from, likewise.
-    pub subtract: Place,
-    pub subtract_so_far: Place,
+    pub subtract: LaneOffset,
+    pub subtract_so_far: LaneOffset,
 }
 
 /// Blocks in the order of their evaluation.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
     pub groups: Vec<Group>,
-    pub inputs: Vec<Place>,
+    pub inputs: Vec<LaneOffset>,
     pub outputs: Vec<Target>,
     /// The blocks themselves, in order: for constants and for the Jacobian.
     pub blocks: Vec<Block>,
@@ -157,7 +157,7 @@ impl Sequence {
     }
 
     /// The blocks with the places of their inputs and outputs.
-    pub fn wired(&self) -> impl Iterator<Item = (&Block, &[Place], &[Target])> {
+    pub fn wired(&self) -> impl Iterator<Item = (&Block, &[LaneOffset], &[Target])> {
         let (mut inputs, mut outputs) = (self.inputs.as_slice(), self.outputs.as_slice());
         self.blocks.iter().map(move |block| {
             let (own_inputs, later_inputs) = inputs.split_at(block.inputs.len());
@@ -199,7 +199,7 @@ impl Sequence {
         for input in &block.inputs {
             let slot = slot_of[input.0 as usize];
             assert!(slot < bin, "a component has left a port unset");
-            self.inputs.push(Place::new(slot));
+            self.inputs.push(LaneOffset::new(slot));
         }
         let mut place = |sum: Option<Sum>| {
             let Some(sum) = sum else { return (bin, zero) };
@@ -212,10 +212,10 @@ impl Sequence {
             let (add, add_so_far) = place(output.add);
             let (subtract, subtract_so_far) = place(output.subtract);
             self.outputs.push(Target {
-                add: Place::new(add),
-                add_so_far: Place::new(add_so_far),
-                subtract: Place::new(subtract),
-                subtract_so_far: Place::new(subtract_so_far),
+                add: LaneOffset::new(add),
+                add_so_far: LaneOffset::new(add_so_far),
+                subtract: LaneOffset::new(subtract),
+                subtract_so_far: LaneOffset::new(subtract_so_far),
             });
         }
         self.blocks.push(block);
@@ -269,7 +269,7 @@ unsafe fn lists<'a, V, const I: usize, const O: usize, const C: usize>(
     group: &Group,
     sequence: &'a Sequence,
     constants: &'a [V],
-) -> impl Iterator<Item = (&'a [Place; I], &'a [Target; O], &'a [V; C])> {
+) -> impl Iterator<Item = (&'a [LaneOffset; I], &'a [Target; O], &'a [V; C])> {
     // SAFETY: `Sequence::push` extends the lists with every block of a group.
     let (inputs, outputs, constants) = unsafe {
         (
@@ -299,7 +299,7 @@ impl<V: Lanes> Visitor for Evaluate<'_, V> {
     where
         E: Equation<I, O, C>,
     {
-        V::outline(OfKind::<_, E, I, O, C>(self, PhantomData));
+        V::with_target_features(OfKind::<_, E, I, O, C>(self, PhantomData));
     }
 }
 
@@ -340,7 +340,7 @@ impl Visitor for TraceDuals<'_, '_> {
             }
             let first = variables.as_mut_ptr();
             // SAFETY: all slots of a sequence are below the length that is asserted.
-            let at = |place: Place| unsafe { place.among(first) };
+            let at = |place: LaneOffset| unsafe { place.among(first) };
             // SAFETY: as above.
             unsafe { scatter(group, outputs, &results.map(|result| result.value), at) };
         }
@@ -381,7 +381,7 @@ where
             let results = E::evaluate::<V>(constants, values);
             let first = variables.as_mut_ptr();
             // SAFETY: as above.
-            let at = |place: Place| unsafe { place.among(first) };
+            let at = |place: LaneOffset| unsafe { place.among(first) };
             // SAFETY: as above.
             unsafe { scatter(group, outputs, &results, at) };
         }
@@ -397,7 +397,7 @@ unsafe fn scatter<V: Scalar<Base = V>, const O: usize>(
     group: &Group,
     outputs: &[Target; O],
     results: &[V; O],
-    at: impl Fn(Place) -> *mut V,
+    at: impl Fn(LaneOffset) -> *mut V,
 ) {
     for (target, &result) in outputs.iter().zip(results) {
         // SAFETY: promised by the caller.
@@ -440,7 +440,7 @@ impl<V: Lanes> Visitor for Differentiate<'_, V> {
     where
         E: Equation<I, O, C>,
     {
-        V::outline(OfKind::<_, E, I, O, C>(self, PhantomData));
+        V::with_target_features(OfKind::<_, E, I, O, C>(self, PhantomData));
     }
 }
 
@@ -462,7 +462,7 @@ impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: us
             for register in 0..V::REGISTERS {
                 // SAFETY: a slot's registers stand one after the other, and all slots
                 // of a sequence are below the length that its caller asserts.
-                let at = |place: Place| unsafe {
+                let at = |place: LaneOffset| unsafe {
                     place.among(first).cast::<V::Register>().add(register)
                 };
                 let place = |index: usize| index * V::REGISTERS + register;
@@ -481,7 +481,7 @@ impl<V: Lanes, E: Equation<I, O, C>, const I: usize, const O: usize, const C: us
                 for (o, result) in results.iter().enumerate() {
                     plain[o] = result.value;
                     for (i, &partial) in result.partials.iter().enumerate() {
-                        // No term reads the place of a zero or a one (`Rows::list_terms`).
+                        // No term reads the place of a zero or a one (`SparseJacobian::list_terms`).
                         if let Partial::Number(number) = partial {
                             // SAFETY: `own` has `I · O` slots for every block.
                             unsafe { *own.add(place(o * I + i)) = number };

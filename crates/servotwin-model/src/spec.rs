@@ -390,7 +390,7 @@ pub struct State {
     /// The size that errors are measured against.
     pub scale: f64,
     /// How many times as large an error over scale may be in a step as that of others.
-    pub leeway: f64,
+    pub error_weight: f64,
     /// Where the search for the steady state begins.
     pub start: Start,
     /// The search for the steady state does not go below; minus infinity for no bound.
@@ -462,6 +462,27 @@ impl Spec {
 /// Shorthands, so that a component's declaration reads as a table.
 pub mod declare {
     use super::*;
+
+    /// Declares the parameters of a component, one a row: `name: parameter(unit, default, range, summary)`.
+    ///
+    /// The name stands in system files and in equations. The macro makes the array `PARAMETERS` for the [`Spec`], and
+    /// the module `index` with the position of each parameter: an equation reads `given[index::area_m2]`.
+    macro_rules! parameters {
+        ($($name:ident: $($declare:ident)::+ ($($argument:expr),* $(,)?)),* $(,)?) => {
+            /// The positions of the parameters.
+            #[allow(non_upper_case_globals, dead_code)]
+            pub(crate) mod index {
+                #[allow(non_camel_case_types)]
+                enum Position { $($name),* }
+                $(pub const $name: usize = Position::$name as usize;)*
+            }
+
+            /// The parameters in the order of their positions.
+            pub(crate) const PARAMETERS: [$crate::spec::Parameter; [$(index::$name),*].len()] =
+                [$($($declare)::+(stringify!($name), $($argument),*)),*];
+        };
+    }
+    pub(crate) use parameters;
 
     /// A parameter with a default.
     pub const fn parameter(
@@ -609,16 +630,16 @@ pub mod declare {
         start: Start,
         summary: &'static str,
     ) -> State {
-        State { name, unit, scale, leeway: 1.0, start, lowest: f64::NEG_INFINITY, summary }
+        State { name, unit, scale, error_weight: 1.0, start, lowest: f64::NEG_INFINITY, summary }
     }
 
-    /// The leeway of a velocity that no sensor shows. It errs most, where friction turns, and would shorten steps in which
+    /// The error weight of a velocity that no sensor shows. It errs most, where friction turns, and would shorten steps in which
     /// everything else is exact. With a tenth more the largest errors, where an edge clogs or the supply is lost, double.
-    pub const VELOCITY_LEEWAY: f64 = 5.0;
+    pub const VELOCITY_ERROR_WEIGHT: f64 = 5.0;
 
     /// The same state, but its error in a step may be so many times as large.
-    pub const fn with_leeway(leeway: f64, state: State) -> State {
-        State { leeway, ..state }
+    pub const fn with_error_weight(error_weight: f64, state: State) -> State {
+        State { error_weight, ..state }
     }
 
     /// The absolute pressure of a fluid, Pa; the search for the steady state begins at a parameter.
@@ -629,7 +650,7 @@ pub mod declare {
     ) -> State {
         let start = Start::Parameter(start);
         let lowest = LOWEST_AT_REST_PA;
-        State { name, unit: Unit::Pascal, scale: 2e7, leeway: 1.0, start, lowest, summary }
+        State { name, unit: Unit::Pascal, scale: 2e7, error_weight: 1.0, start, lowest, summary }
     }
 }
 

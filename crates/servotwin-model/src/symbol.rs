@@ -2,7 +2,7 @@
 //!
 //! Evaluating an equation with [`Symbol`]s leaves its text in a [`Graph`]: an
 //! expression per operation, each kept once however often it is used. From the
-//! graph comes the C source of a system ([`crate::c_source`]) and of its steps ([`crate::kernel_source`]).
+//! graph comes the C of a system ([`crate::c_source`]).
 //!
 //! A constant is carried in the symbol itself and needs no graph; operations on
 //! constants are done at once, with the arithmetic of `f64`. What is simplified

@@ -68,7 +68,7 @@ fn main() {
         }
     };
     time("by lists");
-    let compiled = study.system.compiled.kernels(&study.system.program, Level::Single);
+    let compiled = study.system.compiled.steps(&study.system.program, Level::Single);
     if compiled.is_some() {
         time("compiled");
     }

@@ -29,7 +29,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let signal = |&sensor: &usize| program.observable(&system.sensors[sensor].signal).cloned();
     let outputs =
         sensors.iter().map(signal).collect::<Option<Vec<_>>>().ok_or("a sensor's signal")?;
-    std::fs::write(folder.join("aileron.c"), c_source::write(program, "aileron", &outputs)?)?;
+    std::fs::write(
+        folder.join("aileron.c"),
+        c_source::write_equations(program, "aileron", &outputs)?,
+    )?;
     let parameters = program.parameters(&[]);
     let begins = |component: usize| parameters[..component].iter().map(Vec::len).sum::<usize>();
     let unknown = |unknown: Unknown| {

@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&folder)?;
     let system = System::default();
     let program = &system.program;
-    std::fs::write(folder.join("aileron.c"), c_source::write(program, "aileron", &[])?)?;
+    std::fs::write(folder.join("aileron.c"), c_source::write_equations(program, "aileron", &[])?)?;
 
     let command = COMMAND.parse::<Signal>()?.build(Unit::Radian, DURATION_S)?;
     let mut inputs = Vec::new();

@@ -1,7 +1,7 @@
 //! Steps that the machine's C compiler has made faster.
 //!
 //! Where there is a compiler and enough to do, or a live stream to watch, the system's equations and their Jacobian
-//! become machine code ([`servotwin_model::kernel_source`]), which takes some seconds; where there is none the solver
+//! become machine code ([`servotwin_model::c_source`]), which takes some seconds; where there is none the solver
 //! walks its lists, which takes half as long again. The bits are the same, or else what was compiled is not used: it runs
 //! beside the lists once.
 //!
@@ -11,12 +11,12 @@
 
 use crate::leftovers::{own_prefix, remove_abandoned_folders};
 use libloading::Library;
-use servotwin_model::kernel_source;
+use servotwin_model::c_source;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Case, Failure, Feed, Functions, Kernels, Method, Settings, Statistics, run,
+    CompiledStep, CompiledSteps, Failure, Job, JobSource, Method, Settings, Statistics, run,
 };
 use std::env;
 use std::error::Error;
@@ -52,7 +52,7 @@ pub struct Compiled {
 }
 
 struct Loaded {
-    kernels: Kernels,
+    steps: CompiledSteps,
     /// Where the functions stand.
     _libraries: Vec<Library>,
 }
@@ -63,7 +63,7 @@ impl Compiled {
         Self { asked_s: AtomicU64::new(WORTH_S), ..Self::default() }
     }
 
-    /// As [`Compiled::kernels`], where this many more simulated seconds make it worth it. Where the work is cancelled while
+    /// As [`Compiled::steps`], where this many more simulated seconds make it worth it. Where the work is cancelled while
     /// a compiler runs there are no functions from then on.
     pub(crate) fn when_worth(
         &self,
@@ -72,10 +72,10 @@ impl Compiled {
         level: Level,
         simulated_s: f64,
         cancel: Option<&AtomicBool>,
-    ) -> Option<&Kernels> {
+    ) -> Option<&CompiledSteps> {
         let is_worth = self.is_worth(method, simulated_s);
         self.asked_s.fetch_add(simulated_s.ceil() as u64, Ordering::Relaxed);
-        if is_worth { self.kernels_unless(program, level, cancel) } else { None }
+        if is_worth { self.steps_unless(program, level, cancel) } else { None }
     }
 
     /// Compiles now what [`Compiled::when_worth`] would compile for so many seconds.
@@ -88,7 +88,7 @@ impl Compiled {
         cancel: Option<&AtomicBool>,
     ) {
         if self.is_worth(method, simulated_s) {
-            self.kernels_unless(program, level, cancel);
+            self.steps_unless(program, level, cancel);
         }
     }
 
@@ -98,9 +98,9 @@ impl Compiled {
         method == Settings::campaign().method && asked_s >= WORTH_S
     }
 
-    /// What [`Compiled::kernels`] has found before, somewhere else.
-    pub fn ready(&self, level: Level) -> Option<&Kernels> {
-        self.of(level).get()?.as_ref().map(|loaded| &loaded.kernels)
+    /// What [`Compiled::steps`] has found before, somewhere else.
+    pub fn ready(&self, level: Level) -> Option<&CompiledSteps> {
+        self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
     }
 
     /// Ends compilers that run, and starts none: nobody needs what they make any more.
@@ -115,16 +115,16 @@ impl Compiled {
 
     /// The functions for a program, which must always be the same, for runs by the method of campaigns that begin with
     /// the lanes of a level. `None` without a compiler.
-    pub fn kernels(&self, program: &Program, level: Level) -> Option<&Kernels> {
-        self.kernels_unless(program, level, None)
+    pub fn steps(&self, program: &Program, level: Level) -> Option<&CompiledSteps> {
+        self.steps_unless(program, level, None)
     }
 
-    fn kernels_unless(
+    fn steps_unless(
         &self,
         program: &Program,
         level: Level,
         cancel: Option<&AtomicBool>,
-    ) -> Option<&Kernels> {
+    ) -> Option<&CompiledSteps> {
         let given_up = &self.given_up;
         let patience = Patience { until: Instant::now() + LONGEST, given_up, cancel };
         let load = || match Loaded::new(program, level, &compiler()?, &patience) {
@@ -135,7 +135,7 @@ impl Compiled {
             }
         };
         let loaded = self.of(level).get_or_init(load);
-        loaded.as_ref().map(|loaded| &loaded.kernels)
+        loaded.as_ref().map(|loaded| &loaded.steps)
     }
 
     /// Why nothing could be compiled, once it was tried. Steps then take half as long again.
@@ -275,7 +275,7 @@ impl Loaded {
         let method = Settings::campaign().method;
         let folder = Folder::new()?;
         let source = folder.source();
-        let text = kernel_source::write(program, method).ok_or(None)?;
+        let text = c_source::write_step(program, method).ok_or(None)?;
         fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let with = |flags| libraries(compiler, flags, &levels, (&source, &folder), patience);
@@ -288,19 +288,19 @@ impl Loaded {
             // SAFETY: the text's functions, compiled for lanes of this level, which is available; the library stays
             // loaded as long as they are there.
             unsafe {
-                Functions::find(method, level.width(), |name| {
+                CompiledStep::find(method, level.width(), |name| {
                     let symbol = library.get::<*const ()>(name.as_bytes()).ok()?;
                     symbol.try_as_raw_ptr().map(|address| address.cast_const().cast())
                 })
             }
         });
         let other = || CompileProblem::OtherNumbers { program: named(compiler) };
-        let functions = functions.collect::<Option<Vec<Functions>>>().ok_or_else(other)?;
+        let functions = functions.collect::<Option<Vec<CompiledStep>>>().ok_or_else(other)?;
         // SAFETY: made of this program and method.
-        let kernels = unsafe { Kernels::new(program, method, functions) };
+        let steps = unsafe { CompiledSteps::new(program, method, functions) };
         let is_good =
-            first_moments(program, level, Some(&kernels)) == first_moments(program, level, None);
-        if is_good { Ok(Self { kernels, _libraries: libraries }) } else { Err(Some(other())) }
+            first_moments(program, level, Some(&steps)) == first_moments(program, level, None);
+        if is_good { Ok(Self { steps, _libraries: libraries }) } else { Err(Some(other())) }
     }
 }
 
@@ -471,31 +471,31 @@ fn first_error(messages: &Path) -> Option<String> {
 }
 
 /// The bits of what a full set of lanes does at first, at the inputs that are declared.
-fn first_moments(program: &Program, level: Level, kernels: Option<&Kernels>) -> Vec<Moment> {
+fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>) -> Vec<Moment> {
     const DURATION_S: f64 = 0.05;
     let swing = |default: f64| [default, 0.1 * default + 1e-3, 0.0, 0.0];
     let inputs: Vec<Piecewise> = (program.network().inputs.iter())
         .map(|input| Piecewise::new(vec![0.0], vec![swing(input.default)]).expect("one piece"))
         .collect();
     let parameters = program.parameters(&[]);
-    let case = |job: usize| Case {
-        job,
+    let job = |number: usize| Job {
+        number,
         constants: program.block_constants(&parameters),
         stand_ins: program.stand_in_values(&parameters),
         inputs: inputs.iter().collect(),
         start: program.first_guess(&parameters),
         settle: true,
         // The last ones go on in fewer lanes.
-        duration_s: DURATION_S * (1 + job % 2) as f64,
+        duration_s: DURATION_S * (1 + number % 2) as f64,
         sample_period_s: 0.01,
         changes: Vec::new(),
     };
     let mut moments = Moments {
-        cases: (0..level.width()).map(case).collect(),
+        waiting: (0..level.width()).map(job).collect(),
         of_jobs: vec![Moment::default(); level.width()],
     };
     let record: Vec<Slot> = program.observables().iter().map(|o| o.slot).collect();
-    run(program, kernels, Settings::campaign(), &record, level, &mut moments);
+    run(program, steps, Settings::campaign(), &record, level, &mut moments);
     moments.of_jobs
 }
 
@@ -507,15 +507,15 @@ struct Moment {
     outcome: Option<Result<Statistics, Failure>>,
 }
 
-/// Gives out cases and notes what becomes of them.
+/// Gives out waiting and notes what becomes of them.
 struct Moments<'a> {
-    cases: Vec<Case<'a>>,
+    waiting: Vec<Job<'a>>,
     of_jobs: Vec<Moment>,
 }
 
-impl<'a> Feed<'a> for Moments<'a> {
-    fn next(&mut self) -> Option<Case<'a>> {
-        self.cases.pop()
+impl<'a> JobSource<'a> for Moments<'a> {
+    fn next(&mut self) -> Option<Job<'a>> {
+        self.waiting.pop()
     }
 
     fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
@@ -610,7 +610,7 @@ mod tests {
     fn roots(numbers: &[[f64; 8]]) -> Vec<[[f64; 8]; 2]> {
         const FUNCTIONS: &str = "void roots(IN x, OUT iterated, OUT known) { int lane = 0; \
              PUT(iterated, 0, iterated_root(AT(x, 0))); PUT(known, 0, root(AT(x, 0))); }";
-        let prelude = include_str!("../../servotwin-model/src/kernel_source.h");
+        let prelude = include_str!("../../servotwin-model/src/c_source/step.h");
         let folder = Folder::new().unwrap();
         let source = folder.source();
         fs::write(&source, format!("{prelude}\n{FUNCTIONS}\n")).unwrap();

@@ -12,7 +12,7 @@
 
 use servotwin_model::jacobian::dense;
 use servotwin_model::program::Program;
-use servotwin_model::solver::Batch;
+use servotwin_model::solver::StepMemory;
 use std::cmp::Ordering;
 use std::ops::{Add, Mul, Sub};
 
@@ -210,19 +210,19 @@ fn qr_step(h: &mut [Vec<Complex>], low: usize, size: usize, shift: Complex) {
 /// 1/s. `None` where the equations give numbers that are not finite.
 pub fn of_system(program: &Program, states: &[f64], inputs: &[f64]) -> Option<Vec<Complex>> {
     let parameters = program.parameters(&[]);
-    let mut batch = Batch::<f64>::new(program);
-    batch.set_constants(0, &program.block_constants(&parameters));
+    let mut memory = StepMemory::<f64>::new(program);
+    memory.set_constants(0, &program.block_constants(&parameters));
     let externals = program.externals();
     for (slot, &value) in externals.clone().zip(inputs) {
-        batch.set_variable(0, slot, value);
+        memory.set_variable(0, slot, value);
     }
     let stand_ins: Vec<f64> = program.stand_in_values(&parameters);
     for (slot, &value) in (externals.end..).zip(&stand_ins) {
-        batch.set_variable(0, slot, value);
+        memory.set_variable(0, slot, value);
     }
-    batch.set_states(0, states);
-    batch.begin();
-    let mut matrix = dense(program.rows(), batch.gradients(), 0);
+    memory.set_states(0, states);
+    memory.begin();
+    let mut matrix = dense(program.jacobian(), memory.gradients(), 0);
     let scales: Vec<f64> = program.states().iter().map(|state| state.scale).collect();
     for (row, own) in matrix.iter_mut().zip(&scales) {
         for (entry, other) in row.iter_mut().zip(&scales) {

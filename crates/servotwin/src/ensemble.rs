@@ -11,7 +11,8 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Case, Change, Failure, Feed, Kernels, Settings, Statistics, run, settle, settle_counted,
+    Change, CompiledSteps, Failure, Job, JobSource, Settings, Statistics, run, settle,
+    settle_counted,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -139,8 +140,8 @@ impl<'p> Ensemble<'p> {
         let next = AtomicUsize::new(0);
         let done = Mutex::new(done);
         let threads = self.threads.clamp(1, count.max(1));
-        let kernels = self.kernels(count);
-        let level = match kernels {
+        let compiled_steps = self.compiled_steps(count);
+        let level = match compiled_steps {
             Some(_) => self.level.compiled(),
             None => self.level.for_many(count / threads),
         };
@@ -156,7 +157,14 @@ impl<'p> Ensemble<'p> {
                         done: &done,
                         open: Vec::new(),
                     };
-                    run(self.program, kernels, self.settings, &self.record, level, &mut worker);
+                    run(
+                        self.program,
+                        compiled_steps,
+                        self.settings,
+                        &self.record,
+                        level,
+                        &mut worker,
+                    );
                 });
             }
         });
@@ -173,7 +181,7 @@ impl<'p> Ensemble<'p> {
     }
 
     /// The compiled step, where it is worth it for so many variants.
-    fn kernels(&self, count: usize) -> Option<&'p Kernels> {
+    fn compiled_steps(&self, count: usize) -> Option<&'p CompiledSteps> {
         let compiled = self.compiled?;
         let (level, method) = (self.level.compiled(), self.settings.method);
         let simulated_s = self.simulated_s(count);
@@ -205,7 +213,7 @@ impl<'p> Ensemble<'p> {
     /// # Errors
     /// Where the search met numbers that are not finite.
     pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, Failure> {
-        settle(self.program, self.case(0, variant))
+        settle(self.program, self.job(0, variant))
     }
 
     /// As [`Ensemble::settle`], with the work that it took: whether there was a rest.
@@ -213,10 +221,10 @@ impl<'p> Ensemble<'p> {
     /// # Errors
     /// Where the search met numbers that are not finite.
     pub fn settle_counted(&self, variant: &Variant) -> Result<(Vec<f64>, Statistics), Failure> {
-        settle_counted(self.program, self.case(0, variant))
+        settle_counted(self.program, self.job(0, variant))
     }
 
-    fn case<'a>(&self, job: usize, variant: &Variant<'a>) -> Case<'a> {
+    fn job<'a>(&self, number: usize, variant: &Variant<'a>) -> Job<'a> {
         let parameters = self.program.parameters_with(&variant.overrides, &variant.faults);
         let start = match variant.guess {
             Some(guess) => guess.to_vec(),
@@ -225,8 +233,8 @@ impl<'p> Ensemble<'p> {
         let constants = self.program.block_constants(&parameters);
         let stand_ins = self.program.stand_in_values(&parameters);
         let explicit = self.settings.method.tableau().is_none();
-        let mut case = Case {
-            job,
+        let mut job = Job {
+            number,
             constants,
             stand_ins,
             inputs: variant.inputs.clone(),
@@ -238,11 +246,11 @@ impl<'p> Ensemble<'p> {
         };
         if explicit {
             // The search for rest takes steps that only an implicit method can.
-            let rest = settle(self.program, case.clone());
-            case.settle = false;
-            case.start = rest.unwrap_or(case.start);
+            let rest = settle(self.program, job.clone());
+            job.settle = false;
+            job.start = rest.unwrap_or(job.start);
         }
-        case
+        job
     }
 }
 
@@ -269,14 +277,14 @@ struct Worker<'w, 'p, V, K, S, D> {
     open: Vec<(usize, S)>,
 }
 
-impl<'a, V, K, S, D> Feed<'a> for Worker<'_, '_, V, K, S, D>
+impl<'a, V, K, S, D> JobSource<'a> for Worker<'_, '_, V, K, S, D>
 where
     V: Fn(usize) -> Variant<'a>,
     K: Fn(usize) -> S,
     S: Sink,
     D: FnMut(usize, S, Result<Statistics, Failure>),
 {
-    fn next(&mut self) -> Option<Case<'a>> {
+    fn next(&mut self) -> Option<Job<'a>> {
         if self.cancelled() {
             return None;
         }
@@ -285,7 +293,7 @@ where
             return None;
         }
         self.open.push((job, (self.sink)(job)));
-        Some(self.ensemble.case(job, &(self.variant)(job)))
+        Some(self.ensemble.job(job, &(self.variant)(job)))
     }
 
     fn sample(&mut self, job: usize, index: usize, values: &[f64]) {

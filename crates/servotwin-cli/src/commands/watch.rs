@@ -272,7 +272,7 @@ impl Setup<'_> {
         let end = thread::scope(|scope| {
             // A log is mostly read before a compiler would be done.
             if address.is_live() {
-                scope.spawn(|| system.compiled.kernels(&system.program, Level::Single));
+                scope.spawn(|| system.compiled.steps(&system.program, Level::Single));
             }
             let end = watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
             system.compiled.give_up();

@@ -27,24 +27,21 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Accumulator;
 
-const GAS_VOLUME: usize = 0;
-const PRECHARGE: usize = 1;
-const EXPONENT: usize = 2;
-const FLUID_VOLUME: usize = 3;
-
 /// The bladder begins to leave its seat here, per unit of the precharge.
 const SEATED: f64 = 0.95;
+
+parameters! {
+    gas_volume_m3: required(Unit::CubicMetre, (1e-7, 1.0), "gas volume before filling"),
+    precharge_pa: required(Unit::Pascal, (1e4, 1e8), "gas pressure before filling, absolute"),
+    polytropic_exponent: parameter(Unit::None, 1.4, (1.0, 1.7), "of the gas"),
+    fluid_volume_m3: parameter(Unit::CubicMetre, 2e-5, (1e-8, 1.0), "in the connection"),
+    start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
+}
 
 static SPEC: Spec = Spec {
     kind: "accumulator",
     summary: "gas accumulator",
-    parameters: &[
-        required("gas_volume_m3", Unit::CubicMetre, (1e-7, 1.0), "gas volume before filling"),
-        required("precharge_pa", Unit::Pascal, (1e4, 1e8), "gas pressure before filling, absolute"),
-        parameter("polytropic_exponent", Unit::None, 1.4, (1.0, 1.7), "of the gas"),
-        parameter("fluid_volume_m3", Unit::CubicMetre, 2e-5, (1e-8, 1.0), "in the connection"),
-        parameter("start_pa", Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[scales(
         "precharge_loss",
         "precharge_pa",
@@ -80,13 +77,25 @@ impl Equation<2, 1, { 5 + BULK_CONSTANTS }> for GasPressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5 + BULK_CONSTANTS] {
         let one = S::constant(1.0);
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
-        let per_exponent = one / given[EXPONENT];
-        let precharge = given[PRECHARGE];
+        let per_exponent = one / given[index::polytropic_exponent];
+        let precharge = given[index::precharge_pa];
         // V_g/(n p) = (V_0/n) p_0^{1/n} p^{−1/n − 1}
-        let gas = given[GAS_VOLUME] * per_exponent * power(precharge, per_exponent);
+        let gas = given[index::gas_volume_m3] * per_exponent * power(precharge, per_exponent);
         let seated = precharge * S::constant(SEATED);
         let per_lift = one / (precharge - seated);
-        [gas, -(per_exponent + one), seated, per_lift, given[FLUID_VOLUME], a, b, c, d, e, f]
+        [
+            gas,
+            -(per_exponent + one),
+            seated,
+            per_lift,
+            given[index::fluid_volume_m3],
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+        ]
     }
 
     #[inline(always)]

@@ -25,56 +25,46 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct AerodynamicLoad;
 
-const ALTITUDE: usize = 1;
-const AREA: usize = 4;
-const CHORD: usize = 5;
-const ZERO: usize = 6;
-const INCIDENCE: usize = 7;
-const DEFLECTION: usize = 8;
-const RATE: usize = 9;
-
 /// Mach 0.9 in the stratosphere, where sound is slowest: the law says nothing beyond.
 const LARGEST_SPEED_M_S: f64 = 265.0;
+
+parameters! {
+    air_speed_m_s: parameter(
+        Unit::MetrePerSecond,
+        150.0,
+        (0.0, LARGEST_SPEED_M_S),
+        "true air speed V",
+    ),
+    altitude_m: parameter(Unit::Metre, 3000.0, (-2e3, 2e4), "altitude"),
+    incidence_rad: parameter(Unit::Radian, 0.05236, (-0.5, 0.5), "incidence α"),
+    load_factor: parameter(Unit::None, 1.0, (0.0, 10.0), "share of the dynamic pressure λ"),
+    reference_area_m2: parameter(Unit::SquareMetre, 1.93, (1e-3, 1e3), "surface area S"),
+    chord_m: parameter(Unit::Metre, 0.58, (1e-2, 1e2), "surface chord c"),
+    hinge_moment_zero: parameter(Unit::None, -0.01, (-1.0, 1.0), "C_0"),
+    hinge_moment_incidence_per_rad: parameter(
+        Unit::PerRadian,
+        -0.25,
+        (-10.0, 10.0),
+        "C_α, by incidence",
+    ),
+    hinge_moment_deflection_per_rad: parameter(
+        Unit::PerRadian,
+        -0.60,
+        (-10.0, 10.0),
+        "C_θ, by deflection",
+    ),
+    hinge_moment_rate_per_rad: parameter(
+        Unit::PerRadian,
+        -1.5,
+        (-100.0, 100.0),
+        "C_ω, by ω c/(2V)",
+    ),
+}
 
 static SPEC: Spec = Spec {
     kind: "aerodynamic_load",
     summary: "hinge moment of the air on a control surface",
-    parameters: &[
-        parameter(
-            "air_speed_m_s",
-            Unit::MetrePerSecond,
-            150.0,
-            (0.0, LARGEST_SPEED_M_S),
-            "true air speed V",
-        ),
-        parameter("altitude_m", Unit::Metre, 3000.0, (-2e3, 2e4), "altitude"),
-        parameter("incidence_rad", Unit::Radian, 0.05236, (-0.5, 0.5), "incidence α"),
-        parameter("load_factor", Unit::None, 1.0, (0.0, 10.0), "share of the dynamic pressure λ"),
-        parameter("reference_area_m2", Unit::SquareMetre, 1.93, (1e-3, 1e3), "surface area S"),
-        parameter("chord_m", Unit::Metre, 0.58, (1e-2, 1e2), "surface chord c"),
-        parameter("hinge_moment_zero", Unit::None, -0.01, (-1.0, 1.0), "C_0"),
-        parameter(
-            "hinge_moment_incidence_per_rad",
-            Unit::PerRadian,
-            -0.25,
-            (-10.0, 10.0),
-            "C_α, by incidence",
-        ),
-        parameter(
-            "hinge_moment_deflection_per_rad",
-            Unit::PerRadian,
-            -0.60,
-            (-10.0, 10.0),
-            "C_θ, by deflection",
-        ),
-        parameter(
-            "hinge_moment_rate_per_rad",
-            Unit::PerRadian,
-            -1.5,
-            (-100.0, 100.0),
-            "C_ω, by ω c/(2V)",
-        ),
-    ],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         rotational("shaft", "the surface's hinge"),
@@ -123,7 +113,10 @@ fn scales<S: Scalar>(q: S, mach_2: S, speed: S, area_chord: S::Base, half: S::Ba
 }
 
 fn area_and_chord<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-    [given[AREA] * given[CHORD], given[CHORD] * S::constant(0.5)]
+    [
+        given[index::reference_area_m2] * given[index::chord_m],
+        given[index::chord_m] * S::constant(0.5),
+    ]
 }
 
 /// Equations (H1) and (H2) at a constant altitude: (air speed, load factor) →
@@ -132,7 +125,7 @@ pub struct Stream;
 
 impl Equation<2, 3, 4> for Stream {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let air = standard_air(given[ALTITUDE]);
+        let air = standard_air(given[index::altitude_m]);
         let sound = air.sound_speed_m_s;
         let [area_chord, half_chord] = area_and_chord(given);
         let half_density = air.density_kg_m3 * S::constant(0.5);
@@ -168,7 +161,11 @@ pub struct HingeMoment;
 
 impl Equation<3, 1, 3> for HingeMoment {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        [given[ZERO], given[INCIDENCE], given[DEFLECTION]]
+        [
+            given[index::hinge_moment_zero],
+            given[index::hinge_moment_incidence_per_rad],
+            given[index::hinge_moment_deflection_per_rad],
+        ]
     }
 
     #[inline(always)]
@@ -182,7 +179,7 @@ pub struct HingeDamping;
 
 impl Equation<2, 1, 1> for HingeDamping {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[RATE]]
+        [given[index::hinge_moment_rate_per_rad]]
     }
 
     #[inline(always)]

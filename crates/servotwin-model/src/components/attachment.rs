@@ -23,20 +23,17 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Attachment;
 
-const STIFFNESS: usize = 0;
-const DAMPING: usize = 1;
-const BACKLASH: usize = 2;
-const OFFSET: usize = 3;
+parameters! {
+    stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e7, (0.0, 1e12), "stiffness"),
+    damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 2e3, (0.0, 1e9), "damping"),
+    backlash_m: parameter(Unit::Metre, 0.0, (0.0, 0.1), "half of the play"),
+    offset_m: parameter(Unit::Metre, 0.0, (-1e3, 1e3), "x_a − x_b of the unloaded joint"),
+}
 
 static SPEC: Spec = Spec {
     kind: "attachment",
     summary: "elastic joint with play between two moving parts",
-    parameters: &[
-        parameter("stiffness_n_m", Unit::NewtonPerMetre, 2e7, (0.0, 1e12), "stiffness"),
-        parameter("damping_n_s_m", Unit::NewtonSecondPerMetre, 2e3, (0.0, 1e9), "damping"),
-        parameter("backlash_m", Unit::Metre, 0.0, (0.0, 0.1), "half of the play"),
-        parameter("offset_m", Unit::Metre, 0.0, (-1e3, 1e3), "x_a − x_b of the unloaded joint"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         adds(
             "backlash",
@@ -83,12 +80,12 @@ pub struct Joint;
 impl Equation<4, 1, 6> for Joint {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
         let tiny = S::constant(1e-9);
-        let ramp = given[BACKLASH] * S::constant(0.1) + tiny;
+        let ramp = given[index::backlash_m] * S::constant(0.1) + tiny;
         [
-            given[STIFFNESS],
-            given[DAMPING],
-            given[BACKLASH],
-            given[OFFSET],
+            given[index::stiffness_n_m],
+            given[index::damping_n_s_m],
+            given[index::backlash_m],
+            given[index::offset_m],
             S::constant(1.0) / ramp,
             // Exactly one without play.
             tiny / ramp,

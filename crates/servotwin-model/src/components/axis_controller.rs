@@ -25,26 +25,21 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct AxisController;
 
-const GAIN: usize = 0;
-const INTEGRAL_GAIN: usize = 1;
-const PRESSURE_GAIN: usize = 2;
-const PRESSURE_REFERENCE: usize = 3;
-const WASHOUT: usize = 4;
-const RIG_OFFSET: usize = 5;
+parameters! {
+    gain_per_m: parameter(Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
+    integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e3), "integral gain K_i"),
+    pressure_gain: parameter(Unit::None, 0.0, (0.0, 100.0), "pressure feedback gain K_d"),
+    pressure_reference_pa: parameter(Unit::Pascal, 20e6, (1e3, 1e9), "p_ref"),
+    washout_s: parameter(Unit::Second, 0.1, (1e-4, 1e3), "washout time constant τ"),
+    rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
+    no_pressure_pa: parameter(Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
+    mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
+}
 
 static SPEC: Spec = Spec {
     kind: "axis_controller",
     summary: "position loop of a linear axis, with integral and dynamic pressure feedback",
-    parameters: &[
-        parameter("gain_per_m", Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
-        parameter("integral_gain_per_s", Unit::PerSecond, 0.0, (0.0, 1e3), "integral gain K_i"),
-        parameter("pressure_gain", Unit::None, 0.0, (0.0, 100.0), "pressure feedback gain K_d"),
-        parameter("pressure_reference_pa", Unit::Pascal, 20e6, (1e3, 1e9), "p_ref"),
-        parameter("washout_s", Unit::Second, 0.1, (1e-4, 1e3), "washout time constant τ"),
-        parameter("rig_offset_m", Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
-        parameter("no_pressure_pa", Unit::Pascal, 1e5, (0.0, 1e9), "for pressures that are open"),
-        parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
-    ],
+    parameters: &PARAMETERS,
     faults: &LOOP_FAULTS,
     ports: &[
         input_within("command", Unit::Metre, (-10.0, 10.0), "commanded position x_c"),
@@ -96,7 +91,7 @@ pub struct AxisDemand;
 
 impl Equation<3, 1, 2> for AxisDemand {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[GAIN], given[RIG_OFFSET]]
+        [given[index::gain_per_m], given[index::rig_offset_m]]
     }
 
     #[inline(always)]
@@ -110,7 +105,10 @@ pub struct AxisDamping;
 
 impl Equation<3, 2, 2> for AxisDamping {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[PRESSURE_GAIN] / given[PRESSURE_REFERENCE], S::constant(1.0) / given[WASHOUT]]
+        [
+            given[index::pressure_gain] / given[index::pressure_reference_pa],
+            S::constant(1.0) / given[index::washout_s],
+        ]
     }
 
     #[inline(always)]
@@ -124,7 +122,7 @@ pub struct AxisOutput;
 
 impl Equation<4, 2, 3> for AxisOutput {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        [given[GAIN], given[RIG_OFFSET], given[INTEGRAL_GAIN]]
+        [given[index::gain_per_m], given[index::rig_offset_m], given[index::integral_gain_per_s]]
     }
 
     #[inline(always)]

@@ -12,7 +12,7 @@
 //! open valve.
 //!
 //! The relief valve is the same valve with a higher spring force and uses the
-//! same equation: its parameters stand in the same order.
+//! same equation.
 //!
 //! Source: the orifice; that the area grows by the cubic step is the toolkit's own choice.
 
@@ -27,24 +27,19 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct CheckValve;
 
-const AREA: usize = 0;
-const CRACKING: usize = 1;
-const RANGE: usize = 2;
-const LEAK_AREA: usize = 3;
-const DISCHARGE: usize = 4;
-const REYNOLDS: usize = 5;
+parameters! {
+    area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
+    cracking_pa: parameter(Unit::Pascal, 5e4, (0.0, 1e7), "drop at which it begins to open"),
+    range_pa: parameter(Unit::Pascal, 1e5, (1e2, 1e7), "further drop until it is open"),
+    leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+}
 
 static SPEC: Spec = Spec {
     kind: "check_valve",
     summary: "check valve with smooth opening",
-    parameters: &[
-        parameter("area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-        parameter("cracking_pa", Unit::Pascal, 5e4, (0.0, 1e7), "drop at which it begins to open"),
-        parameter("range_pa", Unit::Pascal, 1e5, (1e2, 1e7), "further drop until it is open"),
-        parameter("leak_area_m2", Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         adds(
             "stuck_open",
@@ -90,10 +85,15 @@ pub struct OneWayFlow;
 
 impl Equation<2, 1, 6> for OneWayFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
-        let [factor, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
-        let per_range = S::constant(1.0) / given[RANGE];
-        let leak = given[LEAK_AREA] * S::constant(2.0) / four_k;
-        [factor, r, four_k, given[CRACKING], per_range, leak]
+        let [factor, r, four_k] = hole(
+            given[index::area_m2],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        );
+        let per_range = S::constant(1.0) / given[index::range_pa];
+        let leak = given[index::leak_area_m2] * S::constant(2.0) / four_k;
+        [factor, r, four_k, given[index::cracking_pa], per_range, leak]
     }
 
     #[inline(always)]

@@ -17,23 +17,34 @@ use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
 
 /// Bias of the first conversion.
-pub const BIAS_ELECTRICAL: Parameter =
-    share("bias_electrical", (-2.0, 2.0), "bias of the sensor, share of full scale");
+pub const fn bias_electrical(name: &'static str) -> Parameter {
+    share(name, (-2.0, 2.0), "bias of the sensor, share of full scale")
+}
+
 /// Gain error of the first conversion.
-pub const GAIN_ELECTRICAL: Parameter =
-    share("gain_electrical", (-1.0, 2.0), "gain error of the sensor");
+pub const fn gain_electrical(name: &'static str) -> Parameter {
+    share(name, (-1.0, 2.0), "gain error of the sensor")
+}
+
 /// Bias of the second conversion.
-pub const BIAS_DIGITAL: Parameter =
-    share("bias_digital", (-2.0, 2.0), "bias of the computer's input, share of full scale");
+pub const fn bias_digital(name: &'static str) -> Parameter {
+    share(name, (-2.0, 2.0), "bias of the computer's input, share of full scale")
+}
+
 /// Gain error of the second conversion.
-pub const GAIN_DIGITAL: Parameter =
-    share("gain_digital", (-1.0, 2.0), "gain error of the computer's input");
+pub const fn gain_digital(name: &'static str) -> Parameter {
+    share(name, (-1.0, 2.0), "gain error of the computer's input")
+}
+
 /// Noise, added where readings are sampled.
-pub const NOISE_SIGMA: Parameter =
-    share("noise_sigma", (0.0, 1.0), "noise of a sample, share of full scale");
+pub const fn noise_sigma(name: &'static str) -> Parameter {
+    share(name, (0.0, 1.0), "noise of a sample, share of full scale")
+}
+
 /// Resolution, applied where readings are sampled.
-pub const BITS: Parameter =
-    share("bits", (0.0, 32.0), "resolution of a sample over full scale; 0 for ideal");
+pub const fn bits(name: &'static str) -> Parameter {
+    share(name, (0.0, 32.0), "resolution of a sample over full scale; 0 for ideal")
+}
 
 const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> Parameter {
     parameter(name, Unit::None, 0.0, range, summary)

@@ -41,69 +41,52 @@ use alloc::string::String;
 /// See the module.
 pub struct Cylinder;
 
-const AREA_A: usize = 0;
-const AREA_B: usize = 1;
-const VOLUME_A: usize = 2;
-const VOLUME_B: usize = 3;
-const INTERNAL_LEAKAGE: usize = 4;
-const MASS: usize = 5;
-const COULOMB: usize = 6;
-const STATIC_RATIO: usize = 7;
-const STRIBECK_VELOCITY: usize = 8;
-const SMOOTHING: usize = 9;
-const VISCOUS: usize = 10;
-const STROKE_HALF: usize = 11;
-const STOP_STIFFNESS: usize = 12;
-const STOP_DAMPING: usize = 13;
-
 /// The smallest chamber, per unit of its volume at the centre.
 const SMALLEST: f64 = 0.01;
+
+parameters! {
+    area_a_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side A"),
+    area_b_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side B"),
+    volume_a_m3: parameter(Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber A at the centre"),
+    volume_b_m3: parameter(Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber B at the centre"),
+    internal_leakage_m3_s_pa: parameter(
+        Unit::CubicMetrePerSecondPascal,
+        2e-14,
+        (0.0, 1e-8),
+        "laminar leakage across the piston seal",
+    ),
+    mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "piston and rod"),
+    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals"),
+    static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static over Coulomb"),
+    stribeck_velocity_m_s: parameter(
+        Unit::MetrePerSecond,
+        5e-3,
+        (1e-5, 1.0),
+        "where static friction has faded",
+    ),
+    friction_smoothing_m_s: parameter(
+        Unit::MetrePerSecond,
+        5e-3,
+        (1e-5, 1.0),
+        "where Coulomb friction is reached",
+    ),
+    viscous_friction_n_s_m: parameter(
+        Unit::NewtonSecondPerMetre,
+        6e3,
+        (0.0, 1e7),
+        "viscous friction",
+    ),
+    stroke_half_m: parameter(Unit::Metre, 23.5e-3, (1e-4, 10.0), "from centre to end stop"),
+    stop_stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e8, (0.0, 1e12), "end stop"),
+    stop_damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 5e4, (0.0, 1e9), "end stop"),
+    start_a_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure A"),
+    start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure B"),
+}
 
 static SPEC: Spec = Spec {
     kind: "cylinder",
     summary: "double-acting cylinder with friction, internal leakage and end stops",
-    parameters: &[
-        parameter("area_a_m2", Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side A"),
-        parameter("area_b_m2", Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side B"),
-        parameter("volume_a_m3", Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber A at the centre"),
-        parameter("volume_b_m3", Unit::CubicMetre, 65e-6, (1e-8, 1.0), "chamber B at the centre"),
-        parameter(
-            "internal_leakage_m3_s_pa",
-            Unit::CubicMetrePerSecondPascal,
-            2e-14,
-            (0.0, 1e-8),
-            "laminar leakage across the piston seal",
-        ),
-        parameter("mass_kg", Unit::Kilogram, 2.0, (1e-3, 1e5), "piston and rod"),
-        parameter("coulomb_friction_n", Unit::Newton, 500.0, (0.0, 1e6), "F_c of the seals"),
-        parameter("static_friction_ratio", Unit::None, 1.5, (1.0, 10.0), "static over Coulomb"),
-        parameter(
-            "stribeck_velocity_m_s",
-            Unit::MetrePerSecond,
-            5e-3,
-            (1e-5, 1.0),
-            "where static friction has faded",
-        ),
-        parameter(
-            "friction_smoothing_m_s",
-            Unit::MetrePerSecond,
-            5e-3,
-            (1e-5, 1.0),
-            "where Coulomb friction is reached",
-        ),
-        parameter(
-            "viscous_friction_n_s_m",
-            Unit::NewtonSecondPerMetre,
-            6e3,
-            (0.0, 1e7),
-            "viscous friction",
-        ),
-        parameter("stroke_half_m", Unit::Metre, 23.5e-3, (1e-4, 10.0), "from centre to end stop"),
-        parameter("stop_stiffness_n_m", Unit::NewtonPerMetre, 2e8, (0.0, 1e12), "end stop"),
-        parameter("stop_damping_n_s_m", Unit::NewtonSecondPerMetre, 5e4, (0.0, 1e9), "end stop"),
-        parameter("start_a_pa", Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure A"),
-        parameter("start_b_pa", Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess of pressure B"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         adds(
             "internal_leakage",
@@ -141,8 +124,8 @@ static SPEC: Spec = Spec {
         pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
         pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
-        with_leeway(
-            VELOCITY_LEEWAY,
+        with_error_weight(
+            VELOCITY_ERROR_WEIGHT,
             state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
         ),
     ],
@@ -184,8 +167,11 @@ impl Component for Cylinder {
     }
 
     fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        let half = parameters[STROKE_HALF];
-        let sides = [(AREA_A, VOLUME_A, 'a'), (AREA_B, VOLUME_B, 'b')];
+        let half = parameters[index::stroke_half_m];
+        let sides = [
+            (index::area_a_m2, index::volume_a_m3, 'a'),
+            (index::area_b_m2, index::volume_b_m3, 'b'),
+        ];
         sides.into_iter().try_for_each(|(area, volume, side)| {
             let (area, volume) = (parameters[area], parameters[volume]);
             if area * half < volume * (1.0 - SMALLEST) {
@@ -208,8 +194,11 @@ impl Equation<4, 1, { 4 + BULK_CONSTANTS }> for ChamberPressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4 + BULK_CONSTANTS] {
         let cavity = given.fluid.bulk.cavity_compliance_per_pa();
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
-        let volume = given[VOLUME_A + given.which];
-        let area = given[AREA_A + given.which] * S::constant([1.0, -1.0][given.which]);
+        let [volume, area, sign] = match given.which {
+            0 => [given[index::volume_a_m3], given[index::area_a_m2], S::constant(1.0)],
+            _ => [given[index::volume_b_m3], given[index::area_b_m2], S::constant(-1.0)],
+        };
+        let area = area * sign;
         [area, volume, volume * S::constant(SMALLEST), cavity, a, b, c, d, e, f]
     }
 
@@ -226,7 +215,7 @@ pub struct SealLeakage;
 
 impl Equation<2, 1, 1> for SealLeakage {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[INTERNAL_LEAKAGE]]
+        [given[index::internal_leakage_m3_s_pa]]
     }
 
     #[inline(always)]
@@ -240,9 +229,9 @@ pub struct PistonForce;
 
 impl Equation<3, 1, 4> for PistonForce {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let per_mass = S::constant(1.0) / given[MASS];
-        let a = given[AREA_A] * per_mass;
-        let b = given[AREA_B] * per_mass;
+        let per_mass = S::constant(1.0) / given[index::mass_kg];
+        let a = given[index::area_a_m2] * per_mass;
+        let b = given[index::area_b_m2] * per_mass;
         [a, b, per_mass, (a - b) * S::constant(NORMAL_PRESSURE_PA)]
     }
 
@@ -257,13 +246,13 @@ pub struct PistonFriction;
 
 impl Equation<1, 2, STRIBECK_CONSTANTS> for PistonFriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; STRIBECK_CONSTANTS] {
-        let mass = given[MASS];
+        let mass = given[index::mass_kg];
         stribeck_constants(Stribeck {
-            viscous: given[VISCOUS] / mass,
-            coulomb: given[COULOMB] / mass,
-            static_ratio: given[STATIC_RATIO],
-            velocity: given[STRIBECK_VELOCITY],
-            smoothing: given[SMOOTHING],
+            viscous: given[index::viscous_friction_n_s_m] / mass,
+            coulomb: given[index::coulomb_friction_n] / mass,
+            static_ratio: given[index::static_friction_ratio],
+            velocity: given[index::stribeck_velocity_m_s],
+            smoothing: given[index::friction_smoothing_m_s],
         })
     }
 
@@ -278,9 +267,13 @@ pub struct PistonStop;
 
 impl Equation<2, 1, END_STOP_CONSTANTS> for PistonStop {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; END_STOP_CONSTANTS] {
-        let mass = given[MASS];
-        let stiffness = given[STOP_STIFFNESS] / mass;
-        end_stop_constants(given[STROKE_HALF], stiffness, given[STOP_DAMPING] / mass)
+        let mass = given[index::mass_kg];
+        let stiffness = given[index::stop_stiffness_n_m] / mass;
+        end_stop_constants(
+            given[index::stroke_half_m],
+            stiffness,
+            given[index::stop_damping_n_s_m] / mass,
+        )
     }
 
     #[inline(always)]

@@ -19,20 +19,17 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct ExternalLeakage;
 
-const AREA: usize = 0;
-const AMBIENT: usize = 1;
-const DISCHARGE: usize = 2;
-const REYNOLDS: usize = 3;
+parameters! {
+    area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
+    ambient_pa: parameter(Unit::Pascal, 101_325.0, (0.0, 1e7), "pressure outside, absolute"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+}
 
 static SPEC: Spec = Spec {
     kind: "external_leakage",
     summary: "leak from a node to the surroundings",
-    parameters: &[
-        parameter("area_m2", Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
-        parameter("ambient_pa", Unit::Pascal, 101_325.0, (0.0, 1e7), "pressure outside, absolute"),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[adds(
         "leakage",
         "area_m2",
@@ -63,8 +60,13 @@ pub struct LeakageFlow;
 
 impl Equation<1, 1, 4> for LeakageFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [factor, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
-        [factor, r, four_k, given[AMBIENT]]
+        let [factor, r, four_k] = hole(
+            given[index::area_m2],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        );
+        [factor, r, four_k, given[index::ambient_pa]]
     }
 
     #[inline(always)]

@@ -19,28 +19,25 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Filter;
 
-const RESISTANCE: usize = 0;
-const QUADRATIC: usize = 1;
+parameters! {
+    resistance_pa_s_m3: parameter(
+        Unit::PascalSecondPerCubicMetre,
+        3.84e9,
+        (1.0, 1e16),
+        "laminar resistance R",
+    ),
+    quadratic_pa_s2_m6: parameter(
+        Unit::PascalSecondSquaredPerMetreToTheSixth,
+        0.0,
+        (0.0, 1e20),
+        "turbulent resistance K",
+    ),
+}
 
 static SPEC: Spec = Spec {
     kind: "filter",
     summary: "laminar and quadratic resistance of a filter or a line",
-    parameters: &[
-        parameter(
-            "resistance_pa_s_m3",
-            Unit::PascalSecondPerCubicMetre,
-            3.84e9,
-            (1.0, 1e16),
-            "laminar resistance R",
-        ),
-        parameter(
-            "quadratic_pa_s2_m6",
-            Unit::PascalSecondSquaredPerMetreToTheSixth,
-            0.0,
-            (0.0, 1e20),
-            "turbulent resistance K",
-        ),
-    ],
+    parameters: &PARAMETERS,
     faults: &[scales(
         "clogging",
         "resistance_pa_s_m3",
@@ -71,7 +68,7 @@ pub struct FilterFlow;
 
 impl Equation<2, 1, 2> for FilterFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[RESISTANCE], given[QUADRATIC] * S::constant(4.0)]
+        [given[index::resistance_pa_s_m3], given[index::quadratic_pa_s2_m6] * S::constant(4.0)]
     }
 
     #[inline(always)]

@@ -13,10 +13,14 @@ use crate::wiring::Wiring;
 /// See the module.
 pub struct Fixed;
 
+parameters! {
+    position_m: parameter(Unit::Metre, 0.0, (-1e3, 1e3), "where it stands"),
+}
+
 static SPEC: Spec = Spec {
     kind: "fixed",
     summary: "wall that does not move",
-    parameters: &[parameter("position_m", Unit::Metre, 0.0, (-1e3, 1e3), "where it stands")],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[moving("port", "what is fastened")],
     states: &[],

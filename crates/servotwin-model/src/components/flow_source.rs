@@ -19,21 +19,24 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct FlowSource;
 
-const FLOW: usize = 0;
-const LEAKAGE: usize = 1;
+/// Full flow; every pump has this parameter.
+pub(crate) const fn full_flow(name: &'static str) -> Parameter {
+    let summary = "full flow Q at rated speed";
+    required(name, Unit::CubicMetrePerSecond, (0.0, 1.0), summary)
+}
 
-/// What every pump has; other pumps share these declarations.
-pub(crate) const FLOW_AT_RATED_SPEED: Parameter =
-    required("flow_m3_s", Unit::CubicMetrePerSecond, (0.0, 1.0), "full flow Q at rated speed");
-pub(crate) const INTERNAL_LEAKAGE: Parameter = parameter(
-    "internal_leakage_m3_s_pa",
-    Unit::CubicMetrePerSecondPascal,
-    5e-13,
-    (0.0, 1e-8),
-    "laminar conductance C_li from outlet to inlet",
-);
-pub(crate) const SPEED: Parameter =
-    parameter("speed", Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one");
+/// Internal leakage; every pump has this parameter.
+pub(crate) const fn internal_leakage(name: &'static str) -> Parameter {
+    let summary = "laminar conductance C_li from outlet to inlet";
+    parameter(name, Unit::CubicMetrePerSecondPascal, 5e-13, (0.0, 1e-8), summary)
+}
+
+/// Speed; every pump has this parameter.
+pub(crate) const fn speed(name: &'static str) -> Parameter {
+    parameter(name, Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated one")
+}
+
+/// Worn gaps; every pump has this fault.
 pub(crate) const WEAR: Fault = adds(
     "wear",
     "internal_leakage_m3_s_pa",
@@ -43,10 +46,16 @@ pub(crate) const WEAR: Fault = adds(
     "gaps are worn: 6 L/min more at 100 bar",
 );
 
+parameters! {
+    flow_m3_s: full_flow(),
+    internal_leakage_m3_s_pa: internal_leakage(),
+    speed: speed(),
+}
+
 static SPEC: Spec = Spec {
     kind: "flow_source",
     summary: "pump of constant displacement",
-    parameters: &[FLOW_AT_RATED_SPEED, INTERNAL_LEAKAGE, SPEED],
+    parameters: &PARAMETERS,
     faults: &[
         WEAR,
         scales(
@@ -91,7 +100,7 @@ pub struct PumpFlow;
 
 impl Equation<3, 1, 2> for PumpFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[FLOW], given[LEAKAGE]]
+        [given[index::flow_m3_s], given[index::internal_leakage_m3_s_pa]]
     }
 
     #[inline(always)]

@@ -15,10 +15,14 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Force;
 
+parameters! {
+    force_n: parameter(Unit::Newton, 0.0, (-1e9, 1e9), "constant force"),
+}
+
 static SPEC: Spec = Spec {
     kind: "force",
     summary: "force from outside",
-    parameters: &[parameter("force_n", Unit::Newton, 0.0, (-1e9, 1e9), "constant force")],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         translational("port", "the part it acts on"),

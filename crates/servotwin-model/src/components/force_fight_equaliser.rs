@@ -29,20 +29,18 @@ use crate::wiring::{Output, Variable, Wiring};
 /// See the module.
 pub struct ForceFightEqualiser;
 
-const GAIN: usize = 0;
-const TIME: usize = 1;
-const LIMIT: usize = 2;
+parameters! {
+    gain_m_pa: parameter(Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
+    time_constant_s: parameter(Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
+    limit_m: parameter(Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
+    mode_1: parameter(Unit::None, 1.0, (0.0, 1.0), "actuator 1: 1 active"),
+    mode_2: parameter(Unit::None, 1.0, (0.0, 1.0), "actuator 2: 1 active"),
+}
 
 static SPEC: Spec = Spec {
     kind: "force_fight_equaliser",
     summary: "balances the forces of two actuators on one surface",
-    parameters: &[
-        parameter("gain_m_pa", Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
-        parameter("time_constant_s", Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
-        parameter("limit_m", Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
-        parameter("mode_1", Unit::None, 1.0, (0.0, 1.0), "actuator 1: 1 active"),
-        parameter("mode_2", Unit::None, 1.0, (0.0, 1.0), "actuator 2: 1 active"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[gain_low("gain_m_pa"), gain_high("gain_m_pa")],
     ports: &[
         input("pressure_a_1", Unit::Pascal, "measured p_A of actuator 1"),
@@ -101,18 +99,22 @@ macro_rules! equaliser {
                 static SPEC: Spec = Spec {
                     kind: $kind,
                     summary: concat!("balances the forces of ", $words, " actuators on one surface"),
-                    parameters: &[
-                        parameter("gain_m_pa", Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
-                        parameter("time_constant_s", Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
-                        parameter("limit_m", Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
-                        $(parameter(
-                            concat!("mode_", $n),
-                            Unit::None,
-                            1.0,
-                            (0.0, 1.0),
-                            concat!("actuator ", $n, ": 1 active"),
-                        ),)*
-                    ],
+                    // The first three are those of two actuators, at the same positions.
+                    parameters: &{
+                        let [gain, time_constant, limit, ..] = PARAMETERS;
+                        [
+                            gain,
+                            time_constant,
+                            limit,
+                            $(parameter(
+                                concat!("mode_", $n),
+                                Unit::None,
+                                1.0,
+                                (0.0, 1.0),
+                                concat!("actuator ", $n, ": 1 active"),
+                            ),)*
+                        ]
+                    },
                     faults: &[gain_low("gain_m_pa"), gain_high("gain_m_pa")],
                     ports: &[
                         $(
@@ -182,7 +184,7 @@ macro_rules! equaliser {
 
         impl Equation<$inputs, 1, 1> for $block {
             fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-                [S::constant(1.0) / given[TIME]]
+                [S::constant(1.0) / given[index::time_constant_s]]
             }
 
             #[inline(always)]
@@ -240,7 +242,7 @@ pub struct FightFilter;
 
 impl Equation<4, 1, 1> for FightFilter {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [S::constant(1.0) / given[TIME]]
+        [S::constant(1.0) / given[index::time_constant_s]]
     }
 
     #[inline(always)]
@@ -254,7 +256,7 @@ pub struct FightCorrection;
 
 impl Equation<1, 1, 2> for FightCorrection {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[GAIN] * S::constant(0.5), given[LIMIT]]
+        [given[index::gain_m_pa] * S::constant(0.5), given[index::limit_m]]
     }
 
     #[inline(always)]

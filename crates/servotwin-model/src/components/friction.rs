@@ -21,40 +21,33 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Friction;
 
-const COULOMB: usize = 0;
-const STATIC_RATIO: usize = 1;
-const STRIBECK: usize = 2;
-const SMOOTHING: usize = 3;
-const VISCOUS: usize = 4;
+parameters! {
+    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
+    static_friction_ratio: parameter(Unit::None, 1.5, (1.0, 10.0), "static to dry, r_s"),
+    stribeck_velocity_m_s: parameter(
+        Unit::MetrePerSecond,
+        5e-3,
+        (1e-6, 10.0),
+        "velocity that ends static friction, v_s",
+    ),
+    friction_smoothing_m_s: parameter(
+        Unit::MetrePerSecond,
+        5e-3,
+        (1e-6, 10.0),
+        "velocity over which friction turns its sign, v_t",
+    ),
+    viscous_friction_n_s_m: parameter(
+        Unit::NewtonSecondPerMetre,
+        6e3,
+        (0.0, 1e9),
+        "friction per velocity B",
+    ),
+}
 
 static SPEC: Spec = Spec {
     kind: "friction",
     summary: "Stribeck friction against the ground",
-    parameters: &[
-        parameter("coulomb_friction_n", Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
-        parameter("static_friction_ratio", Unit::None, 1.5, (1.0, 10.0), "static to dry, r_s"),
-        parameter(
-            "stribeck_velocity_m_s",
-            Unit::MetrePerSecond,
-            5e-3,
-            (1e-6, 10.0),
-            "velocity that ends static friction, v_s",
-        ),
-        parameter(
-            "friction_smoothing_m_s",
-            Unit::MetrePerSecond,
-            5e-3,
-            (1e-6, 10.0),
-            "velocity over which friction turns its sign, v_t",
-        ),
-        parameter(
-            "viscous_friction_n_s_m",
-            Unit::NewtonSecondPerMetre,
-            6e3,
-            (0.0, 1e9),
-            "friction per velocity B",
-        ),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         scales(
             "friction",
@@ -96,11 +89,11 @@ pub struct Rubbing;
 impl Equation<1, 1, STRIBECK_CONSTANTS> for Rubbing {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; STRIBECK_CONSTANTS] {
         stribeck_constants(Stribeck {
-            viscous: given[VISCOUS],
-            coulomb: given[COULOMB],
-            static_ratio: given[STATIC_RATIO],
-            velocity: given[STRIBECK],
-            smoothing: given[SMOOTHING],
+            viscous: given[index::viscous_friction_n_s_m],
+            coulomb: given[index::coulomb_friction_n],
+            static_ratio: given[index::static_friction_ratio],
+            velocity: given[index::stribeck_velocity_m_s],
+            smoothing: given[index::friction_smoothing_m_s],
         })
     }
 

@@ -15,8 +15,6 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Gain;
 
-const GAIN: usize = 0;
-
 /// An amplifier whose gain is a parameter gives too little.
 pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
     let summary = "the amplifier has lost gain";
@@ -29,10 +27,14 @@ pub(crate) const fn gain_high(parameter: &'static str) -> Fault {
     scales("gain_high", parameter, 2.0, (1.0, 100.0), Category::Calibration, summary)
 }
 
+parameters! {
+    gain: required(Unit::None, (-1e12, 1e12), "factor k"),
+}
+
 static SPEC: Spec = Spec {
     kind: "gain",
     summary: "dimensionless signal times a number",
-    parameters: &[required("gain", Unit::None, (-1e12, 1e12), "factor k")],
+    parameters: &PARAMETERS,
     faults: &[gain_low("gain"), gain_high("gain")],
     ports: &[input("input", Unit::None, "x"), output("output", Unit::None, "k x")],
     states: &[],
@@ -57,7 +59,7 @@ pub struct Product;
 
 impl Equation<1, 1, 1> for Product {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[GAIN]]
+        [given[index::gain]]
     }
 
     #[inline(always)]

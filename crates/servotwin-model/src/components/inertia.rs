@@ -18,38 +18,27 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Inertia;
 
-const INERTIA: usize = 0;
-const VISCOUS: usize = 1;
-const FRICTION: usize = 2;
-const SMOOTHING: usize = 3;
+parameters! {
+    inertia_kg_m2: parameter(
+        Unit::KilogramSquareMetre,
+        2.8,
+        (1e-9, 1e9),
+        "moment of inertia about the hinge",
+    ),
+    viscous_nm_s: parameter(Unit::NewtonMetreSecond, 5.0, (0.0, 1e9), "friction moment per rate"),
+    friction_nm: parameter(Unit::NewtonMetre, 5.0, (0.0, 1e9), "dry friction moment"),
+    friction_smoothing_rad_s: parameter(
+        Unit::RadianPerSecond,
+        0.05,
+        (1e-6, 10.0),
+        "rate over which dry friction turns its sign",
+    ),
+}
 
 static SPEC: Spec = Spec {
     kind: "inertia",
     summary: "body turning about a hinge",
-    parameters: &[
-        parameter(
-            "inertia_kg_m2",
-            Unit::KilogramSquareMetre,
-            2.8,
-            (1e-9, 1e9),
-            "moment of inertia about the hinge",
-        ),
-        parameter(
-            "viscous_nm_s",
-            Unit::NewtonMetreSecond,
-            5.0,
-            (0.0, 1e9),
-            "friction moment per rate",
-        ),
-        parameter("friction_nm", Unit::NewtonMetre, 5.0, (0.0, 1e9), "dry friction moment"),
-        parameter(
-            "friction_smoothing_rad_s",
-            Unit::RadianPerSecond,
-            0.05,
-            (1e-6, 10.0),
-            "rate over which dry friction turns its sign",
-        ),
-    ],
+    parameters: &PARAMETERS,
     faults: &[scales(
         "hinge_friction",
         "friction_nm",
@@ -61,8 +50,8 @@ static SPEC: Spec = Spec {
     ports: &[turning("shaft", "what turns with it")],
     states: &[
         state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
-        with_leeway(
-            VELOCITY_LEEWAY,
+        with_error_weight(
+            VELOCITY_ERROR_WEIGHT,
             state("rate_rad_s", Unit::RadianPerSecond, 1.0, Start::Value(0.0), "rate"),
         ),
     ],
@@ -90,7 +79,12 @@ pub struct Turning;
 impl Equation<2, 2, 4> for Turning {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
         let one = S::constant(1.0);
-        [given[VISCOUS], given[FRICTION], one / given[SMOOTHING], one / given[INERTIA]]
+        [
+            given[index::viscous_nm_s],
+            given[index::friction_nm],
+            one / given[index::friction_smoothing_rad_s],
+            one / given[index::inertia_kg_m2],
+        ]
     }
 
     #[inline(always)]

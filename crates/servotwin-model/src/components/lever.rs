@@ -20,12 +20,14 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Lever;
 
-const ARM: usize = 0;
+parameters! {
+    arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "length of the arm"),
+}
 
 static SPEC: Spec = Spec {
     kind: "lever",
     summary: "horn between a hinge and a rod",
-    parameters: &[parameter("arm_m", Unit::Metre, 0.0525, (1e-4, 100.0), "length of the arm")],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         rotational("shaft", "the hinge"),
@@ -59,7 +61,7 @@ pub struct LeverMotion;
 
 impl Equation<2, 3, 1> for LeverMotion {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[ARM]]
+        [given[index::arm_m]]
     }
 
     #[inline(always)]

@@ -29,17 +29,16 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct LongLine;
 
-const LENGTH: usize = 0;
-const DIAMETER: usize = 1;
+parameters! {
+    length_m: required(Unit::Metre, (1e-2, 1e3), "length"),
+    diameter_m: required(Unit::Metre, (1e-4, 1.0), "inner diameter"),
+    start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
+}
 
 static SPEC: Spec = Spec {
     kind: "long_line",
     summary: "line with inertia, friction and compressible fluid",
-    parameters: &[
-        required("length_m", Unit::Metre, (1e-2, 1e3), "length"),
-        required("diameter_m", Unit::Metre, (1e-4, 1.0), "inner diameter"),
-        parameter("start_pa", Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[scales(
         "clogging",
         "diameter_m",
@@ -90,7 +89,7 @@ pub struct LineFlow;
 
 impl Equation<3, 2, 3> for LineFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        let (length, diameter) = (given[LENGTH], given[DIAMETER]);
+        let (length, diameter) = (given[index::length_m], given[index::diameter_m]);
         let area = section_m2(diameter);
         let viscosity = given.fluid.kinematic_viscosity_m2_s;
         let density = given.fluid.density_kg_m3;
@@ -119,7 +118,7 @@ pub struct LinePressure;
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1 + BULK_CONSTANTS] {
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
-        [section_m2(given[DIAMETER]) * given[LENGTH], a, b, c, d, e, f]
+        [section_m2(given[index::diameter_m]) * given[index::length_m], a, b, c, d, e, f]
     }
 
     #[inline(always)]

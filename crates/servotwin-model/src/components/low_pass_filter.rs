@@ -15,12 +15,14 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct LowPassFilter;
 
-const BANDWIDTH: usize = 0;
+parameters! {
+    bandwidth_hz: required(Unit::Hertz, (1e-6, 1e6), "corner frequency f"),
+}
 
 static SPEC: Spec = Spec {
     kind: "low_pass_filter",
     summary: "first-order low-pass filter of a dimensionless signal",
-    parameters: &[required("bandwidth_hz", Unit::Hertz, (1e-6, 1e6), "corner frequency f")],
+    parameters: &PARAMETERS,
     faults: &[scales(
         "lag",
         "bandwidth_hz",
@@ -56,7 +58,7 @@ pub struct FirstOrder;
 
 impl Equation<2, 1, 1> for FirstOrder {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[BANDWIDTH] * S::constant(core::f64::consts::TAU)]
+        [given[index::bandwidth_hz] * S::constant(core::f64::consts::TAU)]
     }
 
     #[inline(always)]

@@ -22,28 +22,22 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Lvdt;
 
-const FULL_SCALE: usize = 0;
-const BANDWIDTH: usize = 1;
-const DAMPING: usize = 2;
-const BIAS_ELECTRICAL: usize = 3;
-const GAIN_ELECTRICAL: usize = 4;
-const BIAS_DIGITAL: usize = 5;
-const GAIN_DIGITAL: usize = 6;
+parameters! {
+    full_scale_m: required(Unit::Metre, (1e-6, 10.0), "range ±x_FS"),
+    bandwidth_hz: parameter(Unit::Hertz, 160.0, (1e-3, 1e5), "natural frequency f"),
+    damping_ratio: parameter(Unit::None, 0.6, (0.05, 5.0), "of the demodulator, ζ"),
+    bias_electrical: conversion::bias_electrical(),
+    gain_electrical: conversion::gain_electrical(),
+    bias_digital: conversion::bias_digital(),
+    gain_digital: conversion::gain_digital(),
+    noise_sigma: conversion::noise_sigma(),
+    bits: conversion::bits(),
+}
 
 static SPEC: Spec = Spec {
     kind: "lvdt",
     summary: "displacement sensor with ratio demodulation",
-    parameters: &[
-        required("full_scale_m", Unit::Metre, (1e-6, 10.0), "range ±x_FS"),
-        parameter("bandwidth_hz", Unit::Hertz, 160.0, (1e-3, 1e5), "natural frequency f"),
-        parameter("damping_ratio", Unit::None, 0.6, (0.05, 5.0), "of the demodulator, ζ"),
-        conversion::BIAS_ELECTRICAL,
-        conversion::GAIN_ELECTRICAL,
-        conversion::BIAS_DIGITAL,
-        conversion::GAIN_DIGITAL,
-        conversion::NOISE_SIGMA,
-        conversion::BITS,
-    ],
+    parameters: &PARAMETERS,
     faults: &conversion::faults(shrinks(
         "lag",
         "bandwidth_hz",
@@ -70,7 +64,10 @@ impl Component for Lvdt {
     }
 
     fn span(&self, parameters: &[f64]) -> Option<Span> {
-        Some(Span { full_scale: parameters[FULL_SCALE], range: 2.0 * parameters[FULL_SCALE] })
+        Some(Span {
+            full_scale: parameters[index::full_scale_m],
+            range: 2.0 * parameters[index::full_scale_m],
+        })
     }
 
     fn connect(&self, wiring: &mut Wiring) {
@@ -92,10 +89,10 @@ impl Equation<3, 2, 4> for PositionToRatio {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
         let half = S::constant(0.5);
         [
-            conversion::factor(given, GAIN_ELECTRICAL) * half / given[FULL_SCALE],
-            given[BIAS_ELECTRICAL] * half,
-            given[BANDWIDTH] * S::constant(core::f64::consts::TAU),
-            given[DAMPING] * S::constant(2.0),
+            conversion::factor(given, index::gain_electrical) * half / given[index::full_scale_m],
+            given[index::bias_electrical] * half,
+            given[index::bandwidth_hz] * S::constant(core::f64::consts::TAU),
+            given[index::damping_ratio] * S::constant(2.0),
         ]
     }
 
@@ -112,8 +109,11 @@ pub struct RatioToPosition;
 
 impl Equation<1, 1, 2> for RatioToPosition {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        let factor = conversion::factor(given, GAIN_DIGITAL) * S::constant(2.0);
-        [given[FULL_SCALE] * factor, given[BIAS_DIGITAL] * given[FULL_SCALE]]
+        let factor = conversion::factor(given, index::gain_digital) * S::constant(2.0);
+        [
+            given[index::full_scale_m] * factor,
+            given[index::bias_digital] * given[index::full_scale_m],
+        ]
     }
 
     #[inline(always)]

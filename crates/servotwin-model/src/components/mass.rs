@@ -18,40 +18,33 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Mass;
 
-const MASS: usize = 0;
-const VISCOUS: usize = 1;
-const STROKE: usize = 2;
-const STIFFNESS: usize = 3;
-const DAMPING: usize = 4;
+parameters! {
+    mass_kg: required(Unit::Kilogram, (1e-6, 1e6), "mass"),
+    viscous_friction_n_s_m: parameter(
+        Unit::NewtonSecondPerMetre,
+        0.0,
+        (0.0, 1e9),
+        "friction per velocity",
+    ),
+    stroke_half_m: parameter(Unit::Metre, 1.0, (1e-6, 1e3), "the stops stand at ± this"),
+    stop_stiffness_n_m: parameter(
+        Unit::NewtonPerMetre,
+        0.0,
+        (0.0, 1e12),
+        "stiffness of the stops; 0 for none",
+    ),
+    stop_damping_n_s_m: parameter(
+        Unit::NewtonSecondPerMetre,
+        0.0,
+        (0.0, 1e9),
+        "damping of the stops",
+    ),
+}
 
 static SPEC: Spec = Spec {
     kind: "mass",
     summary: "mass on a line, with optional end stops",
-    parameters: &[
-        required("mass_kg", Unit::Kilogram, (1e-6, 1e6), "mass"),
-        parameter(
-            "viscous_friction_n_s_m",
-            Unit::NewtonSecondPerMetre,
-            0.0,
-            (0.0, 1e9),
-            "friction per velocity",
-        ),
-        parameter("stroke_half_m", Unit::Metre, 1.0, (1e-6, 1e3), "the stops stand at ± this"),
-        parameter(
-            "stop_stiffness_n_m",
-            Unit::NewtonPerMetre,
-            0.0,
-            (0.0, 1e12),
-            "stiffness of the stops; 0 for none",
-        ),
-        parameter(
-            "stop_damping_n_s_m",
-            Unit::NewtonSecondPerMetre,
-            0.0,
-            (0.0, 1e9),
-            "damping of the stops",
-        ),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         scales(
             "added_mass",
@@ -73,8 +66,8 @@ static SPEC: Spec = Spec {
     ports: &[moving("port", "what moves with it")],
     states: &[
         state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),
-        with_leeway(
-            VELOCITY_LEEWAY,
+        with_error_weight(
+            VELOCITY_ERROR_WEIGHT,
             state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "velocity"),
         ),
     ],
@@ -109,7 +102,7 @@ pub struct MassMotion;
 
 impl Equation<2, 2, 2> for MassMotion {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[VISCOUS], S::constant(1.0) / given[MASS]]
+        [given[index::viscous_friction_n_s_m], S::constant(1.0) / given[index::mass_kg]]
     }
 
     #[inline(always)]
@@ -123,7 +116,11 @@ pub struct MassStops;
 
 impl Equation<2, 1, END_STOP_CONSTANTS> for MassStops {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; END_STOP_CONSTANTS] {
-        end_stop_constants(given[STROKE], given[STIFFNESS], given[DAMPING])
+        end_stop_constants(
+            given[index::stroke_half_m],
+            given[index::stop_stiffness_n_m],
+            given[index::stop_damping_n_s_m],
+        )
     }
 
     #[inline(always)]

@@ -30,39 +30,29 @@ use crate::wiring::{Output, Variable, Wiring};
 /// See the module.
 pub struct ModeValve;
 
-const TIME_CONSTANT: usize = 0;
-const DAMPING_AREA: usize = 1;
-const MAKE_UP_AREA: usize = 2;
-const RETURN_AREA: usize = 3;
-const RANGE: usize = 4;
-const ISOLATION: usize = 5;
-const DISCHARGE: usize = 6;
-const REYNOLDS: usize = 7;
-const DAMPED: usize = 8;
-const ACTIVE: usize = 9;
+parameters! {
+    time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "of switching"),
+    damping_area_m2: parameter(Unit::SquareMetre, 2e-6, (0.0, 1e-3), "damping orifice"),
+    make_up_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "each make-up valve"),
+    return_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "return to reserve"),
+    make_up_range_pa: parameter(
+        Unit::Pascal,
+        2e4,
+        (1e2, 1e7),
+        "pressure drop at which a check valve is fully open",
+    ),
+    isolation: parameter(Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    damped_position: parameter(Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
+    active_position: parameter(Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
+    command: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+}
 
 static SPEC: Spec = Spec {
     kind: "mode_valve",
     summary: "active or damped: bypass orifice, make-up valves and reserve",
-    parameters: &[
-        parameter("time_constant_s", Unit::Second, 0.02, (1e-4, 10.0), "of switching"),
-        parameter("damping_area_m2", Unit::SquareMetre, 2e-6, (0.0, 1e-3), "damping orifice"),
-        parameter("make_up_area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-3), "each make-up valve"),
-        parameter("return_area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-3), "return to reserve"),
-        parameter(
-            "make_up_range_pa",
-            Unit::Pascal,
-            2e4,
-            (1e2, 1e7),
-            "pressure drop at which a check valve is fully open",
-        ),
-        parameter("isolation", Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-        parameter("damped_position", Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
-        parameter("active_position", Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
-        parameter("command", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         scales(
             "damping_clogging",
@@ -135,10 +125,10 @@ impl Component for ModeValve {
         let inputs = [position, wiring.pressure("a"), wiring.pressure("b")];
         let bypass = Output::transfer(wiring.flow("a"), wiring.flow("b"));
         wiring.equation::<BypassFlow, 3, 1, 3>(0, inputs, [bypass]);
-        Self::check_valve(wiring, position, MAKE_UP_AREA, "reserve", "a");
-        Self::check_valve(wiring, position, MAKE_UP_AREA, "reserve", "b");
+        Self::check_valve(wiring, position, index::make_up_area_m2, "reserve", "a");
+        Self::check_valve(wiring, position, index::make_up_area_m2, "reserve", "b");
         if wiring.connected("return") {
-            Self::check_valve(wiring, position, RETURN_AREA, "return", "reserve");
+            Self::check_valve(wiring, position, index::return_area_m2, "return", "reserve");
         }
     }
 }
@@ -148,8 +138,12 @@ pub struct ModePosition;
 
 impl Equation<2, 1, 3> for ModePosition {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        let damped = given[DAMPED];
-        [damped, given[ACTIVE] - damped, S::constant(1.0) / given[TIME_CONSTANT]]
+        let damped = given[index::damped_position];
+        [
+            damped,
+            given[index::active_position] - damped,
+            S::constant(1.0) / given[index::time_constant_s],
+        ]
     }
 
     #[inline(always)]
@@ -163,7 +157,7 @@ pub struct Transmission;
 
 impl Equation<1, 1, 1> for Transmission {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [given[ISOLATION]]
+        [given[index::isolation]]
     }
 
     #[inline(always)]
@@ -183,7 +177,12 @@ pub struct BypassFlow;
 
 impl Equation<3, 1, 3> for BypassFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        hole(given[DAMPING_AREA], given[DISCHARGE], given[REYNOLDS], given.fluid)
+        hole(
+            given[index::damping_area_m2],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        )
     }
 
     #[inline(always)]
@@ -198,9 +197,13 @@ pub struct ReserveFlow;
 
 impl Equation<3, 1, 4> for ReserveFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [factor, r, four_k] =
-            hole(given[given.which], given[DISCHARGE], given[REYNOLDS], given.fluid);
-        [factor, r, four_k, S::constant(1.0) / given[RANGE]]
+        let [factor, r, four_k] = hole(
+            given[given.which],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        );
+        [factor, r, four_k, S::constant(1.0) / given[index::make_up_range_pa]]
     }
 
     #[inline(always)]
@@ -233,7 +236,7 @@ mod tests {
 
     #[test]
     fn the_reserve_only_gives() {
-        let c = constants::<ReserveFlow, 3, 1, 4>(&ModeValve, &[], MAKE_UP_AREA);
+        let c = constants::<ReserveFlow, 3, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
         assert!(ReserveFlow::evaluate(&c, [0.0, 15e5, 14e5])[0] > 0.0);
         assert_eq!(ReserveFlow::evaluate(&c, [0.0, 15e5, 16e5])[0], 0.0);
         assert_eq!(ReserveFlow::evaluate(&c, [1.0, 15e5, 14e5])[0], 0.0);

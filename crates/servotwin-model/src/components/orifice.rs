@@ -26,18 +26,16 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Orifice;
 
-const AREA: usize = 0;
-const DISCHARGE: usize = 1;
-const REYNOLDS: usize = 2;
+parameters! {
+    area_m2: required(Unit::SquareMetre, (0.0, 1e-2), "flow area"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+}
 
 static SPEC: Spec = Spec {
     kind: "orifice",
     summary: "fixed orifice, laminar to turbulent",
-    parameters: &[
-        required("area_m2", Unit::SquareMetre, (0.0, 1e-2), "flow area"),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[scales(
         "clogging",
         "area_m2",
@@ -121,7 +119,12 @@ pub struct Restriction;
 
 impl Equation<2, 1, 3> for Restriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid)
+        hole(
+            given[index::area_m2],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        )
     }
 
     #[inline(always)]

@@ -27,28 +27,21 @@ use alloc::string::String;
 /// See the module.
 pub struct PidController;
 
-const GAIN: usize = 0;
-const INTEGRAL_GAIN: usize = 1;
-const DERIVATIVE_TIME: usize = 2;
-const DERIVATIVE_FILTER: usize = 3;
-const LEAST: usize = 4;
-const LARGEST: usize = 5;
-const OFFSET: usize = 6;
-const REACH: usize = 7;
+parameters! {
+    gain: parameter(Unit::None, 1.0, (-1e6, 1e6), "gain K"),
+    integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e4), "integral gain K_i"),
+    derivative_time_s: parameter(Unit::Second, 0.0, (0.0, 1e3), "derivative time T_d"),
+    derivative_filter_s: parameter(Unit::Second, 0.01, (1e-5, 1e3), "its filter τ_d"),
+    least: parameter(Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
+    largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
+    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "what is wanted more, b"),
+    reach: parameter(Unit::None, 1.0, (0.0, 1.0), "reached share s of the output's range"),
+}
 
 static SPEC: Spec = Spec {
     kind: "pid_controller",
     summary: "proportional, integral and derivative controller of pure numbers",
-    parameters: &[
-        parameter("gain", Unit::None, 1.0, (-1e6, 1e6), "gain K"),
-        parameter("integral_gain_per_s", Unit::PerSecond, 0.0, (0.0, 1e4), "integral gain K_i"),
-        parameter("derivative_time_s", Unit::Second, 0.0, (0.0, 1e3), "derivative time T_d"),
-        parameter("derivative_filter_s", Unit::Second, 0.01, (1e-5, 1e3), "its filter τ_d"),
-        parameter("least", Unit::None, -1.0, (-1e6, 1e6), "least output y_min"),
-        parameter("largest", Unit::None, 1.0, (-1e6, 1e6), "largest output y_max"),
-        parameter("offset", Unit::None, 0.0, (-1e6, 1e6), "what is wanted more, b"),
-        parameter("reach", Unit::None, 1.0, (0.0, 1.0), "reached share s of the output's range"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         gain_low("gain"),
         gain_high("gain"),
@@ -81,7 +74,7 @@ impl Component for PidController {
     }
 
     fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        if parameters[LEAST] < parameters[LARGEST] {
+        if parameters[index::least] < parameters[index::largest] {
             return Ok(());
         }
         Err("least must be below largest".into())
@@ -106,15 +99,15 @@ pub struct PidLaw;
 
 impl Equation<4, 3, 7> for PidLaw {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 7] {
-        let per_filter = S::constant(1.0) / given[DERIVATIVE_FILTER];
+        let per_filter = S::constant(1.0) / given[index::derivative_filter_s];
         [
-            given[GAIN],
-            given[INTEGRAL_GAIN],
-            given[DERIVATIVE_TIME] * per_filter,
+            given[index::gain],
+            given[index::integral_gain_per_s],
+            given[index::derivative_time_s] * per_filter,
             per_filter,
-            given[LEAST],
+            given[index::least],
             highest(given),
-            given[OFFSET],
+            given[index::offset],
         ]
     }
 
@@ -132,8 +125,8 @@ impl Equation<4, 3, 7> for PidLaw {
 
 /// The upper limit of (PI4): to the last bit y_max where all of the range is reached, and never below y_min by rounding.
 fn highest<S: Scalar>(given: &Given<S>) -> S {
-    let (least, largest) = (given[LEAST], given[LARGEST]);
-    let lost = (S::constant(1.0) - given[REACH]) * (largest - least);
+    let (least, largest) = (given[index::least], given[index::largest]);
+    let lost = (S::constant(1.0) - given[index::reach]) * (largest - least);
     (largest - lost).max(least)
 }
 

@@ -17,34 +17,24 @@ use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Port, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Fault, Port, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use core::f64::consts::FRAC_PI_2;
 
 /// See the module.
 pub struct PositionController;
 
-/// Positions of the parameters in [`PARAMETERS`].
-pub(crate) mod at {
-    pub const ARM: usize = 0;
-    pub const GAIN: usize = 1;
-    pub const PRESSURE_GAIN: usize = 2;
-    pub const PRESSURE_REFERENCE: usize = 3;
-    pub const WASHOUT: usize = 4;
-    pub const RIG_OFFSET: usize = 5;
+// The sampled controller shares these parameters.
+parameters! {
+    arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "lever from angle to stroke, r"),
+    gain_per_m: parameter(Unit::PerMetre, 272.0, (0.0, 1e6), "position gain K_p"),
+    pressure_gain: parameter(Unit::None, 0.45, (0.0, 100.0), "pressure feedback gain K_d"),
+    pressure_reference_pa: parameter(Unit::Pascal, 20.684e6, (1e3, 1e9), "p_ref"),
+    washout_s: parameter(Unit::Second, 0.10, (1e-4, 1e3), "washout time constant τ"),
+    rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
+    correction_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "constant correction x_corr"),
+    mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
 }
-
-/// The parameters of the law, which the sampled controller shares.
-pub(crate) const PARAMETERS: [Parameter; 8] = [
-    parameter("arm_m", Unit::Metre, 0.0525, (1e-4, 100.0), "lever from angle to stroke, r"),
-    parameter("gain_per_m", Unit::PerMetre, 272.0, (0.0, 1e6), "position gain K_p"),
-    parameter("pressure_gain", Unit::None, 0.45, (0.0, 100.0), "pressure feedback gain K_d"),
-    parameter("pressure_reference_pa", Unit::Pascal, 20.684e6, (1e3, 1e9), "p_ref"),
-    parameter("washout_s", Unit::Second, 0.10, (1e-4, 1e3), "washout time constant τ"),
-    parameter("rig_offset_m", Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
-    parameter("correction_m", Unit::Metre, 0.0, (-1.0, 1.0), "constant correction x_corr"),
-    parameter("mode", Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
-];
 
 /// The faults of a position loop: its amplifier has another gain, or another zero.
 pub(crate) const LOOP_FAULTS: [Fault; 4] = {
@@ -124,7 +114,7 @@ impl Component for PositionController {
 
 /// The constants of [`demand`].
 pub(crate) fn demand_constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-    [given[at::ARM], given[at::RIG_OFFSET], given[at::GAIN]]
+    [given[index::arm_m], given[index::rig_offset_m], given[index::gain_per_m]]
 }
 
 /// Equation (K1) and the first term of (K2).
@@ -135,7 +125,7 @@ pub(crate) fn demand<S: Scalar>(c: &[S::Base; 3], [command, position, correction
 
 /// `K_d/p_ref` of (K2).
 pub(crate) fn feedback_gain<S: Scalar<Base = S>>(given: &Given<S>) -> S {
-    given[at::PRESSURE_GAIN] / given[at::PRESSURE_REFERENCE]
+    given[index::pressure_gain] / given[index::pressure_reference_pa]
 }
 
 /// The second term of (K2): what the demand loses, and the rate of the washout. Of
@@ -173,7 +163,7 @@ pub struct PressureFeedback;
 
 impl Equation<3, 2, 2> for PressureFeedback {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [feedback_gain(given), S::constant(1.0) / given[at::WASHOUT]]
+        [feedback_gain(given), S::constant(1.0) / given[index::washout_s]]
     }
 
     #[inline(always)]

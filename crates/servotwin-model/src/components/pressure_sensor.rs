@@ -20,26 +20,21 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct PressureSensor;
 
-const FULL_SCALE: usize = 0;
-const BANDWIDTH: usize = 1;
-const BIAS_ELECTRICAL: usize = 2;
-const GAIN_ELECTRICAL: usize = 3;
-const BIAS_DIGITAL: usize = 4;
-const GAIN_DIGITAL: usize = 5;
+parameters! {
+    full_scale_pa: parameter(Unit::Pascal, 20.684e6, (1e3, 1e9), "range p_FS"),
+    bandwidth_hz: parameter(Unit::Hertz, 125.0, (1e-3, 1e5), "corner frequency f"),
+    bias_electrical: conversion::bias_electrical(),
+    gain_electrical: conversion::gain_electrical(),
+    bias_digital: conversion::bias_digital(),
+    gain_digital: conversion::gain_digital(),
+    noise_sigma: conversion::noise_sigma(),
+    bits: conversion::bits(),
+}
 
 static SPEC: Spec = Spec {
     kind: "pressure_sensor",
     summary: "pressure transducer with a 4-20 mA output",
-    parameters: &[
-        parameter("full_scale_pa", Unit::Pascal, 20.684e6, (1e3, 1e9), "range p_FS"),
-        parameter("bandwidth_hz", Unit::Hertz, 125.0, (1e-3, 1e5), "corner frequency f"),
-        conversion::BIAS_ELECTRICAL,
-        conversion::GAIN_ELECTRICAL,
-        conversion::BIAS_DIGITAL,
-        conversion::GAIN_DIGITAL,
-        conversion::NOISE_SIGMA,
-        conversion::BITS,
-    ],
+    parameters: &PARAMETERS,
     faults: &conversion::faults(shrinks(
         "lag",
         "bandwidth_hz",
@@ -69,7 +64,10 @@ impl Component for PressureSensor {
     }
 
     fn span(&self, parameters: &[f64]) -> Option<Span> {
-        Some(Span { full_scale: parameters[FULL_SCALE], range: parameters[FULL_SCALE] })
+        Some(Span {
+            full_scale: parameters[index::full_scale_pa],
+            range: parameters[index::full_scale_pa],
+        })
     }
 
     fn connect(&self, wiring: &mut Wiring) {
@@ -89,11 +87,11 @@ pub struct PressureToCurrent;
 
 impl Equation<2, 1, 3> for PressureToCurrent {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        let factor = conversion::factor(given, GAIN_ELECTRICAL);
-        let (bias, zero) = (given[BIAS_ELECTRICAL], S::constant(0.0));
+        let factor = conversion::factor(given, index::gain_electrical);
+        let (bias, zero) = (given[index::bias_electrical], S::constant(0.0));
         let [gain, offset] =
-            conversion::to_current_constants(factor, bias, zero, given[FULL_SCALE]);
-        [gain, offset, given[BANDWIDTH] * S::constant(core::f64::consts::TAU)]
+            conversion::to_current_constants(factor, bias, zero, given[index::full_scale_pa]);
+        [gain, offset, given[index::bandwidth_hz] * S::constant(core::f64::consts::TAU)]
     }
 
     #[inline(always)]
@@ -107,9 +105,9 @@ pub struct CurrentToPressure;
 
 impl Equation<1, 1, 2> for CurrentToPressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        let factor = conversion::factor(given, GAIN_DIGITAL);
-        let (bias, zero) = (given[BIAS_DIGITAL], S::constant(0.0));
-        conversion::from_current_constants(factor, bias, zero, given[FULL_SCALE])
+        let factor = conversion::factor(given, index::gain_digital);
+        let (bias, zero) = (given[index::bias_digital], S::constant(0.0));
+        conversion::from_current_constants(factor, bias, zero, given[index::full_scale_pa])
     }
 
     #[inline(always)]

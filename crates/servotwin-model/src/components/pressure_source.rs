@@ -13,13 +13,15 @@ use crate::wiring::Wiring;
 /// See the module.
 pub struct PressureSource;
 
+parameters! {
+    pressure_pa: parameter(Unit::Pascal, 20.684e6, (1e4, 1e8), "supply pressure, absolute"),
+    temperature_k: parameter(Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
+}
+
 static SPEC: Spec = Spec {
     kind: "pressure_source",
     summary: "hydraulic supply of constant or measured pressure",
-    parameters: &[
-        parameter("pressure_pa", Unit::Pascal, 20.684e6, (1e4, 1e8), "supply pressure, absolute"),
-        parameter("temperature_k", Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         pressure("port", "outlet"),

@@ -32,27 +32,14 @@ use crate::wiring::Wiring;
 /// See the module.
 pub struct ProportionalValve;
 
-const RATED_FLOW: usize = 0;
-const RATED_DROP: usize = 1;
-const RATED_DENSITY: usize = 2;
-/// The first of four, in the order PA, PB, AT, BT.
-const SHARE: usize = 3;
-/// The first of four, in the same order.
-const OVERLAP: usize = 7;
-const SMOOTHING: usize = 11;
-const TRANSITION: usize = 12;
-const LEAKAGE: usize = 13;
-const STROKE: usize = 14;
-const NATURAL_FREQUENCY: usize = 15;
-const DAMPING_RATIO: usize = 16;
-const OPENING_TIME: usize = 17;
-const NULL_BIAS: usize = 18;
-const CURRENT_GAIN: usize = 19;
-const MOBILITY: usize = 20;
-
 /// The spool's stops, where they do not matter for the flow: 1.1 strokes, stiff and damped as those of
 /// the servo valve.
 const STOP: [f64; 3] = [1.1, 1e8, 1e4];
+
+/// The parameters of the edges in the order of [`ORIENTATIONS`]: PA, PB, AT, BT.
+const SHARES: [usize; 4] = [index::pa_share, index::pb_share, index::at_share, index::bt_share];
+const OVERLAPS: [usize; 4] =
+    [index::pa_overlap, index::pb_overlap, index::at_overlap, index::bt_overlap];
 
 const fn share(name: &'static str, summary: &'static str) -> Parameter {
     parameter(name, Unit::None, 1.0, (0.0, 2.0), summary)
@@ -66,62 +53,54 @@ const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'stati
     adds(name, parameter, -0.05, (-0.5, 0.5), Category::Wear, summary)
 }
 
+parameters! {
+    rated_flow_m3_s: required(
+        Unit::CubicMetrePerSecond,
+        (1e-7, 0.1),
+        "flow Q_N of an edge, fully open, at the rated pressure drop",
+    ),
+    rated_drop_pa: parameter(Unit::Pascal, 5e5, (1e4, 1e8), "pressure drop Δp_N over an edge"),
+    rated_density_kg_m3: parameter(
+        Unit::KilogramPerCubicMetre,
+        865.0,
+        (500.0, 2000.0),
+        "of the oil with which the flow was rated",
+    ),
+    pa_share: share("share of the rated flow that edge P-A passes"),
+    pb_share: share("share of the rated flow that edge P-B passes"),
+    at_share: share("share of the rated flow that edge A-T passes"),
+    bt_share: share("share of the rated flow that edge B-T passes"),
+    pa_overlap: overlap("overlap of edge P-A per unit of stroke; negative: underlap"),
+    pb_overlap: overlap("overlap of edge P-B per unit of stroke"),
+    at_overlap: overlap("overlap of edge A-T per unit of stroke"),
+    bt_overlap: overlap("overlap of edge B-T per unit of stroke"),
+    smoothing: parameter(Unit::None, 2e-3, (1e-5, 0.1), "smoothing of the edges, ε"),
+    transition_pa: parameter(Unit::Pascal, 2e4, (1.0, 1e6), "laminar below this drop, p_t"),
+    leakage_m3_s_pa: parameter(
+        Unit::CubicMetrePerSecondPascal,
+        2e-13,
+        (0.0, 1e-8),
+        "laminar conductance C_l past each land",
+    ),
+    stroke_m: parameter(Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at full signal"),
+    natural_frequency_hz: parameter(Unit::Hertz, 60.0, (0.1, 2000.0), "of the spool"),
+    damping_ratio: parameter(Unit::None, 0.8, (1e-3, 10.0), "of the spool"),
+    opening_time_s: parameter(
+        Unit::Second,
+        0.015,
+        (1e-4, 10.0),
+        "from the centre to full opening, as fast as it can",
+    ),
+    null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
+    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "stroke gained per full signal"),
+    mobility: parameter(Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
+    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+}
+
 static SPEC: Spec = Spec {
     kind: "proportional_valve",
     summary: "four-way proportional or servo valve by rated flow and overlap",
-    parameters: &[
-        required(
-            "rated_flow_m3_s",
-            Unit::CubicMetrePerSecond,
-            (1e-7, 0.1),
-            "flow Q_N of an edge, fully open, at the rated pressure drop",
-        ),
-        parameter(
-            "rated_drop_pa",
-            Unit::Pascal,
-            5e5,
-            (1e4, 1e8),
-            "pressure drop Δp_N over an edge",
-        ),
-        parameter(
-            "rated_density_kg_m3",
-            Unit::KilogramPerCubicMetre,
-            865.0,
-            (500.0, 2000.0),
-            "of the oil with which the flow was rated",
-        ),
-        share("pa_share", "share of the rated flow that edge P-A passes"),
-        share("pb_share", "share of the rated flow that edge P-B passes"),
-        share("at_share", "share of the rated flow that edge A-T passes"),
-        share("bt_share", "share of the rated flow that edge B-T passes"),
-        overlap("pa_overlap", "overlap of edge P-A per unit of stroke; negative: underlap"),
-        overlap("pb_overlap", "overlap of edge P-B per unit of stroke"),
-        overlap("at_overlap", "overlap of edge A-T per unit of stroke"),
-        overlap("bt_overlap", "overlap of edge B-T per unit of stroke"),
-        parameter("smoothing", Unit::None, 2e-3, (1e-5, 0.1), "smoothing of the edges, ε"),
-        parameter("transition_pa", Unit::Pascal, 2e4, (1.0, 1e6), "laminar below this drop, p_t"),
-        parameter(
-            "leakage_m3_s_pa",
-            Unit::CubicMetrePerSecondPascal,
-            2e-13,
-            (0.0, 1e-8),
-            "laminar conductance C_l past each land",
-        ),
-        parameter("stroke_m", Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at full signal"),
-        parameter("natural_frequency_hz", Unit::Hertz, 60.0, (0.1, 2000.0), "of the spool"),
-        parameter("damping_ratio", Unit::None, 0.8, (1e-3, 10.0), "of the spool"),
-        parameter(
-            "opening_time_s",
-            Unit::Second,
-            0.015,
-            (1e-4, 10.0),
-            "from the centre to full opening, as fast as it can",
-        ),
-        parameter("null_bias", Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
-        parameter("current_gain", Unit::None, 1.0, (-10.0, 10.0), "stroke gained per full signal"),
-        parameter("mobility", Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
-        parameter("transmission", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         clogging("clogging_pa", "pa_share", "dirt narrows edge P-A"),
         clogging("clogging_pb", "pb_share", "dirt narrows edge P-B"),
@@ -176,13 +155,13 @@ pub struct ControlledSpool;
 impl Equation<3, 2, SPOOL_CONSTANTS> for ControlledSpool {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; SPOOL_CONSTANTS] {
         spool_constants(Spool {
-            stroke_m: given[STROKE],
-            natural_frequency_hz: given[NATURAL_FREQUENCY],
-            damping_ratio: given[DAMPING_RATIO],
-            slew_rate_m_s: given[STROKE] / given[OPENING_TIME],
-            null_bias: given[NULL_BIAS],
-            current_gain: given[CURRENT_GAIN],
-            mobility: given[MOBILITY],
+            stroke_m: given[index::stroke_m],
+            natural_frequency_hz: given[index::natural_frequency_hz],
+            damping_ratio: given[index::damping_ratio],
+            slew_rate_m_s: given[index::stroke_m] / given[index::opening_time_s],
+            null_bias: given[index::null_bias],
+            current_gain: given[index::current_gain],
+            mobility: given[index::mobility],
             stop: STOP.map(S::constant),
         })
     }
@@ -200,17 +179,17 @@ pub struct RatedEdge;
 impl Equation<4, 1, 6> for RatedEdge {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {
         let one = S::constant(1.0);
-        let overlap = given[OVERLAP + given.which];
-        let per_stroke = one / ((one - overlap) * given[STROKE]);
-        let density = given[RATED_DENSITY] / given.fluid.density_kg_m3;
-        let full = given[RATED_FLOW] * (density / given[RATED_DROP]).sqrt();
+        let overlap = given[OVERLAPS[given.which]];
+        let per_stroke = one / ((one - overlap) * given[index::stroke_m]);
+        let density = given[index::rated_density_kg_m3] / given.fluid.density_kg_m3;
+        let full = given[index::rated_flow_m3_s] * (density / given[index::rated_drop_pa]).sqrt();
         [
             S::constant(ORIENTATIONS[given.which]) * per_stroke,
             overlap / (one - overlap),
-            given[SMOOTHING] * given[SMOOTHING],
-            full * given[SHARE + given.which] * S::constant(0.5),
-            given[TRANSITION] * given[TRANSITION],
-            given[LEAKAGE],
+            given[index::smoothing] * given[index::smoothing],
+            full * given[SHARES[given.which]] * S::constant(0.5),
+            given[index::transition_pa] * given[index::transition_pa],
+            given[index::leakage_m3_s_pa],
         ]
     }
 

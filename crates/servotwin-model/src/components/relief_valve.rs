@@ -19,18 +19,28 @@ use crate::wiring::Wiring;
 /// See the module.
 pub struct ReliefValve;
 
+parameters! {
+    area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
+    set_pa: parameter(Unit::Pascal, 25.8e6, (0.0, 1e8), "drop at which it begins to open"),
+    range_pa: parameter(Unit::Pascal, 1e6, (1e2, 1e8), "further drop until it is open"),
+    leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+}
+
+// The equation of the check valve reads these positions.
+const _: () = {
+    use check_valve::index as shared;
+    assert!(index::area_m2 == shared::area_m2 && index::set_pa == shared::cracking_pa);
+    assert!(index::range_pa == shared::range_pa && index::leak_area_m2 == shared::leak_area_m2);
+    assert!(index::discharge_coefficient == shared::discharge_coefficient);
+    assert!(index::transition_reynolds == shared::transition_reynolds);
+};
+
 static SPEC: Spec = Spec {
     kind: "relief_valve",
     summary: "relief valve with smooth opening",
-    // In the order of the check valve, whose equation this is.
-    parameters: &[
-        parameter("area_m2", Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-        parameter("set_pa", Unit::Pascal, 25.8e6, (0.0, 1e8), "drop at which it begins to open"),
-        parameter("range_pa", Unit::Pascal, 1e6, (1e2, 1e8), "further drop until it is open"),
-        parameter("leak_area_m2", Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         scales(
             "set_pressure_loss",

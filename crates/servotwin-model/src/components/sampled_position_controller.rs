@@ -13,8 +13,9 @@
 //!
 //! Source: the zero-order hold of Åström & Wittenmark 1997.
 
-use super::position_controller::{FAULTS, PARAMETERS, PORTS, at};
-use super::position_controller::{demand, demand_constants, feedback_gain, limited};
+use super::position_controller::{
+    self as continuous, FAULTS, PORTS, demand, demand_constants, feedback_gain, limited,
+};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -25,12 +26,20 @@ use alloc::string::String;
 /// See the module.
 pub struct SampledPositionController;
 
-const PERIOD: usize = PARAMETERS.len();
+// These follow the parameters of the continuous controller.
+parameters! {
+    period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "between ticks, T"),
+    delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "whole samples, n"),
+}
 
-const ALL_PARAMETERS: [Parameter; PERIOD + 2] = {
-    let [a, b, c, d, e, f, g, h] = PARAMETERS;
-    let period = parameter("period_s", Unit::Second, 0.01, (1e-4, 1.0), "between ticks, T");
-    let delay = parameter("delay_samples", Unit::None, 0.0, (0.0, 2.0), "whole samples, n");
+/// Number of parameters of the continuous controller.
+const SHARED: usize = continuous::PARAMETERS.len();
+const PERIOD: usize = SHARED + index::period_s;
+const DELAY: usize = SHARED + index::delay_samples;
+
+const ALL_PARAMETERS: [Parameter; SHARED + PARAMETERS.len()] = {
+    let [a, b, c, d, e, f, g, h] = continuous::PARAMETERS;
+    let [period, delay] = PARAMETERS;
     [a, b, c, d, e, f, g, h, period, delay]
 };
 
@@ -64,7 +73,7 @@ impl Component for SampledPositionController {
     }
 
     fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        if [0.0, 1.0, 2.0].contains(&parameters[PERIOD + 1]) {
+        if [0.0, 1.0, 2.0].contains(&parameters[DELAY]) {
             Ok(())
         } else {
             Err("delay_samples must be 0, 1 or 2".into())
@@ -79,7 +88,7 @@ pub struct SampledLaw;
 impl Equation<9, 4, 5> for SampledLaw {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {
         let [arm, rig, gain] = demand_constants(given);
-        let decay = (-(given[PERIOD] / given[at::WASHOUT])).exp();
+        let decay = (-(given[PERIOD] / given[continuous::index::washout_s])).exp();
         [arm, rig, gain, feedback_gain(given), S::constant(1.0) - decay]
     }
 

@@ -25,10 +25,14 @@ use crate::wiring::{Output, Variable, Wiring};
 /// See the module.
 pub struct Selector;
 
+parameters! {
+    select: parameter(Unit::None, 0.0, (0.0, 1.0), "0 the first, 1 the vote, s"),
+}
+
 static SPEC: Spec = Spec {
     kind: "selector",
     summary: "one of two to four displacements, or their vote, as a controller is told",
-    parameters: &[parameter("select", Unit::None, 0.0, (0.0, 1.0), "0 the first, 1 the vote, s")],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         input("first", Unit::Metre, "x_1"),

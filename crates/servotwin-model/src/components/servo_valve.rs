@@ -47,27 +47,11 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct ServoValve;
 
-const STROKE: usize = 0;
-/// The first of four, in the order PA, PB, AT, BT.
-const WIDTH: usize = 1;
-/// The first of four, in the same order.
-const OVERLAP: usize = 5;
-const CLEARANCE: usize = 9;
-const EDGE_RADIUS: usize = 10;
-const SMOOTHING: usize = 11;
-const ECCENTRICITY: usize = 12;
-const DISCHARGE: usize = 13;
-const REYNOLDS: usize = 14;
-const NATURAL_FREQUENCY: usize = 15;
-const DAMPING_RATIO: usize = 16;
-const SLEW_RATE: usize = 17;
-const PILOT_AREA: usize = 18;
-const NULL_BIAS: usize = 19;
-const CURRENT_GAIN: usize = 20;
-const MOBILITY: usize = 21;
-const STOP_FRACTION: usize = 22;
-const STOP_STIFFNESS: usize = 23;
-const STOP_DAMPING: usize = 24;
+/// The parameters of the edges in the order of [`ORIENTATIONS`]: PA, PB, AT, BT.
+const WIDTHS: [usize; 4] =
+    [index::width_pa_m, index::width_pb_m, index::width_at_m, index::width_bt_m];
+const OVERLAPS: [usize; 4] =
+    [index::overlap_pa_m, index::overlap_pb_m, index::overlap_at_m, index::overlap_bt_m];
 
 const fn width(name: &'static str, summary: &'static str) -> Parameter {
     parameter(name, Unit::Metre, 2.38e-3, (0.0, 0.2), summary)
@@ -81,61 +65,54 @@ const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'stati
     adds(name, parameter, -20e-6, (-1e-3, 1e-3), Category::Wear, summary)
 }
 
+parameters! {
+    stroke_m: parameter(Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at rated current"),
+    width_pa_m: width("slot width of edge P-A"),
+    width_pb_m: width("slot width of edge P-B"),
+    width_at_m: width("slot width of edge A-T"),
+    width_bt_m: width("slot width of edge B-T"),
+    overlap_pa_m: overlap("overlap of edge P-A; negative: underlap"),
+    overlap_pb_m: overlap("overlap of edge P-B; negative: underlap"),
+    overlap_at_m: overlap("overlap of edge A-T; negative: underlap"),
+    overlap_bt_m: overlap("overlap of edge B-T; negative: underlap"),
+    clearance_m: parameter(Unit::Metre, 4e-6, (1e-7, 1e-3), "radial clearance"),
+    edge_radius_m: parameter(Unit::Metre, 2e-6, (0.0, 1e-3), "radius of the metering edges"),
+    smoothing_m: parameter(Unit::Metre, 1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
+    eccentricity: parameter(Unit::None, 0.0, (0.0, 1.0), "relative spool eccentricity"),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    natural_frequency_hz: parameter(Unit::Hertz, 100.0, (0.1, 2000.0), "of the spool"),
+    damping_ratio: parameter(Unit::None, 0.7, (1e-3, 10.0), "of the spool"),
+    slew_rate_m_s: parameter(
+        Unit::MetrePerSecond,
+        0.15,
+        (1e-4, 100.0),
+        "largest spool velocity: the pilot stage's flow",
+    ),
+    pilot_area_m2: parameter(Unit::SquareMetre, 4e-8, (0.0, 1e-5), "pilot stage, p to t"),
+    null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of rated current"),
+    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "stroke gained per rated current"),
+    mobility: parameter(Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
+    stop_fraction: parameter(Unit::None, 1.1, (0.5, 10.0), "end stops, per unit of stroke"),
+    stop_stiffness_per_s2: parameter(
+        Unit::PerSecondSquared,
+        1e8,
+        (0.0, 1e12),
+        "acceleration per penetration of the end stop",
+    ),
+    stop_damping_per_s: parameter(
+        Unit::PerSecond,
+        1e4,
+        (0.0, 1e8),
+        "acceleration per velocity in the end stop",
+    ),
+    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
+}
+
 static SPEC: Spec = Spec {
     kind: "servo_valve",
     summary: "two-stage four-way servo valve",
-    parameters: &[
-        parameter("stroke_m", Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at rated current"),
-        width("width_pa_m", "slot width of edge P-A"),
-        width("width_pb_m", "slot width of edge P-B"),
-        width("width_at_m", "slot width of edge A-T"),
-        width("width_bt_m", "slot width of edge B-T"),
-        overlap("overlap_pa_m", "overlap of edge P-A; negative: underlap"),
-        overlap("overlap_pb_m", "overlap of edge P-B; negative: underlap"),
-        overlap("overlap_at_m", "overlap of edge A-T; negative: underlap"),
-        overlap("overlap_bt_m", "overlap of edge B-T; negative: underlap"),
-        parameter("clearance_m", Unit::Metre, 4e-6, (1e-7, 1e-3), "radial clearance"),
-        parameter("edge_radius_m", Unit::Metre, 2e-6, (0.0, 1e-3), "radius of the metering edges"),
-        parameter("smoothing_m", Unit::Metre, 1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
-        parameter("eccentricity", Unit::None, 0.0, (0.0, 1.0), "relative spool eccentricity"),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-        parameter("natural_frequency_hz", Unit::Hertz, 100.0, (0.1, 2000.0), "of the spool"),
-        parameter("damping_ratio", Unit::None, 0.7, (1e-3, 10.0), "of the spool"),
-        parameter(
-            "slew_rate_m_s",
-            Unit::MetrePerSecond,
-            0.15,
-            (1e-4, 100.0),
-            "largest spool velocity: the pilot stage's flow",
-        ),
-        parameter("pilot_area_m2", Unit::SquareMetre, 4e-8, (0.0, 1e-5), "pilot stage, p to t"),
-        parameter("null_bias", Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of rated current"),
-        parameter(
-            "current_gain",
-            Unit::None,
-            1.0,
-            (-10.0, 10.0),
-            "stroke gained per rated current",
-        ),
-        parameter("mobility", Unit::None, 1.0, (0.0, 1.0), "1: the spool is free, 0: it is held"),
-        parameter("stop_fraction", Unit::None, 1.1, (0.5, 10.0), "end stops, per unit of stroke"),
-        parameter(
-            "stop_stiffness_per_s2",
-            Unit::PerSecondSquared,
-            1e8,
-            (0.0, 1e12),
-            "acceleration per penetration of the end stop",
-        ),
-        parameter(
-            "stop_damping_per_s",
-            Unit::PerSecond,
-            1e4,
-            (0.0, 1e8),
-            "acceleration per velocity in the end stop",
-        ),
-        parameter("transmission", Unit::None, 1.0, (0.0, 1.0), "where no signal is connected"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         clogging("clogging_pa", "width_pa_m", "dirt narrows edge P-A"),
         clogging("clogging_pb", "width_pb_m", "dirt narrows edge P-B"),
@@ -201,14 +178,15 @@ pub struct SpoolMotion;
 impl Equation<3, 2, SPOOL_CONSTANTS> for SpoolMotion {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; SPOOL_CONSTANTS] {
         spool_constants(Spool {
-            stroke_m: given[STROKE],
-            natural_frequency_hz: given[NATURAL_FREQUENCY],
-            damping_ratio: given[DAMPING_RATIO],
-            slew_rate_m_s: given[SLEW_RATE],
-            null_bias: given[NULL_BIAS],
-            current_gain: given[CURRENT_GAIN],
-            mobility: given[MOBILITY],
-            stop: [STOP_FRACTION, STOP_STIFFNESS, STOP_DAMPING].map(|place| given[place]),
+            stroke_m: given[index::stroke_m],
+            natural_frequency_hz: given[index::natural_frequency_hz],
+            damping_ratio: given[index::damping_ratio],
+            slew_rate_m_s: given[index::slew_rate_m_s],
+            null_bias: given[index::null_bias],
+            current_gain: given[index::current_gain],
+            mobility: given[index::mobility],
+            stop: [index::stop_fraction, index::stop_stiffness_per_s2, index::stop_damping_per_s]
+                .map(|place| given[place]),
         })
     }
 
@@ -226,23 +204,23 @@ impl Equation<4, 1, 9> for EdgeFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 9] {
         let number = S::constant;
         let orientation = ORIENTATIONS[given.which];
-        let clearance = given[CLEARANCE];
-        let two_radii = given[EDGE_RADIUS] * number(2.0);
+        let clearance = given[index::clearance_m];
+        let two_radii = given[index::edge_radius_m] * number(2.0);
         let height = clearance + two_radii;
         let viscosity = given.fluid.kinematic_viscosity_m2_s;
-        let k = turbulent(given.fluid.density_kg_m3, given[DISCHARGE]);
-        let eccentricity = given[ECCENTRICITY];
+        let k = turbulent(given.fluid.density_kg_m3, given[index::discharge_coefficient]);
+        let eccentricity = given[index::eccentricity];
         let widening = number(1.0) + eccentricity * eccentricity * number(1.5);
         let slit = number(12.0) * given.fluid.density_kg_m3 * viscosity
             / (clearance * clearance * clearance * widening);
         [
             number(orientation),
-            given[OVERLAP + given.which],
-            given[SMOOTHING] * given[SMOOTHING],
+            given[OVERLAPS[given.which]],
+            given[index::smoothing_m] * given[index::smoothing_m],
             two_radii * number(2.0),
             height * height * number(4.0),
-            given[WIDTH + given.which] * number(0.5) / k,
-            given[REYNOLDS] * viscosity * k * number(0.5),
+            given[WIDTHS[given.which]] * number(0.5) / k,
+            given[index::transition_reynolds] * viscosity * k * number(0.5),
             slit * number(0.125),
             k,
         ]
@@ -279,7 +257,12 @@ pub struct PilotFlow;
 
 impl Equation<2, 1, 3> for PilotFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        hole(given[PILOT_AREA], given[DISCHARGE], given[REYNOLDS], given.fluid)
+        hole(
+            given[index::pilot_area_m2],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        )
     }
 
     #[inline(always)]

@@ -23,27 +23,23 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct ShutOffValve;
 
-const AREA: usize = 0;
-const SERIES_RESISTANCE: usize = 1;
-const DISCHARGE: usize = 2;
-const REYNOLDS: usize = 3;
+parameters! {
+    area_m2: parameter(Unit::SquareMetre, 1.6e-5, (0.0, 1e-2), "flow area when open"),
+    series_resistance_pa_s_m3: parameter(
+        Unit::PascalSecondPerCubicMetre,
+        0.0,
+        (0.0, 1e15),
+        "laminar resistance of filter and line",
+    ),
+    discharge_coefficient: parameter(Unit::None, 0.65, (0.1, 1.0), "C_d"),
+    transition_reynolds: parameter(Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
+    opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening where no signal is connected"),
+}
 
 static SPEC: Spec = Spec {
     kind: "shut_off_valve",
     summary: "piloted shut-off valve with filter and line in series",
-    parameters: &[
-        parameter("area_m2", Unit::SquareMetre, 1.6e-5, (0.0, 1e-2), "flow area when open"),
-        parameter(
-            "series_resistance_pa_s_m3",
-            Unit::PascalSecondPerCubicMetre,
-            0.0,
-            (0.0, 1e15),
-            "laminar resistance of filter and line",
-        ),
-        parameter("discharge_coefficient", Unit::None, 0.65, (0.1, 1.0), "C_d"),
-        parameter("transition_reynolds", Unit::None, 50.0, (1.0, 2500.0), "Re_t"),
-        parameter("opening", Unit::None, 1.0, (0.0, 1.0), "opening where no signal is connected"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         shrinks("stuck", "area_m2", 0.004, (1e-6, 1.0), Category::Jamming, "does not open fully"),
         adds(
@@ -81,8 +77,13 @@ pub struct ShutOffFlow;
 
 impl Equation<3, 1, 4> for ShutOffFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
-        let [factor, r, four_k] = hole(given[AREA], given[DISCHARGE], given[REYNOLDS], given.fluid);
-        [factor, r, four_k, given[AREA] * given[SERIES_RESISTANCE]]
+        let [factor, r, four_k] = hole(
+            given[index::area_m2],
+            given[index::discharge_coefficient],
+            given[index::transition_reynolds],
+            given.fluid,
+        );
+        [factor, r, four_k, given[index::area_m2] * given[index::series_resistance_pa_s_m3]]
     }
 
     #[inline(always)]

@@ -31,7 +31,7 @@ pub const fn states() -> [State; 2] {
     [
         state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
         // A ringing valve's samples hang on it.
-        with_leeway(
+        with_error_weight(
             2.0,
             state(
                 "spool_velocity_m_s",

@@ -15,18 +15,16 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct Spring;
 
-const STIFFNESS: usize = 0;
-const DAMPING: usize = 1;
-const PRELOAD: usize = 2;
+parameters! {
+    stiffness_n_m: required(Unit::NewtonPerMetre, (0.0, 1e12), "stiffness"),
+    damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 0.0, (0.0, 1e9), "damping"),
+    preload_n: parameter(Unit::Newton, 0.0, (-1e9, 1e9), "force on the part at x = 0"),
+}
 
 static SPEC: Spec = Spec {
     kind: "spring",
     summary: "spring and damper to the ground",
-    parameters: &[
-        required("stiffness_n_m", Unit::NewtonPerMetre, (0.0, 1e12), "stiffness"),
-        parameter("damping_n_s_m", Unit::NewtonSecondPerMetre, 0.0, (0.0, 1e9), "damping"),
-        parameter("preload_n", Unit::Newton, 0.0, (-1e9, 1e9), "force on the part at x = 0"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[shrinks(
         "stiffness_loss",
         "stiffness_n_m",
@@ -57,7 +55,7 @@ pub struct Spreading;
 
 impl Equation<2, 1, 3> for Spreading {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
-        [given[STIFFNESS], given[DAMPING], given[PRELOAD]]
+        [given[index::stiffness_n_m], given[index::damping_n_s_m], given[index::preload_n]]
     }
 
     #[inline(always)]

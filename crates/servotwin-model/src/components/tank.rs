@@ -13,13 +13,15 @@ use crate::wiring::Wiring;
 /// See the module.
 pub struct Tank;
 
+parameters! {
+    pressure_pa: parameter(Unit::Pascal, 0.6e6, (1e3, 1e8), "pressure, absolute"),
+    temperature_k: parameter(Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
+}
+
 static SPEC: Spec = Spec {
     kind: "tank",
     summary: "return line or reservoir of constant or measured pressure",
-    parameters: &[
-        parameter("pressure_pa", Unit::Pascal, 0.6e6, (1e3, 1e8), "pressure, absolute"),
-        parameter("temperature_k", Unit::Kelvin, 313.15, (200.0, 480.0), "fluid temperature"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[
         pressure("port", "inlet"),

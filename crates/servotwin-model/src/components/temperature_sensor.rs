@@ -23,28 +23,22 @@ use alloc::string::String;
 /// See the module.
 pub struct TemperatureSensor;
 
-const LOW: usize = 0;
-const HIGH: usize = 1;
-const TIME: usize = 2;
-const BIAS_ELECTRICAL: usize = 3;
-const GAIN_ELECTRICAL: usize = 4;
-const BIAS_DIGITAL: usize = 5;
-const GAIN_DIGITAL: usize = 6;
+parameters! {
+    range_low_k: parameter(Unit::Kelvin, 213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
+    range_high_k: parameter(Unit::Kelvin, 423.15, (100.0, 1000.0), "at 20 mA, T_high"),
+    time_constant_s: parameter(Unit::Second, 5.0, (1e-4, 1e4), "of the probe, τ"),
+    bias_electrical: conversion::bias_electrical(),
+    gain_electrical: conversion::gain_electrical(),
+    bias_digital: conversion::bias_digital(),
+    gain_digital: conversion::gain_digital(),
+    noise_sigma: conversion::noise_sigma(),
+    bits: conversion::bits(),
+}
 
 static SPEC: Spec = Spec {
     kind: "temperature_sensor",
     summary: "fluid temperature sensor with a 4-20 mA output",
-    parameters: &[
-        parameter("range_low_k", Unit::Kelvin, 213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
-        parameter("range_high_k", Unit::Kelvin, 423.15, (100.0, 1000.0), "at 20 mA, T_high"),
-        parameter("time_constant_s", Unit::Second, 5.0, (1e-4, 1e4), "of the probe, τ"),
-        conversion::BIAS_ELECTRICAL,
-        conversion::GAIN_ELECTRICAL,
-        conversion::BIAS_DIGITAL,
-        conversion::GAIN_DIGITAL,
-        conversion::NOISE_SIGMA,
-        conversion::BITS,
-    ],
+    parameters: &PARAMETERS,
     faults: &conversion::faults(shrinks(
         "lag",
         "time_constant_s",
@@ -68,7 +62,7 @@ impl Component for TemperatureSensor {
     }
 
     fn span(&self, parameters: &[f64]) -> Option<Span> {
-        let range = parameters[HIGH] - parameters[LOW];
+        let range = parameters[index::range_high_k] - parameters[index::range_low_k];
         Some(Span { full_scale: range, range })
     }
 
@@ -86,7 +80,7 @@ impl Component for TemperatureSensor {
     }
 
     fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        if parameters[LOW] < parameters[HIGH] {
+        if parameters[index::range_low_k] < parameters[index::range_high_k] {
             Ok(())
         } else {
             Err("range_low_k must be below range_high_k".into())
@@ -99,7 +93,7 @@ pub struct Warming;
 
 impl Equation<2, 1, 1> for Warming {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
-        [S::constant(1.0) / given[TIME]]
+        [S::constant(1.0) / given[index::time_constant_s]]
     }
 
     #[inline(always)]
@@ -113,9 +107,10 @@ pub struct TemperatureToCurrent;
 
 impl Equation<1, 1, 2> for TemperatureToCurrent {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        let factor = conversion::factor(given, GAIN_ELECTRICAL);
-        let (low, range) = (given[LOW], given[HIGH] - given[LOW]);
-        conversion::to_current_constants(factor, given[BIAS_ELECTRICAL], low, range)
+        let factor = conversion::factor(given, index::gain_electrical);
+        let (low, range) =
+            (given[index::range_low_k], given[index::range_high_k] - given[index::range_low_k]);
+        conversion::to_current_constants(factor, given[index::bias_electrical], low, range)
     }
 
     #[inline(always)]
@@ -129,9 +124,10 @@ pub struct CurrentToTemperature;
 
 impl Equation<1, 1, 2> for CurrentToTemperature {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        let factor = conversion::factor(given, GAIN_DIGITAL);
-        let (low, range) = (given[LOW], given[HIGH] - given[LOW]);
-        conversion::from_current_constants(factor, given[BIAS_DIGITAL], low, range)
+        let factor = conversion::factor(given, index::gain_digital);
+        let (low, range) =
+            (given[index::range_low_k], given[index::range_high_k] - given[index::range_low_k]);
+        conversion::from_current_constants(factor, given[index::bias_digital], low, range)
     }
 
     #[inline(always)]

@@ -14,7 +14,7 @@
 //! Source: (VP3) as Merritt 1967 has pumps and motors; (VP1) is the line of a data sheet and (VP2) the first
 //! order that is usual for it, both the toolkit's own choice.
 
-use super::flow_source::{FLOW_AT_RATED_SPEED, INTERNAL_LEAKAGE, SPEED, WEAR, delivered};
+use super::flow_source::{WEAR, delivered, full_flow, internal_leakage, speed};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
@@ -25,23 +25,19 @@ use crate::wiring::{Output, Wiring};
 /// See the module.
 pub struct VariablePump;
 
-const FLOW: usize = 0;
-const SET: usize = 1;
-const RANGE: usize = 2;
-const TIME_CONSTANT: usize = 3;
-const LEAKAGE: usize = 4;
+parameters! {
+    flow_m3_s: full_flow(),
+    set_pa: parameter(Unit::Pascal, 21e6, (1e5, 1e8), "set pressure: no flow there"),
+    range_pa: parameter(Unit::Pascal, 1e6, (1e3, 1e8), "below it, from full to no flow"),
+    time_constant_s: parameter(Unit::Second, 0.04, (1e-4, 10.0), "of the compensator, τ"),
+    internal_leakage_m3_s_pa: internal_leakage(),
+    speed: speed(),
+}
 
 static SPEC: Spec = Spec {
     kind: "variable_pump",
     summary: "pump of variable displacement with pressure compensator",
-    parameters: &[
-        FLOW_AT_RATED_SPEED,
-        parameter("set_pa", Unit::Pascal, 21e6, (1e5, 1e8), "set pressure: no flow there"),
-        parameter("range_pa", Unit::Pascal, 1e6, (1e3, 1e8), "below it, from full to no flow"),
-        parameter("time_constant_s", Unit::Second, 0.04, (1e-4, 10.0), "of the compensator, τ"),
-        INTERNAL_LEAKAGE,
-        SPEED,
-    ],
+    parameters: &PARAMETERS,
     faults: &[
         WEAR,
         scales(
@@ -109,7 +105,7 @@ pub struct Compensator;
 impl Equation<3, 1, 3> for Compensator {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
         let one = S::constant(1.0);
-        [given[SET], one / given[RANGE], one / given[TIME_CONSTANT]]
+        [given[index::set_pa], one / given[index::range_pa], one / given[index::time_constant_s]]
     }
 
     #[inline(always)]
@@ -124,7 +120,7 @@ pub struct StrokedFlow;
 
 impl Equation<4, 1, 2> for StrokedFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
-        [given[FLOW], given[LEAKAGE]]
+        [given[index::flow_m3_s], given[index::internal_leakage_m3_s_pa]]
     }
 
     #[inline(always)]

@@ -22,15 +22,15 @@ use crate::wiring::{Output, Variable, Wiring};
 /// See the module.
 pub struct Volume;
 
-const VOLUME: usize = 0;
+parameters! {
+    volume_m3: required(Unit::CubicMetre, (1e-9, 1.0), "volume"),
+    start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
+}
 
 static SPEC: Spec = Spec {
     kind: "volume",
     summary: "rigid volume of fluid: manifold, gallery",
-    parameters: &[
-        required("volume_m3", Unit::CubicMetre, (1e-9, 1.0), "volume"),
-        parameter("start_pa", Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
-    ],
+    parameters: &PARAMETERS,
     faults: &[],
     ports: &[pressure("port", "all connections")],
     states: &[pressure_state("pressure_pa", "start_pa", "pressure, absolute")],
@@ -82,7 +82,7 @@ pub struct VolumePressure;
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for VolumePressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1 + BULK_CONSTANTS] {
         let [a, b, c, d, e, f] = given.fluid.bulk.to_array();
-        [given[VOLUME], a, b, c, d, e, f]
+        [given[index::volume_m3], a, b, c, d, e, f]
     }
 
     #[inline(always)]

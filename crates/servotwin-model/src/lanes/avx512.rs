@@ -128,13 +128,13 @@ unsafe impl Lanes for Avx512 {
         *self = Self::from_fn(|i| if i == lane { value } else { self.lane(i) });
     }
 
-    fn outline<W: Work<Self>>(work: W) -> W::Output {
+    fn with_target_features<W: Work<Self>>(work: W) -> W::Output {
         #[inline(never)]
         #[target_feature(enable = "avx512f,avx512dq")]
-        fn outlined<V, W: Work<V>>(work: W) -> W::Output {
+        fn with_features<V, W: Work<V>>(work: W) -> W::Output {
             work.run()
         }
         // SAFETY: see the type.
-        unsafe { outlined::<Self, W>(work) }
+        unsafe { with_features::<Self, W>(work) }
     }
 }

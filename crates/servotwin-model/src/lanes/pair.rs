@@ -109,8 +109,8 @@ unsafe impl<V: Lanes> Lanes for Pair<V> {
     }
 
     #[inline(always)]
-    fn outline<W: Work<Self>>(work: W) -> W::Output {
-        V::outline(ForPair(work))
+    fn with_target_features<W: Work<Self>>(work: W) -> W::Output {
+        V::with_target_features(ForPair(work))
     }
 }
 

@@ -105,7 +105,7 @@ unsafe impl Lanes for Portable {
     }
 
     #[inline(never)]
-    fn outline<W: Work<Self>>(work: W) -> W::Output {
+    fn with_target_features<W: Work<Self>>(work: W) -> W::Output {
         work.run()
     }
 }

@@ -67,7 +67,7 @@ unsafe impl Lanes for f64 {
     }
 
     #[inline(never)]
-    fn outline<W: Work<Self>>(work: W) -> W::Output {
+    fn with_target_features<W: Work<Self>>(work: W) -> W::Output {
         work.run()
     }
 }

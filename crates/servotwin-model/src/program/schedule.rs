@@ -2,7 +2,7 @@
 //! out.
 
 use super::{Observable, Program, Slot, StateOf, Ticking};
-use crate::jacobian::Rows;
+use crate::jacobian::SparseJacobian;
 use crate::network::{Mistake, Network};
 use crate::sequence::Sequence;
 use crate::spec::{PortKind, Unit};
@@ -71,9 +71,9 @@ fn schedule(
     let sums = layout.sums.clone();
     let inputs = network.inputs.len();
     let too_large = || vec![Mistake::TooLarge];
-    let rows = Rows::new(&motion, layout.states, inputs, sums.clone(), &needed);
-    let rows = rows.ok_or_else(too_large)?;
-    let plan = rows.plan().ok_or_else(too_large)?;
+    let jacobian = SparseJacobian::new(&motion, layout.states, inputs, sums.clone(), &needed);
+    let jacobian = jacobian.ok_or_else(too_large)?;
+    let lu = jacobian.lu().ok_or_else(too_large)?;
     Ok(Program {
         states: layout.list_states(network, &collected),
         observables: observables(network, &collected, &layout),
@@ -84,8 +84,8 @@ fn schedule(
         readings,
         clocks,
         constants,
-        rows,
-        plan,
+        jacobian,
+        lu,
         circuits,
         network: network.clone(),
     })
@@ -183,7 +183,7 @@ impl Layout {
                     component,
                     state,
                     scale: declared.scale,
-                    leeway: declared.leeway,
+                    error_weight: declared.error_weight,
                     lowest: declared.lowest,
                     unit: declared.unit,
                 });

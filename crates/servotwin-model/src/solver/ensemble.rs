@@ -1,8 +1,8 @@
 //! Many variants, one after the other in each lane.
 
-use super::bank::{Bank, Numbers};
-use super::course::{Course, Moving, Phase};
-use super::kernels::Kernels;
+use super::compiled_step::CompiledSteps;
+use super::lane_state::{LaneState, Moving, Phase};
+use super::lane_stepper::{LaneStepper, Numbers};
 use super::tableau::Tableau;
 use super::{Failure, SAME_TIME_S, Settings, Statistics};
 use crate::lanes::{Kernel, Level, dispatch};
@@ -14,9 +14,9 @@ use alloc::vec::Vec;
 
 /// A variant, ready to run.
 #[derive(Clone)]
-pub struct Case<'a> {
+pub struct Job<'a> {
     /// Its number, given back with every result.
-    pub job: usize,
+    pub number: usize,
     /// Constants of all blocks: [`Program::block_constants`].
     pub constants: Vec<f64>,
     /// Values of the stand-ins: [`Program::stand_in_values`].
@@ -41,16 +41,16 @@ pub struct Case<'a> {
 pub struct Change {
     /// When, s.
     pub time_s: f64,
-    /// As in [`Case`].
+    /// As in [`Job`].
     pub constants: Vec<f64>,
-    /// As in [`Case`].
+    /// As in [`Job`].
     pub stand_ins: Vec<f64>,
 }
 
 /// Where variants come from and results go.
-pub trait Feed<'a> {
+pub trait JobSource<'a> {
     /// The next variant; `None` when there are no more.
-    fn next(&mut self) -> Option<Case<'a>>;
+    fn next(&mut self) -> Option<Job<'a>>;
     /// A sample of the recorded slots.
     fn sample(&mut self, job: usize, index: usize, values: &[f64]);
     /// A variant has ended.
@@ -61,21 +61,21 @@ pub trait Feed<'a> {
     }
 }
 
-/// Runs everything that the feed gives, with the lanes of a level, and with compiled functions where there are some.
+/// Runs everything that the source gives, with the lanes of a level, and with compiled functions where there are some.
 pub fn run<'a>(
     program: &Program,
-    kernels: Option<&Kernels>,
+    compiled: Option<&CompiledSteps>,
     settings: Settings,
     record: &[Slot],
     level: Level,
-    feed: &mut dyn Feed<'a>,
+    source: &mut dyn JobSource<'a>,
 ) {
     struct All<'w, 'a> {
         program: &'w Program,
-        kernels: Option<&'w Kernels>,
+        compiled: Option<&'w CompiledSteps>,
         settings: Settings,
         record: &'w [Slot],
-        feed: &'w mut dyn Feed<'a>,
+        source: &'w mut dyn JobSource<'a>,
         under_way: Vec<UnderWay<'a>>,
         /// The number of lanes that do as well when no more are needed.
         narrower: usize,
@@ -84,15 +84,15 @@ pub fn run<'a>(
         type Output = Vec<UnderWay<'a>>;
         #[inline(always)]
         fn run<V: Lanes>(self) -> Vec<UnderWay<'a>> {
-            let bank = Bank::new(self.program, self.settings, self.kernels);
-            Ensemble::<V>::new(bank, self.record, self.feed).run(self.under_way, self.narrower)
+            let stepper = LaneStepper::new(self.program, self.settings, self.compiled);
+            Ensemble::<V>::new(stepper, self.record, self.source).run(self.under_way, self.narrower)
         }
     }
     let mut under_way = Vec::new();
     for level in core::iter::successors(Some(level), |level| level.narrower()) {
         let narrower = level.narrower().map_or(0, Level::width);
-        let feed = &mut *feed;
-        let all = All { program, kernels, settings, record, feed, under_way, narrower };
+        let source = &mut *source;
+        let all = All { program, compiled, settings, record, source, under_way, narrower };
         under_way = dispatch(level, all);
         if under_way.is_empty() {
             return;
@@ -102,92 +102,96 @@ pub fn run<'a>(
 
 /// A variant between two steps, to go on in another lane.
 struct UnderWay<'a> {
-    job: Job<'a>,
-    course: Course,
+    active: ActiveJob<'a>,
+    lane_state: LaneState,
     states: Vec<f64>,
     held: Vec<f64>,
 }
 
 /// The variant in a lane, and how much of its inputs and changes lies behind it.
-struct Job<'a> {
-    case: Case<'a>,
+struct ActiveJob<'a> {
+    job: Job<'a>,
     /// For each input that moves, the number of its piece.
     pieces: Vec<usize>,
     changed: usize,
 }
 
-impl<'a> Job<'a> {
-    fn new(case: Case<'a>) -> Self {
-        let moving = case.inputs.iter().enumerate();
+impl<'a> ActiveJob<'a> {
+    fn new(job: Job<'a>) -> Self {
+        let moving = job.inputs.iter().enumerate();
         let moving = moving.filter_map(|(external, input)| Moving::first(external, input)).count();
-        Self { case, pieces: vec![0; moving], changed: 0 }
+        Self { job, pieces: vec![0; moving], changed: 0 }
     }
 
     /// The way before it.
-    fn course(&self, clocks: usize) -> Course {
-        let case = &self.case;
-        let inputs = case.inputs.iter().enumerate();
+    fn lane_state(&self, clocks: usize) -> LaneState {
+        let job = &self.job;
+        let inputs = job.inputs.iter().enumerate();
         let moving = inputs.filter_map(|(external, input)| Moving::first(external, input));
         let moving = moving.collect();
-        let mut course = Course::new(case.settle, moving, case.sample_period_s, clocks);
-        course.halt_s = self.halt_s();
-        course
+        let mut lane_state = LaneState::new(job.settle, moving, job.sample_period_s, clocks);
+        lane_state.halt_s = self.halt_s();
+        lane_state
     }
 
     /// What the variant is made of now.
     fn numbers(&self) -> Numbers<'_> {
-        let changes = &self.case.changes[..self.changed];
+        let changes = &self.job.changes[..self.changed];
         match changes.last() {
             Some(Change { constants, stand_ins, .. }) => Numbers { constants, stand_ins },
-            None => Numbers { constants: &self.case.constants, stand_ins: &self.case.stand_ins },
+            None => Numbers { constants: &self.job.constants, stand_ins: &self.job.stand_ins },
         }
     }
 
     /// The time of the next change, or the end.
     fn halt_s(&self) -> f64 {
-        let change = self.case.changes.get(self.changed).map_or(f64::INFINITY, |c| c.time_s);
-        change.min(self.case.duration_s)
+        let change = self.job.changes.get(self.changed).map_or(f64::INFINITY, |c| c.time_s);
+        change.min(self.job.duration_s)
     }
 
-    /// The pieces of the inputs that hold where the course stands.
+    /// The pieces of the inputs that hold where the lane_state stands.
     #[inline(always)]
-    fn find_pieces(&mut self, course: &mut Course) {
-        let running = matches!(course.phase, Phase::Running);
-        let time = if running { course.time_s } else { 0.0 } + SAME_TIME_S;
-        if time < course.next_break_s {
+    fn find_pieces(&mut self, lane_state: &mut LaneState) {
+        let running = matches!(lane_state.phase, Phase::Running);
+        let time = if running { lane_state.time_s } else { 0.0 } + SAME_TIME_S;
+        if time < lane_state.next_break_s {
             return;
         }
-        course.next_break_s = f64::INFINITY;
-        for (piece, moving) in self.pieces.iter_mut().zip(&mut course.moving) {
-            let input = self.case.inputs[moving.external];
+        lane_state.next_break_s = f64::INFINITY;
+        for (piece, moving) in self.pieces.iter_mut().zip(&mut lane_state.moving) {
+            let input = self.job.inputs[moving.external];
             while moving.until_s <= time {
                 *piece += 1;
                 *moving = Moving::nth(moving.external, input, *piece);
             }
             let begins_later = moving.from_s > time;
             let next_break_s = if begins_later { moving.from_s } else { moving.until_s };
-            course.next_break_s = course.next_break_s.min(next_break_s);
+            lane_state.next_break_s = lane_state.next_break_s.min(next_break_s);
         }
     }
 }
 
 struct Ensemble<'p, 'f, 'a, V> {
     record: &'p [Slot],
-    feed: &'f mut dyn Feed<'a>,
-    bank: Bank<'p, V>,
+    source: &'f mut dyn JobSource<'a>,
+    stepper: LaneStepper<'p, V>,
     /// One for each lane; lanes that never had a variant have the first one's.
-    jobs: Vec<Job<'a>>,
+    active_jobs: Vec<ActiveJob<'a>>,
     values: Vec<f64>,
 }
 
 impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
-    fn new(bank: Bank<'p, V>, record: &'p [Slot], feed: &'f mut dyn Feed<'a>) -> Self {
+    fn new(
+        stepper: LaneStepper<'p, V>,
+        record: &'p [Slot],
+        source: &'f mut dyn JobSource<'a>,
+    ) -> Self {
         let values = vec![0.0; record.len()];
-        let jobs = Vec::with_capacity(V::WIDTH);
-        Self { record, feed, bank, jobs, values }
+        let active_jobs = Vec::with_capacity(V::WIDTH);
+        Self { record, source, stepper, active_jobs, values }
     }
 
-    /// Goes on with what is under way, then runs what the feed gives. When that is
+    /// Goes on with what is under way, then runs what the source gives. When that is
     /// all and `narrower` lanes are enough for the rest, gives the rest back.
     #[inline(always)]
     fn run(mut self, under_way: Vec<UnderWay<'a>>, narrower: usize) -> Vec<UnderWay<'a>> {
@@ -196,19 +200,20 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
         }
         loop {
             for lane in 0..V::WIDTH {
-                if self.bank.courses[lane].phase == Phase::Idle {
+                if self.stepper.lane_states[lane].phase == Phase::Idle {
                     self.load(lane);
                 }
             }
-            let busy = self.bank.courses.iter().filter(|c| c.phase != Phase::Idle).count();
-            if self.feed.cancelled() || busy == 0 {
+            let occupied =
+                self.stepper.lane_states.iter().filter(|c| c.phase != Phase::Idle).count();
+            if self.source.cancelled() || occupied == 0 {
                 return Vec::new();
             }
-            if busy <= narrower {
+            if occupied <= narrower {
                 return self.give_back();
             }
             self.change();
-            self.bank.begin();
+            self.stepper.begin();
             self.take_samples();
             self.step();
         }
@@ -217,94 +222,94 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     /// Fills the lanes for the first time; lanes without a variant of their own
     /// get the numbers of the first, which run along unseen.
     fn fill(&mut self, under_way: Vec<UnderWay<'a>>) -> bool {
-        for UnderWay { job, course, states, held } in under_way {
-            let lane = self.jobs.len();
-            self.jobs.push(job);
+        for UnderWay { active, lane_state, states, held } in under_way {
+            let lane = self.active_jobs.len();
+            self.active_jobs.push(active);
             self.put(lane);
-            self.bank.courses[lane] = course;
-            self.bank.set_states(lane, &states);
-            self.bank.set_held(lane, &held);
+            self.stepper.lane_states[lane] = lane_state;
+            self.stepper.set_states(lane, &states);
+            self.stepper.set_held(lane, &held);
         }
-        while self.jobs.len() < V::WIDTH {
-            let Some(case) = self.feed.next() else { break };
-            let lane = self.jobs.len();
-            self.jobs.push(Job::new(case));
+        while self.active_jobs.len() < V::WIDTH {
+            let Some(job) = self.source.next() else { break };
+            let lane = self.active_jobs.len();
+            self.active_jobs.push(ActiveJob::new(job));
             self.start(lane);
         }
-        if self.jobs.is_empty() {
+        if self.active_jobs.is_empty() {
             return false;
         }
-        for lane in self.jobs.len()..V::WIDTH {
-            self.jobs.push(Job::new(self.jobs[0].case.clone()));
+        for lane in self.active_jobs.len()..V::WIDTH {
+            self.active_jobs.push(ActiveJob::new(self.active_jobs[0].job.clone()));
             self.put(lane);
         }
-        self.bank.find_moving();
+        self.stepper.find_moving();
         true
     }
 
     /// The variants in the lanes, between two steps.
     fn give_back(mut self) -> Vec<UnderWay<'a>> {
         let mut under_way = Vec::new();
-        for (lane, job) in core::mem::take(&mut self.jobs).into_iter().enumerate() {
-            let course = self.bank.courses[lane].clone();
-            if course.phase != Phase::Idle {
-                let (states, held) = (self.bank.states(lane), self.bank.held(lane).collect());
-                under_way.push(UnderWay { job, course, states, held });
+        for (lane, active) in core::mem::take(&mut self.active_jobs).into_iter().enumerate() {
+            let lane_state = self.stepper.lane_states[lane].clone();
+            if lane_state.phase != Phase::Idle {
+                let (states, held) = (self.stepper.states(lane), self.stepper.held(lane).collect());
+                under_way.push(UnderWay { active, lane_state, states, held });
             }
         }
         under_way
     }
 
     fn load(&mut self, lane: usize) {
-        if let Some(case) = self.feed.next() {
-            self.jobs[lane] = Job::new(case);
+        if let Some(job) = self.source.next() {
+            self.active_jobs[lane] = ActiveJob::new(job);
             self.start(lane);
-            self.bank.find_moving();
+            self.stepper.find_moving();
         }
     }
 
     fn start(&mut self, lane: usize) {
-        self.bank.courses[lane] = self.jobs[lane].course(self.bank.clocks());
+        self.stepper.lane_states[lane] = self.active_jobs[lane].lane_state(self.stepper.clocks());
         self.put(lane);
     }
 
-    /// Copies the job of a lane into its memory.
+    /// Copies the active of a lane into its memory.
     fn put(&mut self, lane: usize) {
-        let job = &self.jobs[lane];
-        let case = &job.case;
-        self.bank.set_numbers(lane, job.numbers());
-        self.bank.reset_held(lane);
-        self.bank.set_states(lane, &case.start);
-        for (external, input) in case.inputs.iter().enumerate() {
-            self.bank.set_input(lane, external, input.pieces()[0][0]);
+        let active = &self.active_jobs[lane];
+        let job = &active.job;
+        self.stepper.set_numbers(lane, active.numbers());
+        self.stepper.reset_held(lane);
+        self.stepper.set_states(lane, &job.start);
+        for (external, input) in job.inputs.iter().enumerate() {
+            self.stepper.set_input(lane, external, input.pieces()[0][0]);
         }
     }
 
     /// What changes where the lanes stand: inputs, and in some of them parameters.
     #[inline(always)]
     fn change(&mut self) {
-        for (lane, job) in self.jobs.iter_mut().enumerate() {
-            let course = &mut self.bank.courses[lane];
-            if course.phase == Phase::Settled {
-                course.begin_running();
+        for (lane, active) in self.active_jobs.iter_mut().enumerate() {
+            let lane_state = &mut self.stepper.lane_states[lane];
+            if lane_state.phase == Phase::Settled {
+                lane_state.begin_running();
             }
-            job.find_pieces(course);
-            if course.phase != Phase::Running {
+            active.find_pieces(lane_state);
+            if lane_state.phase != Phase::Running {
                 continue;
             }
-            let time_s = course.time_s;
-            let before = job.changed;
-            while job
-                .case
+            let time_s = lane_state.time_s;
+            let before = active.changed;
+            while active
+                .job
                 .changes
-                .get(job.changed)
+                .get(active.changed)
                 .is_some_and(|c| c.time_s <= time_s + SAME_TIME_S)
             {
-                job.changed += 1;
+                active.changed += 1;
             }
-            if job.changed > before {
-                course.halt_s = job.halt_s();
-                self.bank.set_numbers(lane, job.numbers());
+            if active.changed > before {
+                lane_state.halt_s = active.halt_s();
+                self.stepper.set_numbers(lane, active.numbers());
             }
         }
     }
@@ -312,36 +317,40 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     /// Records the lanes that stand on a sample; ends those that are through.
     #[inline(always)]
     fn take_samples(&mut self) {
-        for (lane, job) in self.jobs.iter().enumerate() {
-            while self.bank.courses[lane].is_at_sample() {
+        for (lane, active) in self.active_jobs.iter().enumerate() {
+            while self.stepper.lane_states[lane].is_at_sample() {
                 for (value, &slot) in self.values.iter_mut().zip(self.record) {
-                    *value = self.bank.variable(lane, slot);
+                    *value = self.stepper.variable(lane, slot);
                 }
-                let course = &mut self.bank.courses[lane];
-                self.feed.sample(job.case.job, course.next_sample as usize, &self.values);
-                course.next_sample += 1;
+                let lane_state = &mut self.stepper.lane_states[lane];
+                self.source.sample(
+                    active.job.number,
+                    lane_state.next_sample as usize,
+                    &self.values,
+                );
+                lane_state.next_sample += 1;
             }
-            let course = &mut self.bank.courses[lane];
-            let ended = course.time_s + SAME_TIME_S >= job.case.duration_s;
-            if course.phase == Phase::Running && ended {
-                course.phase = Phase::Idle;
-                self.feed.finish(job.case.job, Ok(course.statistics));
+            let lane_state = &mut self.stepper.lane_states[lane];
+            let ended = lane_state.time_s + SAME_TIME_S >= active.job.duration_s;
+            if lane_state.phase == Phase::Running && ended {
+                lane_state.phase = Phase::Idle;
+                self.source.finish(active.job.number, Ok(lane_state.statistics));
             }
         }
     }
 
     #[inline(always)]
     fn step(&mut self) {
-        let (h, error) = self.bank.attempt();
-        if let Some(tableau) = self.bank.settings.method.tableau()
-            && !self.bank.settings.land_on_samples
+        let (h, error) = self.stepper.attempt();
+        if let Some(tableau) = self.stepper.settings.method.tableau()
+            && !self.stepper.settings.land_on_samples
         {
             self.interpolate_samples(tableau, h, error);
         }
-        self.bank.conclude(error);
-        for (job, course) in self.jobs.iter().zip(&mut self.bank.courses) {
-            if let Some(failure) = course.failure.take() {
-                self.feed.finish(job.case.job, Err(failure));
+        self.stepper.conclude(error);
+        for (active, lane_state) in self.active_jobs.iter().zip(&mut self.stepper.lane_states) {
+            if let Some(failure) = lane_state.failure.take() {
+                self.source.finish(active.job.number, Err(failure));
             }
         }
     }
@@ -355,19 +364,19 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
             if !any {
                 return;
             }
-            self.bank.interpolate(tableau, h, fraction);
+            self.stepper.interpolate(tableau, h, fraction);
             for lane in 0..V::WIDTH {
                 if self.pending_fraction(lane, error.lane(lane)).is_none() {
                     continue;
                 }
                 for (value, &slot) in self.values.iter_mut().zip(self.record) {
-                    *value = self.bank.variable(lane, slot);
+                    *value = self.stepper.variable(lane, slot);
                 }
-                let course = &mut self.bank.courses[lane];
-                course.statistics.evaluations += 1;
-                let job = self.jobs[lane].case.job;
-                self.feed.sample(job, course.next_sample as usize, &self.values);
-                course.next_sample += 1;
+                let lane_state = &mut self.stepper.lane_states[lane];
+                lane_state.statistics.evaluations += 1;
+                let active = self.active_jobs[lane].job.number;
+                self.source.sample(active, lane_state.next_sample as usize, &self.values);
+                lane_state.next_sample += 1;
             }
         }
     }
@@ -376,9 +385,10 @@ impl<'p, 'f, 'a, V: Lanes> Ensemble<'p, 'f, 'a, V> {
     /// end.
     #[inline(always)]
     fn pending_fraction(&self, lane: usize, error: f64) -> Option<f64> {
-        let course = &self.bank.courses[lane];
-        let time = course.sample_time_s();
-        let inside = course.phase == Phase::Running && time < course.end_s - SAME_TIME_S;
-        (self.bank.accepts(lane, error) && inside).then(|| (time - course.time_s) / course.step_s)
+        let lane_state = &self.stepper.lane_states[lane];
+        let time = lane_state.sample_time_s();
+        let inside = lane_state.phase == Phase::Running && time < lane_state.end_s - SAME_TIME_S;
+        (self.stepper.accepts(lane, error) && inside)
+            .then(|| (time - lane_state.time_s) / lane_state.step_s)
     }
 }

@@ -1,32 +1,71 @@
 //! The solver: many variants at once, each with its own time and step.
 //!
-//! A linearly implicit (Rosenbrock) step needs no iteration, so all lanes do
-//! the same work whatever their step sizes are. Every lane therefore has its
-//! own time, its own error control and its own events; a lane that has finished
-//! takes the next variant. Nothing that one lane computes depends on another,
-//! hence results are the same bits for a variant alone, in any lane and on any
-//! thread.
+//! A linearly implicit (Rosenbrock) step needs no iteration, so all lanes do the same work whatever their step sizes
+//! are. Every lane therefore has its own time, its own error control and its own events. A lane that has finished takes
+//! the next variant. No lane reads the numbers of another, so a variant returns the same bits alone, in any lane and on
+//! any thread.
 //!
-//! - [`tableau`]: the methods' coefficients
-//! - [`Batch`]: the variables of a few lanes, and one step of them
-//! - `course`: the time and the step of one variant; `bank`: a batch in which each lane has its own
-//! - `follow`: what is done where the search for rest fails
-//! - [`Twin`]: one variant that is stepped from sample to sample by its user
-//! - [`run`]: many variants, which lanes take from a feed
+//! - [`tableau`]: the coefficients of the methods
+//! - `step`: the operations of a step that depend on the system, interpreted or compiled ([`CompiledStep`])
+//! - [`StepMemory`]: the arrays of a few lanes, and one step of them
+//! - `lane_state`: the time and the step of one variant; `lane_stepper`: a step in which every lane has its own
+//! - `follow`: what the solver does where the search for the steady state fails
+//! - [`Twin`]: one variant that its user steps from sample to sample
+//! - [`run`]: many variants, which lanes take from a [`JobSource`]
+//!
+//! # One step on a page
+//!
+//! The arrays of one step and their lengths, for the system `valve_and_cylinder` and the method of campaigns. Every
+//! entry holds one number per lane.
+//!
+//! ```text
+//!  constants [84]              y [6]
+//!      |                         |  copy, with the inputs at the beginning of the step
+//!      v                         v
+//!  variables [29] = states [6] | inputs [1] | stand-ins [3] | sums [11] | derivatives [6] | spare [2]
+//!      |
+//!      |  evaluate_with_jacobian:  equation blocks [14]  fill sums, derivatives and partials;
+//!      |                           chain-rule products [26]  fill the gradients of the sums
+//!      v
+//!  gradients [71] = one and zero [2] | input slopes [1] | sum gradients [@ROWS] | partials [@PARTIALS]
+//!      |
+//!      |  factor:  Jacobian entries [18]  ->  I/(gamma h) - J = L U,  update products [9]
+//!      v
+//!  factors [20]
+//!      |
+//!      |  in each of the  stages of the method [6]  i = 1, 2, ...
+//!      |      sum_stages            y + sum of a_ij U_j -> states,   (sum of c_ij U_j)/h -> U_i
+//!      |      evaluate_derivatives  states, inputs -> derivatives
+//!      |      solve_stage           L U x = derivatives + U_i + h gamma_i df/dt,   x -> U_i
+//!      v
+//!  stages [48] = U_1 [6] | U_2 [6] | ... | U_8 [6]    (room for the method with most stages)
+//!      |
+//!      |  combine:  states + last U
+//!      v
+//!  y_new [6]      error: last U, over scale and error weight of each state
+//!      |
+//!      |  accept:  y_new -> y  in the lanes whose error is small enough
+//!      v
+//!  the next step
+//! ```
+//!
+//! The index of an array never depends on a lane. Lists of a `Sequence`, a `SparseJacobian` and a `SparseLu` say which
+//! entries an operation reads, in groups of equal length. A compiled step has the same arrays and no lists.
 
-mod bank;
-mod batch;
-mod course;
+mod compiled_step;
 mod ensemble;
 mod follow;
-pub(crate) mod kernels;
+mod lane_state;
+mod lane_stepper;
+pub(crate) mod step;
+mod step_memory;
 pub mod tableau;
 mod trim;
 mod twin;
 
-pub use batch::Batch;
-pub use ensemble::{Case, Change, Feed, run};
-pub use kernels::{Functions, Kernels};
+pub use compiled_step::{CompiledStep, CompiledSteps};
+pub use ensemble::{Change, Job, JobSource, run};
+pub use step_memory::StepMemory;
 pub use trim::{settle, settle_counted};
 pub use twin::{Between, Knot, Snapshot, Twin};
 
@@ -81,22 +120,22 @@ pub enum Control {
         step_s: f64,
     },
     /// As long as the estimated error of no state exceeds `tolerance` times its
-    /// scale and leeway per step.
+    /// scale and error_weight per step.
     Adaptive {
-        /// Allowed error per step over the state's scale and leeway.
+        /// Allowed error per step over the state's scale and error_weight.
         tolerance: f64,
         /// The longest step, s.
         max_step_s: f64,
         /// Attempts in about a second beyond which the error may be larger: a limit cycle, whose phase no tolerance
         /// follows. Infinite: never.
-        busy_per_s: f64,
+        attempt_rate_limit_per_s: f64,
     },
 }
 
 impl Control {
     /// Steps by error alone, of a tenth of a second at most.
     pub fn within(tolerance: f64) -> Self {
-        Control::Adaptive { tolerance, max_step_s: 0.1, busy_per_s: f64::INFINITY }
+        Control::Adaptive { tolerance, max_step_s: 0.1, attempt_rate_limit_per_s: f64::INFINITY }
     }
 }
 
@@ -118,7 +157,11 @@ impl Settings {
     pub fn campaign() -> Self {
         Self {
             method: Method::Rodas4P2,
-            control: Control::Adaptive { tolerance: 4e-6, max_step_s: 0.1, busy_per_s: 500.0 },
+            control: Control::Adaptive {
+                tolerance: 4e-6,
+                max_step_s: 0.1,
+                attempt_rate_limit_per_s: 500.0,
+            },
             land_on_samples: true,
         }
     }
@@ -202,7 +245,7 @@ impl fmt::Display for Cause {
 pub(crate) const SAME_TIME_S: f64 = 1e-9;
 /// Steps that are not cut short by an event are at least this long, s. A spool that hits its stop at full speed asks for
 /// 5e-9 s at a tolerance of 1e-7; after three hours a double still tells ten of these apart.
-pub(crate) const SMALLEST_STEP_S: f64 = 1e-11;
+pub(crate) const MIN_STEP_S: f64 = 1e-11;
 
 #[cfg(test)]
 mod tests {
@@ -247,14 +290,14 @@ mod tests {
     }
 
     struct Record<'a> {
-        cases: Vec<Case<'a>>,
+        waiting: Vec<Job<'a>>,
         samples: Vec<Vec<f64>>,
         outcomes: Vec<Option<Result<Statistics, Failure>>>,
     }
 
-    impl<'a> Feed<'a> for Record<'a> {
-        fn next(&mut self) -> Option<Case<'a>> {
-            self.cases.pop()
+    impl<'a> JobSource<'a> for Record<'a> {
+        fn next(&mut self) -> Option<Job<'a>> {
+            self.waiting.pop()
         }
         fn sample(&mut self, job: usize, _index: usize, values: &[f64]) {
             self.samples[job].push(values[0]);
@@ -268,19 +311,19 @@ mod tests {
         let program = filling();
         let swing = Piecewise::new(vec![0.0], vec![[2e7, -3e7, 4e7, -1e7]]).unwrap();
         let parameters = program.parameters(&[]);
-        let case = |job| Case {
-            job,
+        let job = |number| Job {
+            number,
             constants: program.block_constants(&parameters),
             stand_ins: program.stand_in_values(&parameters),
             inputs: vec![&swing],
-            start: vec![1e6 + 1e5 * job as f64],
+            start: vec![1e6 + 1e5 * number as f64],
             settle: false,
             duration_s: 1.0,
             sample_period_s: 0.25,
             changes: Vec::new(),
         };
         let mut record = Record {
-            cases: (0..jobs).rev().map(case).collect(),
+            waiting: (0..jobs).rev().map(job).collect(),
             samples: vec![Vec::new(); jobs],
             outcomes: vec![None; jobs],
         };
@@ -325,8 +368,11 @@ mod tests {
     #[test]
     fn dense_output_agrees_with_landing() {
         for method in [Method::Rodas4P2, Method::Rodas5P] {
-            let control =
-                Control::Adaptive { tolerance: 1e-9, max_step_s: 1.0, busy_per_s: f64::INFINITY };
+            let control = Control::Adaptive {
+                tolerance: 1e-9,
+                max_step_s: 1.0,
+                attempt_rate_limit_per_s: f64::INFINITY,
+            };
             let landing = Settings { method, control, land_on_samples: true };
             let dense = Settings { land_on_samples: false, ..landing };
             let a = &pressures(landing, Level::best(), 1)[0];

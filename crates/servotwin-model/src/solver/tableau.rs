@@ -50,7 +50,7 @@ impl Tableau {
     /// The argument of the equations in a stage, `states = y + Σ a_j U_j`, and the rest of its right side,
     /// `right = (Σ c_j U_j)/h`. `states` still holds the argument of the stage before.
     #[inline(always)]
-    pub(crate) fn stage_sums<V: Scalar<Base = V>>(
+    pub(crate) fn sum_stages<V: Scalar<Base = V>>(
         &self,
         stage: usize,
         states: &mut [V],

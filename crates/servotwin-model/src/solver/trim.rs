@@ -1,6 +1,6 @@
 //! The steady state that a run starts from.
 
-use super::ensemble::{Case, Feed, run};
+use super::ensemble::{Job, JobSource, run};
 use super::{Failure, Settings, Statistics};
 use crate::lanes::Level;
 use crate::program::{Program, Slot};
@@ -12,8 +12,8 @@ use alloc::vec::Vec;
 ///
 /// # Errors
 /// Where the search met numbers that are not finite.
-pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
-    settle_counted(program, case).map(|(states, _)| states)
+pub fn settle(program: &Program, job: Job) -> Result<Vec<f64>, Failure> {
+    settle_counted(program, job).map(|(states, _)| states)
 }
 
 /// As [`settle`], with the work that it took: whether there was a rest ([`Statistics::unsettled`]) and, if not, whether a
@@ -21,15 +21,15 @@ pub fn settle(program: &Program, case: Case) -> Result<Vec<f64>, Failure> {
 ///
 /// # Errors
 /// Where the search met numbers that are not finite.
-pub fn settle_counted(program: &Program, case: Case) -> Result<(Vec<f64>, Statistics), Failure> {
+pub fn settle_counted(program: &Program, job: Job) -> Result<(Vec<f64>, Statistics), Failure> {
     struct Catch<'a> {
-        case: Option<Case<'a>>,
+        job: Option<Job<'a>>,
         states: Vec<f64>,
         outcome: Result<Statistics, Failure>,
     }
-    impl<'a> Feed<'a> for Catch<'a> {
-        fn next(&mut self) -> Option<Case<'a>> {
-            self.case.take()
+    impl<'a> JobSource<'a> for Catch<'a> {
+        fn next(&mut self) -> Option<Job<'a>> {
+            self.job.take()
         }
         fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
             self.states = values.to_vec();
@@ -39,9 +39,9 @@ pub fn settle_counted(program: &Program, case: Case) -> Result<(Vec<f64>, Statis
         }
     }
     let record: Vec<Slot> = (0..program.states().len() as Slot).collect();
-    let case = Case { settle: true, duration_s: 0.0, ..case };
+    let job = Job { settle: true, duration_s: 0.0, ..job };
     let mut catch =
-        Catch { case: Some(case), states: Vec::new(), outcome: Ok(Statistics::default()) };
+        Catch { job: Some(job), states: Vec::new(), outcome: Ok(Statistics::default()) };
     run(program, None, Settings::campaign(), &record, Level::best(), &mut catch);
     catch.outcome.map(|statistics| (catch.states, statistics))
 }

@@ -11,10 +11,10 @@
 //! campaign with the same inputs, bit for bit. After [`Twin::new`] nothing is allocated by
 //! [`Twin::step`].
 
-use super::bank::{Bank, Numbers};
-use super::course::{Course, Moving, Phase};
-use super::kernels::Kernels;
-use super::{Failure, SMALLEST_STEP_S, Settings, Statistics};
+use super::compiled_step::CompiledSteps;
+use super::lane_state::{LaneState, Moving, Phase};
+use super::lane_stepper::{LaneStepper, Numbers};
+use super::{Failure, MIN_STEP_S, Settings, Statistics};
 use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
 use alloc::vec::Vec;
@@ -54,7 +54,7 @@ pub struct Snapshot {
     /// The step that the error control wants, s.
     pub wanted_s: f64,
     /// How much work it took lately.
-    pub effort: f64,
+    pub attempt_rate_per_s: f64,
     /// The states.
     pub states: Vec<f64>,
     /// The external inputs, the stand-ins and what clocks hold.
@@ -67,7 +67,7 @@ pub struct Snapshot {
 
 /// A virtual twin in real time; see the module.
 pub struct Twin<'p> {
-    bank: Bank<'p, f64>,
+    stepper: LaneStepper<'p, f64>,
     between: Vec<Between>,
     period_s: f64,
     /// The inputs at the sample it stands on.
@@ -80,11 +80,11 @@ pub struct Twin<'p> {
 const LANE: usize = 0;
 
 /// The latest time of a snapshot, s: thirty years.
-const LONGEST_TIME_S: f64 = 1e9;
+const MAX_TIME_S: f64 = 1e9;
 /// The longest step of a snapshot, s.
-const LONGEST_STEP_S: f64 = 1e4;
+const MAX_STEP_S: f64 = 1e4;
 /// The most attempts of a snapshot within a second.
-const MOST_EFFORT: f64 = 1e12;
+const MAX_ATTEMPT_RATE_PER_S: f64 = 1e12;
 
 impl<'p> Twin<'p> {
     /// A twin with samples every `period_s` seconds; `between` for each external input of the
@@ -104,27 +104,27 @@ impl<'p> Twin<'p> {
         assert!(settings.method.tableau().is_some(), "the method is implicit");
         let settings = Settings { land_on_samples: true, ..settings };
         let inputs = alloc::vec![Knot::default(); between.len()];
-        let bank = Bank::new(program, settings, None);
-        let mut twin = Self { bank, between, period_s, inputs, loaded: None };
+        let stepper = LaneStepper::new(program, settings, None);
+        let mut twin = Self { stepper, between, period_s, inputs, loaded: None };
         twin.restart(false);
         twin
     }
 
     /// The system.
     pub fn program(&self) -> &'p Program {
-        self.bank.program
+        self.stepper.program
     }
 
     /// Takes steps by compiled functions from now on, of [`Level::Single`](crate::lanes::Level): the same bits, sooner.
     /// Whether they are of that level, and are taken.
-    pub fn use_kernels(&mut self, kernels: &'p Kernels) -> bool {
-        self.bank.use_kernels(kernels)
+    pub fn use_compiled(&mut self, compiled: &'p CompiledSteps) -> bool {
+        self.stepper.use_compiled(compiled)
     }
 
     /// Puts the parameters of a variant in ([`Program::parameters`]). On the way they hold from the
     /// next sample on that it comes to.
     pub fn load(&mut self, parameters: &[Vec<f64>]) {
-        let program = self.bank.program;
+        let program = self.stepper.program;
         let constants = program.block_constants(parameters);
         self.loaded = Some((constants, program.stand_in_values(parameters)));
     }
@@ -138,14 +138,14 @@ impl<'p> Twin<'p> {
         self.inputs.copy_from_slice(inputs);
         self.restart(true);
         self.take_loaded();
-        self.bank.set_states(LANE, guess);
-        self.bank.reset_held(LANE);
+        self.stepper.set_states(LANE, guess);
+        self.stepper.reset_held(LANE);
         for (external, knot) in self.inputs.iter().enumerate() {
-            self.bank.set_input(LANE, external, knot.value);
+            self.stepper.set_input(LANE, external, knot.value);
         }
-        while self.course().seeks_rest() {
-            self.bank.begin();
-            if self.course().seeks_rest() {
+        while self.lane_state().seeks_rest() {
+            self.stepper.begin();
+            if self.lane_state().seeks_rest() {
                 self.attempt()?;
             }
         }
@@ -158,14 +158,14 @@ impl<'p> Twin<'p> {
     /// # Errors
     /// Where the solver could not go on; only [`Twin::settle`] and [`Twin::restore`] help then.
     pub fn step(&mut self, inputs: &[Knot]) -> Result<(), Failure> {
-        if let Some(failure) = self.course().failure {
+        if let Some(failure) = self.lane_state().failure {
             return Err(failure);
         }
         self.lead_to(inputs);
-        while !self.bank.courses[LANE].is_at_sample() {
+        while !self.stepper.lane_states[LANE].is_at_sample() {
             self.attempt()?;
-            if !self.bank.courses[LANE].is_at_sample() {
-                self.bank.begin();
+            if !self.stepper.lane_states[LANE].is_at_sample() {
+                self.stepper.begin();
             }
         }
         self.inputs.copy_from_slice(inputs);
@@ -175,35 +175,35 @@ impl<'p> Twin<'p> {
 
     /// A variable at the sample it stands on.
     pub fn value(&self, slot: Slot) -> f64 {
-        self.bank.variable(LANE, slot)
+        self.stepper.variable(LANE, slot)
     }
 
     /// The number of the sample it stands on.
     pub fn sample(&self) -> u64 {
-        self.course().next_sample - 1
+        self.lane_state().next_sample - 1
     }
 
     /// Time since rest, s.
     pub fn time_s(&self) -> f64 {
-        self.course().time_s
+        self.lane_state().time_s
     }
 
     /// The work that it took so far.
     pub fn statistics(&self) -> Statistics {
-        self.course().statistics
+        self.lane_state().statistics
     }
 
     /// What it remembers; `snapshot`'s memory is used again.
     pub fn save(&self, snapshot: &mut Snapshot) {
-        let course = self.course();
+        let lane_state = self.lane_state();
         snapshot.sample = self.sample();
-        snapshot.wanted_s = course.wanted_s;
-        snapshot.effort = course.effort;
+        snapshot.wanted_s = lane_state.wanted_s;
+        snapshot.attempt_rate_per_s = lane_state.attempt_rate_per_s;
         snapshot.states.clear();
-        snapshot.states.extend(self.bank.states(LANE));
+        snapshot.states.extend(self.stepper.states(LANE));
         snapshot.held.clear();
-        snapshot.held.extend(self.bank.held(LANE));
-        snapshot.next_tick.clone_from(&course.next_tick);
+        snapshot.held.extend(self.stepper.held(LANE));
+        snapshot.next_tick.clone_from(&lane_state.next_tick);
         snapshot.inputs.clone_from(&self.inputs);
     }
 
@@ -212,24 +212,24 @@ impl<'p> Twin<'p> {
     /// # Errors
     /// What does not fit: a list of another length, or a number with which no twin ever stood on a sample.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), &'static str> {
-        let held = self.bank.held(LANE).count();
+        let held = self.stepper.held(LANE).count();
         let fits = |fits: bool, what| if fits { Ok(()) } else { Err(what) };
-        fits(snapshot.states.len() == self.bank.program.states().len(), "states")?;
+        fits(snapshot.states.len() == self.stepper.program.states().len(), "states")?;
         fits(snapshot.held.len() == held, "held values")?;
-        fits(snapshot.next_tick.len() == self.bank.clocks(), "clocks")?;
+        fits(snapshot.next_tick.len() == self.stepper.clocks(), "clocks")?;
         fits(snapshot.inputs.len() == self.inputs.len(), "inputs")?;
         self.check_numbers(snapshot)?;
         self.inputs.copy_from_slice(&snapshot.inputs);
         self.take_loaded();
         self.restart(false);
-        let course = &mut self.bank.courses[LANE];
-        course.wanted_s = snapshot.wanted_s;
-        course.effort = snapshot.effort;
-        course.next_sample = snapshot.sample;
-        course.time_s = course.sample_time_s();
-        course.next_tick.copy_from_slice(&snapshot.next_tick);
-        self.bank.set_states(LANE, &snapshot.states);
-        self.bank.set_held(LANE, &snapshot.held);
+        let lane_state = &mut self.stepper.lane_states[LANE];
+        lane_state.wanted_s = snapshot.wanted_s;
+        lane_state.attempt_rate_per_s = snapshot.attempt_rate_per_s;
+        lane_state.next_sample = snapshot.sample;
+        lane_state.time_s = lane_state.sample_time_s();
+        lane_state.next_tick.copy_from_slice(&snapshot.next_tick);
+        self.stepper.set_states(LANE, &snapshot.states);
+        self.stepper.set_held(LANE, &snapshot.held);
         self.stand();
         Ok(())
     }
@@ -246,17 +246,20 @@ impl<'p> Twin<'p> {
             let next_s = tick as f64 * period_s;
             (time_s - period_s..=time_s + 2.0 * period_s).contains(&next_s)
         };
-        fits(time_s <= LONGEST_TIME_S, "time")?;
-        fits((SMALLEST_STEP_S..=LONGEST_STEP_S).contains(&snapshot.wanted_s), "step")?;
-        fits((0.0..=MOST_EFFORT).contains(&snapshot.effort), "effort")?;
+        fits(time_s <= MAX_TIME_S, "time")?;
+        fits((MIN_STEP_S..=MAX_STEP_S).contains(&snapshot.wanted_s), "step")?;
+        fits(
+            (0.0..=MAX_ATTEMPT_RATE_PER_S).contains(&snapshot.attempt_rate_per_s),
+            "attempt rate",
+        )?;
         fits(is_finite(&snapshot.states), "states")?;
         fits(is_finite(&snapshot.held), "held values")?;
         fits(inputs.all(f64::is_finite), "inputs")?;
-        fits(snapshot.next_tick.iter().zip(self.bank.periods_s()).all(is_next), "clocks")
+        fits(snapshot.next_tick.iter().zip(self.stepper.periods_s()).all(is_next), "clocks")
     }
 
-    fn course(&self) -> &Course {
-        &self.bank.courses[LANE]
+    fn lane_state(&self) -> &LaneState {
+        &self.stepper.lane_states[LANE]
     }
 
     /// A new way, with inputs that all move.
@@ -267,15 +270,16 @@ impl<'p> Twin<'p> {
             until_s: f64::INFINITY,
             piece: [knot.value, 0.0, 0.0, 0.0],
         });
-        let clocks = self.bank.clocks();
-        self.bank.courses[LANE] = Course::new(settle, moving.collect(), self.period_s, clocks);
-        self.bank.find_moving();
+        let clocks = self.stepper.clocks();
+        self.stepper.lane_states[LANE] =
+            LaneState::new(settle, moving.collect(), self.period_s, clocks);
+        self.stepper.find_moving();
     }
 
     fn take_loaded(&mut self) {
         if let Some((constants, stand_ins)) = self.loaded.take() {
             let numbers = Numbers { constants: &constants, stand_ins: &stand_ins };
-            self.bank.set_numbers(LANE, numbers);
+            self.stepper.set_numbers(LANE, numbers);
         }
     }
 
@@ -283,30 +287,30 @@ impl<'p> Twin<'p> {
     /// slopes.
     fn stand(&mut self) {
         self.take_loaded();
-        let course = &mut self.bank.courses[LANE];
-        if course.phase == Phase::Settled {
-            course.begin_running();
+        let lane_state = &mut self.stepper.lane_states[LANE];
+        if lane_state.phase == Phase::Settled {
+            lane_state.begin_running();
         }
-        let from_s = course.sample_time_s();
+        let from_s = lane_state.sample_time_s();
         for ((moving, knot), between) in
-            course.moving.iter_mut().zip(&self.inputs).zip(&self.between)
+            lane_state.moving.iter_mut().zip(&self.inputs).zip(&self.between)
         {
             let slope = if *between == Between::Cubic { knot.slope_per_s } else { 0.0 };
             moving.from_s = from_s;
             moving.piece = [knot.value, slope, 0.0, 0.0];
         }
-        self.bank.begin();
-        self.bank.courses[LANE].next_sample += 1;
+        self.stepper.begin();
+        self.stepper.lane_states[LANE].next_sample += 1;
     }
 
     /// The pieces of the inputs up to the next sample. What the evaluation at this one knew of them
     /// stays true, except that a straight line's slope was not known.
     fn lead_to(&mut self, next: &[Knot]) {
-        let course = &mut self.bank.courses[LANE];
-        let to_s = course.sample_time_s();
+        let lane_state = &mut self.stepper.lane_states[LANE];
+        let to_s = lane_state.sample_time_s();
         let mut surprise = false;
         for (((moving, from), to), between) in
-            course.moving.iter_mut().zip(&self.inputs).zip(next).zip(&self.between)
+            lane_state.moving.iter_mut().zip(&self.inputs).zip(next).zip(&self.between)
         {
             let length_s = to_s - moving.from_s;
             let before = moving.piece;
@@ -322,15 +326,15 @@ impl<'p> Twin<'p> {
             surprise |= before[..2] != moving.piece[..2];
         }
         if surprise {
-            self.bank.begin();
+            self.stepper.begin();
         } else {
-            self.bank.load_inputs();
+            self.stepper.load_inputs();
         }
     }
 
     fn attempt(&mut self) -> Result<(), Failure> {
-        let (_, error) = self.bank.attempt();
-        self.bank.conclude(error);
-        self.course().failure.map_or(Ok(()), Err)
+        let (_, error) = self.stepper.attempt();
+        self.stepper.conclude(error);
+        self.lane_state().failure.map_or(Ok(()), Err)
     }
 }

@@ -109,7 +109,7 @@ int main(void)
 fn compiled(program: &Program, name: &str, outputs: &[Observable], main: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let (source, binary) = (folder.join(format!("{name}.c")), folder.join(name));
-    let c = c_source::write(program, "t", outputs).unwrap();
+    let c = c_source::write_equations(program, "t", outputs).unwrap();
     std::fs::write(&source, format!("{c}{main}")).unwrap();
     let status = Command::new("cc")
         .args(["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"])
@@ -168,7 +168,7 @@ fn a_faulty_actuator_is_the_same_in_c() {
 
 #[test]
 fn without_outputs_there_is_no_function_for_them() {
-    let c = c_source::write(&rig::filling(), "t", &[]).unwrap();
+    let c = c_source::write_equations(&rig::filling(), "t", &[]).unwrap();
     assert!(c.contains("void t_derivatives("));
     assert!(!c.contains("t_outputs("));
 }
@@ -221,6 +221,6 @@ fn a_tick_moves_the_held_values_on() {
 fn a_prefix_must_be_an_identifier() {
     let program = rig::filling();
     for prefix in ["", "1a", "a-b", "ä"] {
-        assert_eq!(c_source::write(&program, prefix, &[]), Err(BadPrefix(prefix.into())));
+        assert_eq!(c_source::write_equations(&program, prefix, &[]), Err(BadPrefix(prefix.into())));
     }
 }

@@ -5,7 +5,7 @@ use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{
-    Between, Case, Change, Failure, Feed, Knot, Settings, Snapshot, Statistics, Twin, run,
+    Between, Change, Failure, Job, JobSource, Knot, Settings, Snapshot, Statistics, Twin, run,
 };
 
 const PERIOD_S: f64 = 0.01;
@@ -40,13 +40,13 @@ fn record(program: &Program) -> Vec<Slot> {
 }
 
 struct One<'a> {
-    case: Option<Case<'a>>,
+    job: Option<Job<'a>>,
     samples: Vec<Vec<f64>>,
 }
 
-impl<'a> Feed<'a> for One<'a> {
-    fn next(&mut self) -> Option<Case<'a>> {
-        self.case.take()
+impl<'a> JobSource<'a> for One<'a> {
+    fn next(&mut self) -> Option<Job<'a>> {
+        self.job.take()
     }
     fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
         self.samples.push(values.to_vec());
@@ -65,8 +65,8 @@ fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level
         let constants = program.block_constants(&parameters);
         Change { time_s, constants, stand_ins: program.stand_in_values(&parameters) }
     };
-    let case = Case {
-        job: 0,
+    let job = Job {
+        number: 0,
         constants: program.block_constants(&parameters),
         stand_ins: program.stand_in_values(&parameters),
         inputs: signals.iter().collect(),
@@ -76,7 +76,7 @@ fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level
         sample_period_s: PERIOD_S,
         changes: later.into_iter().map(change).collect(),
     };
-    let mut one = One { case: Some(case), samples: Vec::new() };
+    let mut one = One { job: Some(job), samples: Vec::new() };
     run(program, None, Settings::campaign(), &record(program), level, &mut one);
     one.samples
 }

@@ -58,7 +58,7 @@ impl Campaign<'_> {
     /// The equations with their parameters, and the sensors.
     pub(super) fn model_text(&self) -> String {
         let study = self.study;
-        let equations = c_source::write(&study.system.program, "model", &[]);
+        let equations = c_source::write_equations(&study.system.program, "model", &[]);
         let equations = equations.expect("a prefix that is a name");
         format!("{equations}{}{:?} {:?} ", study.system.text, study.measured, study.sensors)
     }

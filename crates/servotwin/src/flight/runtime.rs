@@ -177,8 +177,8 @@ impl<'s> Runtime<'s> {
         if self.is_compiled {
             return;
         }
-        if let Some(kernels) = self.study.system.compiled.ready(Level::Single) {
-            self.is_compiled = self.twin.use_kernels(kernels);
+        if let Some(steps) = self.study.system.compiled.ready(Level::Single) {
+            self.is_compiled = self.twin.use_compiled(steps);
         }
     }
 

@@ -262,7 +262,7 @@ impl Observer for Watcher<'_> {
         let twin = twin.map(|twin| StoredTwin {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
-            effort: twin.effort,
+            effort: twin.attempt_rate_per_s,
             states: twin.states,
             held: twin.held,
             next_tick: twin.next_tick,
@@ -294,7 +294,7 @@ impl Observer for Watcher<'_> {
         let twin = stored.twin.map(|twin| Snapshot {
             sample: twin.sample,
             wanted_s: twin.wanted_s,
-            effort: twin.effort,
+            attempt_rate_per_s: twin.effort,
             states: twin.states,
             held: twin.held,
             next_tick: twin.next_tick,

@@ -172,8 +172,8 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
 fn in_words(settings: &solver::Settings) -> String {
     let steps = match settings.control {
         Control::Fixed { step_s } => format!("steps of {step_s} s"),
-        Control::Adaptive { tolerance, max_step_s, busy_per_s } => format!(
-            "steps by error: at most {tolerance:e} of each state's scale a step (velocities up to five times as much, and all more beyond {busy_per_s} attempts a second), at most {max_step_s} s long"
+        Control::Adaptive { tolerance, max_step_s, attempt_rate_limit_per_s } => format!(
+            "steps by error: at most {tolerance:e} of each state's scale a step (velocities up to five times as much, and all more beyond {attempt_rate_limit_per_s} attempts a second), at most {max_step_s} s long"
         ),
     };
     let end =

@@ -220,8 +220,8 @@ impl Rest {
     pub fn jacobian(&self) -> Vec<Vec<f64>> {
         let program = program();
         let mut variables = self.variables.clone();
-        let mut gradients = vec![0.0; program.rows().slots()];
+        let mut gradients = vec![0.0; program.jacobian().slots()];
         program.evaluate_with_jacobian(&self.constants, &mut variables, &mut gradients);
-        servotwin_model::jacobian::dense(program.rows(), &gradients, 0)
+        servotwin_model::jacobian::dense(program.jacobian(), &gradients, 0)
     }
 }

@@ -69,7 +69,7 @@ fn it_gives_the_bits_of_the_lists_in_every_built_in_system() {
         let system = System::parse(text, name).unwrap();
         let compiled = Compiled::at_once();
         let level = Level::best().compiled();
-        assert!(compiled.kernels(&system.program, level).is_some(), "{name}: a C compiler");
+        assert!(compiled.steps(&system.program, level).is_some(), "{name}: a C compiler");
         let lists = runs(&system, level, None);
         assert!(lists.iter().filter(|run| run.is_ok()).count() > VARIANTS / 2, "{name}");
         assert!(lists == runs(&system, level, Some(&compiled)), "{name}");
@@ -87,7 +87,7 @@ fn it_gives_the_bits_of_the_lists_in_lanes_of_every_kind_and_beside_a_clock() {
     let lists = runs(&system, Level::Portable, None);
     for level in lanes::ALL.into_iter().filter(|level| level.available()) {
         let compiled = Compiled::at_once();
-        assert!(compiled.kernels(&system.program, level).is_some(), "a C compiler");
+        assert!(compiled.steps(&system.program, level).is_some(), "a C compiler");
         assert!(lists == runs(&system, level, Some(&compiled)), "{}", level.name());
         assert!(lists == runs(&system, level, None), "{} without", level.name());
     }

@@ -22,6 +22,7 @@ mod places;
 mod relief;
 mod runtime;
 mod schema;
+mod step_page;
 mod study_mistakes;
 mod system;
 mod table_model;

@@ -12,7 +12,7 @@ use servotwin_model::fluid::{Fluid, compressibility_per_pa};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
-use servotwin_model::solver::{self, Case, Cause, Failure, Feed, Settings, Statistics};
+use servotwin_model::solver::{self, Cause, Failure, Job, JobSource, Settings, Statistics};
 use servotwin_model::spec::Unit;
 use std::f64::consts::TAU;
 
@@ -556,9 +556,9 @@ fn a_fault_of_intensity_zero_is_health_bit_for_bit() {
 
 /// Runs one case with equal steps from where it is told to start; all states.
 fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
-    struct One<'a>(Option<Case<'a>>, Vec<Vec<f64>>);
-    impl<'a> Feed<'a> for One<'a> {
-        fn next(&mut self) -> Option<Case<'a>> {
+    struct One<'a>(Option<Job<'a>>, Vec<Vec<f64>>);
+    impl<'a> JobSource<'a> for One<'a> {
+        fn next(&mut self) -> Option<Job<'a>> {
             self.0.take()
         }
         fn sample(&mut self, _job: usize, _index: usize, values: &[f64]) {
@@ -569,8 +569,8 @@ fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
         }
     }
     let parameters = test.parameters();
-    let case = Case {
-        job: 0,
+    let job = Job {
+        number: 0,
         constants: program().block_constants(&parameters),
         stand_ins: program().stand_in_values(&parameters),
         inputs: test.variant().inputs,
@@ -581,7 +581,7 @@ fn run_from(test: &crate::aileron::Test, start: &[f64]) -> Vec<Vec<f64>> {
         changes: Vec::new(),
     };
     let record: Vec<u16> = (0..start.len() as u16).collect();
-    let mut one = One(Some(case), Vec::new());
+    let mut one = One(Some(job), Vec::new());
     solver::run(program(), None, Settings::real_time(), &record, Level::best(), &mut one);
     one.1
 }
@@ -825,8 +825,8 @@ fn the_work_of_a_run_is_what_it_was() {
     };
     assert_eq!(work(Settings::campaign()), [335, 12, 348, 1740]);
     // Of one Jacobian: entries, products of the chain rule; of its factors: entries, updates.
-    let (rows, plan) = (program().rows(), program().plan());
-    let sizes = [rows.entries().len(), rows.products(), plan.slots(), plan.updates()];
+    let (jacobian, lu) = (program().jacobian(), program().lu());
+    let sizes = [jacobian.entries().len(), jacobian.products(), lu.slots(), lu.updates()];
     // Each of the eight pressures is a block of its own, which costs 22 products of a Jacobian and no step.
     assert_eq!(sizes, [146, 317, 192, 138]);
 }

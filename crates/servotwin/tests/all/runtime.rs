@@ -52,7 +52,7 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
             if (number, k) == (2, 100) {
                 // From here on the step is compiled.
                 let system = &study().system;
-                assert!(system.compiled.kernels(&system.program, Level::Single).is_some());
+                assert!(system.compiled.steps(&system.program, Level::Single).is_some());
             }
             runtime.push(inputs, measured).unwrap();
             assert_eq!(runtime.expected(), twin, "flight {}, sample {k}", flight.number);

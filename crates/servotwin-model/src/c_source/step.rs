@@ -1,27 +1,29 @@
-//! The C source of a step: what a [`crate::solver::Batch`] does in lists, as straight lines of C.
+//! A step of the solver as straight lines of C, for [`CompiledStep`](crate::solver::CompiledStep).
 //!
-//! Half of a step's instructions find numbers through lists, because the lists stand for any system. A C compiler that
-//! is given one system needs none: it keeps numbers in registers, and what it makes takes two thirds of the time. The
-//! text is traced from the functions that walk the lists, so it is the same arithmetic in the same order, and gives the
-//! same bits.
+//! The interpreted step finds its numbers through lists, because the lists describe any system.
+//! That costs half of its instructions. C for one system needs no lists: the compiler keeps numbers in registers, and
+//! the step takes two thirds of the time. The text comes from a trace of the functions that walk the lists, so it does
+//! the same arithmetic in the same order and returns the same bits.
 //!
-//! One text serves every width. Compiled with `-DWIDTH=8` a register holds eight lanes (AVX-512), with 4 four
-//! (AVX2), with 1 one; `-DSTRIDE` is the number of lanes in the arrays. Neither fused nor reassociated arithmetic is
-//! allowed (`-ffp-contract=off`). What is called how stands in [`crate::solver::Functions`].
+//! One text serves every width. `-DWIDTH=8` makes a register hold eight lanes (AVX-512), 4 four lanes (AVX2), 1 one
+//! lane; `-DSTRIDE` is the number of lanes in the arrays. Fused and reassociated arithmetic must be off
+//! (`-ffp-contract=off`).
 //!
-//! On some processors with AVX-512 the derivatives wait for the one unit for roots and divisions. Compiled with
-//! `-DITERATE_ROOTS` every second root is found by iteration: correctly rounded as well, so that no bit differs.
+//! On some processors with AVX-512 the derivatives wait for the only unit for roots and divisions. `-DITERATE_ROOTS`
+//! makes every second root an iteration. Its result is correctly rounded too, so the bits stay equal.
 //!
-//! What depends on nothing but constants, parameters that stand in for signals and external inputs is *quiet*: it stays
-//! while these do. `update` puts what has changed where `begin` and `motion` find it (the array `quiet`); it is told by a
-//! bit for each input (`input_bit`), and by `NUMBERS`. A function of its own: in `begin` or `motion` its choices would
-//! split the straight lines, which the compiler orders and keeps in registers only between choices.
+//! Some expressions depend only on constants, on parameters that stand in for signals and on external inputs. These
+//! expressions are *cached*: they keep their values as long as their sources do. `update` computes them anew and stores
+//! them in the array `cached`, where `begin` and `motion` read them. Its argument `changed` has one bit per input
+//! (`input_bit`) and one for everything else (`NUMBERS`). `update` is a function of its own because its branches would
+//! split the straight lines of `begin` and `motion`; the compiler schedules only between branches.
 
-use crate::c_source::parameter_symbols;
+use super::parameter_symbols;
+use super::printer::{Body, Dialect, Printer, Stores, line};
 use crate::program::Program;
 use crate::scalar::Scalar;
 use crate::solver::Method;
-use crate::solver::kernels::{NUMBERS, input_bit};
+use crate::solver::step::{NUMBERS, input_bit};
 use crate::solver::tableau::Tableau;
 use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
 use alloc::collections::{BTreeMap, BTreeSet};
@@ -29,15 +31,15 @@ use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
-use core::fmt::Write;
 use core::num::FpCategory;
 
-/// The C source of the steps of a method. `None` for an explicit method.
-pub fn write(program: &Program, method: Method) -> Option<String> {
+/// Returns the C source of the steps of a method; `None` for an explicit method.
+pub fn write_step(program: &Program, method: Method) -> Option<String> {
     let tableau = method.tableau()?;
     let mut c = PRELUDE.to_string();
     for function in Function::ALL {
-        kernel(&mut c, function);
+        let head = format!("INLINE LANES {}_of(LANES x)", function.name());
+        Body::new(function).print(&mut c, &head, Lanes::new(&Cached::default(), None));
     }
     evaluations(&mut c, program);
     factor(&mut c, program);
@@ -49,30 +51,16 @@ pub fn write(program: &Program, method: Method) -> Option<String> {
     Some(c)
 }
 
-/// The only argument of a kernel, which is no array.
-const ARGUMENT: &str = "x";
-
-/// A transcendental function.
-fn kernel(c: &mut String, function: Function) {
-    let graph = Graph::new();
-    let value = function.kernel(graph.variable(ARGUMENT, 0));
-    line(c, format_args!("INLINE LANES {}_of(LANES x)\n{{", function.name()));
-    let expressions = &graph.expressions();
-    let text = Text { expressions, stores: BTreeMap::new(), quiet: &Quiet::default(), part: None };
-    text.statements(c, &[value.operand()]);
-    line(c, format_args!("    return {};\n}}\n", text.operand(value.operand())));
-}
-
-/// What the quiet part of two evaluations is, and where each number of it stands.
+/// What the cached part of two evaluations is, and where each number of it stands.
 #[derive(Default)]
-struct Quiet {
-    /// What each expression changes with; `None` where it is not quiet.
+struct Cached {
+    /// What each expression changes with; `None` where it is not cached.
     changes_with: Vec<Option<u64>>,
     /// Where those stand that other expressions need, or that are results, by the number of the expression.
     places: BTreeMap<u32, usize>,
 }
 
-impl Quiet {
+impl Cached {
     /// Of everything that is needed for these values.
     fn new(program: &Program, expressions: &[Expression], values: &[Operand]) -> Self {
         let mut changes_with: Vec<Option<u64>> = Vec::with_capacity(expressions.len());
@@ -109,7 +97,7 @@ impl Quiet {
 
     /// The function that does those parts anew that have changed.
     fn update(&self, c: &mut String, expressions: &[Expression]) {
-        let head = "update(IN constants, IN variables, OUT quiet, uint64_t changed)";
+        let head = "update(IN constants, IN variables, OUT cached, uint64_t changed)";
         function(c, head, |c| {
             for part in self.parts() {
                 line(c, format_args!("    if (changed & UINT64_C({part:#x})) {{"));
@@ -122,14 +110,12 @@ impl Quiet {
     fn update_part(&self, c: &mut String, expressions: &[Expression], part: u64) {
         let of_part = |node: u32| self.changes_with[node as usize] == Some(part);
         let kept = self.places.iter().filter(|(node, _)| of_part(**node));
-        let stores = kept.map(|(&node, &place)| (Operand::Node(node), vec![("quiet", place)]));
-        let stores: BTreeMap<_, _> = stores.collect();
-        let values: Vec<Operand> = stores.keys().copied().collect();
-        Text { expressions, stores, quiet: self, part: Some(part) }.statements(c, &values);
+        let stores = kept.map(|(&node, &place)| (Operand::Node(node), vec![("cached", place)]));
+        print_stores(c, expressions, Lanes::new(self, Some(part)), &stores.collect());
     }
 }
 
-/// What an entry of an array changes with; `None` where that is more than what is quiet.
+/// What an entry of an array changes with; `None` where that is more than what is cached.
 fn source(program: &Program, array: &str, place: usize) -> Option<u64> {
     let (externals, stand_ins) = (program.externals(), program.stand_ins());
     match array {
@@ -159,8 +145,8 @@ struct CFunction<'g> {
 
 impl CFunction<'_> {
     /// Where each value is put.
-    fn stores(&self) -> BTreeMap<Operand, Vec<(&'static str, usize)>> {
-        let mut stores: BTreeMap<Operand, Vec<(&str, usize)>> = BTreeMap::new();
+    fn stores(&self) -> Stores {
+        let mut stores = Stores::new();
         for &(array, place, value) in &self.stores {
             // What stays where it is.
             if value.expression() != Some(Expression::Variable(array, place as u32)) {
@@ -171,16 +157,20 @@ impl CFunction<'_> {
     }
 
     fn write(self, c: &mut String, graph: &Graph) {
-        self.write_beside(c, &graph.expressions(), &Quiet::default());
+        self.write_beside(c, &graph.expressions(), &Cached::default());
     }
 
-    /// The function, which finds what is quiet in its array.
-    fn write_beside(self, c: &mut String, expressions: &[Expression], quiet: &Quiet) {
-        let stores = self.stores();
-        let values: Vec<Operand> = stores.keys().copied().collect();
-        let text = Text { expressions, stores, quiet, part: None };
-        function(c, &self.head, |c| text.statements(c, &values));
+    /// The function, which finds what is cached in its array.
+    fn write_beside(self, c: &mut String, expressions: &[Expression], cached: &Cached) {
+        let dialect = Lanes::new(cached, None);
+        function(c, &self.head, |c| print_stores(c, expressions, dialect, &self.stores()));
     }
+}
+
+/// Prints the expressions that the stored values need, and the stores.
+fn print_stores(c: &mut String, expressions: &[Expression], dialect: Lanes, stores: &Stores) {
+    let values: Vec<Operand> = stores.keys().copied().collect();
+    Printer { dialect, expressions }.statements(c, &values, stores);
 }
 
 /// A function over all lanes.
@@ -206,8 +196,8 @@ fn variables<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
 
 /// Gradients from outside, and the two places that never change.
 fn gradients<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
-    let mut gradients = array(graph, "gradients", program.rows().slots());
-    program.rows().set_fixed(&mut gradients);
+    let mut gradients = array(graph, "gradients", program.jacobian().slots());
+    program.jacobian().set_fixed(&mut gradients);
     gradients
 }
 
@@ -224,7 +214,7 @@ fn constants<'g>(graph: &'g Graph, program: &Program) -> Vec<Symbol<'g>> {
     values.iter().enumerate().map(constant).collect()
 }
 
-/// `begin` and `motion`, which share what is quiet.
+/// `begin` and `motion`, which share what is cached.
 fn evaluations(c: &mut String, program: &Program) {
     let graph = Graph::new();
     let constants = constants(&graph, program);
@@ -232,12 +222,12 @@ fn evaluations(c: &mut String, program: &Program) {
     let values: Vec<Operand> =
         begin.stores().into_keys().chain(motion.stores().into_keys()).collect();
     let expressions = graph.expressions();
-    let quiet = Quiet::new(program, &expressions, &values);
-    line(c, format_args!("unsigned long quiet_places(void)\n{{"));
-    line(c, format_args!("    return {};\n}}\n", quiet.places.len()));
-    quiet.update(c, &expressions);
-    begin.write_beside(c, &expressions, &quiet);
-    motion.write_beside(c, &expressions, &quiet);
+    let cached = Cached::new(program, &expressions, &values);
+    line(c, format_args!("unsigned long cached_length(void)\n{{"));
+    line(c, format_args!("    return {};\n}}\n", cached.places.len()));
+    cached.update(c, &expressions);
+    begin.write_beside(c, &expressions, &cached);
+    motion.write_beside(c, &expressions, &cached);
 }
 
 fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> CFunction<'g> {
@@ -248,10 +238,10 @@ fn begin<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> C
     let untouched = Symbol::constant(0.0).operand();
     let sums = program.sums().filter(|&place| variables[place].operand() != untouched);
     let sums = sums.map(|place| ("variables", place, variables[place]));
-    let rows = program.rows().read_places();
+    let rows = program.jacobian().read_places();
     let rows = rows.into_iter().map(|place| ("gradients", place, gradients[place]));
     CFunction {
-        head: "begin(IN constants, IN quiet, OUT variables, OUT gradients)".into(),
+        head: "begin(IN constants, IN cached, OUT variables, OUT gradients)".into(),
         stores: sums.chain(rows).collect(),
     }
 }
@@ -261,7 +251,7 @@ fn motion<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> 
     program.motion().trace(constants, &mut variables);
     let stores = program.derivatives().map(|place| ("variables", place, variables[place]));
     CFunction {
-        head: "motion(IN constants, IN quiet, OUT variables)".into(),
+        head: "motion(IN constants, IN cached, OUT variables)".into(),
         stores: stores.collect(),
     }
 }
@@ -269,8 +259,8 @@ fn motion<'g>(graph: &'g Graph, program: &Program, constants: &[Symbol<'g>]) -> 
 fn factor(c: &mut String, program: &Program) {
     let graph = Graph::new();
     let gradients = gradients(&graph, program);
-    let mut factors = vec![Symbol::constant(0.0); program.plan().slots()];
-    program.plan().factor(graph.variable("diagonal", 0), &gradients, &mut factors);
+    let mut factors = vec![Symbol::constant(0.0); program.lu().slots()];
+    program.lu().factor(graph.variable("diagonal", 0), &gradients, &mut factors);
     let stores = factors.into_iter().enumerate().map(|(place, value)| ("factors", place, value));
     CFunction {
         head: "factor(IN diagonal, IN gradients, OUT factors)".into(),
@@ -300,7 +290,7 @@ fn solution<'g>(
     mut right: Vec<Symbol<'g>>,
 ) {
     let derivatives = derivatives(graph, program);
-    let factors = array(graph, "factors", program.plan().slots());
+    let factors = array(graph, "factors", program.lu().slots());
     let slope_factor = graph.variable("slope_factor", 0);
     let gradients = gradients(graph, program);
     program.solve_stage(&derivatives, slope_factor, &gradients, &factors, &mut right);
@@ -324,7 +314,7 @@ fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
     let mut right = vec![Symbol::constant(0.0); n];
     let stages = array(&graph, "stages", stage * n);
     let y = array(&graph, "y", n);
-    tableau.stage_sums(
+    tableau.sum_stages(
         stage,
         &mut states,
         &y,
@@ -339,110 +329,82 @@ fn sums(c: &mut String, program: &Program, tableau: &Tableau, stage: usize) {
     CFunction { head, stores }.write(c, &graph);
 }
 
-/// Writes expressions as C.
-struct Text<'a> {
-    expressions: &'a [Expression],
-    /// (array, place) where a value is put.
-    stores: BTreeMap<Operand, Vec<(&'a str, usize)>>,
-    quiet: &'a Quiet,
-    /// Which part of what is quiet this is; `None` for what is not.
+/// The macros of `step.h`, for the lanes of a register.
+struct Lanes<'a> {
+    cached: &'a Cached,
+    /// Which part of what is cached is printed; `None` for the rest.
     part: Option<u64>,
+    /// Whether the last root was an iterated one; they alternate.
+    is_root_iterated: bool,
 }
 
-impl Text<'_> {
-    /// What the values need, each put where it belongs as soon as it is known.
-    fn statements(&self, c: &mut String, values: &[Operand]) {
-        let needed = symbol::needed(self.expressions, values);
-        for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
-            self.put(c, *value);
+impl<'a> Lanes<'a> {
+    fn new(cached: &'a Cached, part: Option<u64>) -> Self {
+        Self { cached, part, is_root_iterated: false }
+    }
+}
+
+impl Dialect for Lanes<'_> {
+    const NUMBER: &'static str = "LANES";
+    const TRUTH: &'static str = "TRUTH";
+
+    fn entry(&self, array: &str, index: usize) -> String {
+        format!("AT({array}, {index})")
+    }
+
+    fn store(&self, array: &str, index: usize, value: &str) -> String {
+        format!("PUT({array}, {index}, {value})")
+    }
+
+    fn literal(&self, value: f64) -> String {
+        let sign = if value.is_sign_negative() { "-" } else { "" };
+        match value.classify() {
+            FpCategory::Nan => "ALL(__builtin_nan(\"\"))".to_string(),
+            FpCategory::Infinite => format!("ALL({sign}__builtin_inf())"),
+            _ => format!("ALL({value:?})"),
         }
-        let mut is_root_iterated = false;
-        for (node, &expression) in self.expressions.iter().enumerate() {
-            if !needed[node] {
-                continue;
+    }
+
+    fn unary(&mut self, operation: Unary, a: &str) -> String {
+        match operation {
+            Unary::Negative => format!("negative({a})"),
+            Unary::SquareRoot => {
+                self.is_root_iterated = !self.is_root_iterated;
+                format!("{}root({a})", if self.is_root_iterated { "iterated_" } else { "" })
             }
-            if self.is_here(node) && !matches!(expression, Expression::Variable(..)) {
-                let kind = if expression.is_truth() { "TRUTH" } else { "LANES" };
-                let is_root = matches!(expression, Expression::Unary(Unary::SquareRoot, _));
-                is_root_iterated ^= is_root;
-                let how = if is_root && is_root_iterated { "iterated_" } else { "" };
-                line(
-                    c,
-                    format_args!("    const {kind} v{node} = {how}{};", self.value(expression)),
-                );
-            }
-            self.put(c, Operand::Node(node as u32));
+            Unary::Absolute => format!("absolute({a})"),
+            Unary::Round => format!("rounded({a})"),
+            Unary::Mantissa => format!("mantissa({a})"),
+            Unary::Exponent => format!("exponent({a})"),
+            Unary::Call(function) => format!("{}_of({a})", function.name()),
         }
     }
 
-    /// Whether an expression belongs to the part that is written.
-    fn is_here(&self, node: usize) -> bool {
-        self.quiet.changes_with.get(node).copied().flatten() == self.part
-    }
-
-    fn put(&self, c: &mut String, value: Operand) {
-        for &(array, place) in self.stores.get(&value).into_iter().flatten() {
-            line(c, format_args!("    PUT({array}, {place}, {});", self.operand(value)));
+    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
+        match operation {
+            Binary::Smaller => format!("smaller({a}, {b})"),
+            Binary::Larger => format!("larger({a}, {b})"),
+            _ => format!("scaled({a}, {b})"),
         }
     }
 
-    fn value(&self, expression: Expression) -> String {
-        let of = |operand| self.operand(operand);
-        match expression {
-            Expression::Variable(ARGUMENT, _) => ARGUMENT.to_string(),
-            Expression::Variable(array, index) => format!("AT({array}, {index})"),
-            Expression::Unary(operation, a) => format!("{}({})", unary(operation), of(a)),
-            Expression::Binary(operation, a, b) => match operation {
-                Binary::Sum => format!("{} + {}", of(a), of(b)),
-                Binary::Difference => format!("{} - {}", of(a), of(b)),
-                Binary::Product => format!("{} * {}", of(a), of(b)),
-                Binary::Quotient => format!("{} / {}", of(a), of(b)),
-                Binary::Scaled => format!("scaled({}, {})", of(a), of(b)),
-                Binary::Smaller => format!("smaller({}, {})", of(a), of(b)),
-                Binary::Larger => format!("larger({}, {})", of(a), of(b)),
-            },
-            Expression::Less(a, b) => format!("less({}, {})", of(a), of(b)),
-            Expression::Select(truth, a, b) => format!("chosen(v{truth}, {}, {})", of(a), of(b)),
-        }
+    fn less(&self, a: &str, b: &str) -> String {
+        format!("less({a}, {b})")
     }
 
-    fn operand(&self, operand: Operand) -> String {
-        match operand {
-            Operand::Constant(bits) => number(f64::from_bits(bits)),
-            Operand::Node(node) => match self.expressions[node as usize] {
-                variable @ Expression::Variable(..) => self.value(variable),
-                _ if self.is_here(node as usize) => format!("v{node}"),
-                _ => format!("AT(quiet, {})", self.quiet.places[&node]),
-            },
-        }
+    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
+        format!("chosen({truth}, {yes}, {no})")
+    }
+
+    fn has_statement(&self, node: usize, expression: Expression) -> bool {
+        let part = self.cached.changes_with.get(node).copied().flatten();
+        part == self.part && !matches!(expression, Expression::Variable(..))
+    }
+
+    fn held_entry(&self, node: usize) -> String {
+        self.entry("cached", self.cached.places[&(node as u32)])
     }
 }
 
-fn unary(operation: Unary) -> String {
-    match operation {
-        Unary::Negative => "negative".to_string(),
-        Unary::SquareRoot => "root".to_string(),
-        Unary::Absolute => "absolute".to_string(),
-        Unary::Round => "rounded".to_string(),
-        Unary::Mantissa => "mantissa".to_string(),
-        Unary::Exponent => "exponent".to_string(),
-        Unary::Call(function) => format!("{}_of", function.name()),
-    }
-}
-
-/// The same number in every lane.
-fn number(value: f64) -> String {
-    let sign = if value.is_sign_negative() { "-" } else { "" };
-    match value.classify() {
-        FpCategory::Nan => "ALL(__builtin_nan(\"\"))".to_string(),
-        FpCategory::Infinite => format!("ALL({sign}__builtin_inf())"),
-        _ => format!("ALL({value:?})"),
-    }
-}
-
-fn line(c: &mut String, text: core::fmt::Arguments) {
-    writeln!(c, "{text}").expect("a string takes any text");
-}
-
-/// What the lanes can do, by their number; the same as `lanes`.
-const PRELUDE: &str = include_str!("kernel_source.h");
+/// The operations on lanes, by width; the same as those of `lanes`.
+const PRELUDE: &str = include_str!("step.h");

@@ -9,12 +9,12 @@ pub type Slot = u16;
 
 /// A place in an array of lanes of any width, or of single numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Place(u32);
+pub(crate) struct LaneOffset(u32);
 
 /// What a place is for every index.
 const STEP: u32 = 16;
 
-impl Place {
+impl LaneOffset {
     /// The place of an index.
     pub const fn new(index: Slot) -> Self {
         Self(index as u32 * STEP)

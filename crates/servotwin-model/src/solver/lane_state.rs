@@ -12,12 +12,12 @@ const FIRST_STEP_S: f64 = 1e-4;
 /// Error over scale that steps on the way to rest grow or shrink towards.
 const WANTED_SETTLING_CHANGE: f64 = 0.1;
 /// The longest step on the way to rest, s.
-const LONGEST_SETTLING_STEP_S: f64 = 1e4;
+const MAX_SETTLING_STEP_S: f64 = 1e4;
 
-/// How long an attempt counts as effort, s.
+/// How long an attempt counts as attempt_rate_per_s, s.
 const MEMORY_S: f64 = 1.0;
 /// The error grows by so much at most where a lane is busy. A valve that rings for ever then takes a fifth of the steps.
-const MOST_RELAXED: f64 = 1024.0;
+const MAX_RELAXATION: f64 = 1024.0;
 
 /// What a lane is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +77,7 @@ impl Moving {
 
 /// What one lane is doing.
 #[derive(Clone)]
-pub(super) struct Course {
+pub(super) struct LaneState {
     pub phase: Phase,
     pub time_s: f64,
     /// The step that the error control wants.
@@ -97,7 +97,7 @@ pub(super) struct Course {
     pub next_tick: Vec<u64>,
     pub rejections: u32,
     /// Attempts within about [`MEMORY_S`].
-    pub effort: f64,
+    pub attempt_rate_per_s: f64,
     pub statistics: Statistics,
     /// Why it could not go on.
     pub failure: Option<Failure>,
@@ -105,7 +105,7 @@ pub(super) struct Course {
     pub following: Option<Box<Following>>,
 }
 
-impl Course {
+impl LaneState {
     pub fn new(settle: bool, moving: Vec<Moving>, sample_period_s: f64, clocks: usize) -> Self {
         Self {
             phase: if settle { Phase::Settling } else { Phase::Running },
@@ -120,7 +120,7 @@ impl Course {
             halt_s: f64::INFINITY,
             next_tick: vec![0; clocks],
             rejections: 0,
-            effort: 0.0,
+            attempt_rate_per_s: 0.0,
             statistics: Statistics::default(),
             failure: None,
             following: None,
@@ -138,7 +138,7 @@ impl Course {
         self.time_s = 0.0;
         self.wanted_s = FIRST_STEP_S;
         self.rejections = 0;
-        self.effort = 0.0;
+        self.attempt_rate_per_s = 0.0;
     }
 
     /// From a search that failed onto the way that the system itself takes.
@@ -266,7 +266,7 @@ impl Course {
     #[inline(always)]
     pub fn accept(&mut self) {
         self.statistics.steps += 1;
-        self.effort *= (1.0 - self.step_s / MEMORY_S).max(0.0);
+        self.attempt_rate_per_s *= (1.0 - self.step_s / MEMORY_S).max(0.0);
         self.time_s = self.end_s;
         self.rejections = 0;
         if self.seeks_rest() {
@@ -279,10 +279,10 @@ impl Course {
     #[inline(always)]
     pub fn allowed(&self, settings: &Settings) -> Option<(f64, f64)> {
         match (self.phase, settings.control) {
-            (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, LONGEST_SETTLING_STEP_S)),
-            (Phase::Following, _) => Some((follow::TOLERANCE, LONGEST_SETTLING_STEP_S)),
-            (_, Control::Adaptive { tolerance, max_step_s, busy_per_s }) => {
-                Some((tolerance * self.relaxed(busy_per_s), max_step_s))
+            (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, MAX_SETTLING_STEP_S)),
+            (Phase::Following, _) => Some((follow::TOLERANCE, MAX_SETTLING_STEP_S)),
+            (_, Control::Adaptive { tolerance, max_step_s, attempt_rate_limit_per_s }) => {
+                Some((tolerance * self.relaxation(attempt_rate_limit_per_s), max_step_s))
             }
             (_, Control::Fixed { .. }) => None,
         }
@@ -290,10 +290,10 @@ impl Course {
 
     /// By how much the error may be larger because the lane is busy: at order four as much as takes it back.
     #[inline(always)]
-    fn relaxed(&self, busy_per_s: f64) -> f64 {
-        let busy = self.effort / (busy_per_s * MEMORY_S);
+    fn relaxation(&self, attempt_rate_limit_per_s: f64) -> f64 {
+        let busy = self.attempt_rate_per_s / (attempt_rate_limit_per_s * MEMORY_S);
         let squared = busy * busy;
-        (squared * squared).clamp(1.0, MOST_RELAXED)
+        (squared * squared).clamp(1.0, MAX_RELAXATION)
     }
 
     /// The step for the next time, by a factor from the error of this one, which `was_rejected` at first.

@@ -1,41 +1,42 @@
 //! As many variants as there are lanes, each on its own way.
 //!
-//! A step of the bank has three parts: [`Bank::begin`] evaluates every lane where it stands, with
-//! the Jacobian; then samples can be read; [`Bank::attempt`] tries a step and [`Bank::conclude`]
+//! A step of the stepper has three parts: [`LaneStepper::begin`] evaluates every lane where it stands, with
+//! the Jacobian; then samples can be read; [`LaneStepper::attempt`] tries a step and [`LaneStepper::conclude`]
 //! keeps it in the lanes where its error is small enough. One lane of `f64` is a twin that runs
 //! beside an actuator ([`super::Twin`]); many, refilled from a feed, are a campaign
 //! ([`super::ensemble`]).
 
-use super::batch::{Batch, MOST_LANES};
-use super::course::{Course, Phase};
+use super::compiled_step::CompiledSteps;
 use super::follow::{Following, Progress};
-use super::kernels::Kernels;
+use super::lane_state::{LaneState, Phase};
+use super::step::MAX_LANES;
+use super::step_memory::StepMemory;
 use super::tableau::Tableau;
-use super::{Cause, Failure, SMALLEST_STEP_S, Settings};
+use super::{Cause, Failure, MIN_STEP_S, Settings};
 use crate::math;
 use crate::program::{Program, Slot};
 use crate::scalar::Lanes;
 use alloc::vec::Vec;
 
 /// Rejections in a row before a variant is given up.
-const MOST_REJECTIONS: u32 = 60;
+const MAX_REJECTIONS: u32 = 60;
 /// Steps of the steady-state search.
-const MOST_SETTLING_STEPS: u64 = 2000;
+const MAX_SETTLING_STEPS: u64 = 2000;
 /// Change over scale in one step that is accepted on the way to rest.
-const LARGEST_SETTLING_CHANGE: f64 = 0.5;
+const MAX_SETTLING_CHANGE: f64 = 0.5;
 /// The system is at rest when no state moves faster than this part of its
 /// scale, 1/s.
 const AT_REST_PER_S: f64 = 1e-9;
 /// Simulated time after which the search for rest is ended, s: a limit cycle
 /// has none.
-const LONGEST_SETTLING_S: f64 = 1e5;
+const MAX_SETTLING_S: f64 = 1e5;
 
-pub(super) struct Bank<'p, V> {
+pub(super) struct LaneStepper<'p, V> {
     pub program: &'p Program,
     pub settings: Settings,
-    batch: Batch<'p, V>,
+    memory: StepMemory<'p, V>,
     /// One for each lane.
-    pub courses: Vec<Course>,
+    pub lane_states: Vec<LaneState>,
     /// The external inputs that move in any lane.
     moving: Vec<usize>,
     periods_s: Vec<f64>,
@@ -49,7 +50,7 @@ pub(super) struct Numbers<'n> {
     pub stand_ins: &'n [f64],
 }
 
-impl<'p, V: Lanes> Bank<'p, V> {
+impl<'p, V: Lanes> LaneStepper<'p, V> {
     /// Number of clocks.
     pub fn clocks(&self) -> usize {
         self.periods_s.len()
@@ -61,34 +62,38 @@ impl<'p, V: Lanes> Bank<'p, V> {
     }
 
     /// Idle lanes.
-    pub fn new(program: &'p Program, settings: Settings, kernels: Option<&'p Kernels>) -> Self {
+    pub fn new(
+        program: &'p Program,
+        settings: Settings,
+        compiled: Option<&'p CompiledSteps>,
+    ) -> Self {
         let periods_s: Vec<f64> = program.clock_periods_s().collect();
-        let mut bank = Self {
+        let mut stepper = Self {
             program,
             settings,
-            batch: Batch::new(program),
-            courses: (0..V::WIDTH).map(|_| Course::idle(periods_s.len())).collect(),
+            memory: StepMemory::new(program),
+            lane_states: (0..V::WIDTH).map(|_| LaneState::idle(periods_s.len())).collect(),
             moving: Vec::with_capacity(program.externals().len()),
             periods_s,
         };
-        if let Some(kernels) = kernels {
-            bank.use_kernels(kernels);
+        if let Some(compiled) = compiled {
+            stepper.use_compiled(compiled);
         }
-        bank
+        stepper
     }
 
     /// Takes steps by compiled functions from now on, if they are for as many lanes; whether they are.
-    pub fn use_kernels(&mut self, kernels: &'p Kernels) -> bool {
-        self.batch.use_compiled(kernels.of(self.program, self.settings.method, V::WIDTH))
+    pub fn use_compiled(&mut self, compiled: &'p CompiledSteps) -> bool {
+        self.memory.use_compiled(compiled.find(self.program, self.settings.method, V::WIDTH))
     }
 
     /// Makes a lane another variant, on its way: states and what clocks hold stay.
     pub fn set_numbers(&mut self, lane: usize, numbers: Numbers) {
-        self.batch.set_constants(lane, numbers.constants);
+        self.memory.set_constants(lane, numbers.constants);
         let first = self.program.externals().end;
         for (index, &value) in numbers.stand_ins.iter().enumerate() {
             if !self.program.is_held(index) {
-                self.batch.set_variable(lane, first + index, value);
+                self.memory.set_variable(lane, first + index, value);
             }
         }
     }
@@ -98,26 +103,27 @@ impl<'p, V: Lanes> Bank<'p, V> {
         let program = self.program;
         let first = program.externals().end;
         for index in (0..program.stand_ins().len()).filter(|&index| program.is_held(index)) {
-            self.batch.set_variable(lane, first + index, 0.0);
+            self.memory.set_variable(lane, first + index, 0.0);
         }
     }
 
     pub fn set_states(&mut self, lane: usize, states: &[f64]) {
-        self.batch.set_states(lane, states);
+        self.memory.set_states(lane, states);
     }
 
     /// The value that an input which does not move has in a lane.
     pub fn set_input(&mut self, lane: usize, external: usize, value: f64) {
-        self.batch.set_variable(lane, self.program.externals().start + external, value);
+        self.memory.set_variable(lane, self.program.externals().start + external, value);
     }
 
     /// To be called when the inputs that move are others.
     pub fn find_moving(&mut self) {
-        let Self { courses, moving, .. } = self;
+        let Self { lane_states, moving, .. } = self;
         moving.clear();
         for external in 0..self.program.externals().len() {
-            let moves = |course: &Course| course.moving.iter().any(|m| m.external == external);
-            if courses.iter().any(moves) {
+            let moves =
+                |lane_state: &LaneState| lane_state.moving.iter().any(|m| m.external == external);
+            if lane_states.iter().any(moves) {
                 moving.push(external);
             }
         }
@@ -126,46 +132,46 @@ impl<'p, V: Lanes> Bank<'p, V> {
     /// The external inputs, the stand-ins and what clocks hold.
     pub fn held(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
         let slots = self.program.externals().start..self.program.stand_ins().end;
-        slots.map(move |slot| self.batch.variable(lane, slot))
+        slots.map(move |slot| self.memory.variable(lane, slot))
     }
 
-    /// Puts back what [`Bank::held`] gave.
+    /// Puts back what [`LaneStepper::held`] gave.
     pub fn set_held(&mut self, lane: usize, held: &[f64]) {
         let first = self.program.externals().start;
         for (offset, &value) in held.iter().enumerate() {
-            self.batch.set_variable(lane, first + offset, value);
+            self.memory.set_variable(lane, first + offset, value);
         }
     }
 
     /// The states where the lane stands.
     pub fn states(&self, lane: usize) -> Vec<f64> {
-        self.batch.states(lane)
+        self.memory.states(lane)
     }
 
     /// A variable as of the last evaluation.
     pub fn variable(&self, lane: usize, slot: Slot) -> f64 {
-        self.batch.variable(lane, slot as usize)
+        self.memory.variable(lane, slot as usize)
     }
 
     /// Ticks clocks that are due, chooses every lane's step and evaluates.
     #[inline(always)]
     pub fn begin(&mut self) {
-        for course in self.courses.iter_mut() {
-            if course.phase == Phase::Settled {
-                course.begin_running();
+        for lane_state in self.lane_states.iter_mut() {
+            if lane_state.phase == Phase::Settled {
+                lane_state.begin_running();
             }
         }
         self.load_inputs();
         if !self.periods_s.is_empty() {
             self.tick_due_clocks();
         }
-        for course in self.courses.iter_mut() {
-            course.choose_step(&self.settings, &self.periods_s);
+        for lane_state in self.lane_states.iter_mut() {
+            lane_state.choose_step(&self.settings, &self.periods_s);
         }
         if self.settings.method.tableau().is_some() {
-            self.batch.begin();
+            self.memory.begin();
         } else {
-            self.batch.evaluate();
+            self.memory.evaluate();
         }
         self.end_settling();
     }
@@ -173,29 +179,32 @@ impl<'p, V: Lanes> Bank<'p, V> {
     /// Takes over the pieces of the inputs as they are now.
     #[inline(always)]
     pub fn load_inputs(&mut self) {
-        self.batch.clear_inputs();
-        let courses = &self.courses;
+        self.memory.clear_inputs();
+        let lane_states = &self.lane_states;
         let first = self.program.externals().start;
         for &external in &self.moving {
-            let held = self.batch.variables(first + external);
-            self.batch.set_input(external, |lane| courses[lane].cubic(external, held.lane(lane)));
+            let held = self.memory.variables(first + external);
+            self.memory
+                .set_input(external, |lane| lane_states[lane].cubic(external, held.lane(lane)));
         }
     }
 
     fn tick_due_clocks(&mut self) {
         for clock in 0..self.periods_s.len() {
             let period = self.periods_s[clock];
-            if !self.courses.iter().any(|course| course.is_due(clock, period)) {
+            if !self.lane_states.iter().any(|lane_state| lane_state.is_due(clock, period)) {
                 continue;
             }
-            self.batch.evaluate();
-            let due = |i: usize| if self.courses[i].is_due(clock, period) { 1.0 } else { 0.0 };
+            self.memory.evaluate();
+            let due = |i: usize| if self.lane_states[i].is_due(clock, period) { 1.0 } else { 0.0 };
             let mask = V::constant(0.0).less(V::from_fn(due));
-            self.batch.tick(clock, mask);
-            for course in self.courses.iter_mut().filter(|course| course.is_due(clock, period)) {
-                course.statistics.evaluations += 1;
-                if course.phase != Phase::Settling {
-                    course.next_tick[clock] += 1;
+            self.memory.tick(clock, mask);
+            for lane_state in
+                self.lane_states.iter_mut().filter(|lane_state| lane_state.is_due(clock, period))
+            {
+                lane_state.statistics.evaluations += 1;
+                if lane_state.phase != Phase::Settling {
+                    lane_state.next_tick[clock] += 1;
                 }
             }
         }
@@ -205,46 +214,46 @@ impl<'p, V: Lanes> Bank<'p, V> {
     #[inline(always)]
     fn end_settling(&mut self) {
         for index in 0..V::WIDTH {
-            if self.courses[index].seeks_rest() {
+            if self.lane_states[index].seeks_rest() {
                 self.look_for_rest(index);
             }
         }
     }
 
     fn look_for_rest(&mut self, index: usize) {
-        let is_at_rest = self.batch.largest_rate_per_s(index) < AT_REST_PER_S;
-        let course = &mut self.courses[index];
+        let is_at_rest = self.memory.largest_rate_per_s(index) < AT_REST_PER_S;
+        let lane_state = &mut self.lane_states[index];
         if is_at_rest {
-            course.end_following();
-        } else if course.phase == Phase::Following {
+            lane_state.end_following();
+        } else if lane_state.phase == Phase::Following {
             self.follow(index);
-        } else if course.statistics.settling >= MOST_SETTLING_STEPS
-            || course.time_s > LONGEST_SETTLING_S
+        } else if lane_state.statistics.settling >= MAX_SETTLING_STEPS
+            || lane_state.time_s > MAX_SETTLING_S
         {
             let following = Following::new(self.states(index), self.held(index).collect());
-            self.courses[index].begin_following(following);
+            self.lane_states[index].begin_following(following);
         }
     }
 
     /// Observes a system that moves on its own; gives it up where it finds no rest.
     fn follow(&mut self, index: usize) {
-        let Self { batch, courses, .. } = self;
-        let course = &mut courses[index];
-        let time_s = course.time_s;
-        let following = course.following.as_mut().expect("a lane in this phase has one");
-        let progress = following.observe(time_s, batch.motion_over_scale(index));
+        let Self { memory, lane_states, .. } = self;
+        let lane_state = &mut lane_states[index];
+        let time_s = lane_state.time_s;
+        let following = lane_state.following.as_mut().expect("a lane in this phase has one");
+        let progress = following.observe(time_s, memory.motion_over_scale(index));
         if progress == Progress::Moving {
             return;
         }
-        course.statistics.limit_cycles += u64::from(progress == Progress::LimitCycle);
+        lane_state.statistics.limit_cycles += u64::from(progress == Progress::LimitCycle);
         self.begin_on_the_move(index);
     }
 
     /// Ends the way to rest without it: the run begins where the search ended.
     fn begin_on_the_move(&mut self, index: usize) {
-        let course = &mut self.courses[index];
-        course.statistics.unsettled += 1;
-        if let Some(following) = course.end_following() {
+        let lane_state = &mut self.lane_states[index];
+        lane_state.statistics.unsettled += 1;
+        if let Some(following) = lane_state.end_following() {
             let (states, held) = following.search_end;
             self.set_states(index, &states);
             self.set_held(index, &held);
@@ -254,19 +263,19 @@ impl<'p, V: Lanes> Bank<'p, V> {
     /// Tries every lane's step: how long it is and its error over scale.
     #[inline(always)]
     pub fn attempt(&mut self) -> (V, V) {
-        let h = V::from_fn(|lane| self.courses[lane].step_s);
+        let h = V::from_fn(|lane| self.lane_states[lane].step_s);
         let Some(tableau) = self.settings.method.tableau() else {
-            self.batch.runge_kutta(h);
+            self.memory.runge_kutta(h);
             return (h, V::constant(0.0));
         };
-        let mut error = self.batch.rosenbrock(tableau, h);
-        if self.courses.iter().any(|course| course.phase == Phase::Settling) {
+        let mut error = self.memory.rosenbrock(tableau, h);
+        if self.lane_states.iter().any(|lane_state| lane_state.phase == Phase::Settling) {
             // Accuracy does not matter on the way to rest. The most stable method
             // also comes to rest where the system itself would swing for ever.
             let settling =
-                |i: usize| if self.courses[i].phase == Phase::Settling { 1.0 } else { 0.0 };
+                |i: usize| if self.lane_states[i].phase == Phase::Settling { 1.0 } else { 0.0 };
             let settling = V::constant(0.0).less(V::from_fn(settling));
-            error = self.batch.keep_first_stage(settling, error);
+            error = self.memory.keep_first_stage(settling, error);
         }
         (h, error)
     }
@@ -274,12 +283,12 @@ impl<'p, V: Lanes> Bank<'p, V> {
     /// Evaluates every lane at a fraction of the step that was tried.
     #[inline(always)]
     pub fn interpolate(&mut self, tableau: &Tableau, h: V, fraction: V) {
-        self.batch.interpolate(tableau, h, fraction);
+        self.memory.interpolate(tableau, h, fraction);
     }
 
     #[inline(always)]
     pub fn accepts(&self, lane: usize, error: f64) -> bool {
-        match self.courses[lane].allowed(&self.settings) {
+        match self.lane_states[lane].allowed(&self.settings) {
             Some((allowed, _)) => error <= allowed,
             None => error.is_finite(),
         }
@@ -290,9 +299,10 @@ impl<'p, V: Lanes> Bank<'p, V> {
     #[inline(always)]
     fn growth(&self, error: V) -> V {
         let order = self.settings.method.tableau().map_or(4, |t| t.order);
-        let allowed =
-            |course: &Course| course.allowed(&self.settings).map_or(1.0, |(error, _)| error);
-        let tolerance = V::from_fn(|i| allowed(&self.courses[i]));
+        let allowed = |lane_state: &LaneState| {
+            lane_state.allowed(&self.settings).map_or(1.0, |(error, _)| error)
+        };
+        let tolerance = V::from_fn(|i| allowed(&self.lane_states[i]));
         let ratio = (error / tolerance).max(V::constant(1e-6));
         math::power(ratio, V::constant(-1.0 / order as f64)) * V::constant(0.9)
     }
@@ -304,54 +314,56 @@ impl<'p, V: Lanes> Bank<'p, V> {
         let implicit = self.settings.method.tableau();
         let (evaluations, jacobians) =
             implicit.map_or((3, 0), |tableau| (tableau.stages() as u64 - 1, 1));
-        let mut accepted = [false; MOST_LANES];
+        let mut accepted = [false; MAX_LANES];
         let growth = self.growth(error);
         for (index, accepted) in accepted.iter_mut().enumerate().take(V::WIDTH) {
             let (error, growth) = (error.lane(index), growth.lane(index));
             // A poisoned value shows in the error, except without an estimate.
-            let good = self.accepts(index, error) && (jacobians > 0 || self.batch.finite(index));
-            let course = &mut self.courses[index];
-            course.statistics.evaluations += evaluations;
-            course.statistics.jacobians += jacobians;
-            course.effort += 1.0;
-            if matches!(course.phase, Phase::Idle | Phase::Settled) {
+            let good = self.accepts(index, error) && (jacobians > 0 || self.memory.finite(index));
+            let lane_state = &mut self.lane_states[index];
+            lane_state.statistics.evaluations += evaluations;
+            lane_state.statistics.jacobians += jacobians;
+            lane_state.attempt_rate_per_s += 1.0;
+            if matches!(lane_state.phase, Phase::Idle | Phase::Settled) {
                 continue;
             }
-            let was_rejected = course.rejections > 0;
-            *accepted = match course.phase {
-                Phase::Settling => error <= LARGEST_SETTLING_CHANGE,
+            let was_rejected = lane_state.rejections > 0;
+            *accepted = match lane_state.phase {
+                Phase::Settling => error <= MAX_SETTLING_CHANGE,
                 _ => good,
             };
             if *accepted {
-                course.accept();
+                lane_state.accept();
             } else {
-                course.statistics.rejected += 1;
-                course.rejections += 1;
+                lane_state.statistics.rejected += 1;
+                lane_state.rejections += 1;
             }
             let growth = if error.is_finite() { growth } else { 0.1 };
-            course.adapt(&self.settings, growth, was_rejected);
+            lane_state.adapt(&self.settings, growth, was_rejected);
             self.give_up_if_stuck(index, error);
         }
         let zero = V::constant(0.0);
         let mask = zero.less(V::from_fn(|i| if accepted[i] { 1.0 } else { 0.0 }));
-        self.batch.accept(mask);
+        self.memory.accept(mask);
     }
 
     #[inline(always)]
     fn give_up_if_stuck(&mut self, index: usize, error: f64) {
-        let course = &mut self.courses[index];
-        let fixed = course.fixed_step_s(&self.settings).is_some();
-        let stuck = course.rejections > 0
-            && (fixed || course.rejections > MOST_REJECTIONS || course.wanted_s < SMALLEST_STEP_S);
-        if stuck && course.phase == Phase::Following {
+        let lane_state = &mut self.lane_states[index];
+        let fixed = lane_state.fixed_step_s(&self.settings).is_some();
+        let stuck = lane_state.rejections > 0
+            && (fixed
+                || lane_state.rejections > MAX_REJECTIONS
+                || lane_state.wanted_s < MIN_STEP_S);
+        if stuck && lane_state.phase == Phase::Following {
             self.begin_on_the_move(index);
         } else if stuck {
             // A fixed step is never too large for an error control.
             let is_too_small = error.is_finite() && !fixed;
             let cause = if is_too_small { Cause::StepTooSmall } else { Cause::NotFinite };
-            let state = self.batch.worst_state(index);
-            course.failure = Some(Failure { time_s: course.time_s, state, cause });
-            course.phase = Phase::Idle;
+            let state = self.memory.worst_state(index);
+            lane_state.failure = Some(Failure { time_s: lane_state.time_s, state, cause });
+            lane_state.phase = Phase::Idle;
         }
     }
 }

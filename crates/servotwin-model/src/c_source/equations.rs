@@ -1,37 +1,35 @@
-//! The C source of a system: its equations as plain C99, for a simulator that
-//! has no Rust.
+//! The equations of a system as plain C99, for simulators without Rust.
 //!
-//! Made by tracing the compiled program with [`Symbol`]s, so it is the same
-//! text as everything else runs. The transcendental functions are traced too;
-//! only rounding, scaling and splitting by powers of two are written out below.
-//! Compiled without fused or reassociated arithmetic (`-ffp-contract=off`, no
-//! `-ffast-math`) it gives the same numbers as [`Program::evaluate`] to the last
-//! bit.
+//! The text comes from a trace of the compiled program, so it is the same arithmetic that everything else runs.
+//! The trace includes the transcendental functions; `helpers` adds rounding, scaling and splitting by powers of two.
+//! Compiled without fused or reassociated arithmetic (`-ffp-contract=off`, no `-ffast-math`), the C returns the same
+//! bits as [`Program::evaluate`].
 //!
-//! The functions that [`write`] makes, named after a prefix, here `p`:
+//! The functions that [`write_equations`] prints, here with the prefix `p`:
 //!
-//! | function | from | to |
+//! | function | reads | fills |
 //! |---|---|---|
 //! | `p_constants` | effective parameters | constants of a variant |
 //! | `p_held` | effective parameters | stand-ins of open signal inputs, zero for held values |
 //! | `p_derivatives` | constants, states, inputs, held | derivatives of the states |
-//! | `p_outputs` | the same | what was asked for |
+//! | `p_outputs` | the same | requested outputs |
 //! | `p_tick_0` … | the same | held values after a tick of clock 0 … |
 //!
-//! Parameters are those of all components one after the other, faults applied
-//! ([`Program::parameters`]).
+//! The array of parameters lists the components one after the other, with faults applied ([`Program::parameters`]).
 
+use super::helpers::{Helper, print_helpers};
+use super::parameter_symbols;
+use super::printer::{Dialect, Printer, Stores, line, needed_expressions};
 use crate::program::{Observable, Program};
 use crate::scalar::Scalar;
-use crate::symbol::{self, Binary, Expression, Function, Graph, Operand, Symbol, Unary};
+use crate::symbol::{Binary, Expression, Graph, Operand, Symbol, Unary};
 use alloc::collections::BTreeSet;
 use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
-use core::fmt::Write;
 
-/// A prefix that is no C identifier.
+/// The prefix is not a C identifier.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadPrefix(pub String);
 
@@ -43,12 +41,15 @@ impl core::fmt::Display for BadPrefix {
 
 impl core::error::Error for BadPrefix {}
 
-/// Writes the C source of a program. `outputs` are what `p_outputs` gives; with
-/// none there is no such function.
+/// Returns the C source of a program. `p_outputs` returns `outputs`; without outputs the function is missing.
 ///
 /// # Errors
-/// Where the prefix is no C identifier.
-pub fn write(program: &Program, prefix: &str, outputs: &[Observable]) -> Result<String, BadPrefix> {
+/// The prefix is not a C identifier.
+pub fn write_equations(
+    program: &Program,
+    prefix: &str,
+    outputs: &[Observable],
+) -> Result<String, BadPrefix> {
     let letter = |c: char| c.is_ascii_alphabetic() || c == '_';
     let valid =
         prefix.starts_with(letter) && prefix.chars().all(|c| letter(c) || c.is_ascii_digit());
@@ -58,17 +59,17 @@ pub fn write(program: &Program, prefix: &str, outputs: &[Observable]) -> Result<
     let names = Names::new(program);
     let mut functions = vec![constants(program), held(program)];
     functions.extend(evaluations(program, outputs));
-    let calls = functions.iter().flat_map(|f| f.used()).collect();
+    let called: BTreeSet<Helper> = functions.iter().flat_map(|f| f.helpers()).collect();
     let mut c = String::new();
     heading(&mut c, program, prefix, &names, outputs);
-    prelude(&mut c, prefix, &calls);
+    print_helpers(&mut c, prefix, called, || Equations { prefix, names: &names });
     for function in &functions {
-        function.write(&mut c, prefix, &names);
+        function.print(&mut c, prefix, &names);
     }
     Ok(c)
 }
 
-/// A function to be written: its graph and what it stores.
+/// A function that fills one array.
 struct CFunction {
     name: String,
     summary: &'static str,
@@ -96,28 +97,19 @@ impl CFunction {
         Self { name, summary, arguments, result, expressions: graph.expressions(), values }
     }
 
-    /// The needed expressions with their numbers.
-    fn live(&self) -> impl Iterator<Item = (usize, Expression)> {
-        let needed = symbol::needed(&self.expressions, &self.values);
-        let all = self.expressions.iter().copied().enumerate();
-        all.filter(move |(node, _)| needed[*node])
+    fn needed(&self) -> impl Iterator<Item = Expression> {
+        needed_expressions(&self.expressions, &self.values)
     }
 
-    /// The operations that need something of the prelude.
-    fn used(&self) -> BTreeSet<Helper> {
-        self.live().filter_map(|(_, expression)| Helper::of(expression)).collect()
+    fn helpers(&self) -> impl Iterator<Item = Helper> {
+        self.needed().filter_map(Helper::called_by)
     }
 
-    fn phrases<'a>(&'a self, prefix: &'a str) -> Phrases<'a> {
-        Phrases { prefix, expressions: &self.expressions }
+    fn reads(&self, array: &str) -> bool {
+        self.needed().any(|e| matches!(e, Expression::Variable(read, _) if read == array))
     }
 
-    fn write(&self, c: &mut String, prefix: &str, names: &Names) {
-        let live: Vec<_> = self.live().collect();
-        let reads = |array: &str| {
-            let read = |&(_, e): &_| matches!(e, Expression::Variable(a, _) if a == array);
-            live.iter().any(read)
-        };
+    fn print(&self, c: &mut String, prefix: &str, names: &Names) {
         let arguments: Vec<String> =
             self.arguments.iter().map(|a| format!("const double *{a}, ")).collect();
         let arguments = arguments.concat();
@@ -125,20 +117,16 @@ impl CFunction {
         let head = format!("void {prefix}_{}({arguments}double *{})", self.name, self.result);
         line(c, format_args!("{head};"));
         line(c, format_args!("{head}\n{{"));
-        for unread in self.arguments.iter().filter(|a| !reads(a)) {
+        for unread in self.arguments.iter().filter(|a| !self.reads(a)) {
             line(c, format_args!("    (void){unread};"));
         }
-        let phrases = self.phrases(prefix);
-        for &(node, expression) in &live {
-            let name = match expression {
-                Expression::Variable(array, index) => names.of(array, index as usize),
-                _ => None,
-            };
-            let comment = name.map_or(String::new(), |n| format!(" /* {n} */"));
-            phrases.statement(c, node, &comment);
-        }
+        let dialect = Equations { prefix, names };
+        let mut printer = Printer { dialect, expressions: &self.expressions };
+        // The caller may pass one array as argument and result, so every value is known before the first store.
+        printer.statements(c, &self.values, &Stores::new());
         for (index, &value) in self.values.iter().enumerate() {
-            line(c, format_args!("    {}[{index}] = {};", self.result, phrases.operand(value)));
+            let store = printer.dialect.store(self.result, index, &printer.operand(value));
+            line(c, format_args!("    {store};"));
         }
         line(c, format_args!("}}\n"));
     }
@@ -158,18 +146,7 @@ fn held(program: &Program) -> CFunction {
     CFunction::new("held".into(), summary, &["parameters"], "held", &graph, &values)
 }
 
-/// The parameters of all components as variables.
-pub(crate) fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {
-    let mut index = 0;
-    let components = program.network().components.iter();
-    let mut next = |_: &f64| {
-        index += 1;
-        graph.variable("parameters", index - 1)
-    };
-    components.map(|c| c.parameters.iter().map(&mut next).collect()).collect()
-}
-
-/// Everything that evaluates the equations.
+/// The functions that evaluate the equations: derivatives, outputs, ticks.
 fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     let graph = Graph::new();
     let constants: Vec<Symbol> =
@@ -199,7 +176,7 @@ fn evaluations(program: &Program, outputs: &[Observable]) -> Vec<CFunction> {
     functions
 }
 
-/// All variables of the program after an evaluation.
+/// The variables of the program after an evaluation.
 fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> Vec<Symbol<'g>> {
     let mut variables = vec![Symbol::constant(0.0); program.memory()];
     let places = [
@@ -216,7 +193,7 @@ fn traced<'g>(program: &Program, graph: &'g Graph, constants: &[Symbol<'g>]) -> 
     variables
 }
 
-/// What people call the entries of the arrays.
+/// The names of the array entries, with units, for comments.
 struct Names {
     parameters: Vec<String>,
     states: Vec<String>,
@@ -263,10 +240,6 @@ fn described(name: &str, unit: &str) -> String {
     if unit.is_empty() { name } else { format!("{name}, {unit}") }
 }
 
-fn line(c: &mut String, text: core::fmt::Arguments) {
-    writeln!(c, "{text}").expect("a string takes any text");
-}
-
 fn heading(c: &mut String, program: &Program, prefix: &str, names: &Names, outputs: &[Observable]) {
     line(c, format_args!("/* Equations of a system, written by servotwin. C99."));
     line(c, format_args!(" *"));
@@ -302,149 +275,29 @@ fn heading(c: &mut String, program: &Program, prefix: &str, names: &Names, outpu
     line(c, format_args!(""));
 }
 
-/// Something of the prelude.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Helper {
-    Round,
-    Scaled,
-    Mantissa,
-    Exponent,
-    Function(Function),
-}
-
-impl Helper {
-    fn of(expression: Expression) -> Option<Self> {
-        match expression {
-            Expression::Unary(Unary::Round, _) => Some(Helper::Round),
-            Expression::Unary(Unary::Mantissa, _) => Some(Helper::Mantissa),
-            Expression::Unary(Unary::Exponent, _) => Some(Helper::Exponent),
-            Expression::Unary(Unary::Call(function), _) => Some(Helper::Function(function)),
-            Expression::Binary(Binary::Scaled, ..) => Some(Helper::Scaled),
-            _ => None,
-        }
-    }
-
-    /// The body of a helper that is written by hand; see `lanes/single.rs`.
-    fn by_hand(self) -> Option<&'static str> {
-        match self {
-            Helper::Round => Some(ROUND),
-            Helper::Scaled => Some(SCALED),
-            Helper::Mantissa => Some(MANTISSA),
-            Helper::Exponent => Some(EXPONENT),
-            Helper::Function(_) => None,
-        }
-    }
-}
-
-const ROUND: &str = "rounded(double x)
-{
-    return (x + 6755399441055744.0) - 6755399441055744.0;
-}
-";
-
-const SCALED: &str = "scaled(double x, double exponent)
-{
-    const double shifted = exponent + 6755399441055744.0;
-    uint64_t bits;
-    double power;
-    memcpy(&bits, &shifted, sizeof bits);
-    bits = (bits << 52) + UINT64_C(0x3ff0000000000000);
-    memcpy(&power, &bits, sizeof power);
-    return x * power;
-}
-";
-
-const MANTISSA: &str = "mantissa(double x)
-{
-    uint64_t bits;
-    double mantissa;
-    memcpy(&bits, &x, sizeof bits);
-    bits += UINT64_C(0x3ff0000000000000) - UINT64_C(0x3fe6a09e667f3bcd);
-    bits = (bits & UINT64_C(0x000fffffffffffff)) + UINT64_C(0x3fe6a09e667f3bcd);
-    memcpy(&mantissa, &bits, sizeof mantissa);
-    return mantissa;
-}
-";
-
-const EXPONENT: &str = "exponent(double x)
-{
-    uint64_t bits;
-    double exponent;
-    memcpy(&bits, &x, sizeof bits);
-    bits += UINT64_C(0x3ff0000000000000) - UINT64_C(0x3fe6a09e667f3bcd);
-    bits = (bits >> 52) | UINT64_C(0x4330000000000000);
-    memcpy(&exponent, &bits, sizeof exponent);
-    return exponent - 4503599627371519.0;
-}
-";
-
-/// The functions that are used, and those that they use.
-fn prelude(c: &mut String, prefix: &str, used: &BTreeSet<Helper>) {
-    let kernels: Vec<CFunction> = (used.iter())
-        .filter_map(|helper| match helper {
-            Helper::Function(function) => Some(kernel(*function)),
-            _ => None,
-        })
-        .collect();
-    let mut all = used.clone();
-    all.extend(kernels.iter().flat_map(|k| k.used()));
-    for body in all.iter().filter_map(|helper| helper.by_hand()) {
-        line(c, format_args!("static double {prefix}_{body}"));
-    }
-    for kernel in &kernels {
-        line(c, format_args!("static double {prefix}_{}(double x)\n{{", kernel.name));
-        let phrases = kernel.phrases(prefix);
-        for (node, _) in kernel.live() {
-            phrases.statement(c, node, "");
-        }
-        line(c, format_args!("    return {};\n}}\n", phrases.operand(kernel.values[0])));
-    }
-}
-
-fn kernel(function: Function) -> CFunction {
-    let graph = Graph::new();
-    let value = function.kernel(graph.variable(ARGUMENT, 0));
-    let name = function.name().to_string();
-    CFunction::new(name, "", &[], "", &graph, &[value])
-}
-
-/// The only argument of a kernel, which is no array.
-const ARGUMENT: &str = "x";
-
-/// Writes expressions as C.
-struct Phrases<'a> {
+/// C99 for one number of type `double`.
+struct Equations<'a> {
     prefix: &'a str,
-    expressions: &'a [Expression],
+    names: &'a Names,
 }
 
-impl Phrases<'_> {
-    /// An expression as a statement; nothing for one that is written where it
-    /// is used.
-    fn statement(&self, c: &mut String, node: usize, comment: &str) {
-        let expression = self.expressions[node];
-        if in_place(expression).is_some() {
-            return;
-        }
-        let kind = if expression.is_truth() { "int" } else { "double" };
-        let value = self.value(expression);
-        line(c, format_args!("    const {kind} v{node} = {value};{comment}"));
+impl Dialect for Equations<'_> {
+    const NUMBER: &'static str = "double";
+    const TRUTH: &'static str = "int";
+
+    fn entry(&self, array: &str, index: usize) -> String {
+        format!("{array}[{index}]")
     }
 
-    fn value(&self, expression: Expression) -> String {
-        match expression {
-            Expression::Variable(array, index) => format!("{array}[{index}]"),
-            Expression::Unary(operation, a) => self.unary(operation, &self.operand(a)),
-            Expression::Binary(operation, a, b) => {
-                self.binary(operation, &self.operand(a), &self.operand(b))
-            }
-            Expression::Less(a, b) => format!("{} < {}", self.operand(a), self.operand(b)),
-            Expression::Select(truth, a, b) => {
-                format!("v{truth} ? {} : {}", self.operand(a), self.operand(b))
-            }
-        }
+    fn store(&self, array: &str, index: usize, value: &str) -> String {
+        format!("{array}[{index}] = {value}")
     }
 
-    fn unary(&self, operation: Unary, a: &str) -> String {
+    fn literal(&self, value: f64) -> String {
+        literal(value)
+    }
+
+    fn unary(&mut self, operation: Unary, a: &str) -> String {
         let prefix = self.prefix;
         match operation {
             Unary::Negative => format!("-{a}"),
@@ -457,40 +310,41 @@ impl Phrases<'_> {
         }
     }
 
-    fn binary(&self, operation: Binary, a: &str, b: &str) -> String {
+    fn call(&self, operation: Binary, a: &str, b: &str) -> String {
         match operation {
-            Binary::Sum => format!("{a} + {b}"),
-            Binary::Difference => format!("{a} - {b}"),
-            Binary::Product => format!("{a} * {b}"),
-            Binary::Quotient => format!("{a} / {b}"),
-            Binary::Scaled => format!("{}_scaled({a}, {b})", self.prefix),
             Binary::Smaller => format!("{a} < {b} ? {a} : {b}"),
             Binary::Larger => format!("{b} < {a} ? {a} : {b}"),
+            _ => format!("{}_scaled({a}, {b})", self.prefix),
         }
     }
 
-    fn operand(&self, operand: Operand) -> String {
-        match operand {
-            Operand::Node(node) => {
-                let short = in_place(self.expressions[node as usize]);
-                short.unwrap_or_else(|| format!("v{node}"))
-            }
-            Operand::Constant(bits) => literal(f64::from_bits(bits)),
-        }
+    fn less(&self, a: &str, b: &str) -> String {
+        format!("{a} < {b}")
+    }
+
+    fn select(&self, truth: &str, yes: &str, no: &str) -> String {
+        format!("{truth} ? {yes} : {no}")
+    }
+
+    /// No function writes constants, so each is read where it is used.
+    fn has_statement(&self, _node: usize, expression: Expression) -> bool {
+        !matches!(expression, Expression::Variable("constants", _))
+    }
+
+    fn held_entry(&self, node: usize) -> String {
+        unreachable!("expression {node} has a statement")
+    }
+
+    fn comment(&self, expression: Expression) -> String {
+        let name = match expression {
+            Expression::Variable(array, index) => self.names.of(array, index as usize),
+            _ => None,
+        };
+        name.map_or(String::new(), |name| format!(" /* {name} */"))
     }
 }
 
-/// What needs no statement of its own: the argument of a kernel, and constants,
-/// which no function both reads and writes.
-fn in_place(expression: Expression) -> Option<String> {
-    match expression {
-        Expression::Variable(ARGUMENT, _) => Some(ARGUMENT.to_string()),
-        Expression::Variable("constants", index) => Some(format!("constants[{index}]")),
-        _ => None,
-    }
-}
-
-/// The shortest decimal number that is read back to the same bits.
+/// The shortest decimal number that C reads back to the same bits.
 fn literal(value: f64) -> String {
     if value.is_nan() {
         "NAN".to_string()

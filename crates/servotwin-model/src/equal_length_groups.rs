@@ -3,7 +3,7 @@
 //! Lists of sums of products are short sums of many lengths. Where a sum's length
 //! changes from one to the next, the processor guesses wrong where it ends, and a
 //! wrong guess costs as much as ten products. So items are sorted, as far as what
-//! they need allows, into *runs* of one shape, and a run's loop knows its length.
+//! they need allows, into *groups* of one shape, and a group's loop knows its length.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec;
@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 
 /// Items of one shape that stand one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Run<S> {
+pub(crate) struct Group<S> {
     pub shape: S,
     pub count: usize,
 }
@@ -30,12 +30,12 @@ macro_rules! unrolled {
 }
 pub(crate) use unrolled;
 
-/// The items in an order in which each comes after those that it needs, in few runs:
+/// The items in an order in which each comes after those that it needs, in few groups:
 /// at every turn the shape of which most items are ready, until none is left.
 ///
 /// # Panics
 /// Where items need each other in a circle.
-pub(crate) fn in_runs<S: Copy + Ord>(shapes: &[S], needs: &[Vec<usize>]) -> Vec<usize> {
+pub(crate) fn group_by_shape<S: Copy + Ord>(shapes: &[S], needs: &[Vec<usize>]) -> Vec<usize> {
     let mut needed_by = vec![Vec::new(); shapes.len()];
     let mut missing = vec![0; shapes.len()];
     for (item, needs) in needs.iter().enumerate() {
@@ -65,16 +65,18 @@ pub(crate) fn in_runs<S: Copy + Ord>(shapes: &[S], needs: &[Vec<usize>]) -> Vec<
     order
 }
 
-/// The runs of a list of shapes.
-pub(crate) fn runs<S: Copy + PartialEq>(shapes: impl Iterator<Item = S>) -> Vec<Run<S>> {
-    let mut runs: Vec<Run<S>> = Vec::new();
+/// The groups of a list of shapes.
+pub(crate) fn equal_length_groups<S: Copy + PartialEq>(
+    shapes: impl Iterator<Item = S>,
+) -> Vec<Group<S>> {
+    let mut groups: Vec<Group<S>> = Vec::new();
     for shape in shapes {
-        match runs.last_mut() {
-            Some(run) if run.shape == shape => run.count += 1,
-            _ => runs.push(Run { shape, count: 1 }),
+        match groups.last_mut() {
+            Some(group) if group.shape == shape => group.count += 1,
+            _ => groups.push(Group { shape, count: 1 }),
         }
     }
-    runs
+    groups
 }
 
 #[cfg(test)]
@@ -85,16 +87,17 @@ mod tests {
     fn needs_come_first_and_runs_are_few() {
         let shapes = [1, 2, 1, 2, 1, 2];
         let needs = [vec![], vec![0], vec![], vec![2], vec![1, 3], vec![4]];
-        let order = in_runs(&shapes, &needs);
+        let order = group_by_shape(&shapes, &needs);
         assert_eq!(order, [0, 2, 1, 3, 4, 5]);
-        let runs = runs(order.iter().map(|&item| shapes[item]));
-        let listed: Vec<(i32, usize)> = runs.iter().map(|run| (run.shape, run.count)).collect();
+        let groups = equal_length_groups(order.iter().map(|&item| shapes[item]));
+        let listed: Vec<(i32, usize)> =
+            groups.iter().map(|group| (group.shape, group.count)).collect();
         assert_eq!(listed, [(1, 2), (2, 2), (1, 1), (2, 1)]);
     }
 
     #[test]
     #[should_panic(expected = "in a circle")]
     fn a_circle_is_refused() {
-        in_runs(&[1, 1], &[vec![1], vec![0]]);
+        group_by_shape(&[1, 1], &[vec![1], vec![0]]);
     }
 }

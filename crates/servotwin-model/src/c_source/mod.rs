@@ -1,0 +1,32 @@
+//! A system as C: one printer with two dialects.
+//!
+//! Tracing the compiled program with [`Symbol`](crate::symbol::Symbol)s records its operations.
+//! `printer` turns such a trace into statements, and a dialect spells the single operation.
+//!
+//! | function | dialect | purpose |
+//! |---|---|---|
+//! | [`write_equations`] | C99 for one number | simulators without Rust |
+//! | [`write_step`] | macros for the lanes of a register | the compiled step of the solver |
+
+mod equations;
+mod helpers;
+mod printer;
+mod step;
+
+pub use equations::{BadPrefix, write_equations};
+pub use step::write_step;
+
+use crate::program::Program;
+use crate::symbol::{Graph, Symbol};
+use alloc::vec::Vec;
+
+/// Makes the parameters of all components variables of the array `parameters`.
+fn parameter_symbols<'g>(program: &Program, graph: &'g Graph) -> Vec<Vec<Symbol<'g>>> {
+    let mut index = 0;
+    let components = program.network().components.iter();
+    let mut next = |_: &f64| {
+        index += 1;
+        graph.variable("parameters", index - 1)
+    };
+    components.map(|c| c.parameters.iter().map(&mut next).collect()).collect()
+}
