@@ -22,7 +22,6 @@ pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
 pub use flights::Flights;
-pub use mistake::Mistake;
 pub use reactions::{Reaction, Reactions};
 pub use realism::{Lot, Plants, Realism, Role, Section, Setting, Tolerance};
 pub use training::Training;
@@ -30,7 +29,7 @@ pub use warning::Warning;
 
 use crate::built_in;
 use crate::document::{
-    self, Collector, Entry, Located, Place, Span, entries, plain_table, write_mistakes,
+    self, Collector, Diagnostic, Entry, Place, Span, entries, plain_table, write_mistakes,
 };
 use crate::files::FileError;
 use crate::format::{self, Value, section};
@@ -40,6 +39,7 @@ use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
 use keys::{QUANTITY, RUN_S, some};
+use mistake::Mistake;
 use reader::{Noted, OTHER_SENSOR, Reader};
 use serde::Deserialize;
 use servotwin_diagnosis::diagnoser::decision::usual_least_on;
@@ -201,7 +201,7 @@ pub enum StudyError {
         /// The file, as it was named.
         path: String,
         /// All that were found, in the order of the file.
-        mistakes: Vec<Located<Mistake>>,
+        mistakes: Vec<Diagnostic>,
     },
 }
 

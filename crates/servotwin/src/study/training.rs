@@ -19,9 +19,10 @@
 //! is the intensity of every fault, around each of the study's intensities: what changes abruptly
 //! between two of them is then seen.
 
+use super::OperatingCase;
 use super::keys::{RUN_S, SPECIMENS};
+use super::mistake::Mistake;
 use super::reader::{Noted, Reader};
-use super::{Mistake, OperatingCase};
 use crate::document::Mistake::NotInOrder;
 use crate::document::Place;
 use crate::format::{Value, section};

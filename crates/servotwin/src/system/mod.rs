@@ -38,13 +38,12 @@ mod scope;
 pub mod units;
 
 pub use listing::ListedFault;
-pub use mistake::Mistake;
 pub(crate) use read::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 pub use rewrite::{NewValue, RewriteError};
 
 use crate::built_in;
 use crate::compiled::Compiled;
-use crate::document::{Located, Quantities, Quantity, write_mistakes};
+use crate::document::{Diagnostic, Quantities, Quantity, write_mistakes};
 use crate::files::FileError;
 use crate::kind::Kind;
 use crate::signal::{Signal, SignalError};
@@ -105,7 +104,7 @@ pub enum SystemError {
         /// The file, as it was named.
         path: String,
         /// All that were found, in the order of the file.
-        mistakes: Vec<Located<Mistake>>,
+        mistakes: Vec<Diagnostic>,
     },
 }
 

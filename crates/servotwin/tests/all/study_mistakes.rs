@@ -55,7 +55,7 @@ fn a_temperature_at_which_a_liquid_would_be_too_soft_is_refused_where_it_is_vari
     };
     assert!(study("338.15").is_none());
     let Some(StudyError::Mistakes { mistakes, .. }) = study("345.65") else { panic!() };
-    let told: Vec<String> = mistakes.iter().map(|located| located.mistake.to_string()).collect();
+    let told: Vec<String> = mistakes.iter().map(|mistake| mistake.message.clone()).collect();
     let field = "flights.unit_parameters.supply.temperature_k is 345.65, but must be";
     assert!(told[0].starts_with(field) && told[0].ends_with(would_be), "{told:?}");
     assert!(mistakes[0].source.contains("supply.temperature_k"), "{}", mistakes[0].source);
